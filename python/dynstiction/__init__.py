@@ -1,0 +1,41 @@
+"""Sliding of an anisotropically sprung mass with friction-vector rotation.
+
+The model is that of K. Nakano and V. L. Popov, "Dynamic stiction mode by friction vector rotation",
+Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a name ends in ``_deg``.
+
+>>> import dynstiction as ds
+>>> result = ds.run("inputs/fig3.nml", system={"misalignment_deg": 2.0})   # doctest: +SKIP
+>>> result.time, result["u_x"], result.events, result.summary              # doctest: +SKIP
+>>> result.save("run.h5"); again = ds.open("run.h5")                       # doctest: +SKIP
+"""
+
+from ._run import run
+from .equations import jacobian, rhs
+from .errors import (
+    ColumnError,
+    DeckError,
+    Error,
+    FileError,
+    IncompleteWarning,
+    SolverError,
+    UsageError,
+)
+from .result import Described, Result, open
+from .scene import Scene
+
+__all__ = [
+    "ColumnError",
+    "DeckError",
+    "Described",
+    "Error",
+    "FileError",
+    "IncompleteWarning",
+    "Result",
+    "Scene",
+    "SolverError",
+    "UsageError",
+    "jacobian",
+    "open",
+    "rhs",
+    "run",
+]

@@ -1,0 +1,163 @@
+"""The HDF5 file of a run: the same layout as the executable's (see the manual, "The result file")."""
+
+from __future__ import annotations
+
+import os
+import threading
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py  # type: ignore[import-untyped]
+import numpy as np
+from numpy.typing import NDArray
+
+from ._native import Info
+from .errors import FileError, IncompleteWarning
+
+if TYPE_CHECKING:
+    from .result import Result
+
+__all__ = ["read", "write"]
+
+PROGRAM = "dynstiction"
+EVENTS = {
+    "time": Info("time", "s", "time of the event"),
+    "kind": Info("kind", "1", "1 = stick begins, 2 = slip begins"),
+}
+TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
+STORED_AS = {"sticking": np.int8, "kind": np.int8}
+
+
+def write(result: Result, path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Write a result; the file appears under its name only when it is whole."""
+    target = Path(path)
+    _refuse_to_replace(target, overwrite)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.{threading.get_ident()}")
+    try:
+        with h5py.File(temporary, "x") as file:
+            _write_contents(file, result)
+        temporary.replace(target)
+    except OSError as error:
+        raise FileError(f"{target}: cannot be written: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _refuse_to_replace(target: Path, overwrite: bool) -> None:
+    if not target.exists():
+        return
+    if not overwrite:
+        raise FileError(f"{target}: the file exists: pass overwrite=True or choose another name")
+    if not target.is_file() or (target.stat().st_size > 0 and not h5py.is_hdf5(target)):
+        raise FileError(f"{target}: exists and is no HDF5 file: choose another name or remove it")
+
+
+def _write_contents(file: h5py.File, result: Result) -> None:
+    for name, value in result.attributes.items():
+        if name != "complete":
+            file.attrs[name] = np.int32(value) if isinstance(value, int) else value
+    for name, text in (("text", result.deck), ("resolved", result.resolved_deck)):
+        data = text.encode("utf-8", "surrogateescape")
+        dataset = file.create_dataset(f"deck/{name}", data=data, dtype=h5py.string_dtype("utf-8"))
+        _describe(dataset, Info(name, "1", TEXTS[name]))
+    _write_series(file.create_group("time_series"), result.columns.info())
+    _write_series(file.create_group("events"), [(EVENTS[name], result.events[name]) for name in EVENTS])
+    _write_group(file.create_group("summary"), result.summary.info())
+    _write_group(file.create_group("statistics"), result.statistics.info())
+    _write_group(file.create_group("parameters"), result.parameters.info())
+    file.attrs["complete"] = np.int32(result.complete)
+
+
+def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[np.generic]]]) -> None:
+    """Columns over the group's time, which becomes the dimension scale of the others."""
+    for info, values in entries:
+        stored = values.astype(STORED_AS.get(info.name, np.float64), copy=False)
+        _describe(group.create_dataset(info.name, data=stored), info)
+    group["time"].make_scale("time")
+    for name in group:
+        if name != "time":
+            group[name].dims[0].attach_scale(group["time"])
+
+
+def _write_group(group: h5py.Group, entries: Iterable[tuple[Info, object]]) -> None:
+    for info, value in entries:
+        _describe(group.create_dataset(info.name, data=value), info)
+
+
+def _describe(dataset: h5py.Dataset, info: Info) -> None:
+    dataset.attrs["units"] = info.units
+    dataset.attrs["long_name"] = info.long_name
+
+
+def read(path: str | os.PathLike[str]) -> Result:
+    """Read a result; see `dynstiction.open`."""
+    name = os.fspath(path)
+    try:
+        with h5py.File(name, "r") as file:
+            result = _read_contents(file, name)
+    except FileError:
+        raise
+    except (OSError, RuntimeError, KeyError) as error:  # h5py raises all three on damaged files
+        reason = "no such file" if isinstance(error, FileNotFoundError) else str(error)
+        raise FileError(f"{name}: cannot be read: {reason}") from error
+    if not result.complete:
+        reached = f"ends at t = {result.time[-1]:g} s" if result.time.size else "holds no samples"
+        warnings.warn(
+            f"{name}: {reached}, before the run's end: {result.result_text or 'stopped or still running'}",
+            IncompleteWarning,
+            stacklevel=3,
+        )
+    return result
+
+
+def _read_contents(file: h5py.File, name: str) -> Result:
+    from .result import EVENT_DTYPE, Described, Result  # noqa: PLC0415  (result.py imports this module)
+
+    if file.attrs.get("program") != PROGRAM:
+        raise FileError(f"{name}: is no file of {PROGRAM}")
+    if "sweep" in file:
+        raise FileError(f"{name}: holds a sweep, not one run: open its group 'sweep' with h5py or xarray")
+    if "time_series/time" not in file:
+        raise FileError(f"{name}: holds no time series: the run was stopped before it began")
+    columns = dict(_read_group(file["time_series"]))
+    # A killed run may have flushed its columns at different lengths.
+    rows = min(values.shape[0] for values in columns.values())
+    ordered = sorted(columns, key=lambda info: info.name != "time")
+    kinds, times = file["events/kind"], file["events/time"]
+    events = np.empty(min(kinds.shape[0], times.shape[0]), dtype=EVENT_DTYPE)
+    events["time"], events["kind"] = times[: events.size], kinds[: events.size]
+    attributes: dict[str, str | int] = {"complete": 0}
+    for key, value in file.attrs.items():
+        attributes[key] = value if isinstance(value, str) else int(value)
+    return Result(
+        columns=Described((info, np.array(columns[info][:rows], dtype=np.float64)) for info in ordered),
+        events=events,
+        summary=Described(_read_scalars(file, "summary")),
+        statistics=Described(_read_scalars(file, "statistics")),
+        parameters=Described(_read_scalars(file, "parameters")),
+        attributes=attributes,
+        deck=_read_text(file, "deck/text"),
+        resolved_deck=_read_text(file, "deck/resolved"),
+    )
+
+
+def _read_group(group: h5py.Group) -> Iterable[tuple[Info, h5py.Dataset]]:
+    for name, dataset in group.items():
+        yield Info(name, dataset.attrs.get("units", "1"), dataset.attrs.get("long_name", "")), dataset
+
+
+def _read_scalars(file: h5py.File, group: str) -> Iterable[tuple[Info, Any]]:
+    if group not in file:
+        return
+    for info, dataset in _read_group(file[group]):
+        value = dataset[()]
+        yield info, value.decode() if isinstance(value, bytes) else value.tolist()
+
+
+def _read_text(file: h5py.File, name: str) -> str:
+    if name not in file:
+        return ""
+    data: bytes = file[name][()]
+    return data.decode("utf-8", "surrogateescape")

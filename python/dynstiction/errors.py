@@ -1,0 +1,90 @@
+"""What can go wrong, as exceptions; every one of them is an `Error`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .result import Result
+
+__all__ = [
+    "ColumnError",
+    "DeckError",
+    "Error",
+    "FileError",
+    "IncompleteWarning",
+    "SolverError",
+    "UsageError",
+    "error_for",
+]
+
+
+class Error(Exception):
+    """Base of all errors of dynstiction.
+
+    Attributes
+    ----------
+    exit_status : int
+        What a command that fails with this error returns to the shell.
+    """
+
+    exit_status = 1
+
+
+class UsageError(Error, ValueError):
+    """A function was called with arguments that cannot be meant."""
+
+
+class ColumnError(UsageError, KeyError):
+    """A result does not hold the column that was asked for."""
+
+    __str__ = Exception.__str__  # KeyError would print the repr of the message
+
+
+class DeckError(Error, ValueError):
+    """A deck was refused; the text names file, line, the fault and what would be right."""
+
+    exit_status = 2
+
+
+class FileError(Error, OSError):
+    """A file is missing, foreign, damaged, or already there."""
+
+    exit_status = 3
+
+
+class SolverError(Error):
+    """The solver gave up.
+
+    Attributes
+    ----------
+    code : int
+        41 step underflow, 42 too many steps, 43 not finite, 44 too many rejections, 45 chattering.
+    result : Result or None
+        What was computed until then.
+    """
+
+    exit_status = 4
+
+    def __init__(self, message: str, code: int, result: Result | None = None) -> None:
+        super().__init__(message, code, result)
+        self.code = code
+        self.result = result
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class IncompleteWarning(UserWarning):
+    """A result ends before the `t_end` of its deck."""
+
+
+SOLVER_GAVE_UP = range(40, 50)
+_ERROR_OF_STATUS: dict[int, type[Error]] = {1: UsageError, 2: DeckError, 3: FileError}
+
+
+def error_for(status: int, message: str) -> Error:
+    """Exception for a status code of the core (> 0) and its message."""
+    if status in SOLVER_GAVE_UP:
+        return SolverError(message, status)
+    return _ERROR_OF_STATUS.get(status, Error)(message)

@@ -1,0 +1,122 @@
+!> Zeros and minima of a polynomial on [0, 1] given by its Bernstein coefficients.
+!>
+!> The graph lies in the convex hull of the coefficients, so "no coefficient is negative" proves
+!> that there is no crossing, and de Casteljau's subdivision finds the first one if there is: a dip
+!> that begins and ends inside a step cannot be missed.
+module dst_bernstein
+  use dst_kinds, only: wp
+  implicit none
+  private
+
+  public :: first_zero, bernstein_value
+
+contains
+
+  !> First position in (0, 1] where the polynomial passes from positive to zero or below;
+  !> 2 if there is none. The value at 0 counts as positive.
+  pure recursive function first_zero(coefficient) result(position)
+    real(wp), intent(in) :: coefficient(0:)
+    real(wp) :: position
+
+    position = search(ubound(coefficient, 1), coefficient, 0)
+  end function first_zero
+
+  pure recursive function search(degree, coefficient, depth) result(position)
+    integer, intent(in) :: degree, depth
+    real(wp), intent(in) :: coefficient(0:degree)
+    real(wp) :: position
+    real(wp) :: left(0:degree), right(0:degree)
+    integer, parameter :: max_depth = 60
+
+    position = 2.0_wp
+    if (all(coefficient(1:) > 0.0_wp)) return
+    if (descends(degree, coefficient)) then
+      if (coefficient(degree) <= 0.0_wp) position = bracketed_zero(degree, coefficient)
+      return
+    end if
+    if (depth == max_depth) then
+      position = 0.5_wp
+      return
+    end if
+    call subdivide(degree, coefficient, left, right)
+    position = search(degree, left, depth + 1)
+    if (position <= 1.0_wp) then
+      position = 0.5_wp*position
+    else if (right(0) <= 0.0_wp) then
+      position = 0.5_wp
+    else
+      position = search(degree, right, depth + 1)
+      if (position <= 1.0_wp) position = 0.5_wp + 0.5_wp*position
+    end if
+  end function search
+
+  !> Whether the coefficients never rise: then the polynomial falls and has at most one zero.
+  pure logical function descends(degree, coefficient)
+    integer, intent(in) :: degree
+    real(wp), intent(in) :: coefficient(0:degree)
+
+    descends = all(coefficient(1:) <= coefficient(:degree - 1)) .and. coefficient(0) > 0.0_wp
+  end function descends
+
+  !> The zero of a falling polynomial: regula falsi with the Illinois rule, to roundoff.
+  pure function bracketed_zero(degree, coefficient) result(x)
+    integer, intent(in) :: degree
+    real(wp), intent(in) :: coefficient(0:degree)
+    real(wp) :: x
+    real(wp) :: a, b, fa, fb, f
+    integer :: iteration, side
+
+    a = 0.0_wp
+    b = 1.0_wp
+    fa = coefficient(0)
+    fb = coefficient(degree)
+    side = 0
+    x = 1.0_wp
+    do iteration = 1, 200
+      x = (a*fb - b*fa)/(fb - fa)
+      f = bernstein_value(degree, coefficient, x)
+      if (f > 0.0_wp) then
+        a = x
+        fa = f
+        if (side == 1) fb = 0.5_wp*fb
+        side = 1
+      else
+        b = x
+        fb = f
+        if (side == -1) fa = 0.5_wp*fa
+        side = -1
+      end if
+      if (abs(f) <= epsilon(f)*coefficient(0) .or. b - a <= 2.0_wp*epsilon(b)*b) exit
+    end do
+  end function bracketed_zero
+
+  !> Value at x in [0, 1] by de Casteljau's scheme.
+  pure function bernstein_value(degree, coefficient, x) result(value)
+    integer, intent(in) :: degree
+    real(wp), intent(in) :: coefficient(0:degree), x
+    real(wp) :: value
+    real(wp) :: c(0:degree)
+    integer :: k
+
+    c = coefficient
+    do k = degree, 1, -1
+      c(0:k - 1) = (1.0_wp - x)*c(0:k - 1) + x*c(1:k)
+    end do
+    value = c(0)
+  end function bernstein_value
+
+  !> Coefficients of the same polynomial on the left and on the right half of the interval.
+  pure subroutine subdivide(degree, coefficient, left, right)
+    integer, intent(in) :: degree
+    real(wp), intent(in) :: coefficient(0:degree)
+    real(wp), intent(out) :: left(0:degree), right(0:degree)
+    integer :: k
+
+    right = coefficient
+    left(0) = right(0)
+    do k = 1, degree
+      right(0:degree - k) = 0.5_wp*(right(0:degree - k) + right(1:degree - k + 1))
+      left(k) = right(0)
+    end do
+  end subroutine subdivide
+end module dst_bernstein

@@ -1,0 +1,316 @@
+!> The command line: its words, its help. What the commands do is the main program's matter.
+module dst_command_line
+  use dst_errors, only: error_t, raise, usage_error
+  use dst_text, only: starts_with, has_word, nearest_word, excerpt, alternatives
+  implicit none
+  private
+
+  public :: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
+
+  type :: argument_t
+    character(:), allocatable :: text
+  end type argument_t
+
+  type :: command_t
+    character(:), allocatable :: name              !! run | check | template | version | help
+    character(:), allocatable :: output            !! of -o; '' = not given
+    type(argument_t), allocatable :: operands(:)   !! decks, or the template's model
+    type(argument_t), allocatable :: settings(:)   !! of --set
+    integer :: operand_count = 0, setting_count = 0
+    logical :: overwrite = .false., quiet = .false.
+    logical :: help = .false.                      !! help on the command is wanted, not the command
+  end type command_t
+
+  character(*), parameter :: commands = 'run check template'
+  !> Commands of the contract that this version does not have.
+  character(*), parameter :: later_commands = 'stability trade resume'
+  character(*), parameter :: all_options = '-o --set --overwrite --quiet --help --version'
+  character(*), parameter :: see_help = ', see dynstiction --help'
+
+contains
+
+  !> The arguments of this program.
+  function program_arguments() result(arguments)
+    type(argument_t), allocatable :: arguments(:)
+    integer :: i, length
+
+    allocate (arguments(command_argument_count()))
+    do i = 1, size(arguments)
+      call get_command_argument(i, length=length)
+      allocate (character(length) :: arguments(i)%text)
+      if (length > 0) call get_command_argument(i, arguments(i)%text)
+    end do
+  end function program_arguments
+
+  !> Understand the arguments; a fault of usage goes to `error`.
+  subroutine parse_arguments(arguments, command, error)
+    type(argument_t), intent(in) :: arguments(:)
+    type(command_t), intent(out) :: command
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: options
+    logical :: version, only_operands
+    integer :: i
+
+    command%name = ''
+    command%output = ''
+    allocate (command%operands(size(arguments)), command%settings(size(arguments)))
+    options = ''
+    version = .false.
+    only_operands = .false.
+    i = 1
+    do while (i <= size(arguments) .and. .not. allocated(error))
+      if (only_operands .or. .not. is_option(arguments(i)%text)) then
+        call take_operand(arguments(i)%text, command)
+      else if (arguments(i)%text == '--') then
+        only_operands = .true.
+      else
+        call take_option(arguments, i, command, version, options, error)
+      end if
+      i = i + 1
+    end do
+    if (allocated(error)) return
+    if (version) command%name = 'version'
+    if (command%help .and. command%name == '') command%name = 'help'
+    call check_command(command, options, error)
+  end subroutine parse_arguments
+
+  pure logical function is_option(text)
+    character(*), intent(in) :: text
+
+    is_option = starts_with(text, '-') .and. len(text) > 1
+  end function is_option
+
+  !> The first operand is the command.
+  subroutine take_operand(text, command)
+    character(*), intent(in) :: text
+    type(command_t), intent(inout) :: command
+
+    if (command%name == '' .and. len(text) > 0) then
+      command%name = text
+    else
+      command%operand_count = command%operand_count + 1
+      command%operands(command%operand_count)%text = text
+    end if
+  end subroutine take_operand
+
+  !> The option at `i`, and its value, on which `i` then stands. `options` collects the names.
+  subroutine take_option(arguments, i, command, version, options, error)
+    type(argument_t), intent(in) :: arguments(:)
+    integer, intent(inout) :: i
+    type(command_t), intent(inout) :: command
+    logical, intent(inout) :: version
+    character(:), allocatable, intent(inout) :: options
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: option, value
+
+    option = arguments(i)%text
+    if (starts_with(option, '--set=')) option = '--set'
+    select case (option)
+    case ('-o', '--set')
+      call option_value(arguments, i, option, value, error)
+      if (allocated(error)) return
+      if (option == '-o') then
+        if (has_word(options, '-o')) call raise(error, usage_error, '-o given twice: give one output file')
+        command%output = value
+      else
+        command%setting_count = command%setting_count + 1
+        command%settings(command%setting_count)%text = value
+      end if
+    case ('--overwrite')
+      command%overwrite = .true.
+    case ('--quiet')
+      command%quiet = .true.
+    case ('--version')
+      version = .true.
+    case ('--help', '-h')
+      command%help = .true.
+    case default
+      call raise(error, usage_error, unknown_text('option', option, all_options))
+    end select
+    options = trim(adjustl(options//' '//option))
+  end subroutine take_option
+
+  subroutine option_value(arguments, i, option, value, error)
+    type(argument_t), intent(in) :: arguments(:)
+    integer, intent(inout) :: i
+    character(*), intent(in) :: option
+    character(:), allocatable, intent(out) :: value
+    type(error_t), allocatable, intent(out) :: error
+
+    value = ''
+    if (starts_with(arguments(i)%text, '--set=')) then
+      value = arguments(i)%text(len('--set=') + 1:)
+    else if (i < size(arguments)) then
+      i = i + 1
+      value = arguments(i)%text
+    end if
+    if (len(value) > 0) return
+    if (option == '-o') then
+      call raise(error, usage_error, '-o without a file name: write -o FILE')
+    else
+      call raise(error, usage_error, '--set without a setting: write --set GROUP.KEY=VALUE')
+    end if
+  end subroutine option_value
+
+  function unknown_text(what, given, valid) result(text)
+    character(*), intent(in) :: what, given, valid
+    character(:), allocatable :: text
+
+    text = 'unknown '//what//" '"//excerpt(given)//"': "
+    if (nearest_word(given, valid) /= '') then
+      text = text//"the nearest is '"//nearest_word(given, valid)//"'"//see_help
+    else
+      text = text//'there are '//alternatives(valid)//see_help
+    end if
+  end function unknown_text
+
+  !> Whether the command exists, takes these options, and has the operands it needs.
+  subroutine check_command(command, options, error)
+    type(command_t), intent(in) :: command
+    character(*), intent(in) :: options
+    type(error_t), allocatable, intent(out) :: error
+
+    if (command%name == '') then
+      call raise(error, usage_error, 'no command: give one of '//alternatives(commands)//see_help)
+    else if (command%name == 'version' .or. command%name == 'help') then
+      return
+    else if (has_word(later_commands, command%name)) then
+      call raise(error, usage_error, "command '"//command%name//"' is not available in this version: there are "// &
+                 alternatives(commands))
+    else if (.not. has_word(commands, command%name)) then
+      call raise(error, usage_error, unknown_text('command', command%name, commands))
+    else if (.not. command%help) then
+      call check_options(command, options, error)
+      if (.not. allocated(error)) call check_operands(command, error)
+    end if
+  end subroutine check_command
+
+  subroutine check_options(command, options, error)
+    type(command_t), intent(in) :: command
+    character(*), intent(in) :: options
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: taken
+
+    select case (command%name)
+    case ('run')
+      return
+    case ('check')
+      taken = '--set'
+    case default
+      taken = ''
+    end select
+    if (has_word(options, '-o')) then
+      call refuse('-o')
+    else if (command%setting_count > 0 .and. taken /= '--set') then
+      call refuse('--set')
+    else if (command%overwrite) then
+      call refuse('--overwrite')
+    else if (command%quiet) then
+      call refuse('--quiet')
+    end if
+
+  contains
+
+    subroutine refuse(option)
+      character(*), intent(in) :: option
+
+      call raise(error, usage_error, "'"//command%name//"' takes no "//option//': remove it, see dynstiction '// &
+                 command%name//' --help')
+    end subroutine refuse
+  end subroutine check_options
+
+  subroutine check_operands(command, error)
+    type(command_t), intent(in) :: command
+    type(error_t), allocatable, intent(out) :: error
+
+    if (command%name == 'template') then
+      if (command%operand_count > 1) &
+        call raise(error, usage_error, "'template' takes one model: '"//excerpt(command%operands(2)%text)//"' is too many")
+    else if (command%operand_count == 0) then
+      call raise(error, usage_error, "'"//command%name//"' without a deck: write dynstiction "//command%name//' DECK')
+    else if (command%operand_count > 1 .and. command%output /= '') then
+      call raise(error, usage_error, '-o names one file but several decks are given: run them one by one, '// &
+                 'or let each deck name its output')
+    end if
+  end subroutine check_operands
+
+  !> The settings as the deck reader takes them.
+  function setting_list(command) result(settings)
+    type(command_t), intent(in) :: command
+    character(:), allocatable :: settings(:)
+    integer :: i, longest
+
+    longest = 1
+    do i = 1, command%setting_count
+      longest = max(longest, len(command%settings(i)%text))
+    end do
+    allocate (character(longest) :: settings(command%setting_count))
+    do i = 1, command%setting_count
+      settings(i) = command%settings(i)%text
+    end do
+  end function setting_list
+
+  !> The help on a command, or on the program for any other name.
+  function help_text(name) result(text)
+    character(*), intent(in) :: name
+    character(:), allocatable :: text
+    character, parameter :: n = achar(10)
+
+    select case (name)
+    case ('run')
+      text = 'Usage: dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n//n// &
+        'Run each deck and write its results to an HDF5 file: FILE, else output.file of the deck,'//n// &
+        'else the deck''s name with .h5 in the current directory. All decks are checked before the first runs.'//n//n// &
+        '  -o FILE                the output file (one deck only)'//n// &
+        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
+        '  --overwrite            replace an existing output file'//n// &
+        '  --quiet                no progress'//n//n// &
+        'Examples:'//n// &
+        '  dynstiction run inputs/fig3.nml'//n// &
+        '  dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
+        '  dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'//n//n// &
+        exit_codes(n)
+    case ('check')
+      text = 'Usage: dynstiction check DECK... [--set GROUP.KEY=VALUE]...'//n//n// &
+        'Check each deck, print it with every key as used, marked user or default, and run nothing.'//n// &
+        'What is printed is a deck itself. All faults of a deck are reported in one go.'//n//n// &
+        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n//n// &
+        'Examples:'//n// &
+        '  dynstiction check inputs/fig3.nml'//n// &
+        '  dynstiction check inputs/fig3.nml --set integrator.method=dopri5 > complete.nml'//n//n// &
+        exit_codes(n)
+    case ('template')
+      text = 'Usage: dynstiction template [MODEL]'//n//n// &
+        'Print a deck for MODEL (full) with every key, its unit, range or choices, default and meaning.'//n//n// &
+        'Example:'//n// &
+        '  dynstiction template > my.nml'//n//n// &
+        exit_codes(n)
+    case default
+      text = 'dynstiction: stick-slip of a spring-slider with misaligned anisotropic stiffness'//n//n// &
+        'Usage:'//n// &
+        '  dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n// &
+        '  dynstiction check DECK... [--set GROUP.KEY=VALUE]...   print the deck as used, run nothing'//n// &
+        '  dynstiction template [MODEL]                           print a deck with every key explained'//n// &
+        '  dynstiction --version | --help | COMMAND --help'//n//n// &
+        'A DECK is a Fortran namelist file; SI units, angles in degrees. Start from the template:'//n// &
+        '  dynstiction template > my.nml'//n// &
+        '  dynstiction check my.nml'//n// &
+        '  dynstiction run my.nml'//n//n// &
+        exit_codes(n)
+    end select
+  end function help_text
+
+  pure function exit_codes(n) result(text)
+    character, intent(in) :: n      !! line end
+    character(:), allocatable :: text
+
+    text = 'Exit status:'//n// &
+      '   0  done'//n// &
+      '   1  wrong usage'//n// &
+      '   2  a deck was refused; each fault as FILE:LINE: what is wrong: what would be right'//n// &
+      '   3  a file could not be written, or exists already'//n// &
+      '   4  the solver gave up'//n// &
+      '   5  some cases of a sweep failed'//n// &
+      '  75  stopped early on a signal or time limit'//n
+  end function exit_codes
+end module dst_command_line

@@ -1,0 +1,723 @@
+!> Reads a deck: Fortran namelist text, checked against the schema. Every fault of a deck is reported in one go.
+module dst_deck
+  use dst_kinds, only: wp, int64
+  use dst_errors, only: error_t, raise, deck_error
+  use dst_text, only: lower_case, word, word_count, has_word, nearest_word, alternatives, excerpt, integer_text, real_text, &
+                      read_real, read_integer
+  use dst_faults, only: faults_t
+  use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line
+  use dst_schema, only: key_t, schema, key_count, group_names, later_groups, find_key, find_name, keys_of, in_range, range_text, &
+                        is_available, available_choices, condition_text, longest_text, most_values, real_kind, reals_kind, &
+                        integer_kind, text_kind, texts_kind, choice_kind
+  use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, is_default, used, unused
+  use dst_deck_text, only: resolved, template, has_other_condition
+  implicit none
+  private
+
+  public :: deck_t, read_deck, parse_deck, resolved, template
+
+  !> Where a value comes from: a line of the deck or an argument of the command line.
+  type :: source_t
+    integer :: line = 0
+    integer :: setting = 0
+    character(longest_text) :: argument = ''
+  end type source_t
+
+  !> A deck of more bytes is not a deck.
+  integer(int64), parameter :: largest_deck = 1000000_int64
+
+contains
+
+  !> Read the deck in a file. `settings` are 'group.key=value', and win over the deck.
+  subroutine read_deck(file_name, settings, deck, error)
+    character(*), intent(in) :: file_name
+    character(*), intent(in) :: settings(:)
+    type(deck_t), intent(out) :: deck
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: text, problem
+
+    call read_text(file_name, text, problem)
+    if (len(problem) > 0) then
+      call raise(error, deck_error, file_name//': '//problem)
+    else
+      call parse_deck(text, file_name, settings, deck, error)
+    end if
+  end subroutine read_deck
+
+  !> The bytes of a regular file of acceptable size; `problem` is '' or says why not.
+  subroutine read_text(file_name, text, problem)
+    character(*), intent(in) :: file_name
+    character(:), allocatable, intent(out) :: text, problem
+    character(256) :: message
+    integer(int64) :: bytes
+    integer :: unit, ios
+    logical :: exists
+
+    text = ''
+    problem = ''
+    bytes = 0_int64
+    exists = len_trim(file_name) > 0
+    if (exists) inquire (file=file_name, exist=exists, size=bytes)
+    if (.not. exists) then
+      problem = 'no such file: give the path of a deck'
+    else if (bytes > largest_deck) then
+      problem = integer_text(bytes)//' bytes are too many for a deck: at most '//integer_text(largest_deck)//' are read'
+    else if (bytes <= 0) then
+      ! Pipes and devices have no size either, and opening one could wait for ever.
+      problem = 'is empty or not a regular file: a deck is a text file with at least &scene'
+    end if
+    if (len(problem) > 0) return
+    open (newunit=unit, file=file_name, access='stream', form='unformatted', status='old', action='read', &
+          iostat=ios, iomsg=message)
+    if (ios == 0) then
+      text = repeat(' ', int(bytes))
+      read (unit, iostat=ios, iomsg=message) text
+      close (unit)
+    end if
+    if (ios /= 0) problem = 'cannot be read ('//trim(message)//'): give a readable text file'
+  end subroutine read_text
+
+  !> Read a deck from memory; `name` stands for the file's name in messages.
+  subroutine parse_deck(text, name, settings, deck, error)
+    character(*), intent(in) :: text, name
+    character(*), intent(in) :: settings(:)
+    type(deck_t), intent(out) :: deck
+    type(error_t), allocatable, intent(out) :: error
+    type(namelist_t) :: list
+    type(faults_t) :: faults
+    integer :: line_of(word_count(group_names)), i
+
+    deck%name = name
+    deck%text = text
+    call set_defaults(deck)
+    call scan_namelist(text, list, faults)
+    if (list%plain) then
+      call take_groups(list, deck, line_of, faults)
+      do i = 1, size(settings)
+        call take_setting(trim(settings(i)), i, deck, faults)
+      end do
+      call check_keys(deck, faults)
+      call check_missing(deck, line_of, last_line(text), faults)
+      call check_contact(deck, faults)
+      call check_drive(deck, faults)
+      call check_fields(deck, faults)
+    end if
+    if (faults%count > 0) call raise(error, deck_error, faults%report(name))
+  end subroutine parse_deck
+
+  !> The groups and assignments of a scanned deck. `line_of` is the line of each known group, 0 if it is absent.
+  subroutine take_groups(list, deck, line_of, faults)
+    type(namelist_t), intent(in) :: list
+    type(deck_t), intent(inout) :: deck
+    integer, intent(out) :: line_of(:)
+    type(faults_t), intent(inout) :: faults
+    character(:), allocatable :: group
+    integer :: i, g
+
+    line_of = 0
+    do i = 1, list%group_count
+      group = lower_case(trim(list%groups(i)%name))
+      if (group == '') cycle
+      g = group_number(group)
+      if (g == 0) then
+        call note_unknown_group(list%groups(i)%line, trim(list%groups(i)%name), deck, faults)
+      else if (line_of(g) > 0) then
+        call faults%add(list%groups(i)%line, 'group &'//group//' given again: it began in line '// &
+                        number(line_of(g))//', put all its keys there')
+      else
+        line_of(g) = list%groups(i)%line
+      end if
+    end do
+    if (list%group_count == 0 .and. faults%count == 0) &
+      call faults%add(1, 'no group in the deck: it needs at least &scene, see dynstiction template')
+    do i = 1, list%assignment_count
+      if (faults%full()) exit
+      call take_assignment(list, i, deck, faults)
+    end do
+  end subroutine take_groups
+
+  !> Number of a group in `group_names`; 0 if unknown.
+  pure integer function group_number(group)
+    character(*), intent(in) :: group
+    integer :: i
+
+    group_number = 0
+    do i = 1, word_count(group_names)
+      if (word(group_names, i) == group) group_number = i
+    end do
+  end function group_number
+
+  subroutine note_unknown_group(line, group, deck, faults)
+    integer, intent(in) :: line
+    character(*), intent(in) :: group
+    type(deck_t), intent(inout) :: deck
+    type(faults_t), intent(inout) :: faults
+    character(:), allocatable :: nearest
+
+    if (faults%full()) return
+    nearest = nearest_word(group, group_names)
+    call faults%add(line, unknown_group_text(group))
+    ! Its keys are not missing: they stand in the group with the wrong name.
+    if (nearest /= '') where (schema%group == nearest) deck%value%attempted = .true.
+  end subroutine note_unknown_group
+
+  function unknown_group_text(group) result(text)
+    character(*), intent(in) :: group
+    character(:), allocatable :: text
+
+    if (has_word(later_groups, lower_case(group))) then
+      text = 'group &'//lower_case(group)//' is not available in this version: remove it'
+    else if (nearest_word(group, group_names) /= '') then
+      text = "unknown group '&"//excerpt(group)//"': the nearest is &"//nearest_word(group, group_names)
+    else
+      text = "unknown group '&"//excerpt(group)//"': the groups are "//group_names
+    end if
+  end function unknown_group_text
+
+  subroutine take_assignment(list, i, deck, faults)
+    type(namelist_t), intent(in) :: list
+    integer, intent(in) :: i
+    type(deck_t), intent(inout) :: deck
+    type(faults_t), intent(inout) :: faults
+    character(:), allocatable :: group, key
+    integer :: k
+
+    associate (assignment => list%assignments(i))
+      group = lower_case(trim(list%groups(assignment%group)%name))
+      key = lower_case(trim(assignment%key))
+      if (group_number(group) == 0 .or. key == '') return
+      k = find_key(group, key)
+      if (k == 0) then
+        if (.not. assignment%bare) call faults%add(assignment%line, unknown_key_text(group, trim(assignment%key)))
+        call mark_meant(group, key, deck)
+      else if (deck%value(k)%attempted .and. deck%value(k)%line > 0) then
+        call faults%add(assignment%line, "'"//key//"' given again: it stands in line "//number(deck%value(k)%line)// &
+                        ' already, keep one of them')
+      else if (assignment%faulty) then
+        deck%value(k)%attempted = .true.
+        deck%value(k)%valid = .false.
+        deck%value(k)%line = assignment%line
+      else
+        call take_values(k, list, assignment%first, assignment%last, source_t(line=assignment%line), deck%value(k), faults)
+      end if
+    end associate
+  end subroutine take_assignment
+
+  !> What to write instead of an unknown key.
+  function unknown_key_text(group, key) result(text)
+    character(*), intent(in) :: group, key
+    character(:), allocatable :: text
+    integer :: k
+
+    k = find_name(lower_case(key))
+    if (k > 0) then
+      text = "'"//key//"' does not belong to &"//group//': put it in &'//trim(schema(k)%group)
+      return
+    end if
+    text = "unknown key '"//excerpt(key)//"' in &"//group//': '
+    k = meant_key(group, key)
+    if (k == 0) then
+      text = text//'its keys are '//keys_of(group)
+    else if (schema(k)%group == group) then
+      text = text//"the nearest is '"//trim(schema(k)%name)//"'"
+    else
+      text = text//"the nearest is '"//trim(schema(k)%name)//"' in &"//trim(schema(k)%group)
+    end if
+  end function unknown_key_text
+
+  !> The key that an unknown one most likely means, 0 if none: in its group first, then in all.
+  integer function meant_key(group, key)
+    character(*), intent(in) :: group, key
+    character(:), allocatable :: nearest
+    integer :: g
+
+    nearest = nearest_word(key, keys_of(group))
+    do g = 1, word_count(group_names)
+      if (nearest == '') nearest = nearest_word(key, keys_of(word(group_names, g)))
+    end do
+    meant_key = 0
+    if (nearest /= '') meant_key = find_name(nearest)
+  end function meant_key
+
+  !> A key given under a wrong name or in a wrong group is not missing as well.
+  subroutine mark_meant(group, key, deck)
+    character(*), intent(in) :: group, key
+    type(deck_t), intent(inout) :: deck
+    integer :: k
+
+    k = find_name(key)
+    if (k == 0) k = meant_key(group, key)
+    if (k > 0) deck%value(k)%attempted = .true.
+  end subroutine mark_meant
+
+  !> 'group.key=value' from the command line.
+  subroutine take_setting(text, setting, deck, faults)
+    character(*), intent(in) :: text
+    integer, intent(in) :: setting
+    type(deck_t), intent(inout) :: deck
+    type(faults_t), intent(inout) :: faults
+    character(:), allocatable :: group, key, problem
+    integer :: equals, dot, k
+
+    k = 0
+    equals = index(text, '=')
+    dot = index(text(:max(0, equals - 1)), '.')
+    group = lower_case(trim(adjustl(text(:max(0, dot - 1)))))
+    key = trim(adjustl(text(dot + 1:max(dot, equals - 1))))
+    problem = ''
+    if (equals == 0) then
+      problem = "no '=': write --set GROUP.KEY=VALUE"
+    else if (dot == 0) then
+      problem = 'no group: write --set GROUP.KEY=VALUE'
+      k = find_name(lower_case(key))
+      if (k > 0) problem = 'no group: write --set '//trim(schema(k)%group)//'.'//trim(schema(k)%name)//'=VALUE'
+    else if (group_number(group) == 0) then
+      problem = unknown_group_text(group)
+    else
+      k = find_key(group, lower_case(key))
+      if (k == 0) problem = unknown_key_text(group, key)
+    end if
+    if (len(problem) > 0) then
+      call faults%add(0, problem, setting, text)
+    else
+      call set_value(k, adjustl(text(equals + 1:)), source_t(setting=setting, argument=text), deck%value(k), faults)
+    end if
+  end subroutine take_setting
+
+  !> The value of a setting. Text needs no quotes there: the shell has eaten one pair already.
+  subroutine set_value(k, text, source, value, faults)
+    integer, intent(in) :: k
+    character(*), intent(in) :: text
+    type(source_t), intent(in) :: source
+    type(value_t), intent(inout) :: value
+    type(faults_t), intent(inout) :: faults
+    type(namelist_t) :: list
+    logical :: faulty
+
+    if (value%setting > 0) then
+      call note(faults, source, "'"//trim(schema(k)%name)//"' set again: --set "//number(value%setting)// &
+                ' sets it already, keep one of them')
+      return
+    end if
+    value%setting = source%setting
+    if (any(schema(k)%kind == [text_kind, choice_kind]) .and. len_trim(text) > 0 .and. scan(text, '''"') /= 1) then
+      call take_plain_text(schema(k), trim(text), source, value, faults)
+      return
+    end if
+    call scan_values(trim(text), trim(schema(k)%name), list, faulty, faults, source%setting, trim(source%argument))
+    value%attempted = .true.
+    value%valid = .not. faulty
+    if (.not. faulty) call take_values(k, list, 1, list%token_count, source, value, faults)
+  end subroutine set_value
+
+  subroutine take_plain_text(key, text, source, value, faults)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: text
+    type(source_t), intent(in) :: source
+    type(value_t), intent(inout) :: value
+    type(faults_t), intent(inout) :: faults
+
+    call start_value(source, value)
+    value%texts = [character(longest_text) :: text]
+    call check_text(key, text, source, value, faults)
+  end subroutine take_plain_text
+
+  subroutine start_value(source, value)
+    type(source_t), intent(in) :: source
+    type(value_t), intent(inout) :: value
+
+    value%user = .true.
+    value%attempted = .true.
+    value%valid = .true.
+    value%line = source%line
+    value%setting = source%setting
+    value%argument = source%argument
+  end subroutine start_value
+
+  !> Convert the words `first` to `last` to the value of key `k`.
+  subroutine take_values(k, list, first, last, source, value, faults)
+    integer, intent(in) :: k, first, last
+    type(namelist_t), intent(in) :: list
+    type(source_t), intent(in) :: source
+    type(value_t), intent(inout) :: value
+    type(faults_t), intent(inout) :: faults
+    type(source_t) :: here
+    integer :: i
+
+    call start_value(source, value)
+    do i = first, last
+      if (has_right_form(schema(k), list%tokens(i), source)) cycle
+      here = source
+      if (source%setting == 0) here%line = list%tokens(i)%line
+      call note(faults, here, wrong_form_text(schema(k), token_text(list, list%tokens(i))))
+      value%valid = .false.
+      return
+    end do
+    call check_count(schema(k), list, first, last, source, value, faults)
+    if (value%valid) call convert(schema(k), list, first, last, source, value, faults)
+  end subroutine take_values
+
+  !> No more values than the key takes; repeat counts are not yet expanded.
+  subroutine check_count(key, list, first, last, source, value, faults)
+    type(key_t), intent(in) :: key
+    type(namelist_t), intent(in) :: list
+    integer, intent(in) :: first, last
+    type(source_t), intent(in) :: source
+    type(value_t), intent(inout) :: value
+    type(faults_t), intent(inout) :: faults
+    type(source_t) :: here
+    integer(int64) :: given
+    integer :: i
+
+    given = 0_int64
+    do i = first, last
+      given = given + list%tokens(i)%repeat
+      if (given > most_of(key)) exit
+    end do
+    if (given <= most_of(key)) return
+    value%valid = .false.
+    here = source
+    if (source%setting == 0) here%line = list%tokens(i)%line
+    call note(faults, here, "too many values for '"//trim(key%name)//"', from '"//excerpt(token_text(list, list%tokens(i)))// &
+              "' on: "//integer_text(sum(int(list%tokens(first:last)%repeat, int64)))//' given, at most '// &
+              integer_text(most_of(key))//' allowed')
+  end subroutine check_count
+
+  pure integer(int64) function most_of(key)
+    type(key_t), intent(in) :: key
+
+    most_of = merge(most_values, 1, key%kind == reals_kind .or. key%kind == texts_kind)
+  end function most_of
+
+  !> Text in quotes, numbers without.
+  pure logical function has_right_form(key, token, source)
+    type(key_t), intent(in) :: key
+    type(token_t), intent(in) :: token
+    type(source_t), intent(in) :: source
+
+    select case (key%kind)
+    case (text_kind, texts_kind, choice_kind)
+      has_right_form = token%quote /= ' ' .or. source%setting > 0
+    case default
+      has_right_form = token%quote == ' '
+    end select
+  end function has_right_form
+
+  function wrong_form_text(key, given) result(text)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given
+    character(:), allocatable :: text
+
+    select case (key%kind)
+    case (text_kind, texts_kind, choice_kind)
+      text = "'"//excerpt(given)//"' is not text: '"//trim(key%name)//"' takes text in quotes"
+    case (integer_kind)
+      text = "'"//excerpt(given)//"' is text: '"//trim(key%name)//"' takes an integer without quotes"
+    case default
+      text = "'"//excerpt(given)//"' is text: '"//trim(key%name)//"' takes a real number without quotes"
+    end select
+  end function wrong_form_text
+
+  subroutine convert(key, list, first, last, source, value, faults)
+    type(key_t), intent(in) :: key
+    type(namelist_t), intent(in) :: list
+    integer, intent(in) :: first, last
+    type(source_t), intent(in) :: source
+    type(value_t), intent(inout) :: value
+    type(faults_t), intent(inout) :: faults
+    type(source_t) :: here
+    real(wp), allocatable :: reals(:)
+    character(longest_text), allocatable :: texts(:)
+    character(:), allocatable :: given
+    integer :: i, n, total
+
+    total = sum(list%tokens(first:last)%repeat)
+    allocate (reals(merge(total, 0, any(key%kind == [real_kind, reals_kind]))))
+    allocate (texts(merge(total, 0, any(key%kind == [text_kind, texts_kind, choice_kind]))))
+    n = 0
+    here = source
+    do i = first, last
+      associate (token => list%tokens(i))
+        if (source%setting == 0) here%line = token%line
+        given = token_text(list, token)
+        select case (key%kind)
+        case (real_kind, reals_kind)
+          call convert_real(key, given, here, reals(n + 1), value, faults)
+          reals(n + 1:n + token%repeat) = reals(n + 1)
+        case (integer_kind)
+          call convert_integer(key, given, here, value, faults)
+        case default
+          call check_text(key, given, here, value, faults)
+          texts(n + 1:n + token%repeat) = given
+        end select
+        n = n + token%repeat
+      end associate
+    end do
+    if (size(reals) > 0) call move_alloc(reals, value%reals)
+    if (size(texts) > 0) call move_alloc(texts, value%texts)
+  end subroutine convert
+
+  subroutine convert_real(key, given, source, number, value, faults)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given
+    type(source_t), intent(in) :: source
+    real(wp), intent(out) :: number
+    type(value_t), intent(inout) :: value
+    type(faults_t), intent(inout) :: faults
+    character(:), allocatable :: problem
+    type(value_t) :: alone
+
+    call read_real(given, number, problem)
+    if (len(problem) > 0) then
+      call note(faults, source, "'"//excerpt(given)//"' "//problem//": '"//trim(key%name)//"' takes a finite real number, "// &
+                'like 1.0 or 2.5e-3')
+      value%valid = .false.
+    else if (.not. in_range(key%range, number)) then
+      ! What switches an unused key off may lie outside its range.
+      alone%reals = [number]
+      if (key%required .and. is_default(key, alone)) return
+      call note(faults, source, out_of_range_text(key, given))
+      value%valid = .false.
+    end if
+  end subroutine convert_real
+
+  subroutine convert_integer(key, given, source, value, faults)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given
+    type(source_t), intent(in) :: source
+    type(value_t), intent(inout) :: value
+    type(faults_t), intent(inout) :: faults
+    character(:), allocatable :: problem
+
+    call read_integer(given, value%integer, problem)
+    if (len(problem) > 0) then
+      call note(faults, source, "'"//excerpt(given)//"' "//problem//": '"//trim(key%name)//"' takes an integer, like 1000")
+      value%valid = .false.
+    else if (.not. in_range(key%range, real(value%integer, wp))) then
+      call note(faults, source, out_of_range_text(key, given))
+      value%valid = .false.
+    end if
+  end subroutine convert_integer
+
+  function out_of_range_text(key, given) result(text)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given
+    character(:), allocatable :: text
+
+    text = trim(key%name)//" = '"//excerpt(given)//"' is out of range: it must be "//range_text(key)
+    if (key%unit /= '1') text = text//' (in '//trim(key%unit)//')'
+  end function out_of_range_text
+
+  !> Length and choice of one text.
+  subroutine check_text(key, given, source, value, faults)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given
+    type(source_t), intent(in) :: source
+    type(value_t), intent(inout) :: value
+    type(faults_t), intent(inout) :: faults
+    character(:), allocatable :: problem
+    integer :: i
+
+    problem = ''
+    if (len(given) > longest_text) then
+      problem = "'"//excerpt(given)//"' is too long for '"//trim(key%name)//"': "//number(len(given))// &
+                ' bytes given, at most '//number(longest_text)//' allowed'
+    else if (key%choices /= '') then
+      problem = choice_problem(key, given)
+    end if
+    do i = 1, len(given)
+      if (iachar(given(i:i)) < 32 .and. given(i:i) /= achar(9)) &
+        problem = "control characters in '"//trim(key%name)//"': give plain text"
+    end do
+    if (len(problem) == 0) return
+    call note(faults, source, problem)
+    value%valid = .false.
+  end subroutine check_text
+
+  !> '' when this version knows the choice.
+  function choice_problem(key, given) result(problem)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given
+    character(:), allocatable :: problem
+
+    problem = ''
+    if (is_available(key, given)) return
+    if (has_word(key%choices, given)) then
+      problem = trim(key%name)//" '"//given//"' is not available in this version: choose "//alternatives(available_choices(key))
+    else
+      problem = 'unknown '//trim(key%name)//" '"//excerpt(given)//"': "
+      if (nearest_word(given, trim(key%choices)) /= '') &
+        problem = problem//"the nearest is '"//nearest_word(given, trim(key%choices))//"', "
+      problem = problem//'choose '//alternatives(available_choices(key))
+    end if
+  end function choice_problem
+
+  !> Keys that the user set though nothing uses them, or to a value that only an unused key may have.
+  subroutine check_keys(deck, faults)
+    type(deck_t), intent(in) :: deck
+    type(faults_t), intent(inout) :: faults
+    integer :: i
+
+    do i = 1, key_count
+      associate (key => schema(i), value => deck%value(i))
+        if (.not. (value%user .and. value%valid)) cycle
+        if (usage(deck, i) == unused .and. .not. is_default(key, value)) then
+          call note(faults, source_of(value), "'"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
+                    ': remove it, it works only with '//condition_text(key))
+        else if (usage(deck, i) == used .and. key%kind == real_kind) then
+          if (.not. in_range(key%range, value%reals(1))) &
+            call note(faults, source_of(value), out_of_range_text(key, real_text(value%reals(1)))//' with '//condition_text(key))
+        end if
+      end associate
+    end do
+  end subroutine check_keys
+
+  !> Keys without default that the deck needs and lacks.
+  subroutine check_missing(deck, line_of, end_line, faults)
+    type(deck_t), intent(in) :: deck
+    integer, intent(in) :: line_of(:), end_line
+    type(faults_t), intent(inout) :: faults
+    character(:), allocatable :: group, missing
+    integer :: g, i
+
+    do g = 1, size(line_of)
+      group = word(group_names, g)
+      missing = ''
+      do i = 1, key_count
+        if (schema(i)%group /= group .or. .not. is_missing(deck, i)) cycle
+        if (line_of(g) > 0) call faults%add(line_of(g), missing_text(schema(i)))
+        missing = missing//' '//trim(schema(i)%name)
+      end do
+      if (line_of(g) == 0 .and. missing /= '') &
+        call faults%add(end_line, 'group &'//group//' is missing: add it with'//missing)
+    end do
+  end subroutine check_missing
+
+  logical function is_missing(deck, i)
+    type(deck_t), intent(in) :: deck
+    integer, intent(in) :: i
+
+    is_missing = schema(i)%required .and. .not. deck%value(i)%attempted .and. usage(deck, i) == used
+  end function is_missing
+
+  function missing_text(key) result(text)
+    type(key_t), intent(in) :: key
+    character(:), allocatable :: text
+
+    text = "'"//trim(key%name)//"' is missing in &"//trim(key%group)
+    if (has_other_condition(key)) text = text//' (needed with '//condition_text(key)//')'
+    text = text//': add '//trim(key%name)//' = VALUE'
+    if (key%unit /= '' .and. key%unit /= '1') text = text//' in '//trim(key%unit)
+    text = text//', the '//trim(key%meaning)
+  end function missing_text
+
+  !> A fixed step cannot hit the events of the exact contact.
+  subroutine check_contact(deck, faults)
+    type(deck_t), intent(in) :: deck
+    type(faults_t), intent(inout) :: faults
+
+    associate (method => deck%value(find_key('integrator', 'method')), contact => deck%value(find_key('friction', 'contact')), &
+               model => deck%value(find_key('scene', 'model')))
+      if (.not. (method%valid .and. contact%valid .and. model%valid)) return
+      if (deck%text_of('scene', 'model') /= 'full' .or. deck%text_of('friction', 'contact') /= 'exact') return
+      if (deck%text_of('integrator', 'method') /= 'rk4') return
+      call note(faults, source_of(method), "method 'rk4' cannot follow the exact contact of model 'full': "// &
+                "choose contact = 'smoothed', or method radau5 | radau9 | radau13 | dopri5 | dop853")
+    end associate
+  end subroutine check_contact
+
+  !> The corners of the drive: as many times as velocities, from 0 on, never back, a jump between two velocities.
+  subroutine check_drive(deck, faults)
+    type(deck_t), intent(in) :: deck
+    type(faults_t), intent(inout) :: faults
+    type(source_t) :: source
+    integer :: i
+
+    associate (time => deck%value(find_key('drive', 'time')), velocity => deck%value(find_key('drive', 'velocity')))
+      if (.not. (velocity%user .and. velocity%valid .and. time%valid)) return
+      source = source_of(merge_value(time, velocity))
+      if (size(time%reals) /= size(velocity%reals)) then
+        call note(faults, source, number(size(velocity%reals))//" value(s) of 'velocity' but "//number(size(time%reals))// &
+                  " of 'time': give one velocity for each time, or one velocity alone")
+        return
+      end if
+      if (abs(time%reals(1)) > 0.0_wp) call note(faults, source, "time(1) = '"//real_text(time%reals(1))// &
+                                                 "' is not the start: the first time must be 0.0 s")
+      do i = 2, size(time%reals)
+        if (time%reals(i) < time%reals(i - 1)) then
+          call note(faults, source, 'time('//number(i)//") = '"//real_text(time%reals(i))//"' is before the time ahead of it, "// &
+                    real_text(time%reals(i - 1))//' s: times must not decrease')
+        else if (repeats_too_often(time%reals(:i))) then
+          call note(faults, source, 'time('//number(i)//") = '"//real_text(time%reals(i))//"' "// &
+                    'repeats a time once too often: give a time twice for a jump, but not 0.0 s')
+        else
+          cycle
+        end if
+        ! What follows a wrong corner is seldom a fault of its own.
+        exit
+      end do
+    end associate
+  end subroutine check_drive
+
+  !> Whether the last of these times is the third of its kind, or the second at the start, where no jump can be.
+  pure logical function repeats_too_often(time)
+    real(wp), intent(in) :: time(:)
+
+    associate (n => size(time))
+      repeats_too_often = time(n) <= time(max(1, n - 2)) .and. (n > 2 .or. time(n) <= 0.0_wp)
+    end associate
+  end function repeats_too_often
+
+  !> The one of the two that the user set, the first if both.
+  function merge_value(time, velocity) result(value)
+    type(value_t), intent(in) :: time, velocity
+    type(value_t) :: value
+
+    if (time%user) then
+      value = time
+    else
+      value = velocity
+    end if
+  end function merge_value
+
+  !> A column can be asked for once; 'default' stands alone.
+  subroutine check_fields(deck, faults)
+    type(deck_t), intent(in) :: deck
+    type(faults_t), intent(inout) :: faults
+    integer :: i, k
+    character(:), allocatable :: choice
+
+    k = find_key('output', 'fields')
+    associate (value => deck%value(k))
+      if (.not. value%valid) return
+      do i = 1, word_count(schema(k)%choices)
+        choice = word(schema(k)%choices, i)
+        if (count(value%texts == choice) > 1) &
+          call note(faults, source_of(value), "'"//choice//"' more than once in 'fields': name each column once")
+      end do
+      if (size(value%texts) > 1 .and. any(value%texts == 'default')) &
+        call note(faults, source_of(value), "'default' among other 'fields': give 'default' alone, or the columns by name")
+    end associate
+  end subroutine check_fields
+
+  type(source_t) function source_of(value)
+    type(value_t), intent(in) :: value
+
+    source_of = source_t(line=value%line, setting=value%setting, argument=value%argument)
+  end function source_of
+
+  subroutine note(faults, source, text)
+    type(faults_t), intent(inout) :: faults
+    type(source_t), intent(in) :: source
+    character(*), intent(in) :: text
+
+    call faults%add(source%line, text, source%setting, trim(source%argument))
+  end subroutine note
+
+  pure function number(i) result(text)
+    integer, intent(in) :: i
+    character(:), allocatable :: text
+
+    text = integer_text(int(i, int64))
+  end function number
+end module dst_deck

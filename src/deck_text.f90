@@ -1,0 +1,217 @@
+!> Decks as text: the resolved deck (every key as used) and the template (every key explained).
+module dst_deck_text
+  use dst_kinds, only: wp, int64
+  use dst_errors, only: error_t, raise, usage_error
+  use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, nearest_word, alternatives
+  use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, available_choices, is_available, range_text, &
+                        real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind, condition_count, condition_key, &
+                        condition_choices, condition_text
+  use dst_deck_values, only: deck_t, value_t, usage, used
+  implicit none
+  private
+
+  public :: resolved, template, has_other_condition
+
+  !> Column at which the comments begin.
+  integer, parameter :: comment_column = 32
+
+contains
+
+  !> The complete deck: every key that has a meaning, as used, marked user or default. It reads back to the same deck.
+  function resolved(deck) result(text)
+    type(deck_t), intent(in) :: deck
+    character(:), allocatable :: text
+    type(text_builder_t) :: builder
+    character(:), allocatable :: group
+    integer :: g, i
+
+    call builder%line('! The deck as used: every key, its source (user or default), unit and meaning.')
+    do g = 1, word_count(group_names)
+      group = word(group_names, g)
+      call builder%line('&'//group)
+      do i = 1, key_count
+        if (schema(i)%group /= group .or. usage(deck, i) /= used) cycle
+        call add_entry(builder, schema(i), deck%value(i), trim(merge('user   ', 'default', deck%value(i)%user))// &
+                       unit_text(schema(i))//'; '//trim(schema(i)%meaning))
+      end do
+      call builder%line('/')
+    end do
+    text = builder%content()
+  end function resolved
+
+  !> `key = value, value, ...  ! comment`, a long list over several lines.
+  subroutine add_entry(builder, key, value, comment)
+    type(text_builder_t), intent(inout) :: builder
+    type(key_t), intent(in) :: key
+    type(value_t), intent(in) :: value
+    character(*), intent(in) :: comment
+    character(:), allocatable :: line, next
+    integer, parameter :: widest = 100
+    integer :: i
+
+    line = '  '//trim(key%name)//' = '
+    do i = 1, element_count(key, value)
+      next = element_text(key, value, i)
+      if (i > 1) line = line//','
+      if (i > 1 .and. len(line) + len(next) > widest) then
+        call builder%line(line)
+        line = '   '
+      end if
+      if (i > 1) line = line//' '
+      line = line//next
+    end do
+    call builder%line(line//repeat(' ', max(0, comment_column - len(line)))//' ! '//comment)
+  end subroutine add_entry
+
+  pure integer function element_count(key, value)
+    type(key_t), intent(in) :: key
+    type(value_t), intent(in) :: value
+
+    select case (key%kind)
+    case (real_kind, reals_kind)
+      element_count = size(value%reals)
+    case (integer_kind)
+      element_count = 1
+    case default
+      element_count = size(value%texts)
+    end select
+  end function element_count
+
+  function element_text(key, value, i) result(text)
+    type(key_t), intent(in) :: key
+    type(value_t), intent(in) :: value
+    integer, intent(in) :: i
+    character(:), allocatable :: text
+
+    select case (key%kind)
+    case (real_kind, reals_kind)
+      text = real_text(value%reals(i))
+    case (integer_kind)
+      text = integer_text(value%integer)
+    case default
+      text = quoted_text(trim(value%texts(i)))
+    end select
+  end function element_text
+
+  function unit_text(key) result(text)
+    type(key_t), intent(in) :: key
+    character(:), allocatable :: text
+
+    text = ''
+    if (key%unit /= '' .and. key%unit /= '1') text = ', '//trim(key%unit)
+  end function unit_text
+
+  !> A deck with every key of `model`, its unit, range or choices, default and meaning. Physical values are those of Fig. 3.
+  subroutine template(model, text, error)
+    character(*), intent(in) :: model
+    character(:), allocatable, intent(out) :: text
+    type(error_t), allocatable, intent(out) :: error
+    type(text_builder_t) :: builder
+    character(:), allocatable :: group
+    integer :: g, i
+
+    call check_model(model, error)
+    if (allocated(error)) return
+    call builder%line('! A deck of dynstiction, model '//model//': every key, with unit, range or choices, default and meaning.')
+    call builder%line('! A key with a default may be left out. Values are those of Fig. 3 of Nakano and Popov (2020).')
+    call builder%line('! One value a key unless it says list; text in quotes; groups and keys in any order.')
+    do g = 1, word_count(group_names)
+      group = word(group_names, g)
+      call builder%line('')
+      call builder%line('&'//group)
+      do i = 1, key_count
+        if (schema(i)%group == group .and. has_model(i, model)) call add_template_entry(builder, schema(i), model)
+      end do
+      call builder%line('/')
+    end do
+    text = builder%content()
+  end subroutine template
+
+  subroutine check_model(model, error)
+    character(*), intent(in) :: model
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (key => schema(find_name('model')))
+      if (is_available(key, model)) then
+        return
+      else if (has_word(key%choices, model)) then
+        call raise(error, usage_error, "model '"//model//"' is not available in this version: choose "// &
+                   alternatives(available_choices(key)))
+      else if (nearest_word(model, key%choices) /= '') then
+        call raise(error, usage_error, "unknown model '"//model//"': the nearest is '"//nearest_word(model, key%choices)//"'")
+      else
+        call raise(error, usage_error, "unknown model '"//model//"': choose "//alternatives(available_choices(key)))
+      end if
+    end associate
+  end subroutine check_model
+
+  !> Whether key `i` can be used with `model`, whatever law, contact and method.
+  pure recursive function has_model(i, model) result(answer)
+    integer, intent(in) :: i
+    character(*), intent(in) :: model
+    logical :: answer
+    integer :: n, on
+
+    answer = .true.
+    do n = 1, condition_count(schema(i))
+      on = condition_key(schema(i), n)
+      answer = answer .and. has_model(on, model)
+      if (schema(on)%name == 'model') answer = answer .and. has_word(condition_choices(schema(i), n), model)
+    end do
+  end function has_model
+
+  subroutine add_template_entry(builder, key, model)
+    type(text_builder_t), intent(inout) :: builder
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: model
+    character(:), allocatable :: shown, meaning
+
+    shown = trim(key%sample)
+    if (shown == '') shown = trim(key%default)
+    if (key%name == 'model') shown = model
+    if (any(key%kind == [text_kind, texts_kind, choice_kind])) shown = quoted_text(shown)
+    shown = '  '//trim(key%name)//' = '//shown
+    meaning = trim(key%meaning)
+    ! Conditions on the model say nothing in the template of that model.
+    if (has_other_condition(key)) meaning = meaning//'; only with '//condition_text(key)
+    call builder%line('  ! '//meaning)
+    call builder%line(shown//repeat(' ', max(0, comment_column - len(shown)))//' ! '//explanation(key))
+  end subroutine add_template_entry
+
+  !> Whether the use of a key depends on more than the model.
+  pure logical function has_other_condition(key)
+    type(key_t), intent(in) :: key
+
+    has_other_condition = key%used_by /= '' .and. index(key%used_by, 'model=') == 0
+  end function has_other_condition
+
+  !> 'real, kg, > 0.0; no default'.
+  function explanation(key) result(text)
+    type(key_t), intent(in) :: key
+    character(:), allocatable :: text
+
+    select case (key%kind)
+    case (real_kind)
+      text = 'real'
+    case (reals_kind)
+      text = 'list of reals'
+    case (integer_kind)
+      text = 'integer'
+    case (texts_kind)
+      text = 'list: '//alternatives(trim(key%choices))
+    case (choice_kind)
+      text = alternatives(available_choices(key))
+    case default
+      text = 'text'
+    end select
+    text = text//unit_text(key)
+    if (range_text(key) /= '') text = text//', '//range_text(key)
+    if (key%required) then
+      text = text//'; no default'
+    else if (any(key%kind == [text_kind, texts_kind, choice_kind])) then
+      text = text//'; default '//quoted_text(trim(key%default))
+    else
+      text = text//'; default '//trim(key%default)
+    end if
+  end function explanation
+end module dst_deck_text

@@ -1,0 +1,218 @@
+!> A deck that has been read: the values of every key of the schema, and who set them.
+module dst_deck_values
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use dst_kinds, only: wp, int64
+  use dst_text, only: has_word, read_real, read_integer
+  use dst_schema, only: key_t, schema, key_count, find_key, longest_text, real_kind, reals_kind, integer_kind, &
+                        condition_count, condition_key, condition_choices
+  implicit none
+  private
+
+  public :: deck_t, value_t, usage, failing_condition, set_defaults, is_default
+  public :: used, unused, unknown
+
+  !> Whether a key has a meaning in this deck; unknown while the choice it depends on is faulty.
+  integer, parameter :: used = 1, unused = 2, unknown = 3
+
+  type :: value_t
+    logical :: user = .false.        !! set by the deck or by a setting, not the default
+    logical :: attempted = .false.   !! the deck means to set it, perhaps under a wrong name
+    logical :: valid = .true.        !! what was given could be understood
+    integer :: line = 0              !! line of the deck
+    integer :: setting = 0           !! number of the setting; 0 = the deck
+    character(longest_text) :: argument = ''
+    integer(int64) :: integer = 0_int64
+    real(wp), allocatable :: reals(:)
+    character(longest_text), allocatable :: texts(:)
+  end type value_t
+
+  !> The values in the order of the schema. A deck without error holds a value for every key it uses.
+  type :: deck_t
+    character(:), allocatable :: name    !! the file's name as given
+    character(:), allocatable :: text    !! the file's text as read
+    type(value_t) :: value(key_count)
+  contains
+    procedure :: real_of
+    procedure :: reals_of
+    procedure :: integer_of
+    procedure :: text_of
+    procedure :: texts_of
+    procedure :: is_set
+    procedure :: is_used
+  end type deck_t
+
+contains
+
+  !> Value of a real key [unit of the schema]; NaN if it has none, as an unused key without default.
+  pure real(wp) function real_of(self, group, key)
+    class(deck_t), intent(in) :: self
+    character(*), intent(in) :: group, key
+    integer :: i
+
+    real_of = ieee_value(1.0_wp, ieee_quiet_nan)
+    i = find_key(group, key)
+    if (i == 0) return
+    if (.not. allocated(self%value(i)%reals)) return
+    if (size(self%value(i)%reals) > 0) real_of = self%value(i)%reals(1)
+  end function real_of
+
+  pure function reals_of(self, group, key) result(list)
+    class(deck_t), intent(in) :: self
+    character(*), intent(in) :: group, key
+    real(wp), allocatable :: list(:)
+    integer :: i
+
+    allocate (list(0))
+    i = find_key(group, key)
+    if (i == 0) return
+    if (allocated(self%value(i)%reals)) list = self%value(i)%reals
+  end function reals_of
+
+  pure integer(int64) function integer_of(self, group, key)
+    class(deck_t), intent(in) :: self
+    character(*), intent(in) :: group, key
+    integer :: i
+
+    integer_of = 0_int64
+    i = find_key(group, key)
+    if (i > 0) integer_of = self%value(i)%integer
+  end function integer_of
+
+  pure function text_of(self, group, key) result(text)
+    class(deck_t), intent(in) :: self
+    character(*), intent(in) :: group, key
+    character(:), allocatable :: text
+    integer :: i
+
+    text = ''
+    i = find_key(group, key)
+    if (i == 0) return
+    if (.not. allocated(self%value(i)%texts)) return
+    if (size(self%value(i)%texts) > 0) text = trim(self%value(i)%texts(1))
+  end function text_of
+
+  pure function texts_of(self, group, key) result(list)
+    class(deck_t), intent(in) :: self
+    character(*), intent(in) :: group, key
+    character(longest_text), allocatable :: list(:)
+    integer :: i
+
+    allocate (list(0))
+    i = find_key(group, key)
+    if (i == 0) return
+    if (allocated(self%value(i)%texts)) list = self%value(i)%texts
+  end function texts_of
+
+  !> Whether the user set the key.
+  pure logical function is_set(self, group, key)
+    class(deck_t), intent(in) :: self
+    character(*), intent(in) :: group, key
+    integer :: i
+
+    is_set = .false.
+    i = find_key(group, key)
+    if (i > 0) is_set = self%value(i)%user
+  end function is_set
+
+  !> Whether the key has a meaning with the deck's model, law, contact and method.
+  pure logical function is_used(self, group, key)
+    class(deck_t), intent(in) :: self
+    character(*), intent(in) :: group, key
+    integer :: i
+
+    is_used = .false.
+    i = find_key(group, key)
+    if (i > 0) is_used = usage(self, i) == used
+  end function is_used
+
+  !> Whether key `i` is used: all its conditions hold, and the keys they name are used themselves.
+  pure recursive function usage(deck, i) result(answer)
+    type(deck_t), intent(in) :: deck
+    integer, intent(in) :: i
+    integer :: answer
+    integer :: n, on, its_usage
+
+    answer = used
+    do n = 1, condition_count(schema(i))
+      on = condition_key(schema(i), n)
+      its_usage = usage(deck, on)
+      if (its_usage == used .and. .not. deck%value(on)%valid) its_usage = unknown
+      if (its_usage == unknown) then
+        answer = unknown
+        cycle
+      end if
+      if (its_usage == used) then
+        if (has_word(condition_choices(schema(i), n), trim(deck%value(on)%texts(1)))) cycle
+      end if
+      answer = unused
+      return
+    end do
+  end function usage
+
+  !> What keeps key `i` from being used: 'law constant'.
+  pure recursive function failing_condition(deck, i) result(text)
+    type(deck_t), intent(in) :: deck
+    integer, intent(in) :: i
+    character(:), allocatable :: text
+    integer :: n, on
+
+    text = ''
+    do n = 1, condition_count(schema(i))
+      on = condition_key(schema(i), n)
+      if (usage(deck, on) == unused) then
+        text = failing_condition(deck, on)
+      else if (.not. has_word(condition_choices(schema(i), n), trim(deck%value(on)%texts(1)))) then
+        text = trim(schema(on)%name)//' '//trim(deck%value(on)%texts(1))
+      else
+        cycle
+      end if
+      return
+    end do
+  end function failing_condition
+
+  !> Every key as if the deck were empty.
+  subroutine set_defaults(deck)
+    type(deck_t), intent(inout) :: deck
+    integer :: i
+
+    do i = 1, key_count
+      call set_default(schema(i), deck%value(i))
+    end do
+  end subroutine set_defaults
+
+  pure subroutine set_default(key, value)
+    type(key_t), intent(in) :: key
+    type(value_t), intent(inout) :: value
+    character(:), allocatable :: problem
+
+    select case (key%kind)
+    case (real_kind, reals_kind)
+      allocate (value%reals(merge(0, 1, key%default == '')))
+      if (size(value%reals) == 1) call read_real(trim(key%default), value%reals(1), problem)
+    case (integer_kind)
+      call read_integer(trim(key%default), value%integer, problem)
+    case default
+      value%texts = [character(longest_text) :: key%default]
+    end select
+  end subroutine set_default
+
+  !> Whether the value is the schema's default: of an unused key, that it is switched off.
+  pure logical function is_default(key, value)
+    type(key_t), intent(in) :: key
+    type(value_t), intent(in) :: value
+    type(value_t) :: standard
+
+    is_default = .false.
+    call set_default(key, standard)
+    select case (key%kind)
+    case (real_kind, reals_kind)
+      if (size(value%reals) /= size(standard%reals) .or. size(value%reals) == 0) return
+      is_default = .not. any(abs(value%reals - standard%reals) > 0.0_wp)
+    case (integer_kind)
+      is_default = value%integer == standard%integer
+    case default
+      if (size(value%texts) /= size(standard%texts)) return
+      is_default = all(value%texts == standard%texts)
+    end select
+  end function is_default
+end module dst_deck_values

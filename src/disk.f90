@@ -1,0 +1,301 @@
+!> What a result file asks of the operating system: may it be created, is there room for it, put it in its place.
+!>
+!> Reasons come back as the words a user can act upon. POSIX; nothing here knows the file's format.
+module dst_disk
+  use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_intptr_t, c_char, c_ptr, c_funptr, c_size_t, c_null_char, &
+    c_null_ptr, c_null_funptr, c_associated, c_f_pointer
+  use dst_kinds, only: int64
+  implicit none
+  private
+
+  public :: prepare_file, reserve_space, set_file_size, move_file, delete_file
+  public :: file_exists, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
+
+  ! Error numbers that mean "no room" on Linux.
+  integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122
+  integer(c_int), parameter :: sigxfsz = 25
+
+  interface
+    integer(c_int) function posix_fallocate(descriptor, offset, length) bind(c)
+      import :: c_int, c_int64_t
+      integer(c_int), value :: descriptor
+      integer(c_int64_t), value :: offset, length
+    end function posix_fallocate
+
+    integer(c_int) function ftruncate(descriptor, length) bind(c)
+      import :: c_int, c_int64_t
+      integer(c_int), value :: descriptor
+      integer(c_int64_t), value :: length
+    end function ftruncate
+
+    integer(c_int) function c_rename(from, to) bind(c, name='rename')
+      import :: c_int, c_char
+      character(c_char), intent(in) :: from(*), to(*)
+    end function c_rename
+
+    integer(c_int) function c_unlink(path) bind(c, name='unlink')
+      import :: c_int, c_char
+      character(c_char), intent(in) :: path(*)
+    end function c_unlink
+
+    type(c_ptr) function c_realpath(path, resolved) bind(c, name='realpath')
+      import :: c_ptr, c_char
+      character(c_char), intent(in) :: path(*)
+      type(c_ptr), value :: resolved
+    end function c_realpath
+
+    type(c_ptr) function c_strerror(number) bind(c, name='strerror')
+      import :: c_ptr, c_int
+      integer(c_int), value :: number
+    end function c_strerror
+
+    integer(c_size_t) function c_strlen(string) bind(c, name='strlen')
+      import :: c_size_t, c_ptr
+      type(c_ptr), value :: string
+    end function c_strlen
+
+    subroutine c_free(address) bind(c, name='free')
+      import :: c_ptr
+      type(c_ptr), value :: address
+    end subroutine c_free
+
+    integer(c_int) function c_getpid() bind(c, name='getpid')
+      import :: c_int
+    end function c_getpid
+
+    type(c_funptr) function c_signal(number, handler) bind(c, name='signal')
+      import :: c_int, c_funptr
+      integer(c_int), value :: number
+      type(c_funptr), value :: handler
+    end function c_signal
+  end interface
+
+contains
+
+  !> Create `file_name` as an empty file, or see that it may be written when it is there.
+  subroutine prepare_file(file_name, reason)
+    character(*), intent(in) :: file_name
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    character(256) :: message
+    character(:), allocatable :: folder
+    integer :: unit, io_status
+
+    if (file_exists(file_name)) then
+      open (newunit=unit, file=file_name, status='old', action='readwrite', iostat=io_status, iomsg=message)
+    else
+      open (newunit=unit, file=file_name, status='new', action='readwrite', iostat=io_status, iomsg=message)
+    end if
+    if (io_status == 0) then
+      close (unit)
+      return
+    end if
+
+    folder = folder_of(file_name)
+    if (is_folder(folder)) then
+      reason = with_remedy(after_last(trim(message), ': '))
+    else if (file_exists(folder)) then
+      reason = folder//' is not a folder'
+    else
+      reason = 'the folder '//folder//' does not exist: create it first'
+    end if
+  end subroutine prepare_file
+
+  !> See that the open file can grow to `length` bytes; a file system that cannot tell counts as able.
+  subroutine reserve_space(descriptor, length, reason)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in) :: length
+    character(:), allocatable, intent(out) :: reason   !! unallocated when there is room
+    integer(c_int) :: number
+
+    number = posix_fallocate(descriptor, 0_c_int64_t, int(length, c_int64_t))
+    select case (number)
+    case (efbig, enospc, edquot)
+      reason = with_remedy(fortran_text(c_strerror(number)))
+    end select
+  end subroutine reserve_space
+
+  !> Give back what was reserved beyond `length` bytes. Failing here loses no data.
+  subroutine set_file_size(descriptor, length)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in) :: length
+    integer(c_int) :: ignored
+
+    ignored = ftruncate(descriptor, int(length, c_int64_t))
+  end subroutine set_file_size
+
+  !> Move a file over another in one step.
+  subroutine move_file(from, to, moved)
+    character(*), intent(in) :: from, to
+    logical, intent(out) :: moved
+
+    moved = c_rename(c_text(from), c_text(to)) == 0
+  end subroutine move_file
+
+  subroutine delete_file(file_name)
+    character(*), intent(in) :: file_name
+    integer(c_int) :: ignored
+
+    ignored = c_unlink(c_text(file_name))
+  end subroutine delete_file
+
+  !> A system's reason, followed by what the user can do about it.
+  pure function with_remedy(system_reason) result(reason)
+    character(*), intent(in) :: system_reason
+    character(:), allocatable :: reason
+
+    if (index(system_reason, 'No space left') > 0) then
+      reason = 'the disk is full: free some space or write to another disk'
+    else if (index(system_reason, 'File too large') > 0) then
+      reason = 'the file-size limit is reached: raise it with "ulimit -f unlimited"'
+    else if (index(system_reason, 'quota') > 0) then
+      reason = 'the disk quota is used up: free some space or write to another disk'
+    else if (index(system_reason, 'Permission denied') > 0) then
+      reason = 'no permission to write there: choose another folder with -o'
+    else if (index(system_reason, 'Read-only') > 0) then
+      reason = 'the file system is read-only: choose another folder with -o'
+    else if (index(system_reason, 'temporarily unavailable') > 0 .or. index(system_reason, 'lock') > 0) then
+      reason = 'locked by another process, or the file system has no locks: close the other program, ' &
+        //'or set HDF5_USE_FILE_LOCKING=FALSE'
+    else
+      reason = system_reason
+    end if
+  end function with_remedy
+
+  !> Let a write beyond the file-size limit fail instead of killing the process.
+  subroutine ignore_size_limit_signal()
+    integer(c_intptr_t), parameter :: ignore = 1
+    type(c_funptr) :: previous
+
+    previous = c_signal(sigxfsz, transfer(ignore, c_null_funptr))
+  end subroutine ignore_size_limit_signal
+
+  logical function file_exists(file_name)
+    character(*), intent(in) :: file_name
+
+    inquire (file=file_name, exist=file_exists)
+  end function file_exists
+
+  logical function is_folder(file_name)
+    character(*), intent(in) :: file_name
+
+    inquire (file=file_name//'/.', exist=is_folder)
+  end function is_folder
+
+  !> The folder in which a file stands; '.' when its name has none.
+  pure function folder_of(file_name) result(folder)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: folder
+    integer :: slash
+
+    slash = scan(file_name, '/', back=.true.)
+    select case (slash)
+    case (0)
+      folder = '.'
+    case (1)
+      folder = '/'
+    case default
+      folder = file_name(:slash - 1)
+    end select
+  end function folder_of
+
+  !> The file behind symbolic links; the name itself when there is no such file.
+  function true_path(file_name) result(path)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: path
+    type(c_ptr) :: resolved
+
+    resolved = c_realpath(c_text(file_name), c_null_ptr)
+    if (c_associated(resolved)) then
+      path = fortran_text(resolved)
+      call c_free(resolved)
+    else
+      path = file_name
+    end if
+  end function true_path
+
+  !> A name beside `file_name` that no other process uses.
+  function scratch_name(file_name) result(name)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: name
+    character(12) :: process
+
+    write (process, '(i0)') c_getpid()
+    name = file_name//'.'//trim(process)//'.part'
+  end function scratch_name
+
+  !> Now, as ISO 8601 in UTC: '2026-01-31T23:59:59Z'.
+  function utc_now() result(now)
+    character(20) :: now
+    integer :: clock(8), year, month, day, minutes, zone_days
+
+    call date_and_time(values=clock)
+    year = clock(1)
+    month = clock(2)
+    minutes = 60*clock(5) + clock(6) - clock(4)
+    ! The time zone moves the date by one day at most.
+    zone_days = (minutes - modulo(minutes, 1440))/1440
+    day = clock(3) + zone_days
+    if (day < 1) then
+      month = month - 1
+      if (month == 0) then
+        month = 12
+        year = year - 1
+      end if
+      day = month_length(year, month)
+    else if (day > month_length(year, month)) then
+      day = 1
+      month = month + 1
+      if (month == 13) then
+        month = 1
+        year = year + 1
+      end if
+    end if
+    minutes = modulo(minutes, 1440)
+    write (now, '(i4.4, 2("-", i2.2), "T", i2.2, 2(":", i2.2), "Z")') year, month, day, minutes/60, modulo(minutes, 60), clock(7)
+  end function utc_now
+
+  !> Days of a month of the Gregorian calendar.
+  pure integer function month_length(year, month)
+    integer, intent(in) :: year, month
+    integer, parameter :: lengths(12) = [31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31]
+    logical :: leap
+
+    leap = modulo(year, 4) == 0 .and. (modulo(year, 100) /= 0 .or. modulo(year, 400) == 0)
+    month_length = lengths(month)
+    if (leap .and. month == 2) month_length = 29
+  end function month_length
+
+  pure function after_last(text, separator) result(tail)
+    character(*), intent(in) :: text, separator
+    character(:), allocatable :: tail
+    integer :: found
+
+    found = index(text, separator, back=.true.)
+    tail = text
+    if (found > 0) tail = text(found + len(separator):)
+  end function after_last
+
+  pure function c_text(text) result(bytes)
+    character(*), intent(in) :: text
+    character(c_char) :: bytes(len(text) + 1)
+    integer :: i
+
+    do i = 1, len(text)
+      bytes(i) = text(i:i)
+    end do
+    bytes(len(text) + 1) = c_null_char
+  end function c_text
+
+  function fortran_text(address) result(text)
+    type(c_ptr), intent(in) :: address
+    character(:), allocatable :: text
+    character(c_char), pointer :: bytes(:)
+    integer :: i
+
+    call c_f_pointer(address, bytes, [c_strlen(address)])
+    allocate (character(size(bytes)) :: text)
+    do i = 1, size(bytes)
+      text(i:i) = bytes(i)
+    end do
+  end function fortran_text
+end module dst_disk

@@ -1,0 +1,55 @@
+!> Errors as values: a code and a text that says what is wrong and what would be right.
+!>
+!> Nothing below the command line prints or stops; a procedure that can fail has a last argument
+!> `type(error_t), allocatable, intent(out) :: error`, unallocated on success.
+module dst_errors
+  implicit none
+  private
+
+  public :: error_t, raise, exit_status
+  public :: result_done, usage_error, deck_error, file_error
+  public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, stopped_early
+
+  !> What went wrong. `code` is one of the constants below and also the `result_code` of a file.
+  type :: error_t
+    integer :: code = 0
+    character(:), allocatable :: text
+  end type error_t
+
+  integer, parameter :: result_done = 0
+  integer, parameter :: usage_error = 1
+  integer, parameter :: deck_error = 2
+  integer, parameter :: file_error = 3
+  ! The solver gave up: 40 to 49.
+  integer, parameter :: step_underflow = 41
+  integer, parameter :: too_many_steps = 42
+  integer, parameter :: not_finite = 43
+  integer, parameter :: too_many_rejections = 44
+  integer, parameter :: chattering = 45
+  integer, parameter :: stopped_early = 75
+
+contains
+
+  !> Set `error`.
+  pure subroutine raise(error, code, text)
+    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: code
+    character(*), intent(in) :: text
+
+    allocate (error)
+    error%code = code
+    error%text = text
+  end subroutine raise
+
+  !> Exit status of the executable for an error or result code.
+  pure integer function exit_status(code)
+    integer, intent(in) :: code
+
+    select case (code)
+    case (40:49)
+      exit_status = 4
+    case default
+      exit_status = code
+    end select
+  end function exit_status
+end module dst_errors

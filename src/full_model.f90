@@ -1,0 +1,165 @@
+!> The full model (Nakano & Popov 2020, Eqs. 1-5) in two sets of slip unknowns.
+!>
+!> Polar, for the exact contact: y = (v, theta), w = v (cos theta, sin theta),
+!>     v' = (K u . n - F(v))/m,    v theta' = K u . t/m,    n = (cos, sin), t = (-sin, cos).
+!> Smooth through v = 0 in this form.
+!>
+!> Cartesian, for the smoothed contact: y = w,
+!>     w' = (K u - F(|w|) w/sqrt(|w|^2 + v_s^2))/m.
+module dst_full_model
+  use dst_kinds, only: wp
+  use dst_slider, only: slider_t
+  use dst_slip_system, only: slip_system_t, stage_terms_t
+  implicit none
+  private
+
+  public :: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
+
+  type, extends(slip_system_t) :: full_polar_t
+    type(slider_t) :: slider
+  contains
+    procedure :: kinematics => polar_kinematics
+    procedure :: dynamics => polar_dynamics
+  end type full_polar_t
+
+  type, extends(slip_system_t) :: full_smoothed_t
+    type(slider_t) :: slider
+    !> Square of the smoothing velocity, m2/s2.
+    real(wp) :: smoothing = 0.0_wp
+  contains
+    procedure :: kinematics => smoothed_kinematics
+    procedure :: dynamics => smoothed_dynamics
+  end type full_smoothed_t
+
+contains
+
+  pure function new_full_polar(slider) result(model)
+    type(slider_t), intent(in) :: slider
+    type(full_polar_t) :: model
+
+    model%slider = slider
+    model%along = slider%along
+    model%along_stiffness = slider%stiffness*slider%along
+    model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
+  end function new_full_polar
+
+  !> With the smoothing velocity `v_smooth` > 0 [m/s].
+  pure function new_full_smoothed(slider, v_smooth) result(model)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: v_smooth
+    type(full_smoothed_t) :: model
+
+    model%slider = slider
+    model%along = slider%along
+    model%along_stiffness = slider%stiffness*slider%along
+    model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
+    model%smoothing = v_smooth**2
+  end function new_full_smoothed
+
+  pure subroutine polar_kinematics(self, stages, y, velocity, velocity_y)
+    class(full_polar_t), intent(in) :: self
+    integer, intent(in) :: stages
+    real(wp), intent(in) :: y(stages, self%components)
+    real(wp), intent(out) :: velocity(stages, self%components)
+    real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+    integer :: i
+
+    do i = 1, stages
+      velocity_y(i, 1, 1) = cos(y(i, 2))
+      velocity_y(i, 2, 1) = sin(y(i, 2))
+    end do
+    velocity(:, 1) = y(:, 1)*velocity_y(:, 1, 1)
+    velocity(:, 2) = y(:, 1)*velocity_y(:, 2, 1)
+    velocity_y(:, 1, 2) = -velocity(:, 2)
+    velocity_y(:, 2, 2) = velocity(:, 1)
+  end subroutine polar_kinematics
+
+  pure subroutine polar_dynamics(self, stages, u, y, velocity_y, terms)
+    class(full_polar_t), intent(in) :: self
+    integer, intent(in) :: stages
+    real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
+    real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
+    type(stage_terms_t), intent(inout) :: terms
+    real(wp) :: friction(stages), slope(stages), accel_x, accel_y, per_mass
+    integer :: i
+
+    call self%slider%law%evaluate(stages, y(:, 1), friction, slope)
+    per_mass = 1.0_wp/self%slider%mass
+    associate (k => self%slider%stiffness)
+      do i = 1, stages
+        associate (cosine => velocity_y(i, 1, 1), sine => velocity_y(i, 2, 1))
+          terms%force_u(i, 1, 1) = k(1)*cosine*per_mass
+          terms%force_u(i, 1, 2) = k(2)*sine*per_mass
+          terms%force_u(i, 2, 1) = -k(1)*sine*per_mass
+          terms%force_u(i, 2, 2) = k(2)*cosine*per_mass
+        end associate
+        accel_x = terms%force_u(i, 1, 1)*u(i, 1) + terms%force_u(i, 1, 2)*u(i, 2)
+        accel_y = terms%force_u(i, 2, 1)*u(i, 1) + terms%force_u(i, 2, 2)*u(i, 2)
+        terms%force(i, 1) = accel_x - friction(i)*per_mass
+        terms%force(i, 2) = accel_y
+        terms%force_y(i, 1, 1) = -slope(i)*per_mass
+        terms%force_y(i, 1, 2) = accel_y
+        terms%force_y(i, 2, 1) = 0.0_wp
+        terms%force_y(i, 2, 2) = -accel_x
+        terms%inertia(i, 1) = 1.0_wp
+        terms%inertia(i, 2) = y(i, 1)
+        terms%inertia_y(i, 1, 1) = 0.0_wp
+        terms%inertia_y(i, 1, 2) = 0.0_wp
+        terms%inertia_y(i, 2, 1) = 1.0_wp
+        terms%inertia_y(i, 2, 2) = 0.0_wp
+        terms%dissipation(i) = friction(i)*y(i, 1)
+        terms%dissipation_y(i, 1) = friction(i) + slope(i)*y(i, 1)
+        terms%dissipation_y(i, 2) = 0.0_wp
+      end do
+    end associate
+  end subroutine polar_dynamics
+
+  pure subroutine smoothed_kinematics(self, stages, y, velocity, velocity_y)
+    class(full_smoothed_t), intent(in) :: self
+    integer, intent(in) :: stages
+    real(wp), intent(in) :: y(stages, self%components)
+    real(wp), intent(out) :: velocity(stages, self%components)
+    real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+
+    velocity = y
+    velocity_y(:, 1, 1) = 1.0_wp
+    velocity_y(:, 2, 1) = 0.0_wp
+    velocity_y(:, 1, 2) = 0.0_wp
+    velocity_y(:, 2, 2) = 1.0_wp
+  end subroutine smoothed_kinematics
+
+  pure subroutine smoothed_dynamics(self, stages, u, y, velocity_y, terms)
+    class(full_smoothed_t), intent(in) :: self
+    integer, intent(in) :: stages
+    real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
+    real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
+    type(stage_terms_t), intent(inout) :: terms
+    real(wp) :: speed(stages), friction(stages), slope(stages)
+    real(wp) :: per_mass, smooth, viscosity, curvature
+    integer :: i, j, k
+
+    per_mass = 1.0_wp/self%slider%mass
+    speed = sqrt(y(:, 1)**2 + y(:, 2)**2)
+    call self%slider%law%evaluate(stages, speed, friction, slope)
+    do i = 1, stages
+      smooth = sqrt(speed(i)**2 + self%smoothing)
+      viscosity = friction(i)/smooth
+      ! d(F/smooth)/d|w| / |w|, written without a division by |w| where F' vanishes with it.
+      curvature = -viscosity/smooth**2
+      if (speed(i) > 0.0_wp) curvature = curvature + slope(i)/(smooth*speed(i))
+      do k = 1, 2
+        do j = 1, 2
+          terms%force_y(i, j, k) = -per_mass*curvature*y(i, j)*y(i, k)
+          terms%inertia_y(i, j, k) = 0.0_wp
+          terms%force_u(i, j, k) = 0.0_wp
+        end do
+        terms%force_y(i, k, k) = terms%force_y(i, k, k) - per_mass*viscosity
+        terms%force_u(i, k, k) = per_mass*self%slider%stiffness(k)*velocity_y(i, k, k)
+        terms%force(i, k) = per_mass*(self%slider%stiffness(k)*u(i, k) - viscosity*y(i, k))
+        terms%inertia(i, k) = 1.0_wp
+      end do
+      terms%dissipation(i) = viscosity*speed(i)**2
+      terms%dissipation_y(i, :) = (2.0_wp*viscosity + curvature*speed(i)**2)*y(i, :)
+    end do
+  end subroutine smoothed_dynamics
+end module dst_full_model

@@ -1,0 +1,500 @@
+!> The few things this program asks of HDF5: attributes, described datasets, columns that grow, dimension scales.
+!>
+!> Every procedure's last argument is a running `status`: 0 so far, negative after a failure; a procedure called with a
+!> negative status does nothing, so that a sequence of calls is checked once, at its end, by `failure_reason`.
+!> Text is variable-length UTF-8. Sources: HDF5 1.10 reference manual; HDF5 Dimension Scale Specification.
+module dst_hdf5_tools
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_size_t, c_char, c_null_char, c_null_ptr, &
+    c_associated, c_loc, c_funloc, c_f_pointer
+  use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, &
+    h5tcopy_f, h5tset_cset_f, h5tclose_f, h5screate_f, h5screate_simple_f, h5sclose_f, h5sselect_hyperslab_f, &
+    h5sget_simple_extent_dims_f, h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, h5aclose_f, h5aget_type_f, &
+    h5dcreate_f, h5dopen_f, h5dclose_f, h5dwrite_f, h5dset_extent_f, h5dget_space_f, h5gcreate_f, h5lexists_f, h5ldelete_f, &
+    h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, &
+    h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
+    h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
+  use dst_kinds, only: wp
+  use dst_writer, only: quantity_t
+  implicit none
+  private
+
+  public :: start_hdf5, failure_reason, file_descriptor
+  public :: put_attribute, get_attribute, put_text, put_number
+  public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column
+  public :: make_scale, attach_scale
+
+  !> A one-dimensional dataset that grows.
+  type :: column_t
+    integer(hid_t) :: dataset = -1
+    integer(hsize_t) :: rows = 0
+  end type column_t
+
+  !> Create or overwrite an attribute of a file, group or dataset.
+  interface put_attribute
+    module procedure put_text_attribute, put_integer_attribute
+  end interface put_attribute
+
+  interface get_attribute
+    module procedure get_text_attribute, get_integer_attribute
+  end interface get_attribute
+
+  !> One entry of HDF5's error stack (H5E_error2_t).
+  type, bind(c) :: stack_entry_t
+    integer(c_int64_t) :: class, major, minor
+    integer(c_int) :: line
+    type(c_ptr) :: procedure_name, source_file, description
+  end type stack_entry_t
+
+  type, bind(c) :: reason_t
+    integer(c_int) :: length
+    character(c_char) :: text(256)
+  end type reason_t
+
+  interface
+    integer(c_int) function h5ewalk(stack, direction, visit, user_data) bind(c, name='H5Ewalk2')
+      import :: c_int, c_int64_t, c_funptr, c_ptr
+      integer(c_int64_t), value :: stack
+      integer(c_int), value :: direction
+      type(c_funptr), value :: visit
+      type(c_ptr), value :: user_data
+    end function h5ewalk
+
+    integer(c_int) function h5fget_vfd_handle(file, access, handle) bind(c, name='H5Fget_vfd_handle')
+      import :: c_int, c_int64_t, c_ptr
+      integer(c_int64_t), value :: file, access
+      type(c_ptr), intent(out) :: handle
+    end function h5fget_vfd_handle
+
+    integer(c_int) function h5dsset_scale(dataset, name) bind(c, name='H5DSset_scale')
+      import :: c_int, c_int64_t, c_char
+      integer(c_int64_t), value :: dataset
+      character(c_char), intent(in) :: name(*)
+    end function h5dsset_scale
+
+    integer(c_int) function h5dsattach_scale(dataset, scale, axis) bind(c, name='H5DSattach_scale')
+      import :: c_int, c_int64_t
+      integer(c_int64_t), value :: dataset, scale
+      integer(c_int), value :: axis
+    end function h5dsattach_scale
+
+    integer(c_size_t) function c_strlen(string) bind(c, name='strlen')
+      import :: c_size_t, c_ptr
+      type(c_ptr), value :: string
+    end function c_strlen
+  end interface
+
+contains
+
+  !> Make HDF5 ready: silent on errors, and without its clean-up at exit, which loops when the disk is full.
+  subroutine start_hdf5(status)
+    integer, intent(out) :: status
+    integer :: ignored
+
+    call h5dont_atexit_f(ignored)
+    call h5open_f(status)
+    if (status == 0) call h5eset_auto_f(0, status)
+  end subroutine start_hdf5
+
+  !> Why the last HDF5 call failed: the operating system's words when it had any.
+  function failure_reason() result(reason)
+    character(:), allocatable :: reason
+    character(*), parameter :: system_words = "error message = '"
+    integer(c_int64_t), parameter :: current_stack = 0
+    integer(c_int), parameter :: innermost_first = 0
+    type(reason_t), target :: found
+    integer(c_int) :: ignored
+    integer :: first, i
+
+    found%length = 0
+    ignored = h5ewalk(current_stack, innermost_first, c_funloc(keep_first_description), c_loc(found))
+    allocate (character(found%length) :: reason)
+    do i = 1, found%length
+      reason(i:i) = found%text(i)
+    end do
+    first = index(reason, system_words)
+    if (first > 0) then
+      reason = reason(first + len(system_words):)
+      reason = reason(:scan(reason//"'", "'") - 1)
+    end if
+    if (reason == '') reason = 'HDF5 gave no reason'
+  end function failure_reason
+
+  integer(c_int) function keep_first_description(depth, entry_address, user_data) bind(c) result(status)
+    integer(c_int), value :: depth
+    type(c_ptr), value :: entry_address, user_data
+    type(stack_entry_t), pointer :: entry
+    type(reason_t), pointer :: found
+    character(c_char), pointer :: description(:)
+
+    status = 0
+    if (depth > 0) return
+    call c_f_pointer(entry_address, entry)
+    call c_f_pointer(user_data, found)
+    if (.not. c_associated(entry%description)) return
+    call c_f_pointer(entry%description, description, [c_strlen(entry%description)])
+    found%length = min(size(description), size(found%text))
+    found%text(:found%length) = description(:found%length)
+  end function keep_first_description
+
+  !> The operating system's descriptor of an open file.
+  subroutine file_descriptor(file, descriptor, status)
+    integer(hid_t), intent(in) :: file
+    integer(c_int), intent(out) :: descriptor
+    integer, intent(inout) :: status
+    integer(c_int64_t), parameter :: default_access = 0
+    integer(c_int), pointer :: value
+    type(c_ptr) :: handle
+
+    descriptor = -1
+    if (status < 0) return
+    status = h5fget_vfd_handle(int(file, c_int64_t), default_access, handle)
+    if (status < 0) return
+    call c_f_pointer(handle, value)
+    descriptor = value
+  end subroutine file_descriptor
+
+  subroutine put_text_attribute(object, name, text, status)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name, text
+    integer, intent(inout) :: status
+    character(c_char), target :: bytes(len(text) + 1)
+    type(c_ptr), target :: address
+    integer(hid_t) :: text_type
+
+    if (status < 0) return
+    bytes = c_bytes(text)
+    address = c_loc(bytes)
+    call create_text_type(text_type, status)
+    call write_attribute(object, name, text_type, text_type, c_loc(address), status)
+    call release_type(text_type, status)
+  end subroutine put_text_attribute
+
+  subroutine put_integer_attribute(object, name, number, status)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name
+    integer, intent(in) :: number
+    integer, intent(inout) :: status
+    integer, target :: value
+
+    value = number
+    call write_attribute(object, name, h5t_std_i32le, h5t_native_integer, c_loc(value), status)
+  end subroutine put_integer_attribute
+
+  !> Write an attribute's value, and create the attribute when it is not there.
+  subroutine write_attribute(object, name, file_type, memory_type, value, status)
+    integer(hid_t), intent(in) :: object, file_type, memory_type
+    character(*), intent(in) :: name
+    type(c_ptr), intent(in) :: value
+    integer, intent(inout) :: status
+    integer(hid_t) :: space, attribute
+    integer :: ignored
+    logical :: there
+
+    if (status < 0) return
+    call h5aexists_f(object, name, there, status)
+    if (status < 0) return
+    if (there) then
+      call h5aopen_f(object, name, attribute, status)
+    else
+      call h5screate_f(h5s_scalar_f, space, status)
+      if (status < 0) return
+      call h5acreate_f(object, name, file_type, space, attribute, status)
+      if (status < 0) return
+      call h5sclose_f(space, ignored)
+    end if
+    if (status < 0) return
+    call h5awrite_f(attribute, memory_type, value, status)
+    if (status < 0) return
+    call h5aclose_f(attribute, status)
+  end subroutine write_attribute
+
+  subroutine get_text_attribute(object, name, text, status)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name
+    character(:), allocatable, intent(out) :: text
+    integer, intent(inout) :: status
+    type(c_ptr), target :: address
+    type(c_ptr) :: buffer
+    character(c_char), pointer :: bytes(:)
+    integer(hid_t) :: attribute, text_type
+    integer :: ignored, i
+
+    text = ''
+    if (status < 0) return
+    call h5aopen_f(object, name, attribute, status)
+    if (status < 0) return
+    call h5aget_type_f(attribute, text_type, status)
+    if (status < 0) return
+    address = c_null_ptr
+    ! HDF5 allocates the text, once a file: it is left to the process's end.
+    buffer = c_loc(address)
+    call h5aread_f(attribute, text_type, buffer, status)
+    call h5tclose_f(text_type, ignored)
+    call h5aclose_f(attribute, ignored)
+    if (status < 0 .or. .not. c_associated(address)) return
+    call c_f_pointer(address, bytes, [c_strlen(address)])
+    text = repeat(' ', size(bytes))
+    do i = 1, size(bytes)
+      text(i:i) = bytes(i)
+    end do
+  end subroutine get_text_attribute
+
+  subroutine get_integer_attribute(object, name, number, status)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name
+    integer, intent(out) :: number
+    integer, intent(inout) :: status
+    integer, target :: value
+    type(c_ptr) :: buffer
+    integer(hid_t) :: attribute
+    integer :: ignored
+
+    number = 0
+    if (status < 0) return
+    call h5aopen_f(object, name, attribute, status)
+    if (status < 0) return
+    buffer = c_loc(value)
+    call h5aread_f(attribute, h5t_native_integer, buffer, status)
+    call h5aclose_f(attribute, ignored)
+    number = value
+  end subroutine get_integer_attribute
+
+  !> A scalar dataset of text.
+  subroutine put_text(group, name, text, long_name, status)
+    integer(hid_t), intent(in) :: group
+    character(*), intent(in) :: name, text, long_name
+    integer, intent(inout) :: status
+    character(c_char), target :: bytes(len(text) + 1)
+    type(c_ptr), target :: address
+    integer(hid_t) :: text_type
+
+    if (status < 0) return
+    bytes = c_bytes(text)
+    address = c_loc(bytes)
+    call create_text_type(text_type, status)
+    call write_scalar(group, quantity_t(name, '1', long_name), text_type, text_type, c_loc(address), status)
+    call release_type(text_type, status)
+  end subroutine put_text
+
+  !> A scalar dataset of a number, stored as `file_type` (by default a double).
+  subroutine put_number(group, quantity, number, status, file_type)
+    integer(hid_t), intent(in) :: group
+    type(quantity_t), intent(in) :: quantity
+    real(wp), intent(in) :: number
+    integer, intent(inout) :: status
+    integer(hid_t), intent(in), optional :: file_type
+    integer(hid_t) :: stored_as
+    real(wp), target :: value
+
+    stored_as = h5t_ieee_f64le
+    if (present(file_type)) stored_as = file_type
+    value = number
+    call write_scalar(group, quantity, stored_as, h5t_native_double, c_loc(value), status)
+  end subroutine put_number
+
+  subroutine write_scalar(group, quantity, file_type, memory_type, value, status)
+    integer(hid_t), intent(in) :: group, file_type, memory_type
+    type(quantity_t), intent(in) :: quantity
+    type(c_ptr), intent(in) :: value
+    integer, intent(inout) :: status
+    integer(hid_t) :: space, dataset
+    integer :: ignored
+
+    if (status < 0) return
+    call h5screate_f(h5s_scalar_f, space, status)
+    if (status < 0) return
+    call h5dcreate_f(group, trim(quantity%name), file_type, space, dataset, status)
+    if (status < 0) return
+    call h5sclose_f(space, ignored)
+    call h5dwrite_f(dataset, memory_type, value, status)
+    call describe(dataset, quantity, status)
+    if (status < 0) return
+    call h5dclose_f(dataset, status)
+  end subroutine write_scalar
+
+  !> The attributes that every dataset has.
+  subroutine describe(dataset, quantity, status)
+    integer(hid_t), intent(in) :: dataset
+    type(quantity_t), intent(in) :: quantity
+    integer, intent(inout) :: status
+
+    call put_attribute(dataset, 'units', trim(quantity%units), status)
+    call put_attribute(dataset, 'long_name', trim(quantity%long_name), status)
+  end subroutine describe
+
+  subroutine create_group(parent, name, group, status)
+    integer(hid_t), intent(in) :: parent
+    character(*), intent(in) :: name
+    integer(hid_t), intent(out) :: group
+    integer, intent(inout) :: status
+
+    group = -1
+    if (status < 0) return
+    call h5gcreate_f(parent, name, group, status)
+  end subroutine create_group
+
+  !> Remove a group or dataset, if it is there.
+  subroutine delete_link(parent, name, status)
+    integer(hid_t), intent(in) :: parent
+    character(*), intent(in) :: name
+    integer, intent(inout) :: status
+    logical :: there
+
+    if (status < 0) return
+    call h5lexists_f(parent, name, there, status)
+    if (status < 0) return
+    if (there) call h5ldelete_f(parent, name, status)
+    status = min(status, 0)
+  end subroutine delete_link
+
+  !> An empty column of `file_type` in chunks of `chunk_rows`, with room for one chunk in the cache.
+  subroutine create_column(group, quantity, file_type, chunk_rows, column, status)
+    integer(hid_t), intent(in) :: group, file_type
+    type(quantity_t), intent(in) :: quantity
+    integer, intent(in) :: chunk_rows
+    type(column_t), intent(out) :: column
+    integer, intent(inout) :: status
+    integer(hid_t) :: space, creation, access
+    integer :: ignored
+
+    if (status < 0) return
+    call h5screate_simple_f(1, [0_hsize_t], space, status, [h5s_unlimited_f])
+    if (status < 0) return
+    call h5pcreate_f(h5p_dataset_create_f, creation, status)
+    if (status < 0) return
+    call h5pset_chunk_f(creation, 1, [int(chunk_rows, hsize_t)], status)
+    if (status < 0) return
+    call create_access(chunk_rows, access, status)
+    if (status < 0) return
+    call h5dcreate_f(group, trim(quantity%name), file_type, space, column%dataset, status, creation, dapl_id=access)
+    if (status < 0) return
+    call h5pclose_f(access, ignored)
+    call h5pclose_f(creation, ignored)
+    call h5sclose_f(space, ignored)
+    call describe(column%dataset, quantity, status)
+  end subroutine create_column
+
+  !> A column that is there already, with all its rows.
+  subroutine open_column(group, name, chunk_rows, column, status)
+    integer(hid_t), intent(in) :: group
+    character(*), intent(in) :: name
+    integer, intent(in) :: chunk_rows
+    type(column_t), intent(out) :: column
+    integer, intent(inout) :: status
+    integer(hid_t) :: access, space
+    integer(hsize_t) :: rows(1), largest(1)
+    integer :: ignored
+
+    call create_access(chunk_rows, access, status)
+    if (status < 0) return
+    call h5dopen_f(group, name, column%dataset, status, access)
+    if (status < 0) return
+    call h5pclose_f(access, ignored)
+    call h5dget_space_f(column%dataset, space, status)
+    if (status < 0) return
+    call h5sget_simple_extent_dims_f(space, rows, largest, status)
+    call h5sclose_f(space, ignored)
+    status = min(status, 0)
+    column%rows = rows(1)
+  end subroutine open_column
+
+  subroutine create_access(chunk_rows, access, status)
+    integer, intent(in) :: chunk_rows
+    integer(hid_t), intent(out) :: access
+    integer, intent(inout) :: status
+    integer(size_t), parameter :: slots = 7
+
+    access = -1
+    if (status < 0) return
+    call h5pcreate_f(h5p_dataset_access_f, access, status)
+    if (status < 0) return
+    call h5pset_chunk_cache_f(access, slots, int(8*chunk_rows, size_t), 1.0, status)
+  end subroutine create_access
+
+  !> Append values to a column.
+  subroutine append(column, values, status)
+    type(column_t), intent(inout) :: column
+    real(wp), intent(in), contiguous, target :: values(:)
+    integer, intent(inout) :: status
+    integer(hid_t) :: file_space, memory_space
+    integer(hsize_t) :: count(1)
+    integer :: ignored
+
+    count = size(values)
+    if (status < 0 .or. size(values) == 0) return
+    call h5dset_extent_f(column%dataset, column%rows + count, status)
+    if (status < 0) return
+    call h5dget_space_f(column%dataset, file_space, status)
+    if (status < 0) return
+    call h5sselect_hyperslab_f(file_space, h5s_select_set_f, [column%rows], count, status)
+    if (status < 0) return
+    call h5screate_simple_f(1, count, memory_space, status)
+    if (status < 0) return
+    call h5dwrite_f(column%dataset, h5t_native_double, c_loc(values(1)), status, memory_space, file_space)
+    if (status < 0) return
+    call h5sclose_f(memory_space, ignored)
+    call h5sclose_f(file_space, ignored)
+    column%rows = column%rows + count(1)
+  end subroutine append
+
+  !> Drop the rows behind the first `rows`.
+  subroutine cut_column(column, rows, status)
+    type(column_t), intent(inout) :: column
+    integer(hsize_t), intent(in) :: rows
+    integer, intent(inout) :: status
+
+    if (status < 0) return
+    column%rows = min(column%rows, rows)
+    call h5dset_extent_f(column%dataset, [column%rows], status)
+  end subroutine cut_column
+
+  !> Make a column a dimension scale.
+  subroutine make_scale(column, name, status)
+    type(column_t), intent(in) :: column
+    character(*), intent(in) :: name
+    integer, intent(inout) :: status
+
+    if (status < 0) return
+    status = h5dsset_scale(int(column%dataset, c_int64_t), c_bytes(name))
+  end subroutine make_scale
+
+  !> Let `scale` be the coordinate of `column`.
+  subroutine attach_scale(column, scale, status)
+    type(column_t), intent(in) :: column, scale
+    integer, intent(inout) :: status
+
+    if (status < 0) return
+    status = h5dsattach_scale(int(column%dataset, c_int64_t), int(scale%dataset, c_int64_t), 0_c_int)
+  end subroutine attach_scale
+
+  subroutine create_text_type(text_type, status)
+    integer(hid_t), intent(out) :: text_type
+    integer, intent(inout) :: status
+
+    text_type = -1
+    if (status < 0) return
+    call h5tcopy_f(h5t_string, text_type, status)
+    if (status < 0) return
+    call h5tset_cset_f(text_type, h5t_cset_utf8_f, status)
+  end subroutine create_text_type
+
+  subroutine release_type(text_type, status)
+    integer(hid_t), intent(in) :: text_type
+    integer, intent(inout) :: status
+
+    if (status < 0) return
+    call h5tclose_f(text_type, status)
+  end subroutine release_type
+
+  !> Text as C keeps it.
+  pure function c_bytes(text) result(bytes)
+    character(*), intent(in) :: text
+    character(c_char) :: bytes(len(text) + 1)
+    integer :: i
+
+    do i = 1, len(text)
+      bytes(i) = text(i:i)
+    end do
+    bytes(len(text) + 1) = c_null_char
+  end function c_bytes
+end module dst_hdf5_tools

@@ -1,0 +1,148 @@
+!> Polynomials on [0, 1] through values at given nodes: the form in which every integrator hands
+!> over its dense output.
+module dst_interpolation
+  use dst_kinds, only: wp
+  implicit none
+  private
+
+  public :: grid_t, new_grid, max_degree
+
+  integer, parameter :: max_degree = 7
+
+  !> Nodes 0..degree in [0, 1] and what interpolation on them needs. node(0) = 0.
+  type :: grid_t
+    integer :: degree = 0
+    real(wp) :: node(0:max_degree) = 0.0_wp
+    !> Barycentric weights.
+    real(wp) :: barycentric(0:max_degree) = 0.0_wp
+    !> derivative(i, j): derivative at node i of the j-th Lagrange polynomial.
+    real(wp) :: derivative(0:max_degree, 0:max_degree) = 0.0_wp
+    !> Bernstein coefficients on [0, 1] from nodal values.
+    real(wp) :: bernstein(0:max_degree, 0:max_degree) = 0.0_wp
+  contains
+    procedure :: lagrange
+    procedure :: bernstein_coefficients
+  end type grid_t
+
+contains
+
+  !> Grid on the given distinct nodes, the first one 0.
+  pure function new_grid(nodes) result(grid)
+    real(wp), intent(in) :: nodes(0:)
+    type(grid_t) :: grid
+
+    grid%degree = size(nodes) - 1
+    grid%node(0:grid%degree) = nodes
+    call set_differentiation(grid)
+    call set_bernstein(grid)
+  end function new_grid
+
+  !> Lagrange basis on the nodes 0..degree at position `tau` (which may lie outside [0, 1]).
+  pure subroutine lagrange(self, tau, basis)
+    class(grid_t), intent(in) :: self
+    real(wp), intent(in) :: tau
+    real(wp), intent(out) :: basis(0:)
+    real(wp) :: distance(0:max_degree), product
+    integer :: j
+
+    associate (s => self%degree)
+      distance(0:s) = tau - self%node(0:s)
+      ! Forward products from the left, backward products from the right: no division.
+      product = 1.0_wp
+      do j = 0, s
+        basis(j) = self%barycentric(j)*product
+        product = product*distance(j)
+      end do
+      product = 1.0_wp
+      do j = s, 0, -1
+        basis(j) = basis(j)*product
+        product = product*distance(j)
+      end do
+    end associate
+  end subroutine lagrange
+
+  !> Barycentric weights and the differentiation matrix on the nodes 0..degree.
+  pure subroutine set_differentiation(grid)
+    type(grid_t), intent(inout) :: grid
+    integer :: i, j
+
+    associate (s => grid%degree, c => grid%node, b => grid%barycentric, d => grid%derivative)
+      do j = 0, s
+        b(j) = 1.0_wp
+        do i = 0, s
+          if (i /= j) b(j) = b(j)/(c(j) - c(i))
+        end do
+      end do
+      do i = 0, s
+        do j = 0, s
+          if (i == j) cycle
+          d(i, j) = (b(j)/b(i))/(c(i) - c(j))
+          d(i, i) = d(i, i) + 1.0_wp/(c(i) - c(j))
+        end do
+      end do
+    end associate
+  end subroutine set_differentiation
+
+  !> Matrix from nodal values to Bernstein coefficients of the same polynomial on [0, 1].
+  pure subroutine set_bernstein(grid)
+    type(grid_t), intent(inout) :: grid
+    real(wp) :: monomial(0:grid%degree)
+    integer :: j, k, l
+
+    associate (s => grid%degree)
+      do j = 0, s
+        monomial = lagrange_monomials(grid, j)
+        do k = 0, s
+          do l = 0, k
+            grid%bernstein(k, j) = grid%bernstein(k, j) + binomial(k, l)/binomial(s, l)*monomial(l)
+          end do
+        end do
+      end do
+    end associate
+  end subroutine set_bernstein
+
+  !> Monomial coefficients of the j-th Lagrange polynomial on the nodes 0..degree.
+  pure function lagrange_monomials(grid, j) result(coefficient)
+    type(grid_t), intent(in) :: grid
+    integer, intent(in) :: j
+    real(wp) :: coefficient(0:grid%degree)
+    integer :: i, k, degree
+
+    coefficient = 0.0_wp
+    coefficient(0) = grid%barycentric(j)
+    degree = 0
+    do i = 0, grid%degree
+      if (i == j) cycle
+      degree = degree + 1
+      do k = degree, 1, -1
+        coefficient(k) = coefficient(k - 1) - grid%node(i)*coefficient(k)
+      end do
+      coefficient(0) = -grid%node(i)*coefficient(0)
+    end do
+  end function lagrange_monomials
+
+  pure real(wp) function binomial(n, k)
+    integer, intent(in) :: n, k
+    integer :: i
+
+    binomial = 1.0_wp
+    do i = 1, k
+      binomial = binomial*real(n - k + i, wp)/real(i, wp)
+    end do
+  end function binomial
+
+  !> Bernstein coefficients of the polynomial with the given values at the nodes.
+  pure subroutine bernstein_coefficients(self, values, coefficient)
+    class(grid_t), intent(in) :: self
+    real(wp), intent(in) :: values(0:)
+    real(wp), intent(out) :: coefficient(0:)
+    integer :: j
+
+    associate (s => self%degree)
+      coefficient(0:s) = 0.0_wp
+      do j = 0, s
+        coefficient(0:s) = coefficient(0:s) + self%bernstein(0:s, j)*values(j)
+      end do
+    end associate
+  end subroutine bernstein_coefficients
+end module dst_interpolation

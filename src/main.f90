@@ -1,0 +1,176 @@
+!> The executable. Only here is anything printed about errors, and only here does the program end.
+program dynstiction
+  use, intrinsic :: iso_fortran_env, only: output_unit, error_unit
+  use, intrinsic :: iso_c_binding, only: c_int
+  use dst_errors, only: error_t, raise, exit_status, result_done, file_error, stopped_early
+  use dst_text, only: one_per_line
+  use dst_disk, only: file_exists, is_folder, folder_of, true_path
+  use dst_deck, only: deck_t, read_deck, resolved, template
+  use dst_command_line, only: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
+  use dst_run, only: run_deck
+  use dst_build_info, only: version, git_revision, compiler
+  implicit none
+
+  interface
+    ! STOP would print its code.
+    subroutine c_exit(status) bind(c, name='exit')
+      import :: c_int
+      integer(c_int), value :: status
+    end subroutine c_exit
+  end interface
+
+  type(command_t) :: command
+  type(error_t), allocatable :: error
+  integer :: status
+
+  status = result_done
+  call parse_arguments(program_arguments(), command, error)
+  call complain(error)
+  if (status == result_done) call execute()
+  flush (output_unit)
+  flush (error_unit)
+  call c_exit(int(status, c_int))
+
+contains
+
+  subroutine execute()
+    if (command%help) then
+      call print_text(help_text(command%name))
+      return
+    end if
+    select case (command%name)
+    case ('version')
+      call print_text('dynstiction '//version//' ('//git_revision//', '//compiler//')'//new_line('a'))
+    case ('template')
+      call print_template()
+    case ('check')
+      call check_decks()
+    case ('run')
+      call run_decks()
+    end select
+  end subroutine execute
+
+  subroutine print_template()
+    type(error_t), allocatable :: error
+    character(:), allocatable :: model, text
+
+    model = 'full'
+    if (command%operand_count == 1) model = command%operands(1)%text
+    call template(model, text, error)
+    call complain(error)
+    if (.not. allocated(error)) call print_text(text)
+  end subroutine print_template
+
+  !> Print every deck that is sound as it is used, and all faults of the others.
+  subroutine check_decks()
+    type(error_t), allocatable :: error
+    type(deck_t), allocatable :: deck
+    integer :: i
+
+    do i = 1, command%operand_count
+      allocate (deck)
+      call read_deck(command%operands(i)%text, setting_list(command), deck, error)
+      call complain(error)
+      if (.not. allocated(error)) call print_text(resolved(deck))
+      deallocate (deck)
+    end do
+  end subroutine check_decks
+
+  !> Nothing runs unless every deck is sound and every output file may be written.
+  subroutine run_decks()
+    type(deck_t), allocatable :: decks(:)
+    type(argument_t), allocatable :: outputs(:)
+    type(error_t), allocatable :: error
+    integer :: i
+
+    allocate (decks(command%operand_count), outputs(command%operand_count))
+    do i = 1, size(decks)
+      call read_deck(command%operands(i)%text, setting_list(command), decks(i), error)
+      call complain(error)
+      if (.not. allocated(error)) outputs(i)%text = output_of(decks(i))
+    end do
+    if (status /= result_done) return
+    do i = 1, size(decks)
+      call check_output(outputs, i, error)
+      call complain(error)
+    end do
+    if (status /= result_done) return
+    do i = 1, size(decks)
+      call run_deck(decks(i), outputs(i)%text, command%overwrite, command%quiet, error)
+      if (.not. allocated(error)) cycle
+      if (error%code /= file_error) error%text = decks(i)%name//': '//error%text
+      call complain(error)
+      if (error%code == stopped_early) exit
+    end do
+  end subroutine run_decks
+
+  !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.
+  function output_of(deck) result(file_name)
+    type(deck_t), intent(in) :: deck
+    character(:), allocatable :: file_name
+    integer :: first, last
+
+    file_name = command%output
+    if (file_name == '') file_name = deck%text_of('output', 'file')
+    if (file_name /= '') return
+    first = index(deck%name, '/', back=.true.) + 1
+    last = index(deck%name, '.', back=.true.) - 1
+    ! A dot that begins the name or stands in a folder's name begins no extension.
+    if (last < first) last = len(deck%name)
+    file_name = deck%name(first:last)//'.h5'
+  end function output_of
+
+  !> Whether output `i` may be created, and is that of no other deck.
+  subroutine check_output(outputs, i, error)
+    type(argument_t), intent(in) :: outputs(:)
+    integer, intent(in) :: i
+    type(error_t), allocatable, intent(out) :: error
+    integer :: other
+
+    associate (file_name => outputs(i)%text)
+      if (.not. is_folder(folder_of(file_name))) then
+        call raise(error, file_error, file_name//': the folder '//folder_of(file_name)//' does not exist: create it first')
+      else if (file_exists(file_name) .and. .not. command%overwrite) then
+        call raise(error, file_error, file_name//': the file exists: use --overwrite or another name')
+      end if
+      do other = 1, i - 1
+        if (allocated(error)) exit
+        if (place_of(outputs(other)%text) == place_of(file_name)) &
+          call raise(error, file_error, file_name//': two decks write this file: give each deck its own output.file')
+      end do
+    end associate
+  end subroutine check_output
+
+  !> The same text for two names of one file, whether it exists or not.
+  function place_of(file_name) result(place)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: place
+
+    if (file_exists(file_name)) then
+      place = true_path(file_name)
+    else
+      place = true_path(folder_of(file_name))//'/'//file_name(index(file_name, '/', back=.true.) + 1:)
+    end if
+  end function place_of
+
+  !> Print an error, if there is one; the first one decides the exit status.
+  subroutine complain(error)
+    type(error_t), allocatable, intent(in) :: error
+
+    if (.not. allocated(error)) return
+    write (error_unit, '(a)', advance='no') one_per_line(error%text, 'dynstiction: ')
+    if (status == result_done) status = exit_status(error%code)
+  end subroutine complain
+
+  subroutine print_text(text)
+    character(*), intent(in) :: text
+    type(error_t), allocatable :: error
+    integer :: ios
+
+    write (output_unit, '(a)', advance='no', iostat=ios) text
+    if (ios == 0) flush (output_unit, iostat=ios)
+    if (ios == 0) return
+    call raise(error, file_error, 'cannot write to the standard output: see whether the disk is full')
+    call complain(error)
+  end subroutine print_text
+end program dynstiction

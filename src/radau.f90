@@ -1,0 +1,420 @@
+!> Adaptive Radau IIA (orders 5, 9, 13) with the stage elongations eliminated.
+!>
+!> Because u' is linear in the slip velocity, the stage elongations follow from the slip unknowns,
+!>
+!>     u_i = u_0 + D_i e - h sum_j a_ij w(y_j),      D_i the drive's displacement,
+!>
+!> and Newton's method runs on the slip unknowns of all stages only (full Newton, exact Jacobian):
+!>
+!>     B(y_i) sum_j (A^-1)_ij (y_j - y_0) = h g(u_i, y_i).
+!>
+!> The error estimate is the defect of the collocation polynomial at the start of the step, passed
+!> through a one-stage stiff filter (Hairer & Wanner II, Sec. IV.8, in implicit form). It is of
+!> order s + 1 in h while the method's own error is of order 2 s; the tolerance of the estimate is
+!> chosen so that the true error follows rtol.
+module dst_radau
+  use dst_kinds, only: wp
+  use dst_collocation, only: collocation_t, radau_iia, max_stages
+  use dst_drive, only: drive_segment_t
+  use dst_interpolation, only: max_degree
+  use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
+  use dst_small_lu, only: solve_in_place
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, column_u, column_y, column_position, n_columns
+  implicit none
+  private
+
+  public :: radau_t, new_radau
+
+  integer, parameter :: max_unknowns = max_stages*max_components
+  integer, parameter :: max_iterations = 10
+
+  type, extends(stepper_t) :: radau_t
+    type(collocation_t) :: method
+    !> Relative tolerance of the slip velocity and the tolerance of the estimate that gives it.
+    real(wp) :: rtol = 1.0e-8_wp
+    real(wp) :: estimate_tolerance = 1.0e-6_wp
+    !> Predictor: the last accepted step, or the given rate and curvature after a restart.
+    logical :: restarted = .true.
+    real(wp) :: rate(max_components) = 0.0_wp
+    real(wp) :: curvature(max_components) = 0.0_wp
+    real(wp) :: last_step = 0.0_wp
+    real(wp) :: last_nodal(0:max_degree, max_components) = 0.0_wp
+    !> Stage values of the current attempt (stage, component), contiguous.
+    real(wp) :: y(max_unknowns) = 0.0_wp
+    real(wp) :: u(max_unknowns) = 0.0_wp
+    real(wp) :: velocity(max_unknowns) = 0.0_wp
+    real(wp) :: velocity_y(max_unknowns*max_components) = 0.0_wp
+    real(wp) :: increment(max_unknowns) = 0.0_wp
+    real(wp) :: matrix(max_unknowns**2) = 0.0_wp
+    type(stage_terms_t) :: terms
+    type(stage_terms_t) :: point_terms
+    !> Interpolation to the point inside the step where the defect is probed, and its weight.
+    real(wp) :: probe_position = 0.0_wp
+    real(wp) :: probe(0:max_degree) = 0.0_wp
+    real(wp) :: probe_derivative(0:max_degree) = 0.0_wp
+    real(wp) :: probe_weight = 0.0_wp
+  contains
+    procedure :: restart
+    procedure :: attempt
+    procedure :: accept
+  end type radau_t
+
+contains
+
+  !> Radau IIA with 3, 5 or 7 stages for a system of n components.
+  function new_radau(stages, components, rtol) result(stepper)
+    integer, intent(in) :: stages, components
+    real(wp), intent(in) :: rtol
+    type(radau_t) :: stepper
+
+    stepper%method = radau_iia(stages)
+    stepper%grid = stepper%method%grid
+    stepper%rtol = rtol
+    ! Exponent and factor are measured (bench/tolerance): order reduction near a stop keeps the
+    ! exponent above the (s + 1)/(2 s - 1) of smooth motion.
+    if (stages == 3) then
+      stepper%estimate_tolerance = 3.4_wp*rtol**0.8_wp
+    else
+      stepper%estimate_tolerance = 8.0_wp*rtol**0.93_wp
+    end if
+    stepper%terms = new_terms(stages, components)
+    stepper%point_terms = new_terms(1, components)
+    call set_probe(stepper)
+  end function new_radau
+
+  !> Probe the defect half way between the two middle nodes. The defect of collocation varies like
+  !> M(tau) = product (tau - c_i); the weight refers it to the start.
+  pure subroutine set_probe(stepper)
+    type(radau_t), intent(inout) :: stepper
+    real(wp) :: shift
+    integer :: i, j, k
+
+    associate (s => stepper%method%stages, c => stepper%grid%node, tau => stepper%probe_position)
+      i = s
+      tau = 0.5_wp*(c(i) + c(i - 1))
+      call stepper%grid%lagrange(tau, stepper%probe)
+      do j = 0, s
+        stepper%probe_derivative(j) = 0.0_wp
+        do k = 0, s
+          stepper%probe_derivative(j) = stepper%probe_derivative(j) + stepper%probe(k)*stepper%grid%derivative(k, j)
+        end do
+      end do
+      shift = 1.0_wp
+      do j = 1, s
+        shift = shift*abs(c(j)/(tau - c(j)))
+      end do
+      stepper%probe_weight = stepper%method%gamma*shift
+    end associate
+  end subroutine set_probe
+
+  pure function new_terms(stages, components) result(terms)
+    integer, intent(in) :: stages, components
+    type(stage_terms_t) :: terms
+
+    allocate (terms%force(stages, components), terms%inertia(stages, components))
+    allocate (terms%force_u(stages, components, components), terms%force_y(stages, components, components))
+    allocate (terms%inertia_y(stages, components, components))
+    allocate (terms%dissipation(stages), terms%dissipation_y(stages, components))
+  end function new_terms
+
+  pure subroutine restart(self, rate, curvature)
+    class(radau_t), intent(inout) :: self
+    real(wp), intent(in) :: rate(:), curvature(:)
+
+    self%restarted = .true.
+    self%peak_speed = 0.0_wp
+    self%rate = rate
+    self%curvature = curvature
+  end subroutine restart
+
+  subroutine attempt(self, system, drive, from, step, to, outcome)
+    class(radau_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: step
+    type(motion_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
+
+    self%step = step
+    associate (s => self%method%stages, n => system%components)
+      call predict(self, s, n, from, self%y)
+      call solve_stages(self, system, drive, s, n, from, self%y, self%u, self%velocity, self%velocity_y, &
+        outcome%solved)
+      if (.not. outcome%solved) return
+      call complete(self, system, drive, s, n, from, self%y, self%u, self%velocity, to)
+      call estimate_error(self, system, drive, s, n, from, outcome)
+    end associate
+  end subroutine attempt
+
+  !> First guess of the stage values.
+  pure subroutine predict(self, s, n, from, y)
+    class(radau_t), intent(in) :: self
+    integer, intent(in) :: s, n
+    type(motion_t), intent(in) :: from
+    real(wp), intent(out) :: y(s, n)
+    real(wp) :: basis(0:max_degree), elapsed
+    integer :: i, k
+
+    associate (c => self%grid%node)
+      if (self%restarted) then
+        do i = 1, s
+          elapsed = c(i)*self%step
+          y(i, :) = from%y(:n) + elapsed*(self%rate(:n) + 0.5_wp*elapsed*self%curvature(:n))
+        end do
+      else
+        do i = 1, s
+          call self%grid%lagrange(1.0_wp + c(i)*self%step/self%last_step, basis)
+          do k = 1, n
+            y(i, k) = dot_product(basis(0:s), self%last_nodal(0:s, k))
+          end do
+        end do
+      end if
+    end associate
+  end subroutine predict
+
+  !> Newton's method for the slip unknowns of all stages. On success `y`, `u` and `velocity`
+  !> belong together to the accuracy of the solution.
+  subroutine solve_stages(self, system, drive, s, n, from, y, u, velocity, velocity_y, solved)
+    class(radau_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    integer, intent(in) :: s, n
+    type(motion_t), intent(in) :: from
+    real(wp), intent(inout) :: y(s, n)
+    real(wp), intent(out) :: u(s, n), velocity(s, n), velocity_y(s, n, n)
+    logical, intent(out) :: solved
+    real(wp) :: driven(s, n), size, last_size, convergence
+    logical :: singular
+    integer :: iteration, i, k
+
+    solved = .false.
+    do k = 1, n
+      do i = 1, s
+        driven(i, k) = from%u(k) + drive%displacement(from%time, self%grid%node(i)*self%step)*system%along(k)
+      end do
+    end do
+    last_size = 0.0_wp
+    do iteration = 1, max_iterations
+      call system%kinematics(s, y, velocity, velocity_y)
+      call elongations(self, s, n, driven, velocity, u)
+      call system%dynamics(s, u, y, velocity_y, self%terms)
+      call linearise(s, n, self%step, self%method%integral, self%grid%derivative, self%terms, &
+        from%y, y, velocity_y, self%matrix, self%increment)
+      call solve_in_place(s*n, self%matrix, self%increment, singular)
+      self%count%newton = self%count%newton + 1
+      if (singular) return
+      call apply_increment(self, s, n, velocity_y, self%increment, y, velocity, size)
+      if (.not. size <= huge(size)) return
+      ! Quadratic convergence: the next increment would be about convergence*size**2.
+      convergence = 10.0_wp
+      if (iteration > 1) convergence = min(size/last_size**2, 1.0_wp/last_size)
+      if (convergence*size**2 <= 0.01_wp*self%rtol .or. size <= 4.0_wp*epsilon(size)) then
+        solved = .true.
+        exit
+      end if
+      if (iteration > 2 .and. size > 2.0_wp*last_size) return
+      last_size = size
+    end do
+    if (solved) call elongations(self, s, n, driven, velocity, u)
+  end subroutine solve_stages
+
+  !> u_i = (u_0 + D_i e) - h sum_j a_ij w_j.
+  pure subroutine elongations(self, s, n, driven, velocity, u)
+    class(radau_t), intent(in) :: self
+    integer, intent(in) :: s, n
+    real(wp), intent(in) :: driven(s, n), velocity(s, n)
+    real(wp), intent(out) :: u(s, n)
+    integer :: j, k
+
+    do k = 1, n
+      u(:, k) = 0.0_wp
+      do j = 1, s
+        u(:, k) = u(:, k) + self%method%integral(1:s, j)*velocity(j, k)
+      end do
+      u(:, k) = driven(:, k) - self%step*u(:, k)
+    end do
+  end subroutine elongations
+
+  !> Newton's matrix and the negative residual. Unknowns and equations in the order (stage, component).
+  pure subroutine linearise(s, n, step, integral, derivative, terms, y0, y, velocity_y, matrix, residual)
+    integer, intent(in) :: s, n
+    real(wp), intent(in) :: step
+    real(wp), intent(in) :: integral(max_stages, max_stages), derivative(0:max_degree, 0:max_degree)
+    type(stage_terms_t), intent(in) :: terms
+    real(wp), intent(in) :: y0(n), y(s, n), velocity_y(s, n, n)
+    real(wp), intent(out) :: matrix(s, n, s, n), residual(s, n)
+    real(wp) :: rate(s, n), coupling(s)
+    integer :: i, j, k, l, m
+
+    do k = 1, n
+      rate(:, k) = 0.0_wp
+      do j = 1, s
+        rate(:, k) = rate(:, k) + derivative(1:s, j)*(y(j, k) - y0(k))
+      end do
+      residual(:, k) = step*terms%force(:, k) - terms%inertia(:, k)*rate(:, k)
+    end do
+    do l = 1, n
+      do j = 1, s
+        do k = 1, n
+          coupling = 0.0_wp
+          do m = 1, n
+            coupling = coupling + terms%force_u(:, k, m)*velocity_y(j, m, l)
+          end do
+          matrix(:, k, j, l) = (step**2*integral(1:s, j))*coupling
+          if (k == l) matrix(:, k, j, l) = matrix(:, k, j, l) + terms%inertia(:, k)*derivative(1:s, j)
+        end do
+      end do
+      do k = 1, n
+        do i = 1, s
+          matrix(i, k, i, l) = matrix(i, k, i, l) + terms%inertia_y(i, k, l)*rate(i, k) - step*terms%force_y(i, k, l)
+        end do
+      end do
+    end do
+  end subroutine linearise
+
+  !> Add the increment to y and, to first order, to the slip velocity. `size` is the largest change
+  !> of slip velocity relative to the largest slip speed of the step.
+  pure subroutine apply_increment(self, s, n, velocity_y, increment, y, velocity, size)
+    class(radau_t), intent(inout) :: self
+    integer, intent(in) :: s, n
+    real(wp), intent(in) :: velocity_y(s, n, n), increment(s, n)
+    real(wp), intent(inout) :: y(s, n), velocity(s, n)
+    real(wp), intent(out) :: size
+    real(wp) :: change(s, n), square(s), speed(s)
+    integer :: k, l
+
+    square = 0.0_wp
+    speed = 0.0_wp
+    do k = 1, n
+      change(:, k) = 0.0_wp
+      do l = 1, n
+        change(:, k) = change(:, k) + velocity_y(:, k, l)*increment(:, l)
+      end do
+      y(:, k) = y(:, k) + increment(:, k)
+      velocity(:, k) = velocity(:, k) + change(:, k)
+      square = square + change(:, k)**2
+      speed = speed + velocity(:, k)**2
+    end do
+    self%speed_scale = sqrt(maxval(speed))
+    size = sqrt(maxval(square))/self%speed_scale
+  end subroutine apply_increment
+
+  !> Node values for the dense output, quadratures, and the state at the end of the step.
+  subroutine complete(self, system, drive, s, n, from, y, u, velocity, to)
+    class(radau_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    integer, intent(in) :: s, n
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: y(s, n), u(s, n), velocity(s, n)
+    type(motion_t), intent(out) :: to
+    real(wp) :: forward(s), drive_power, friction_power, increment(s, n)
+    integer :: i, k
+
+    increment = reshape(self%increment(1:s*n), [s, n])
+    forward = 0.0_wp
+    do k = 1, n
+      forward = forward + system%along(k)*velocity(:, k)
+      self%nodal(0, column_u + k - 1) = from%u(k)
+      self%nodal(0, column_y + k - 1) = from%y(k)
+      self%nodal(1:s, column_y + k - 1) = y(:, k)
+      do i = 1, s
+        self%nodal(i, column_u + k - 1) = u(i, k) &
+          - drive%displacement(from%time, self%grid%node(i)*self%step)*system%along(k)
+      end do
+      to%u(k) = u(s, k)
+      to%y(k) = y(s, k)
+    end do
+    self%nodal(0, column_position) = from%position
+    do i = 1, s
+      self%nodal(i, column_position) = from%position + self%step*dot_product(self%method%integral(i, 1:s), forward)
+    end do
+    drive_power = 0.0_wp
+    friction_power = 0.0_wp
+    do i = 1, s
+      associate (b => self%method%weight(i))
+        drive_power = drive_power + b*drive%velocity_at(from%time + self%grid%node(i)*self%step) &
+          *dot_product(system%along_stiffness(1:n), u(i, :))
+        friction_power = friction_power + b*(self%terms%dissipation(i) &
+          + dot_product(self%terms%dissipation_y(i, :), increment(i, :)))
+      end associate
+    end do
+    to%time = from%time + self%step
+    to%position = self%nodal(s, column_position)
+    to%drive_work = from%drive_work + self%step*drive_power
+    to%friction_work = from%friction_work + self%step*friction_power
+  end subroutine complete
+
+  !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end
+  !> relative to the largest slip speed of the step. The defect is probed at the start and at one
+  !> point inside, where it also sees what turns quickly while the start is at rest.
+  subroutine estimate_error(self, system, drive, s, n, from, outcome)
+    class(radau_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    integer, intent(in) :: s, n
+    type(motion_t), intent(in) :: from
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: u(n), y(n), start_error, probe_error
+    integer :: k
+
+    call defect_error(self, system, s, n, from%u(1:n), from%y(1:n), self%grid%derivative(0, 0:s), &
+      self%method%gamma, start_error)
+    do k = 1, n
+      u(k) = dot_product(self%probe(0:s), self%nodal(0:s, column_u + k - 1)) &
+        + system%along(k)*drive%displacement(from%time, self%probe_position*self%step)
+      y(k) = dot_product(self%probe(0:s), self%nodal(0:s, column_y + k - 1))
+    end do
+    call defect_error(self, system, s, n, u, y, self%probe_derivative(0:s), self%probe_weight, probe_error)
+    outcome%error = max(start_error, probe_error) &
+      /(self%speed_scale*self%estimate_tolerance + self%step*system%acceleration_noise)
+    if (.not. outcome%error <= huge(outcome%error)) outcome%error = 1.0e6_wp
+    outcome%factor = min(4.0_wp, max(0.2_wp, 0.9_wp*max(outcome%error, 1.0e-10_wp)**(-1.0_wp/real(s + 1, wp))))
+  end subroutine estimate_error
+
+  !> Slip-velocity error at the end of the step from the defect g - B p' at (u, y), where
+  !> `derivative` gives p' times the step from the nodal values.
+  subroutine defect_error(self, system, s, n, u, y, derivative, weight, error)
+    class(radau_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    integer, intent(in) :: s, n
+    real(wp), intent(in) :: u(n), y(n), derivative(0:s), weight
+    real(wp), intent(out) :: error
+    real(wp) :: velocity(1, n), velocity_yy(1, n, n), filter(n, n), defect(n), reach, speed(n)
+    logical :: singular
+    integer :: k, l, m
+
+    call system%kinematics(1, y, velocity, velocity_yy)
+    call system%dynamics(1, u, y, velocity_yy, self%point_terms)
+    self%count%rhs = self%count%rhs + 1
+    self%speed_scale = max(self%speed_scale, sqrt(sum(velocity**2)))
+    associate (terms => self%point_terms)
+      reach = self%method%gamma*self%step
+      do k = 1, n
+        defect(k) = weight*(self%step*terms%force(1, k) - terms%inertia(1, k) &
+          *dot_product(derivative, self%nodal(0:s, column_y + k - 1)))
+        do l = 1, n
+          filter(k, l) = 0.0_wp
+          do m = 1, n
+            filter(k, l) = filter(k, l) + reach**2*terms%force_u(1, k, m)*velocity_yy(1, m, l)
+          end do
+        end do
+        filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) + max(0.0_wp, -reach*terms%force_y(1, k, k))
+      end do
+    end associate
+    call solve_in_place(n, filter, defect, singular)
+    speed = matmul(velocity_yy(1, :, :), defect)
+    error = sqrt(sum(speed**2))
+    if (singular) error = huge(error)
+  end subroutine defect_error
+
+  pure subroutine accept(self)
+    class(radau_t), intent(inout) :: self
+
+    self%restarted = .false.
+    self%peak_speed = max(self%peak_speed, self%speed_scale)
+    self%last_step = self%step
+    self%last_nodal = self%nodal(:, column_y:column_y + max_components - 1)
+  end subroutine accept
+end module dst_radau

@@ -1,0 +1,279 @@
+!> The one table of what a deck may contain.
+!>
+!> The reader, `check`, `template`, the attributes of the HDF5 file, the keywords of the Python package and the manual
+!> page come from it. A key is added by adding its entry here.
+module dst_schema
+  use dst_kinds, only: wp, int64
+  use dst_text, only: real_text, integer_text, word, word_count, has_word, alternatives
+  implicit none
+  private
+
+  public :: key_t, range_t, schema, key_count, group_names, later_groups
+  public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind
+  public :: longest_text, most_values
+  public :: find_key, find_name, keys_of, in_range, range_text, is_available, available_choices
+  public :: condition_count, condition_key, condition_choices, condition_text
+
+  integer, parameter :: real_kind = 1, integer_kind = 2, text_kind = 3, choice_kind = 4
+  integer, parameter :: reals_kind = 5, texts_kind = 6
+
+  !> Bytes of the longest text value; numbers of the longest list.
+  integer, parameter :: longest_text = 256, most_values = 10000
+
+  !> An interval; an open end excludes its limit.
+  type :: range_t
+    real(wp) :: low = -huge(1.0_wp), high = huge(1.0_wp)
+    logical :: low_open = .false., high_open = .false.
+  end type range_t
+
+  type :: key_t
+    character(12) :: group
+    character(20) :: name
+    integer :: kind
+    character(8) :: unit
+    type(range_t) :: range
+    logical :: required          !! the user must give it when it is used
+    character(16) :: default     !! as in a deck, text without quotes; of a required key: what is tolerated when it is not used
+    character(32) :: sample      !! Fig. 3's value, for the template
+    character(160) :: choices    !! blank-separated; '' = free
+    character(64) :: used_by     !! blank-separated conditions key=choice|choice that must all hold; '' = always used
+    character(88) :: meaning
+  end type key_t
+
+  type(range_t), parameter :: any_real = range_t()
+  type(range_t), parameter :: positive = range_t(low=0.0_wp, low_open=.true.)
+  type(range_t), parameter :: non_negative = range_t(low=0.0_wp)
+  type(range_t), parameter :: one_turn = range_t(low=-360.0_wp, high=360.0_wp)
+  type(range_t), parameter :: tolerances = range_t(low=1.0e-13_wp, high=1.0e-1_wp)
+
+  character(*), parameter :: group_names = 'scene system friction drive initial integrator output'
+  !> Groups of the deck language that this version cannot run.
+  character(*), parameter :: later_groups = 'sweep'
+
+  character(*), parameter :: models = 'full low_frequency high_frequency creep creep_asymptotic auto'
+  character(*), parameter :: methods = 'radau5 radau9 radau13 rk4 dopri5 dop853 moreau_jean'
+  character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
+    'friction theta psi sticking zeta'
+  !> What of them this version can run.
+  character(*), parameter :: implemented_models = 'full'
+  character(*), parameter :: implemented_methods = 'radau5 radau9 radau13 rk4 dopri5 dop853'
+
+  character(*), parameter :: dynamic = 'model=full|low_frequency|high_frequency|auto'
+  character(*), parameter :: transverse = 'model=full|high_frequency|auto'
+  character(*), parameter :: fixed_step = 'method=rk4|moreau_jean'
+  character(*), parameter :: adaptive = 'method=radau5|radau9|radau13|dopri5|dop853'
+  character(*), parameter :: explicit_exact = 'method=dopri5|dop853 contact=exact'
+
+  logical, parameter :: must = .true., may = .false.
+
+  !> group, key, kind, unit, range, required?, default, sample, choices, used_by, meaning
+  type(key_t), parameter :: schema(*) = [ &
+    key_t('scene', 'title', text_kind, '', any_real, may, '', 'Fig. 3, Nakano & Popov (2020)', '', '', &
+          'what the scene shows; kept in the results'), &
+    key_t('scene', 'model', choice_kind, '', any_real, may, 'full', '', models, '', &
+          'the equations to integrate'), &
+    key_t('scene', 't_end', real_kind, 's', positive, must, '', '10.0', '', '', &
+          'end of the simulated time'), &
+    key_t('system', 'mass', real_kind, 'kg', positive, must, '', '0.25', '', dynamic, &
+          'mass of the object'), &
+    key_t('system', 'stiffness_x', real_kind, 'N/m', positive, must, '', '1.0e3', '', '', &
+          'stiffness along the soft principal axis'), &
+    key_t('system', 'stiffness_y', real_kind, 'N/m', positive, must, '', '1.0e7', '', transverse, &
+          'stiffness along the stiff principal axis'), &
+    key_t('system', 'misalignment_deg', real_kind, 'deg', one_turn, must, '', '1.0', '', '', &
+          'angle phi from the drive direction to the soft axis'), &
+    key_t('friction', 'law', choice_kind, '', any_real, may, 'weakening', '', 'constant weakening', dynamic, &
+          'how friction depends on the slip velocity'), &
+    key_t('friction', 'mu_0', real_kind, '1', non_negative, must, '', '0.20', '', '', &
+          'friction coefficient at rest'), &
+    key_t('friction', 'mu_inf', real_kind, '1', non_negative, must, '', '0.15', '', 'law=weakening', &
+          'friction coefficient at high slip velocity'), &
+    key_t('friction', 'v_f', real_kind, 'm/s', positive, must, '', '0.010', '', 'law=weakening', &
+          'slip velocity over which friction weakens'), &
+    key_t('friction', 'normal_load', real_kind, 'N', non_negative, must, '', '10.0', '', '', &
+          'normal load W'), &
+    key_t('friction', 'contact', choice_kind, '', any_real, may, 'exact', '', 'exact smoothed', transverse, &
+          'exact: set-valued at rest, with events; smoothed: w/sqrt(|w|^2 + v_smooth^2)'), &
+    key_t('friction', 'v_smooth', real_kind, 'm/s', positive, must, '0.0', '', '', 'contact=smoothed', &
+          'smoothing velocity, to be far below V sin(phi)'), &
+    key_t('drive', 'velocity', reals_kind, 'm/s', any_real, must, '', '1.0e-3', '', '', &
+          'drive velocity: one value, or one for each time; constant after the last'), &
+    key_t('drive', 'time', reals_kind, 's', non_negative, may, '0.0', '', '', '', &
+          'corners of a piecewise-linear velocity, from 0 on; a time given twice is a jump'), &
+    key_t('initial', 'velocity_ratio', real_kind, '1', any_real, may, '0.0', '1.0e-6', '', dynamic, &
+          'initial velocity along the drive over the drive velocity, X''(0)/V'), &
+    key_t('initial', 'elongation_x', real_kind, 'm', any_real, may, '0.0', '', '', '', &
+          'initial elongation of the spring along the soft axis'), &
+    key_t('initial', 'elongation_y', real_kind, 'm', any_real, may, '0.0', '', '', transverse, &
+          'initial elongation of the spring along the stiff axis'), &
+    key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau9', '', methods, dynamic, &
+          'radau*: implicit, of that order; dopri5, dop853, rk4: explicit'), &
+    key_t('integrator', 'rtol', real_kind, '1', tolerances, may, '1.0e-8', '', '', adaptive, &
+          'relative tolerance of a step'), &
+    key_t('integrator', 'step', real_kind, 's', positive, must, '0.0', '', '', fixed_step, &
+          'the fixed step'), &
+    key_t('integrator', 'v_cut', real_kind, 'm/s', non_negative, may, '0.0', '', '', explicit_exact, &
+          'slip velocity below which a stop is finished in closed form; 0 = chosen from rtol and V'), &
+    key_t('integrator', 'step_max', real_kind, 's', non_negative, may, '0.0', '', '', adaptive, &
+          'longest step; 0 = no limit'), &
+    key_t('integrator', 'max_steps', integer_kind, '1', non_negative, may, '0', '', '', dynamic, &
+          'most steps of a run; 0 = no limit'), &
+    key_t('output', 'file', text_kind, '', any_real, may, '', '', '', '', &
+          'file of the results; empty = the deck''s name with .h5, in the current directory'), &
+    key_t('output', 'interval', real_kind, 's', non_negative, may, '1.0e-3', '', '', '', &
+          'time between samples; 0 = every accepted step'), &
+    key_t('output', 'fields', texts_kind, '', any_real, may, 'default', '', columns, '', &
+          'columns of the time series'), &
+    key_t('output', 'flush_seconds', real_kind, 's', non_negative, may, '5.0', '', '', '', &
+          'wall time between flushes of the file'), &
+    key_t('output', 'checkpoint_interval', real_kind, 's', non_negative, may, '600.0', '', '', '', &
+          'wall time between checkpoints; 0 = none'), &
+    key_t('output', 'wall_limit', real_kind, 's', non_negative, may, '0.0', '', '', '', &
+          'wall time after which the run stops; 0 = no limit')]
+
+  integer, parameter :: key_count = size(schema)
+
+contains
+
+  !> Index of a key; 0 if the group has no such key.
+  pure integer function find_key(group, name)
+    character(*), intent(in) :: group, name
+    integer :: i
+
+    find_key = 0
+    do i = 1, key_count
+      if (schema(i)%group == group .and. schema(i)%name == name) find_key = i
+    end do
+  end function find_key
+
+  !> Index of the key of this name in any group; 0 if there is none. Key names are unique.
+  pure integer function find_name(name)
+    character(*), intent(in) :: name
+    integer :: i
+
+    find_name = 0
+    do i = 1, key_count
+      if (schema(i)%name == name) find_name = i
+    end do
+  end function find_name
+
+  !> The names of a group's keys, blank-separated.
+  pure function keys_of(group) result(names)
+    character(*), intent(in) :: group
+    character(:), allocatable :: names
+    integer :: i
+
+    names = ''
+    do i = 1, key_count
+      if (schema(i)%group == group) names = names//trim(schema(i)%name)//' '
+    end do
+    names = trim(names)
+  end function keys_of
+
+  elemental logical function in_range(range, value)
+    type(range_t), intent(in) :: range
+    real(wp), intent(in) :: value
+
+    in_range = value >= range%low .and. value <= range%high
+    if (range%low_open) in_range = in_range .and. value > range%low
+    if (range%high_open) in_range = in_range .and. value < range%high
+  end function in_range
+
+  !> '> 0.0', '>= 0', '>= a and <= b'; '' when every finite value will do.
+  function range_text(key) result(text)
+    type(key_t), intent(in) :: key
+    character(:), allocatable :: text
+
+    text = ''
+    if (key%range%low > -huge(1.0_wp)) text = trim(merge('> ', '>=', key%range%low_open))//' '//limit_text(key, key%range%low)
+    if (key%range%high < huge(1.0_wp)) then
+      if (len(text) > 0) text = text//' and '
+      text = text//trim(merge('< ', '<=', key%range%high_open))//' '//limit_text(key, key%range%high)
+    end if
+  end function range_text
+
+  function limit_text(key, limit) result(text)
+    type(key_t), intent(in) :: key
+    real(wp), intent(in) :: limit
+    character(:), allocatable :: text
+
+    if (key%kind == integer_kind) then
+      text = integer_text(nint(limit, int64))
+    else
+      text = real_text(limit)
+    end if
+  end function limit_text
+
+  !> Whether this version can run this choice of this key.
+  pure logical function is_available(key, choice)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: choice
+
+    is_available = has_word(available_choices(key), choice)
+  end function is_available
+
+  !> The choices of a key that this version can run, blank-separated.
+  pure function available_choices(key) result(list)
+    type(key_t), intent(in) :: key
+    character(:), allocatable :: list
+
+    select case (key%name)
+    case ('model')
+      list = implemented_models
+    case ('method')
+      list = implemented_methods
+    case default
+      list = trim(key%choices)
+    end select
+  end function available_choices
+
+  pure integer function condition_count(key)
+    type(key_t), intent(in) :: key
+
+    condition_count = word_count(key%used_by)
+  end function condition_count
+
+  !> Index of the key on which condition `n` of `key` depends.
+  pure integer function condition_key(key, n)
+    type(key_t), intent(in) :: key
+    integer, intent(in) :: n
+    character(:), allocatable :: condition
+
+    condition = word(key%used_by, n)
+    condition_key = find_name(condition(:index(condition, '=') - 1))
+  end function condition_key
+
+  !> The choices with which condition `n` of `key` holds, blank-separated.
+  pure function condition_choices(key, n) result(list)
+    type(key_t), intent(in) :: key
+    integer, intent(in) :: n
+    character(:), allocatable :: list
+    integer :: i
+
+    list = word(key%used_by, n)
+    list = list(index(list, '=') + 1:)
+    do i = 1, len(list)
+      if (list(i:i) == '|') list(i:i) = ' '
+    end do
+  end function condition_choices
+
+  !> 'law weakening', 'method dopri5 | dop853 and contact exact', of what this version can run; '' when always used.
+  pure function condition_text(key) result(text)
+    type(key_t), intent(in) :: key
+    character(:), allocatable :: text
+    character(:), allocatable :: choices, available
+    integer :: n, i, on
+
+    text = ''
+    do n = 1, condition_count(key)
+      on = condition_key(key, n)
+      choices = condition_choices(key, n)
+      available = ''
+      do i = 1, word_count(choices)
+        if (is_available(schema(on), word(choices, i))) available = available//word(choices, i)//' '
+      end do
+      if (n > 1) text = text//' and '
+      text = text//trim(schema(on)%name)//' '//alternatives(available)
+    end do
+  end function condition_text
+end module dst_schema

@@ -1,0 +1,43 @@
+!> The slider: mass, anisotropic spring, misalignment (Nakano & Popov 2020, Fig. 1 and Eqs. 1-6).
+module dst_slider
+  use dst_kinds, only: wp, degree
+  use dst_friction, only: friction_law_t
+  implicit none
+  private
+
+  public :: slider_t, cos_sin_degrees
+
+  !> All parameters of the object and its contact. Vectors are in the principal axes x, y.
+  type :: slider_t
+    real(wp) :: mass = 1.0_wp                              !! kg
+    real(wp) :: stiffness(2) = 1.0_wp                      !! k_x, k_y, N/m
+    real(wp) :: along(2) = [1.0_wp, 0.0_wp]                !! drive direction (cos phi, sin phi)
+    class(friction_law_t), allocatable :: law
+  end type slider_t
+
+contains
+
+  !> (cos, sin) of an angle in degrees, exact at multiples of 90 and odd/even to the last bit.
+  pure function cos_sin_degrees(angle) result(direction)
+    real(wp), intent(in) :: angle
+    real(wp) :: direction(2)
+    real(wp) :: quarter, rest, c, s
+
+    quarter = anint(angle/90.0_wp)
+    rest = (angle - 90.0_wp*quarter)*degree
+    c = cos(rest)
+    s = sin(rest)
+    select case (modulo(nint(quarter), 4))
+    case (0)
+      direction = [c, s]
+    case (1)
+      direction = [-s, c]
+    case (2)
+      direction = [-c, -s]
+    case default
+      direction = [s, -c]
+    end select
+    ! No negative zeros: they would turn angles of pi into -pi.
+    direction = direction + 0.0_wp
+  end function cos_sin_degrees
+end module dst_slider

@@ -1,0 +1,65 @@
+!> What an integrator knows of a model.
+!>
+!> A model has n spring elongations u and n slip unknowns y (n = 1 or 2). With the slip velocity
+!> w(y), the drive velocity V(t) and its direction e,
+!>
+!>     u' = V(t) e - w(y),      B(y) y' = g(u, y),      B diagonal.
+!>
+!> The second equation is kept in its implicit form, because B may vanish (polar slip velocity at
+!> rest). All stages of a step are evaluated in one call: arrays are (stage, component).
+module dst_slip_system
+  use dst_kinds, only: wp
+  implicit none
+  private
+
+  public :: slip_system_t, stage_terms_t, max_components
+
+  integer, parameter :: max_components = 2
+
+  !> g and what belongs to it at `stages` points, arrays (stage, component[, with respect to]).
+  type :: stage_terms_t
+    real(wp), allocatable :: force(:, :)         !! g
+    real(wp), allocatable :: force_u(:, :, :)    !! dg/du
+    real(wp), allocatable :: force_y(:, :, :)    !! dg/dy
+    real(wp), allocatable :: inertia(:, :)       !! diagonal of B
+    real(wp), allocatable :: inertia_y(:, :, :)  !! dB/dy
+    real(wp), allocatable :: dissipation(:)      !! power of the friction force, W
+    real(wp), allocatable :: dissipation_y(:, :) !! its derivative
+  end type stage_terms_t
+
+  type, abstract :: slip_system_t
+    !> Number of components n.
+    integer :: components = max_components
+    !> Direction of the drive in the principal axes, (cos phi, sin phi).
+    real(wp) :: along(max_components) = 0.0_wp
+    !> The spring's force along the drive [N] is `along_stiffness . u`.
+    real(wp) :: along_stiffness(max_components) = 0.0_wp
+    !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced.
+    real(wp) :: acceleration_noise = 0.0_wp
+  contains
+    !> Slip velocity w(y) and dw/dy at the stages.
+    procedure(kinematics), deferred :: kinematics
+    !> The terms of the second equation at the stages; `velocity_y` is dw/dy from `kinematics`.
+    procedure(dynamics), deferred :: dynamics
+  end type slip_system_t
+
+  abstract interface
+    pure subroutine kinematics(self, stages, y, velocity, velocity_y)
+      import :: slip_system_t, wp
+      class(slip_system_t), intent(in) :: self
+      integer, intent(in) :: stages
+      real(wp), intent(in) :: y(stages, self%components)
+      real(wp), intent(out) :: velocity(stages, self%components)
+      real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+    end subroutine kinematics
+
+    pure subroutine dynamics(self, stages, u, y, velocity_y, terms)
+      import :: slip_system_t, stage_terms_t, wp
+      class(slip_system_t), intent(in) :: self
+      integer, intent(in) :: stages
+      real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
+      real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
+      type(stage_terms_t), intent(inout) :: terms
+    end subroutine dynamics
+  end interface
+end module dst_slip_system

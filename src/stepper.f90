@@ -1,0 +1,118 @@
+!> What the trajectory knows of an integrator: attempt a step, land on an event, read the motion
+!> inside the step.
+module dst_stepper
+  use dst_kinds, only: wp, int64
+  use dst_drive, only: drive_segment_t
+  use dst_interpolation, only: grid_t, max_degree
+  use dst_slip_system, only: slip_system_t, max_components
+  implicit none
+  private
+
+  public :: stepper_t, motion_t, attempt_t, work_count_t, column_u, column_y, column_position, n_columns
+
+  !> The state of the motion at one instant.
+  type :: motion_t
+    real(wp) :: time = 0.0_wp                        !! s
+    real(wp) :: u(max_components) = 0.0_wp           !! spring elongation, m
+    real(wp) :: y(max_components) = 0.0_wp           !! slip unknowns of the model
+    real(wp) :: position = 0.0_wp                    !! X, m
+    real(wp) :: drive_work = 0.0_wp                  !! J
+    real(wp) :: friction_work = 0.0_wp               !! J
+  end type motion_t
+
+  !> What came of an attempted step.
+  type :: attempt_t
+    logical :: solved = .false.
+    !> Estimated error over tolerance; the step is good up to 1.
+    real(wp) :: error = huge(1.0_wp)
+    !> Factor by which the step size may change.
+    real(wp) :: factor = 0.25_wp
+  end type attempt_t
+
+  !> Counters of every kind of work.
+  type :: work_count_t
+    integer(int64) :: steps = 0
+    integer(int64) :: rejected = 0
+    integer(int64) :: rhs = 0
+    integer(int64) :: jacobians = 0
+    integer(int64) :: factorisations = 0
+    integer(int64) :: newton = 0
+    integer(int64) :: events = 0
+  end type work_count_t
+
+  ! Columns of the nodal values of a step.
+  integer, parameter :: column_u = 1, column_y = 1 + max_components, column_position = 1 + 2*max_components
+  integer, parameter :: n_columns = column_position
+
+  type, abstract :: stepper_t
+    type(work_count_t) :: count
+    !> Nodes on which the last attempt is known.
+    type(grid_t) :: grid
+    !> Length of the last attempt [s].
+    real(wp) :: step = 0.0_wp
+    !> Values at the nodes: u less the drive's displacement, y, X. Column by column polynomials.
+    real(wp) :: nodal(0:max_degree, n_columns) = 0.0_wp
+    !> Largest slip speed met in the attempt [m/s].
+    real(wp) :: speed_scale = 0.0_wp
+    !> Largest slip speed since the restart [m/s].
+    real(wp) :: peak_speed = 0.0_wp
+  contains
+    !> Begin anew after a discontinuity: y starts with this rate and curvature.
+    procedure(restart), deferred :: restart
+    !> Try one step of length `step` from `from` and, if solved, give its end `to`.
+    procedure(attempt), deferred :: attempt
+    !> The last attempt has been accepted.
+    procedure(accept), deferred :: accept
+    !> The motion at position tau of the last attempt.
+    procedure :: dense
+  end type stepper_t
+
+  abstract interface
+    pure subroutine restart(self, rate, curvature)
+      import :: stepper_t, wp
+      class(stepper_t), intent(inout) :: self
+      real(wp), intent(in) :: rate(:), curvature(:)
+    end subroutine restart
+
+    subroutine attempt(self, system, drive, from, step, to, outcome)
+      import :: stepper_t, slip_system_t, drive_segment_t, motion_t, attempt_t, wp
+      class(stepper_t), intent(inout) :: self
+      class(slip_system_t), intent(in) :: system
+      type(drive_segment_t), intent(in) :: drive
+      type(motion_t), intent(in) :: from
+      real(wp), intent(in) :: step
+      type(motion_t), intent(out) :: to
+      type(attempt_t), intent(out) :: outcome
+    end subroutine attempt
+
+    pure subroutine accept(self)
+      import :: stepper_t
+      class(stepper_t), intent(inout) :: self
+    end subroutine accept
+  end interface
+
+contains
+
+  !> The motion at position `tau` in [0, 1] of the last attempt, which began at `from`. The work
+  !> integrals are not interpolated.
+  pure function dense(self, system, drive, from, tau) result(motion)
+    class(stepper_t), intent(in) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: tau
+    type(motion_t) :: motion
+    real(wp) :: basis(0:max_degree), value(n_columns)
+    integer :: j
+
+    call self%grid%lagrange(tau, basis)
+    do j = 1, n_columns
+      value(j) = dot_product(basis(0:self%grid%degree), self%nodal(0:self%grid%degree, j))
+    end do
+    motion%time = from%time + tau*self%step
+    motion%u = value(column_u:column_u + max_components - 1) &
+      + drive%displacement(from%time, tau*self%step)*system%along
+    motion%y = value(column_y:column_y + max_components - 1)
+    motion%position = value(column_position)
+  end function dense
+end module dst_stepper

@@ -1,0 +1,367 @@
+!> Text as the deck and the command line need it: words, numbers, the nearest valid name.
+module dst_text
+  use dst_kinds, only: wp, int64
+  implicit none
+  private
+
+  public :: text_builder_t
+  public :: lower_case, starts_with, word, word_count, has_word, nearest_word, alternatives, excerpt, one_per_line
+  public :: real_text, integer_text, quoted_text, read_real, read_integer
+
+  !> Text that grows; appending costs time in proportion to what is appended.
+  type :: text_builder_t
+    private
+    character(:), allocatable :: buffer
+    integer :: length = 0
+  contains
+    procedure :: append
+    procedure :: line
+    procedure :: content
+  end type text_builder_t
+
+  character(*), parameter :: newline = achar(10)
+  character(*), parameter :: digits = '0123456789'
+  !> No name of a deck or a command is longer; a longer word is near to none.
+  integer, parameter :: longest_name = 40
+  !> No number needs more characters.
+  integer, parameter :: longest_number = 256
+
+contains
+
+  subroutine append(self, text)
+    class(text_builder_t), intent(inout) :: self
+    character(*), intent(in) :: text
+    character(:), allocatable :: larger
+
+    if (.not. allocated(self%buffer)) allocate (character(1024) :: self%buffer)
+    if (self%length + len(text) > len(self%buffer)) then
+      allocate (character(2*(self%length + len(text))) :: larger)
+      larger(:self%length) = self%buffer(:self%length)
+      call move_alloc(larger, self%buffer)
+    end if
+    self%buffer(self%length + 1:self%length + len(text)) = text
+    self%length = self%length + len(text)
+  end subroutine append
+
+  !> Append `text` without its trailing blanks, and end the line.
+  subroutine line(self, text)
+    class(text_builder_t), intent(inout) :: self
+    character(*), intent(in) :: text
+
+    call self%append(trim(text))
+    call self%append(newline)
+  end subroutine line
+
+  function content(self) result(text)
+    class(text_builder_t), intent(in) :: self
+    character(:), allocatable :: text
+
+    text = ''
+    if (self%length > 0) text = self%buffer(:self%length)
+  end function content
+
+  !> ASCII letters in lower case.
+  pure function lower_case(text) result(lower)
+    character(*), intent(in) :: text
+    character(len(text)) :: lower
+    integer :: i
+
+    do i = 1, len(text)
+      lower(i:i) = text(i:i)
+      if (text(i:i) >= 'A' .and. text(i:i) <= 'Z') lower(i:i) = achar(iachar(text(i:i)) + 32)
+    end do
+  end function lower_case
+
+  pure logical function starts_with(text, beginning)
+    character(*), intent(in) :: text, beginning
+
+    starts_with = .false.
+    if (len(text) >= len(beginning)) starts_with = text(:len(beginning)) == beginning
+  end function starts_with
+
+  !> Word `n` of a list separated by single blanks; '' if there are fewer.
+  pure function word(list, n) result(text)
+    character(*), intent(in) :: list
+    integer, intent(in) :: n
+    character(:), allocatable :: text
+    integer :: first, i, width
+
+    first = 1
+    do i = 1, n
+      if (first > len_trim(list)) exit
+      width = index(list(first:)//' ', ' ') - 1
+      if (i == n) then
+        text = list(first:first + width - 1)
+        return
+      end if
+      first = first + width + 1
+    end do
+    text = ''
+  end function word
+
+  pure integer function word_count(list)
+    character(*), intent(in) :: list
+    integer :: i
+
+    word_count = 0
+    if (len_trim(list) == 0) return
+    word_count = 1 + count([(list(i:i) == ' ', i=1, len_trim(list))])
+  end function word_count
+
+  pure logical function has_word(list, text)
+    character(*), intent(in) :: list, text
+
+    has_word = index(text, ' ') == 0 .and. index(' '//trim(list)//' ', ' '//text//' ') > 0
+  end function has_word
+
+  !> The words of a list as one shows a choice: 'a | b | c'.
+  pure function alternatives(list) result(text)
+    character(*), intent(in) :: list
+    character(:), allocatable :: text
+    integer :: i
+
+    text = word(list, 1)
+    do i = 2, word_count(list)
+      text = text//' | '//word(list, i)
+    end do
+  end function alternatives
+
+  !> The word of `list` that is nearest to `text` by edit distance; '' when none is near.
+  pure function nearest_word(text, list) result(nearest)
+    character(*), intent(in) :: text, list
+    character(:), allocatable :: nearest
+    integer :: i, best, distance
+
+    nearest = ''
+    if (len(text) == 0 .or. len(text) > longest_name) return
+    best = max(1, len(text)/3) + 1
+    do i = 1, word_count(list)
+      distance = edit_distance(lower_case(text), lower_case(word(list, i)))
+      if (distance >= best) cycle
+      best = distance
+      nearest = word(list, i)
+    end do
+  end function nearest_word
+
+  !> Insertions, deletions, replacements and swaps of neighbours that turn a into b.
+  pure integer function edit_distance(a, b)
+    character(*), intent(in) :: a, b
+    integer :: d(-1:len(a), -1:len(b)), i, j, replace
+
+    d(0:, 0) = [(i, i=0, len(a))]
+    d(0, 0:) = [(j, j=0, len(b))]
+    do j = 1, len(b)
+      do i = 1, len(a)
+        replace = merge(0, 1, a(i:i) == b(j:j))
+        d(i, j) = min(d(i - 1, j) + 1, d(i, j - 1) + 1, d(i - 1, j - 1) + replace)
+        if (i == 1 .or. j == 1) cycle
+        if (a(i:i) == b(j - 1:j - 1) .and. a(i - 1:i - 1) == b(j:j)) d(i, j) = min(d(i, j), d(i - 2, j - 2) + 1)
+      end do
+    end do
+    edit_distance = d(len(a), len(b))
+  end function edit_distance
+
+  !> `text` as a message shows it: at most 60 bytes, cut between UTF-8 characters, control characters as '?'.
+  pure function excerpt(text) result(shown)
+    character(*), intent(in) :: text
+    character(:), allocatable :: shown
+    integer, parameter :: longest = 60
+    integer :: i, last
+
+    last = len(text)
+    if (last > longest) then
+      last = longest - 3
+      do while (last > 1 .and. iand(iachar(text(last + 1:last + 1)), 192) == 128)
+        last = last - 1
+      end do
+    end if
+    shown = text(:last)
+    do i = 1, last
+      if (iachar(shown(i:i)) < 32 .or. iachar(shown(i:i)) == 127) shown(i:i) = '?'
+    end do
+    if (last < len(text)) shown = shown//'...'
+  end function excerpt
+
+  !> Every line of `text` with `prefix` before it.
+  pure function one_per_line(text, prefix) result(lines)
+    character(*), intent(in) :: text, prefix
+    character(:), allocatable :: lines
+    integer :: first, width
+
+    lines = ''
+    first = 1
+    do while (first <= len(text))
+      width = index(text(first:)//newline, newline)
+      lines = lines//prefix//text(first:min(first + width - 2, len(text)))//newline
+      first = first + width
+    end do
+  end function one_per_line
+
+  !> The shortest decimal text that reads back to the same bits.
+  function real_text(value) result(text)
+    real(wp), intent(in) :: value
+    character(:), allocatable :: text
+    character(40) :: buffer, form
+    character(:), allocatable :: mantissa
+    integer :: figures, exponent, ios
+    real(wp) :: again
+
+    do figures = 1, 17
+      write (form, '(a, i0, a)') '(es40.', figures - 1, 'e3)'
+      write (buffer, form) abs(value)
+      read (buffer, *, iostat=ios) again
+      if (ios == 0 .and. again <= abs(value) .and. again >= abs(value)) exit
+    end do
+    buffer = adjustl(buffer)
+    mantissa = buffer(1:1)//buffer(3:index(buffer, 'E') - 1)
+    read (buffer(index(buffer, 'E') + 1:), *) exponent
+    text = decimal_text(mantissa, exponent)
+    if (sign(1.0_wp, value) < 0.0_wp) text = '-'//text
+  end function real_text
+
+  !> d.ddd·10^exponent from its significant digits, without an exponent where that is easy to read.
+  pure function decimal_text(mantissa, exponent) result(text)
+    character(*), intent(in) :: mantissa
+    integer, intent(in) :: exponent
+    character(:), allocatable :: text
+    integer :: whole
+
+    if (exponent >= 0 .and. exponent <= 4) then
+      whole = exponent + 1
+      text = mantissa//repeat('0', max(0, whole + 1 - len(mantissa)))
+      text = text(:whole)//'.'//text(whole + 1:)
+    else if (exponent < 0 .and. exponent >= -2) then
+      text = '0.'//repeat('0', -exponent - 1)//mantissa
+    else
+      text = mantissa(1:1)//'.'//mantissa(2:)
+      if (len(mantissa) == 1) text = text//'0'
+      text = text//'e'//integer_text(int(exponent, int64))
+    end if
+  end function decimal_text
+
+  pure function integer_text(value) result(text)
+    integer(int64), intent(in) :: value
+    character(:), allocatable :: text
+    character(24) :: buffer
+
+    write (buffer, '(i0)') value
+    text = trim(buffer)
+  end function integer_text
+
+  !> Text as a deck writes it: in single quotes, a quote inside doubled.
+  pure function quoted_text(text) result(quoted)
+    character(*), intent(in) :: text
+    character(:), allocatable :: quoted
+    integer :: i
+
+    quoted = "'"
+    do i = 1, len(text)
+      quoted = quoted//text(i:i)
+      if (text(i:i) == "'") quoted = quoted//"'"
+    end do
+    quoted = quoted//"'"
+  end function quoted_text
+
+  !> A real number as Fortran writes it. `problem` is '' or says what is wrong with the word.
+  pure subroutine read_real(text, value, problem)
+    character(*), intent(in) :: text
+    real(wp), intent(out) :: value
+    character(:), allocatable, intent(out) :: problem
+    ! Beyond these powers of ten the conversion itself could overflow, or lose digits.
+    integer, parameter :: highest = range(1.0_wp), lowest = -highest
+
+    value = 0.0_wp
+    problem = ''
+    if (.not. is_real(text)) then
+      problem = 'is not a real number'
+    else if (scan(mantissa_of(text), '123456789') == 0) then
+      if (index(text, '-') == 1) value = -value
+    else if (decimal_exponent(text) > highest) then
+      problem = 'is beyond the range of double precision'
+    else if (decimal_exponent(text) < lowest) then
+      problem = 'is below the range of double precision'
+    else
+      read (text, *) value
+    end if
+  end subroutine read_real
+
+  !> An integer. `problem` is '' or says what is wrong with the word.
+  pure subroutine read_integer(text, value, problem)
+    character(*), intent(in) :: text
+    integer(int64), intent(out) :: value
+    character(:), allocatable, intent(out) :: problem
+    integer :: ios, first
+
+    value = 0_int64
+    problem = 'is not an integer'
+    first = 1
+    if (len(text) == 0 .or. len(text) > longest_number) return
+    if (scan(text(1:1), '+-') == 1) first = 2
+    if (first > len(text)) return
+    if (verify(text(first:), digits) > 0) return
+    problem = ''
+    read (text, *, iostat=ios) value
+    if (ios /= 0) problem = 'is beyond the range of 64-bit integers'
+  end subroutine read_integer
+
+  !> [sign] digits [. digits] [e|d [sign] digits], at least one digit before the exponent.
+  pure logical function is_real(text)
+    character(*), intent(in) :: text
+    character(:), allocatable :: mantissa, exponent
+    integer :: point
+
+    is_real = .false.
+    if (len(text) > longest_number) return
+    mantissa = unsigned(mantissa_of(text))
+    point = index(mantissa, '.')
+    if (point > 0) mantissa = mantissa(:point - 1)//mantissa(point + 1:)
+    if (len(mantissa) == 0 .or. verify(mantissa, digits) > 0) return
+    if (len(mantissa_of(text)) < len(text)) then
+      exponent = unsigned(text(len(mantissa_of(text)) + 2:))
+      if (len(exponent) == 0 .or. verify(exponent, digits) > 0) return
+    end if
+    is_real = .true.
+  end function is_real
+
+  !> The power of ten of the first digit of a real number that is not zero.
+  pure integer function decimal_exponent(text)
+    character(*), intent(in) :: text
+    character(:), allocatable :: mantissa, exponent, figures
+    integer :: point, first, power
+    ! Enough to be out of range together with any mantissa.
+    integer, parameter :: out_of_range = 100000
+
+    mantissa = unsigned(mantissa_of(text))
+    point = index(mantissa//'.', '.')
+    first = scan(mantissa, '123456789')
+    decimal_exponent = point - first - merge(1, 0, first < point)
+    if (len(mantissa_of(text)) == len(text)) return
+    exponent = text(len(mantissa_of(text)) + 2:)
+    figures = unsigned(exponent)
+    first = verify(figures, '0')
+    if (first == 0) return
+    power = out_of_range
+    if (len(figures) - first < 5) read (figures, *) power
+    if (index(exponent, '-') == 1) power = -power
+    decimal_exponent = decimal_exponent + power
+  end function decimal_exponent
+
+  !> What stands before the exponent letter.
+  pure function mantissa_of(text) result(mantissa)
+    character(*), intent(in) :: text
+    character(:), allocatable :: mantissa
+    integer :: letter
+
+    letter = scan(text, 'eEdD')
+    if (letter == 0) letter = len(text) + 1
+    mantissa = text(:letter - 1)
+  end function mantissa_of
+
+  pure function unsigned(text) result(rest)
+    character(*), intent(in) :: text
+    character(:), allocatable :: rest
+
+    rest = text
+    if (scan(text, '+-') == 1) rest = text(2:)
+  end function unsigned
+end module dst_text

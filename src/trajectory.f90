@@ -1,0 +1,348 @@
+!> The motion as a sequence of advances: sliding steps and stuck stretches.
+!>
+!> One call of `advance` makes one accepted step of the integrator or one stretch at rest, at most
+!> up to the next knot of the drive or the end. Afterwards the object tells where it was (`from`),
+!> where it is (`now`), whether it stuck in between, what event ended the advance, and the motion
+!> at any instant in between.
+module dst_trajectory
+  use dst_kinds, only: wp, int64
+  use dst_errors, only: error_t, raise, not_finite, too_many_rejections, chattering
+  use dst_bernstein, only: first_zero
+  use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, brake
+  use dst_drive, only: drive_t, drive_segment_t
+  use dst_interpolation, only: max_degree
+  use dst_slider, only: slider_t
+  use dst_slip_system, only: slip_system_t
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, column_y
+  implicit none
+  private
+
+    public :: trajectory_t, no_event, stick_begins, slip_begins
+
+  integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
+  integer, parameter :: max_rejections = 60, max_events_at_once = 100
+
+  type :: trajectory_t
+    type(slider_t) :: slider
+    type(drive_t) :: drive
+    class(slip_system_t), allocatable :: system
+    class(stepper_t), allocatable :: stepper
+    !> Whether rest is possible (exact contact in polar unknowns).
+    logical :: exact_contact = .true.
+    real(wp) :: t_end = 0.0_wp
+    real(wp) :: step_max = 0.0_wp
+    !> A stop is finished in closed form below this slip speed [m/s] or this share of the largest
+    !> slip speed since the release.
+    real(wp) :: cut_speed = 0.0_wp
+    real(wp) :: cut_share = 0.0_wp
+    type(motion_t) :: from, now
+    logical :: sticking = .false.
+    logical :: was_sticking = .false.
+    integer :: event = no_event
+    !> Step size wanted next [s].
+    real(wp) :: next_step = 0.0_wp
+    !> Step size that the first step after a release took last time [s].
+    real(wp) :: release_step = 0.0_wp
+    logical :: just_released = .false.
+    integer :: segment = 1
+    integer :: events_at_once = 0
+  contains
+    procedure :: start
+    procedure :: advance
+    procedure :: at
+    procedure :: finished
+    procedure :: drive_segment
+  end type trajectory_t
+
+contains
+
+  !> Place the object at time 0 with elongation `u` and slip unknowns `y`; its position is X.
+  subroutine start(self, u, y, position)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: u(2), y(2), position
+    type(onset_t) :: onset
+
+    self%now = motion_t(u=u, y=y, position=position)
+    self%from = self%now
+    self%release_step = 0.5_wp*sqrt(self%slider%mass/maxval(self%slider%stiffness))
+    self%next_step = self%release_step
+    if (.not. self%exact_contact) then
+      call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    else if (y(1) > 0.0_wp) then
+      self%next_step = min(self%next_step, y(1)*self%slider%mass/max(self%slider%law%onset, tiny(1.0_wp)))
+      call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    else if (holds(self%slider, u)) then
+      call come_to_rest(self)
+    else
+      onset = onset_of_slip(self%slider, u, velocity_now(self))
+      call set_off(self, onset)
+    end if
+  end subroutine start
+
+  pure logical function finished(self)
+    class(trajectory_t), intent(in) :: self
+
+    finished = self%now%time >= self%t_end
+  end function finished
+
+  !> The stretch of the drive in which the last advance lay or the next one begins.
+  pure function drive_segment(self) result(segment)
+    class(trajectory_t), intent(in) :: self
+    type(drive_segment_t) :: segment
+
+    segment = self%drive%segment(self%segment)
+  end function drive_segment
+
+  pure real(wp) function velocity_now(self)
+    class(trajectory_t), intent(in) :: self
+
+    velocity_now = self%drive%segment(self%segment)%velocity_at(self%now%time)
+  end function velocity_now
+
+  !> One accepted sliding step or one stuck stretch.
+  subroutine advance(self, error)
+    class(trajectory_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: horizon
+
+    self%event = no_event
+    do while (self%now%time >= self%drive%segment(self%segment)%end)
+      self%segment = self%segment + 1
+    end do
+    horizon = min(self%t_end, self%drive%segment(self%segment)%end)
+    self%from = self%now
+    self%was_sticking = self%sticking
+    if (self%sticking) then
+      call stay_stuck(self, horizon)
+    else
+      call slide(self, horizon, error)
+    end if
+    if (allocated(error)) return
+    if (self%now%time > self%from%time) then
+      self%events_at_once = 0
+    else
+      self%events_at_once = self%events_at_once + 1
+      if (self%events_at_once > max_events_at_once) &
+        call raise(error, chattering, 'the contact chatters: more than 100 events at '//at_time(self%now)// &
+          '; use a smaller rtol, another method, or contact = ''smoothed''')
+    end if
+  end subroutine advance
+
+  !> The motion at a time [s] inside the last advance.
+  pure function at(self, time) result(motion)
+    class(trajectory_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    type(motion_t) :: motion
+
+    associate (drive => self%drive%segment(self%segment))
+      if (time >= self%now%time) then
+        motion = self%now
+      else if (self%was_sticking) then
+        motion = self%from
+        motion%time = time
+        motion%u = motion%u + drive%displacement(self%from%time, time - self%from%time)*self%system%along
+      else
+        motion = self%stepper%dense(self%system, drive, self%from, (time - self%from%time)/self%stepper%step)
+      end if
+    end associate
+  end function at
+
+  !> At rest until the spring force reaches the static limit or the horizon comes.
+  subroutine stay_stuck(self, horizon)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    real(wp) :: delay, duration, travel
+    type(onset_t) :: onset
+    logical :: released
+
+    associate (drive => self%drive%segment(self%segment), k => self%slider%stiffness)
+      delay = release_delay(self%slider, self%from%u, drive, self%from%time)
+      duration = horizon - self%from%time
+      released = delay < duration
+      if (released) duration = delay
+      travel = drive%displacement(self%from%time, duration)
+      self%now%u = self%from%u + travel*self%system%along
+      self%now%time = self%from%time + duration
+      if (.not. released) self%now%time = horizon
+      self%now%drive_work = self%from%drive_work + travel*dot_product(k*self%system%along, &
+        0.5_wp*(self%from%u + self%now%u))
+    end associate
+    if (released) then
+      self%event = slip_begins
+      self%stepper%count%events = self%stepper%count%events + 1
+      onset = onset_of_slip(self%slider, self%now%u, velocity_now(self))
+      ! The release is where |K u| = F_0 by definition: no excess from roundoff.
+      onset%rate(1) = 0.0_wp
+      call set_off(self, onset)
+    end if
+  end subroutine stay_stuck
+
+  !> From rest into slip.
+  subroutine set_off(self, onset)
+    class(trajectory_t), intent(inout) :: self
+    type(onset_t), intent(in) :: onset
+
+    self%sticking = .false.
+    self%just_released = .true.
+    self%next_step = self%release_step
+    self%now%y = onset%y
+    call self%stepper%restart(onset%rate, onset%curvature)
+  end subroutine set_off
+
+  !> From slip to rest.
+  subroutine come_to_rest(self)
+    class(trajectory_t), intent(inout) :: self
+
+    self%sticking = .true.
+    self%event = stick_begins
+    self%now%y = 0.0_wp
+    self%stepper%count%events = self%stepper%count%events + 1
+  end subroutine come_to_rest
+
+  !> One accepted step of the integrator; it ends at the horizon at the latest, and at v = 0.
+  subroutine slide(self, horizon, error)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    type(error_t), allocatable, intent(out) :: error
+    type(attempt_t) :: outcome
+    type(motion_t) :: to
+    real(wp) :: step
+    logical :: truncated, stopped
+    integer :: rejections
+
+    do rejections = 0, max_rejections
+      step = self%next_step
+      if (self%step_max > 0.0_wp) step = min(step, self%step_max)
+      truncated = self%from%time + 1.000001_wp*step >= horizon
+      if (truncated) step = horizon - self%from%time
+      call self%stepper%attempt(self%system, self%drive%segment(self%segment), self%from, step, to, outcome)
+      stopped = .false.
+      if (outcome%solved .and. self%exact_contact) call look_for_stop(self, to, outcome, stopped)
+      if (outcome%solved .and. outcome%error <= 1.0_wp) exit
+      self%stepper%count%rejected = self%stepper%count%rejected + 1
+      self%next_step = self%stepper%step*min(outcome%factor, 0.9_wp)
+    end do
+    if (.not. (outcome%solved .and. outcome%error <= 1.0_wp)) then
+      call raise(error, too_many_rejections, 'more than 60 steps in a row were rejected at '//at_time(self%from)// &
+        '; use a larger rtol or another method')
+      return
+    end if
+    truncated = truncated .and. self%stepper%step >= step
+    if (truncated) to%time = horizon
+    self%now = to
+    call self%stepper%accept()
+    self%stepper%count%steps = self%stepper%count%steps + 1
+    call choose_next_step(self, outcome%factor, truncated)
+    if (stopped) then
+      call rest_or_turn(self)
+    else if (self%exact_contact .and. self%now%y(1) < max(self%cut_speed, self%cut_share*self%stepper%peak_speed)) then
+      call finish_stop(self, horizon)
+    end if
+  end subroutine slide
+
+  !> Come to rest in closed form, if that is what the object is about to do.
+  subroutine finish_stop(self, horizon)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    type(motion_t) :: to
+    logical :: stops
+
+    call brake(self%slider, self%drive%segment(self%segment), self%now, to, stops)
+    if (.not. stops .or. to%time > horizon) return
+    self%now = to
+    call come_to_rest(self)
+  end subroutine finish_stop
+
+  !> The step size that the controller wants; a step cut short by the horizon may not shrink it.
+  pure subroutine choose_next_step(self, factor, truncated)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: factor
+    logical, intent(in) :: truncated
+    real(wp) :: wanted
+
+    wanted = self%stepper%step*factor
+    if (truncated) wanted = max(wanted, self%next_step)
+    if (self%just_released .and. .not. truncated) self%release_step = min(wanted, self%stepper%step)
+    self%next_step = wanted
+    self%just_released = .false.
+  end subroutine choose_next_step
+
+  !> Shorten an attempt in which v reaches zero so that it ends there.
+  subroutine look_for_stop(self, to, outcome, stopped)
+    class(trajectory_t), intent(inout) :: self
+    type(motion_t), intent(inout) :: to
+    type(attempt_t), intent(inout) :: outcome
+    logical, intent(out) :: stopped
+    real(wp) :: coefficient(0:max_degree), position
+
+    stopped = .false.
+    if (self%just_released) then
+      outcome%solved = moves_off(self)
+      return
+    end if
+    associate (grid => self%stepper%grid)
+      call grid%bernstein_coefficients(self%stepper%nodal(:, column_y), coefficient)
+      position = first_zero(coefficient(0:grid%degree))
+    end associate
+    if (position > 1.0_wp) return
+    call land(self, position, to, outcome)
+    stopped = outcome%solved .and. abs(to%y(1)) <= 1.0e-9_wp*self%stepper%speed_scale
+  end subroutine look_for_stop
+
+  !> Whether the first step after a release has v > 0 throughout; a step that is too long may
+  !> have found the other branch.
+  pure logical function moves_off(self)
+    class(trajectory_t), intent(in) :: self
+
+    associate (degree => self%stepper%grid%degree)
+      moves_off = all(self%stepper%nodal(1:degree, column_y) > 0.0_wp)
+    end associate
+  end function moves_off
+
+  !> At v = 0: rest, or go on in the direction of K u.
+  subroutine rest_or_turn(self)
+    class(trajectory_t), intent(inout) :: self
+    type(onset_t) :: onset
+
+    if (holds(self%slider, self%now%u)) then
+      call come_to_rest(self)
+    else
+      onset = onset_of_slip(self%slider, self%now%u, velocity_now(self))
+      call set_off(self, onset)
+    end if
+  end subroutine rest_or_turn
+
+  !> Repeat the step with the length at which v vanishes at its end, so that the event has the
+  !> accuracy of a step's end and not only that of the dense output.
+  subroutine land(self, position, to, outcome)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: position
+    type(motion_t), intent(inout) :: to
+    type(attempt_t), intent(out) :: outcome
+    real(wp) :: step, slope
+    integer :: iteration
+
+    step = position*self%stepper%step
+    do iteration = 1, 8
+      call self%stepper%attempt(self%system, self%drive%segment(self%segment), self%from, step, to, outcome)
+      if (.not. outcome%solved) exit
+      associate (grid => self%stepper%grid)
+        if (abs(to%y(1)) <= 1.0e-14_wp*self%stepper%speed_scale) exit
+        slope = dot_product(grid%derivative(grid%degree, 0:grid%degree), &
+          self%stepper%nodal(0:grid%degree, column_y))/step
+      end associate
+      if (iteration == 8) exit
+      step = min(max(0.5_wp*step, step - to%y(1)/slope), 1.5_wp*step)
+    end do
+  end subroutine land
+
+  !> 't = 1.25 s (u = … m, y = …)'
+  pure function at_time(motion) result(text)
+    type(motion_t), intent(in) :: motion
+    character(:), allocatable :: text
+    character(160) :: buffer
+
+    write (buffer, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
+    text = trim(buffer)
+  end function at_time
+end module dst_trajectory

@@ -1,0 +1,70 @@
+!> Where the results of a run go: the interface that the run loop knows.
+!>
+!> Kinds of writer: HDF5 file (`dst_hdf5_writer`), arrays in memory (`dst_memory_writer`).
+module dst_writer
+  use dst_kinds, only: wp
+  use dst_errors, only: error_t
+  implicit none
+  private
+
+  public :: writer_t, quantity_t, outcome_t
+
+  !> What a column of the time series, a summary value or a counter is.
+  type :: quantity_t
+    character(24) :: name = ''
+    character(8) :: units = ''       !! 'm', 'N', 's', 'm s-1', 'rad', '1'
+    character(80) :: long_name = ''
+  end type quantity_t
+
+  !> How a run ended.
+  type :: outcome_t
+    integer :: result_code = 0
+    character(:), allocatable :: result_text
+    type(quantity_t), allocatable :: summary(:)
+    real(wp), allocatable :: summary_value(:)
+    type(quantity_t), allocatable :: statistics(:)
+    real(wp), allocatable :: statistics_value(:)
+  end type outcome_t
+
+  type, abstract :: writer_t
+  contains
+    !> Append samples(column, row); the rows come in order of time.
+    procedure(write_samples), deferred :: write_samples
+    !> Append events: time [s] and kind (1 = stick begins, 2 = slip begins).
+    procedure(write_events), deferred :: write_events
+    !> Make everything written so far survive a kill.
+    procedure(flush), deferred :: flush
+    !> Write how the run ended and close; nothing may be written afterwards.
+    procedure(finish), deferred :: finish
+  end type writer_t
+
+  abstract interface
+    subroutine write_samples(self, samples, error)
+      import :: writer_t, wp, error_t
+      class(writer_t), intent(inout) :: self
+      real(wp), intent(in) :: samples(:, :)
+      type(error_t), allocatable, intent(out) :: error
+    end subroutine write_samples
+
+    subroutine write_events(self, time, kind, error)
+      import :: writer_t, wp, error_t
+      class(writer_t), intent(inout) :: self
+      real(wp), intent(in) :: time(:)
+      integer, intent(in) :: kind(:)
+      type(error_t), allocatable, intent(out) :: error
+    end subroutine write_events
+
+    subroutine flush(self, error)
+      import :: writer_t, error_t
+      class(writer_t), intent(inout) :: self
+      type(error_t), allocatable, intent(out) :: error
+    end subroutine flush
+
+    subroutine finish(self, outcome, error)
+      import :: writer_t, outcome_t, error_t
+      class(writer_t), intent(inout) :: self
+      type(outcome_t), intent(in) :: outcome
+      type(error_t), allocatable, intent(out) :: error
+    end subroutine finish
+  end interface
+end module dst_writer

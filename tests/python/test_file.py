@@ -1,0 +1,309 @@
+"""The result file: what it holds, who can read it, and what happens when it cannot be written."""
+
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import time
+from functools import partial
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+DECK = Path(__file__).parents[2] / "inputs" / "fig3.nml"
+
+FILE_ERROR = 3
+# With t_end=1e6: longer than any test waits, and writing fast.
+ENDLESS = ["--set", "output.interval=1.0e-4"]
+
+pytestmark = pytest.mark.deck
+
+
+class Program:
+    """The executable, applied to the deck of Fig. 3."""
+
+    def __init__(self, executable: Path) -> None:
+        self.executable = executable
+
+    def command(self, file: Path, *options: str, t_end: float = 0.05) -> list[str]:
+        fixed = [str(self.executable), "run", str(DECK), "-o", str(file), "--quiet"]
+        return [*fixed, "--set", f"scene.t_end={t_end}", *options]
+
+    def run(self, file: Path, *options: str, t_end: float = 0.05, **settings) -> subprocess.CompletedProcess:
+        command = self.command(file, *options, t_end=t_end)
+        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **settings)
+
+    def start(self, file: Path, *options: str) -> subprocess.Popen:
+        """A run that ends only when it is stopped."""
+        command = self.command(file, *ENDLESS, *options, t_end=1.0e6)
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.fixture(scope="module")
+def program(executable) -> Program:
+    return Program(executable)
+
+
+def assert_refused(done: subprocess.CompletedProcess, *words: str) -> None:
+    assert done.returncode == FILE_ERROR, done
+    assert done.stderr.startswith("dynstiction: ")
+    for word in words:
+        assert word in done.stderr
+
+
+@pytest.fixture(scope="module")
+def result_file(program, tmp_path_factory) -> Path:
+    file = tmp_path_factory.mktemp("file") / "fig3.h5"
+    done = program.run(file)
+    assert done.returncode == 0, done.stderr
+    return file
+
+
+def test_root_attributes(result_file):
+    with h5py.File(result_file) as file:
+        attributes = dict(file.attrs)
+    texts = {
+        "program",
+        "version",
+        "git_revision",
+        "compiler",
+        "created",
+        "deck_sha256",
+        "model",
+        "method",
+        "result_text",
+    }
+    assert texts <= attributes.keys()
+    assert all(isinstance(attributes[name], str) for name in texts)
+    assert attributes["program"] == "dynstiction"
+    assert (attributes["model"], attributes["method"]) == ("full", "radau9")
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", attributes["created"])
+    assert re.fullmatch(r"[0-9a-f]{64}", attributes["deck_sha256"])
+    assert (attributes["result_code"], attributes["complete"]) == (0, 1)
+
+
+def test_created_is_now_in_utc(program, tmp_path):
+    before = time.time()
+    program.run(tmp_path / "now.h5", env=os.environ | {"TZ": "Pacific/Kiritimati"})
+    with h5py.File(tmp_path / "now.h5") as file:
+        created = np.datetime64(file.attrs["created"].rstrip("Z")).astype("datetime64[s]").astype(int)
+    assert int(before) <= created <= time.time()
+
+
+def test_every_dataset_has_units_and_a_long_name(result_file):
+    lacking = []
+
+    def visit(name, item):
+        if isinstance(item, h5py.Dataset) and not all(
+            isinstance(item.attrs.get(key), str) and item.attrs[key] for key in ("units", "long_name")
+        ):
+            lacking.append(name)
+
+    with h5py.File(result_file) as file:
+        file.visititems(visit)
+    assert lacking == []
+
+
+def test_strings_are_variable_length_utf8(result_file):
+    with h5py.File(result_file) as file:
+        kinds = [
+            h5py.check_string_dtype(file["deck/text"].dtype),
+            h5py.check_string_dtype(file.attrs.get_id("model").dtype),
+        ]
+        assert file["deck/text"].asstr()[()] == DECK.read_text(encoding="utf-8")
+    assert all(kind.encoding == "utf-8" and kind.length is None for kind in kinds)
+
+
+def test_types_and_shapes(result_file):
+    with h5py.File(result_file) as file:
+        series = file["time_series"]
+        rows = len(series["time"])
+        assert all(column.shape == (rows,) for column in series.values())
+        assert {name for name, column in series.items() if column.dtype != np.float64} <= {"sticking"}
+        assert series["sticking"].dtype == np.int8
+        assert set(np.unique(series["sticking"])) <= {0, 1}
+        assert len(file["events/time"]) == len(file["events/kind"])
+        assert set(np.unique(file["events/kind"])) <= {1, 2}
+        assert file["statistics/steps"].dtype == np.int64
+        assert file["statistics/wall_time"].dtype == np.float64
+        assert file["parameters/mass"][()] == 0.25
+        assert file["parameters/mass"].attrs["units"] == "kg"
+
+
+def test_samples_are_in_order_and_end_at_t_end(result_file):
+    with h5py.File(result_file) as file:
+        moments = file["time_series/time"][:]
+    assert (moments[0], moments[-1]) == (0.0, 0.05)
+    assert (np.diff(moments) > 0).all()
+
+
+def test_xarray_opens_it_without_options(result_file):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    with xarray.open_dataset(result_file, group="time_series", engine="h5netcdf") as data:
+        assert list(data.dims) == ["time"]
+        assert list(data.coords) == ["time"]
+        assert data["u_x"].dims == ("time",)
+        assert data["u_x"].attrs["units"] == "m"
+        assert data["time"].dtype == np.float64
+        assert np.isfinite(data["u_x"].sel(time=0.025, method="nearest"))
+
+
+@pytest.mark.skipif(shutil.which("h5dump") is None, reason="h5dump is not installed")
+def test_h5dump_reads_all_of_it(result_file):
+    done = subprocess.run(["h5dump", result_file], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert "H5T_CSET_UTF8" in done.stdout
+
+
+def test_an_existing_file_is_kept_without_overwrite(program, result_file):
+    before = result_file.read_bytes()
+    assert_refused(program.run(result_file), str(result_file), "--overwrite")
+    assert result_file.read_bytes() == before
+
+
+def test_overwrite_replaces_the_file(program, tmp_path):
+    file = tmp_path / "twice.h5"
+    assert program.run(file, t_end=0.05).returncode == 0
+    assert program.run(file, "--overwrite", t_end=0.02).returncode == 0
+    with h5py.File(file) as data:
+        assert data["time_series/time"][-1] == 0.02
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_overwrite_spares_what_is_no_result(program, tmp_path):
+    deck = tmp_path / "fig3.nml"
+    shutil.copy(DECK, deck)
+    assert_refused(program.run(deck, "--overwrite"), str(deck), "not an HDF5 file")
+    assert deck.read_bytes() == DECK.read_bytes()
+
+
+def test_overwrite_spares_a_file_that_is_being_written(program, tmp_path):
+    file = tmp_path / "busy.h5"
+    process = program.start(file)
+    try:
+        wait_for(file, larger_than=100_000)
+        assert_refused(program.run(file, "--overwrite"), str(file), "another process is writing")
+    finally:
+        process.kill()
+        process.communicate(timeout=60)
+    assert program.run(file, "--overwrite").returncode == 0
+
+
+def test_a_deck_that_is_refused_leaves_the_existing_file(program, tmp_path):
+    file = tmp_path / "kept.h5"
+    assert program.run(file).returncode == 0
+    before = file.read_bytes()
+    assert program.run(file, "--overwrite", "--set", "system.mass=-1.0").returncode == 2
+    assert file.read_bytes() == before
+
+
+def test_a_folder_that_does_not_exist(program, tmp_path):
+    assert_refused(program.run(tmp_path / "no" / "x.h5"), str(tmp_path / "no"), "does not exist")
+
+
+def test_a_folder_that_is_a_file(program, tmp_path):
+    (tmp_path / "file").write_text("not a folder")
+    assert_refused(program.run(tmp_path / "file" / "x.h5"), "folder")
+
+
+def test_a_file_name_that_is_a_folder(program, tmp_path):
+    assert_refused(program.run(tmp_path, "--overwrite"), "folder")
+
+
+def test_a_folder_without_permission(program, tmp_path):
+    # Permission bits do not stop root; /proc stops everyone.
+    folder = Path("/proc") if os.geteuid() == 0 else tmp_path / "closed"
+    if folder == Path("/proc"):
+        if not folder.is_dir():
+            pytest.skip("root may write everywhere, and there is no /proc")
+    else:
+        folder.mkdir(mode=0o500)
+    assert_refused(program.run(folder / "x.h5"), "cannot create")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_disk_that_is_full_from_the_start(program):
+    assert_refused(program.run(Path("/dev/full"), "--overwrite"), "disk is full")
+
+
+def test_a_limit_that_is_met_during_the_run(program, tmp_path):
+    """What was written before the limit can be read, and the file says why it ends."""
+    file = tmp_path / "limited.h5"
+    limit = 3_000_000
+    set_limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (limit, limit))
+    done = program.run(file, *ENDLESS, t_end=1.0e6, preexec_fn=set_limit)
+    assert_refused(done, str(file), "file-size limit")
+    assert file.stat().st_size <= limit
+    with h5py.File(file) as data:
+        assert data.attrs["complete"] == 0
+        assert data.attrs["result_code"] == FILE_ERROR
+        assert "file-size limit" in data.attrs["result_text"]
+        assert_readable(data)
+
+
+def test_a_disk_that_fills_up_during_the_run(program, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = (
+        os.geteuid() == 0
+        and shutil.which("mount")
+        and subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=3m", "none", disk], capture_output=True, check=False
+        ).returncode
+        == 0
+    )
+    if not mounted:
+        pytest.skip("a small disk cannot be mounted here: not root, or mount is not permitted")
+    try:
+        assert_refused(program.run(disk / "x.h5", *ENDLESS, t_end=1.0e6), "disk is full")
+        with h5py.File(disk / "x.h5") as data:
+            assert data.attrs["result_code"] == FILE_ERROR
+            assert_readable(data)
+    finally:
+        subprocess.run(["umount", disk], check=True)
+
+
+def test_a_folder_that_vanishes_during_the_run(program, tmp_path):
+    folder = tmp_path / "vanishing"
+    folder.mkdir()
+    process = program.start(folder / "x.h5", "--set", "output.wall_limit=2.0")
+    wait_for(folder / "x.h5")
+    shutil.rmtree(folder)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == FILE_ERROR
+    assert "removed or renamed" in errors
+
+
+def test_a_killed_run_leaves_a_readable_file(program, tmp_path):
+    file = tmp_path / "killed.h5"
+    process = program.start(file)
+    wait_for(file, larger_than=1_000_000)
+    time.sleep(1.2)  # a flush is due every second
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=60)
+    with h5py.File(file) as data:
+        assert data.attrs["complete"] == 0
+        assert (data.attrs["result_code"], data.attrs["result_text"]) == (-1, "running")
+        assert_readable(data)
+
+
+def assert_readable(data: h5py.File) -> None:
+    """Whole columns of equal length, finite and in order."""
+    columns = {name: column[:] for name, column in data["time_series"].items()}
+    assert len({len(values) for values in columns.values()}) == 1
+    assert len(columns["time"]) > 1000
+    assert (np.diff(columns["time"]) > 0).all()
+    assert all(np.isfinite(columns[name]).all() for name in ("u_x", "u_y"))
+
+
+def wait_for(file: Path, larger_than: int = 0, seconds: float = 30.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not file.exists() or file.stat().st_size <= larger_than:
+        assert time.monotonic() < deadline, f"{file} does not grow"
+        time.sleep(0.02)

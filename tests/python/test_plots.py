@@ -1,0 +1,201 @@
+"""Figures: what they show and what they refuse."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from matplotlib import image
+
+import dynstiction as ds
+from dynstiction import plot
+from dynstiction._native import Info
+
+MM_PER_INCH = 25.4
+
+
+def result_of(**columns: np.ndarray) -> ds.Result:
+    """A result made of columns alone."""
+    infos = [(Info(name, "1", name), np.asarray(values, dtype=float)) for name, values in columns.items()]
+    return ds.Result(
+        columns=ds.Described(infos),
+        events=np.empty(0, dtype=[("time", float), ("kind", np.int32)]),
+        summary=ds.Described([]),
+        statistics=ds.Described([]),
+        attributes={"complete": 1},
+    )
+
+
+def sawtooth(n: int = 20001) -> ds.Result:
+    """Stick-slip with known peaks: force 2 N falls to 1 N at t = 2, 3, 4, …; a fast ripple on the rest."""
+    time = np.linspace(0.0, 10.0, n)
+    force = np.where(time < 2.0, time, 1.0 + np.mod(time, 1.0))
+    ripple = 0.05 * np.sin(2 * np.pi * 1000.0 * time)
+    return result_of(
+        time=time,
+        spring_force_x=force,
+        spring_force_y=np.sqrt(np.maximum(4.0 - force**2, 0.0)) + ripple,
+        friction=np.full(n, 2.0),
+        theta=np.arccos(np.clip(force / 2.0, 0.0, 1.0)),
+        X=np.where(time < 2.0, 1e-5 * time**2, 1e-3 * (np.floor(time) - 1.0)),
+    )
+
+
+def test_history_has_the_five_panels_of_fig3() -> None:
+    result = sawtooth()
+    panels = plot.draw(result, "history").axes[:5]
+    labels = [axis.get_ylabel() for axis in panels]
+    assert [label[label.index("[") :] for label in labels] == ["[N]", "[N]", "[N]", "[deg]", "[mm]"]
+    assert panels[-1].get_xlabel() == "$t$ [s]"
+    letters = [axis.texts[0].get_text() for axis in panels]
+    assert letters == ["(a)", "(b)", "(c)", "(d)", "(e)"]
+
+    drawn = [axis.lines[0].get_ydata() for axis in panels]
+    expected = ["spring_force_x", "spring_force_y", "friction"]
+    for values, name in zip(drawn, expected, strict=False):
+        assert values.max() == result[name].max()
+        assert values.min() == result[name].min()
+    assert drawn[3].max() == np.degrees(result["theta"].max())
+    assert drawn[4].max() == 1e3 * result["X"].max()
+
+
+def test_history_shares_the_time_axis() -> None:
+    panels = plot.draw(sawtooth(), "history").axes[:5]
+    assert {axis.get_xlim() for axis in panels} == {(0.0, 10.0)}
+
+
+def test_inset_shows_the_creep_before_the_first_slip() -> None:
+    result = sawtooth()
+    panel = plot.draw(result, "history").axes[4]
+    (inset,) = panel.child_axes
+    line = inset.lines[0]
+    before = result.time < 2.0
+    assert line.get_xdata()[-1] == result.time[before][-1]
+    assert line.get_ydata().max() == 1e6 * result["X"][before].max()
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_first_release_of_a_sawtooth_and_of_a_plateau(sign: float) -> None:
+    result = sawtooth()
+    release = plot.first_release(sign * result["spring_force_x"])
+    assert result.time[release] == pytest.approx(2.0, abs=1e-3)
+    plateau = np.minimum(result.time / 2.0, 1.0)
+    assert result.time[plot.first_release(sign * plateau)] == pytest.approx(1.98, abs=1e-3)
+
+
+def test_fonts_are_readable_in_one_column() -> None:
+    for kind in plot.KINDS:
+        figure = plot.draw(sawtooth(), kind)
+        assert figure.get_size_inches()[0] * MM_PER_INCH == pytest.approx(86.0)
+        figure.canvas.draw()
+        insets = [inset for axis in figure.axes for inset in axis.child_axes]
+        for axis in [*figure.axes, *insets]:
+            texts = [axis.xaxis.label, axis.yaxis.label, *axis.get_xticklabels(), *axis.get_yticklabels()]
+            assert min(text.get_fontsize() for text in [*texts, *axis.texts]) >= 7.0
+
+
+def test_thinning_keeps_every_extreme() -> None:
+    time = np.sort(np.random.default_rng(7).uniform(0.0, 3.0, 50_000))
+    values = np.sin(2 * np.pi * 1000.0 * time) * np.exp(-time)
+    bins = 500
+    thin_time, thin_values = plot.thin(time, values, bins)
+    assert thin_time.size <= 2 * bins + 2
+    assert np.all(np.diff(thin_time) > 0)
+    edges = np.linspace(time[0], time[-1], bins + 1)[1:-1]
+    for kept, every in zip(
+        np.split(thin_values, np.searchsorted(thin_time, edges)),
+        np.split(values, np.searchsorted(time, edges)),
+        strict=True,
+    ):
+        assert (kept.min(), kept.max()) == (every.min(), every.max())
+
+
+def test_thinning_leaves_gaps_and_short_series_alone() -> None:
+    time = np.arange(10.0)
+    values = np.where(time == 4.0, np.nan, time)
+    np.testing.assert_array_equal(plot.thin(time, values, 100)[1], values)
+    time = np.arange(10_000.0)
+    values = np.where(time < 5000.0, np.nan, time)
+    kept_time, kept = plot.thin(time, values, 10)
+    assert kept_time[np.isfinite(kept)].min() == 5000.0
+    assert np.nanmax(kept) == 9999.0
+
+
+def test_path_is_that_of_the_friction_vector() -> None:
+    result = sawtooth()
+    axis = plot.draw(result, "path").axes[0]
+    assert "[N]" in axis.get_xlabel()
+    assert "[N]" in axis.get_ylabel()
+    points = np.concatenate(axis.collections[0].get_segments())
+    np.testing.assert_allclose(np.hypot(*points.T), 2.0)
+
+
+@pytest.mark.parametrize("kind", plot.KINDS)
+def test_missing_column_names_the_remedy(kind: str) -> None:
+    time = np.linspace(0.0, 1.0, 11)
+    with pytest.raises(ds.ColumnError, match=r"lacks .*theta.*output\.fields = 'X'.*'theta'"):
+        plot.draw(result_of(time=time, X=time), kind)
+
+
+def test_unknown_kind_and_empty_result_are_refused() -> None:
+    with pytest.raises(ds.UsageError, match="history, path"):
+        plot.draw(sawtooth(), "hystory")
+    with pytest.raises(ds.UsageError, match="fewer than two samples"):
+        plot.draw(result_of(time=np.empty(0)))
+
+
+def run_command(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "dynstiction", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
+
+
+@pytest.mark.parametrize("kind", plot.KINDS)
+def test_command_draws_a_file(tmp_path: Path, fig3_result: ds.Result, kind: str) -> None:
+    fig3_result.save(tmp_path / "run.h5")
+    done = run_command("plot", "run.h5", "--kind", kind, cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    pixels = image.imread(tmp_path / "run.png")
+    assert pixels.shape[1] == pytest.approx(86.0 / MM_PER_INCH * plot.DOTS_PER_INCH, abs=1)
+    coloured = np.ptp(pixels[..., :3], axis=2) > 0.2
+    assert 0.001 < coloured.mean() < 0.5
+
+
+def test_command_writes_where_it_is_told(tmp_path: Path, fig3_result: ds.Result) -> None:
+    fig3_result.save(tmp_path / "run.h5")
+    assert run_command("plot", "run.h5", "-o", "other.pdf", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "other.pdf").read_bytes().startswith(b"%PDF")
+    assert not (tmp_path / "run.png").exists()
+
+
+def test_command_refuses_in_one_line(tmp_path: Path, fig3_result: ds.Result) -> None:
+    fig3_result.save(tmp_path / "run.h5")
+    (tmp_path / "text.h5").write_text("no HDF5")
+    refused = {
+        ("plot", "none.h5"): (3, "none.h5"),
+        ("plot", "text.h5"): (3, "text.h5"),
+        ("plot", "run.h5", "--kind", "hystory"): (1, "history"),
+        ("plot", "run.h5", "-o", "no/such/folder.png"): (3, "folder.png"),
+        ("plot", "run.h5", "-o", "run.xyz"): (3, "run.xyz"),
+        ("plott", "run.h5"): (1, "plot"),
+        (): (1, "COMMAND"),
+    }
+    for arguments, (status, named) in refused.items():
+        done = run_command(*arguments, cwd=tmp_path)
+        assert done.returncode == status, arguments
+        assert done.stderr.startswith("dynstiction: ")
+        assert named in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
+def test_command_draws_an_incomplete_file_and_says_so(tmp_path: Path, fig3_result: ds.Result) -> None:
+    fig3_result.save(tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.h5", "r+") as file:
+        file.attrs["complete"] = 0
+    done = run_command("plot", "run.h5", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "before the run's end" in done.stderr
+    assert (tmp_path / "run.png").exists()

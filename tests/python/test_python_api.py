@@ -1,0 +1,542 @@
+"""The Python package: runs, scenes, results, files, errors, threads, signals."""
+
+from __future__ import annotations
+
+import gc
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+import types
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import xarray
+
+import dynstiction as ds
+
+SHORT = {"t_end": 0.05}
+
+SLIDER = {
+    "mass": 0.25,
+    "stiffness_x": 1.0e3,
+    "stiffness_y": 1.0e7,
+    "misalignment": np.radians(1.0),
+    "mu_0": 0.20,
+    "mu_inf": 0.15,
+    "v_f": 0.010,
+    "normal_load": 10.0,
+    "velocity": 1.0e-3,
+}
+
+
+def assert_same(a: ds.Result, b: ds.Result) -> None:
+    """Two results agree to the last bit."""
+    assert set(a.columns) == set(b.columns)
+    for name in a:
+        assert a[name].tobytes() == b[name].tobytes(), name
+    assert a.events.tobytes() == b.events.tobytes()
+
+
+# Scenes and overrides
+
+
+def test_path_text_and_scene_give_the_same_run(tmp_path: Path, fig3: ds.Scene, fig3_text: str) -> None:
+    path = tmp_path / "a & b.nml"
+    path.write_text(fig3_text)
+    groups = {
+        "scene": {"title": "it's Fig. 3", "model": "full", **SHORT},
+        "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment_deg": 1},
+        "friction": {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10},
+        "drive": {"velocity": 1e-3},
+        "initial": {"velocity_ratio": np.float64(1e-6)},
+        "integrator": {"method": "radau9", "rtol": 1e-8},
+        "output": {"interval": 1e-4},
+    }
+    from_text = ds.run(fig3_text, scene=SHORT)
+    for deck in (str(path), path, fig3, ds.Scene.read(path), ds.Scene(path)):
+        assert_same(ds.run(deck, scene=SHORT), from_text)
+    assert_same(ds.run(ds.Scene(**groups)), from_text)
+
+
+def test_one_line_of_text_is_a_deck_and_not_a_path(fig3_text: str) -> None:
+    one_line = " ".join(fig3_text.split())
+    assert_same(ds.run(one_line, scene=SHORT), ds.run(fig3_text, scene=SHORT))
+
+
+def test_overrides_reach_the_core(fig3: ds.Scene) -> None:
+    result = ds.run(fig3, scene=SHORT, drive={"velocity": 2e-3}, output={"interval": 1e-3})
+    assert result.time[-1] == 0.05
+    assert result.time.size == 51
+    # A stuck object stretches its spring at the rate V.
+    stretch = np.hypot(result["u_x"], result["u_y"])[1]
+    assert stretch == pytest.approx(2e-3 * result.time[1], rel=1e-6)
+
+
+def test_later_override_wins(fig3: ds.Scene) -> None:
+    scene = fig3.replace(scene={"t_end": 1.0}).replace(scene={"T_END": 0.02})
+    assert ds.run(scene).time[-1] == 0.02
+    assert ds.run(scene, scene={"t_end": 0.01}).time[-1] == 0.01
+
+
+def test_list_of_values_is_a_drive_profile(fig3: ds.Scene) -> None:
+    times, velocities = np.array([0.0, 0.01, 0.01, 0.05]), (1e-3, 1e-3, 0, 0)
+    stopped = ds.run(fig3, scene=SHORT, drive={"time": times, "velocity": velocities})
+    # Released at 11.5 ms at the earliest: the drive stops before, and the object never moves again.
+    assert stopped["X"][-1] == pytest.approx(stopped["X"][1], abs=1e-12)
+    assert stopped["u_x"][-1] == pytest.approx(1e-5, rel=1e-3)
+
+
+def test_long_list_survives_the_deck_text() -> None:
+    velocities = list(np.linspace(1e-3, 2e-3, 500))
+    scene = ds.Scene(drive={"velocity": velocities})
+    values = scene.text.split("=")[1].removesuffix("\n/\n").split(",")
+    assert [float(value) for value in values] == velocities
+    assert max(map(len, scene.text.splitlines())) < 200
+
+
+def test_scene_is_immutable_and_comparable(fig3: ds.Scene, fig3_text: str) -> None:
+    changed = fig3.replace(system={"mass": 0.5})
+    assert fig3 == ds.Scene(fig3_text)
+    assert hash(fig3) == hash(ds.Scene(fig3_text))
+    assert changed != fig3
+    assert changed == ds.Scene(fig3_text, system={"mass": 0.5})
+    assert fig3.settings == ()
+    assert changed.settings == ("system.mass=0.5",)
+    assert "system.mass=0.5" in repr(changed)
+    with pytest.raises(AttributeError):
+        fig3.text = "other"  # type: ignore[misc]
+    assert pickle.loads(pickle.dumps(changed)) == changed
+
+
+def test_check_gives_every_key_as_used(fig3: ds.Scene) -> None:
+    resolved = fig3.replace(system={"mass": 0.5}).check()
+    assert "mass = 0.5" in resolved.lower()
+    assert_same(ds.run(resolved, scene=SHORT), ds.run(fig3, scene=SHORT, system={"mass": 0.5}))
+
+
+def test_progress_goes_from_zero_to_the_end(fig3: ds.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = []
+
+    class Bar:
+        def __init__(self, total: float, **_: object) -> None:
+            self.n, self.total = 0.0, total
+
+        def __enter__(self) -> Bar:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            shown.append((self.n, self.total))
+
+        def update(self, step: float) -> None:
+            assert step > 0
+            self.n += step
+
+    monkeypatch.setitem(sys.modules, "tqdm.auto", types.SimpleNamespace(tqdm=Bar))
+    ds.run(fig3, progress=True, scene={"t_end": 0.25})
+    assert shown == [(pytest.approx(0.25), 0.25)]
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    with pytest.raises(ds.UsageError, match="pip install tqdm"):
+        ds.run(fig3, progress=True, scene=SHORT)
+
+
+# Errors
+
+
+def test_refused_deck_names_file_line_fault_and_remedy(tmp_path: Path, fig3_text: str) -> None:
+    path = tmp_path / "wrong.nml"
+    path.write_text(fig3_text.replace("mass = 0.25", "mas = 0.25").replace("v_f = 0.010", "v_f = 'fast'"))
+    with pytest.raises(ds.DeckError) as refused:
+        ds.run(path)
+    first, second = sorted(str(refused.value).splitlines())
+    assert f"{path}:15: " in first + second
+    assert f"{path}:7: " in first + second
+    assert "'mas'" in str(refused.value)
+    assert "'mass'" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("groups", "named"),
+    [
+        ({"sytem": {"mass": 1.0}}, "system"),
+        ({"system": {"mas": 1.0}}, "mass"),
+        ({"system": {"mass": -1.0}}, "mass"),
+        ({"system": {"mass": float("nan")}}, "mass"),
+        ({"system": {"mass": float("inf")}}, "mass"),
+        ({"system": {"mass": "heavy"}}, "mass"),
+        ({"system": {"mass": [1.0, 2.0]}}, "mass"),
+        ({"system": {"mass": True}}, "mass"),
+        ({"scene": {"model": "ful"}}, "full"),
+        ({"scene": {"model": "full', t_end = '1"}}, "model"),
+        ({"drive": {"velocity": []}}, "velocity"),
+    ],
+)
+def test_wrong_override_is_refused(fig3: ds.Scene, groups: dict[str, dict[str, object]], named: str) -> None:
+    with pytest.raises(ds.DeckError, match=named):
+        ds.run(fig3, **groups)
+
+
+def test_wrong_call_is_refused(fig3: ds.Scene) -> None:
+    with pytest.raises(ds.UsageError, match="a group is a mapping"):
+        ds.run(fig3, system=3.0)  # type: ignore[arg-type]
+    with pytest.raises(ds.UsageError, match="a number, a string"):
+        ds.run(fig3, system={"mass": None})
+    with pytest.raises(ds.UsageError, match="line breaks"):
+        ds.run(fig3, scene={"title": "two\nlines"})
+
+
+def test_missing_deck_is_a_file_error(tmp_path: Path) -> None:
+    with pytest.raises(ds.FileError, match=r"none\.nml"):
+        ds.run(tmp_path / "none.nml")
+    with pytest.raises(ds.FileError, match="No such file"):
+        ds.run("none.nml")
+    with pytest.raises(ds.FileError):
+        ds.run(tmp_path)
+
+
+def test_all_errors_are_one_family() -> None:
+    for kind in (ds.DeckError, ds.SolverError, ds.FileError, ds.UsageError, ds.ColumnError):
+        assert issubclass(kind, ds.Error)
+
+
+def test_solver_error_carries_code_and_what_was_computed(fig3: ds.Scene) -> None:
+    whole = ds.run(fig3, scene=SHORT)
+    with pytest.raises(ds.SolverError, match="step") as gave_up:
+        ds.run(fig3, integrator={"max_steps": int(whole.statistics["steps"]) // 2})
+    assert gave_up.value.code == 42
+    part = gave_up.value.result
+    assert part is not None
+    assert not part.complete
+    assert part.result_code == 42
+    assert 0 < part.time.size < whole.time.size
+    np.testing.assert_array_equal(part["u_x"], whole["u_x"][: part.time.size])
+
+
+# Results
+
+
+def test_result_describes_itself(fig3_result: ds.Result) -> None:
+    assert fig3_result.columns.units["u_x"] == "m"
+    assert fig3_result.columns.units["time"] == "s"
+    assert fig3_result.columns.long_names["u_x"]
+    assert next(iter(fig3_result)) == "time"
+    assert fig3_result.complete
+    assert fig3_result.result_code == 0
+    assert fig3_result.statistics["steps"] > 0
+    assert isinstance(fig3_result.statistics["steps"], int)
+    assert fig3_result.statistics.units["wall_time"] == "s"
+    assert fig3_result.attributes["model"] == "full"
+    assert fig3_result.attributes["method"] == "radau9"
+    assert "u_x" in fig3_result
+    assert "5398 sticks" in repr(fig3_result)
+    with pytest.raises(ds.ColumnError, match=r"'zet'.*output\.fields"):
+        fig3_result["zet"]
+
+
+def test_arrays_are_float64_and_contiguous(fig3_result: ds.Result) -> None:
+    for name in fig3_result:
+        values = fig3_result[name]
+        assert values.dtype == np.float64
+        assert values.flags.c_contiguous
+        assert values.shape == fig3_result.time.shape
+    assert fig3_result.time[0] == 0.0
+    assert fig3_result.time[-1] == 10.0
+    assert np.all(np.diff(fig3_result.time) > 0)
+
+
+def test_events_alternate_and_agree_with_the_samples(fig3_result: ds.Result) -> None:
+    kinds, times = fig3_result.events["kind"], fig3_result.events["time"]
+    assert kinds[0] == 1
+    assert np.all(np.diff(kinds) != 0)
+    assert np.all(np.diff(times) > 0)
+    after_first = fig3_result.time >= times[0]
+    last_event = np.searchsorted(times, fig3_result.time[after_first], side="right") - 1
+    np.testing.assert_array_equal(kinds[last_event] == 1, fig3_result["sticking"][after_first] == 1)
+
+
+def test_fields_choose_the_columns(fig3: ds.Scene) -> None:
+    result = ds.run(fig3, scene=SHORT, output={"fields": ["X", "theta"]})
+    assert set(result.columns) == {"time", "X", "theta"}
+    one = ds.run(fig3, scene=SHORT, output={"fields": "X"})
+    np.testing.assert_array_equal(one["X"], result["X"])
+
+
+def test_to_xarray_is_the_saved_group(tmp_path: Path, fig3_result: ds.Result) -> None:
+    dataset = fig3_result.to_xarray()
+    assert dataset["u_x"].attrs["units"] == "m"
+    assert dataset["time"].attrs["units"] == "s"
+    assert dataset.attrs["model"] == "full"
+    fig3_result.save(tmp_path / "run.h5")
+    with xarray.open_dataset(tmp_path / "run.h5", group="time_series", engine="h5netcdf") as saved:
+        assert set(saved.variables) == set(dataset.variables)
+        for name in dataset.variables:
+            np.testing.assert_array_equal(saved[name], dataset[name])
+            assert saved[name].dims == ("time",)
+            assert saved[name].attrs["units"] == dataset[name].attrs["units"]
+
+
+# Files
+
+
+def test_saved_result_opens_as_the_same(tmp_path: Path, fig3_result: ds.Result) -> None:
+    path = tmp_path / "run.h5"
+    fig3_result.save(path)
+    opened = ds.open(path)
+    assert_same(opened, fig3_result)
+    for table in ("columns", "summary", "statistics", "parameters"):
+        ours, theirs = getattr(fig3_result, table), getattr(opened, table)
+        assert ours.units == theirs.units
+        assert ours.long_names == theirs.long_names
+    assert dict(opened.summary) == dict(fig3_result.summary)
+    assert dict(opened.statistics) == dict(fig3_result.statistics)
+    assert dict(opened.parameters) == dict(fig3_result.parameters)
+    assert opened.attributes == fig3_result.attributes
+    assert opened.deck == fig3_result.deck
+    assert opened.resolved_deck == fig3_result.resolved_deck
+    assert [file.name for file in tmp_path.iterdir()] == ["run.h5"]
+
+
+def layout(file: h5py.File) -> dict[str, tuple[str, ...]]:
+    """Every object of a file with its kind, unit and type."""
+    found: dict[str, tuple[str, ...]] = {}
+
+    def note(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(item, h5py.Dataset):
+            found[name] = (item.attrs["units"], item.attrs["long_name"], item.dtype.str, str(item.ndim))
+        else:
+            found[name] = ("group",)
+
+    file.visititems(note)
+    return found
+
+
+def test_saved_file_has_the_layout_of_the_executable(
+    tmp_path: Path, executable: Path, fig3: ds.Scene
+) -> None:
+    scene = fig3.replace(scene=SHORT)
+    (tmp_path / "deck.nml").write_text(scene.text)
+    command = [executable, "run", "deck.nml", "-o", "theirs.h5", "--set", "scene.t_end=0.05", "--quiet"]
+    subprocess.run(command, check=True, cwd=tmp_path)
+    ds.run(scene).save(tmp_path / "ours.h5")
+    with h5py.File(tmp_path / "ours.h5") as ours, h5py.File(tmp_path / "theirs.h5") as theirs:
+        assert layout(ours) == layout(theirs)
+        assert set(ours.attrs) == set(theirs.attrs)
+        for name in set(ours.attrs) - {"created"}:
+            assert ours.attrs[name] == theirs.attrs[name], name
+
+
+def test_existing_file_is_kept(tmp_path: Path, fig3: ds.Scene) -> None:
+    path = tmp_path / "run.h5"
+    result = ds.run(fig3, scene=SHORT)
+    result.save(path)
+    before = path.read_bytes()
+    with pytest.raises(ds.FileError, match="overwrite"):
+        result.save(path)
+    assert path.read_bytes() == before
+    result.save(path, overwrite=True)
+    assert_same(ds.open(path), result)
+    notes = tmp_path / "notes.txt"
+    notes.write_text("mine")
+    with pytest.raises(ds.FileError, match="no HDF5 file"):
+        result.save(notes, overwrite=True)
+    assert notes.read_text() == "mine"
+    with pytest.raises(ds.FileError, match="cannot be written"):
+        result.save(tmp_path / "no" / "folder.h5")
+
+
+def test_foreign_and_damaged_files_are_refused(tmp_path: Path, fig3_result: ds.Result) -> None:
+    with pytest.raises(ds.FileError, match="no such file"):
+        ds.open(tmp_path / "none.h5")
+    foreign = tmp_path / "foreign.h5"
+    with h5py.File(foreign, "w") as file:
+        file["data"] = np.arange(3)
+    with pytest.raises(ds.FileError, match="no file of dynstiction"):
+        ds.open(foreign)
+    text = tmp_path / "text.h5"
+    text.write_text("&scene /")
+    with pytest.raises(ds.FileError, match="cannot be read"):
+        ds.open(text)
+    whole = tmp_path / "whole.h5"
+    fig3_result.save(whole)
+    for part in (100, 3000, whole.stat().st_size // 2):
+        truncated = tmp_path / f"{part}.h5"
+        truncated.write_bytes(whole.read_bytes()[:part])
+        with pytest.raises(ds.FileError, match="cannot be read"):
+            ds.open(truncated)
+
+
+def test_incomplete_file_opens_with_a_warning(tmp_path: Path, fig3_result: ds.Result) -> None:
+    path = tmp_path / "run.h5"
+    fig3_result.save(path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["complete"] = 0
+        del file["summary"], file["statistics"]
+    with pytest.warns(ds.IncompleteWarning, match="before the run's end"):
+        opened = ds.open(path)
+    assert not opened.complete
+    assert_same(opened, fig3_result)
+    assert len(opened.summary) == 0
+
+
+# Threads, signals, memory
+
+
+def test_four_threads_give_the_same_bits(fig3: ds.Scene) -> None:
+    scenes = [fig3.replace(scene={"t_end": 0.5}, system={"misalignment_deg": phi}) for phi in (1, 2, 5, 10)]
+    alone = [ds.run(scene) for scene in scenes]
+    with ThreadPoolExecutor(4) as pool:
+        for together in (list(pool.map(ds.run, scenes)) for _ in range(3)):
+            for a, b in zip(together, alone, strict=True):
+                assert_same(a, b)
+
+
+def test_other_threads_go_on_during_a_run(fig3: ds.Scene) -> None:
+    ticks = []
+    done = threading.Event()
+
+    def tick() -> None:
+        while not done.is_set():
+            ticks.append(time.perf_counter())
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    try:
+        begin = time.perf_counter()
+        ds.run(fig3, scene={"t_end": 20.0}, integrator={"rtol": 1e-10})
+        end = time.perf_counter()
+    finally:
+        done.set()
+        thread.join()
+    during = np.array([tick for tick in ticks if begin <= tick <= end])
+    # Chunks of 50 ms that held the lock would leave a tick each, at most.
+    assert during.size > 5 * (end - begin) / 0.05
+    assert np.median(np.diff(during)) < 0.01
+
+
+def test_interrupt_ends_a_run_within_a_second(fig3_text: str) -> None:
+    program = (
+        "import dynstiction as ds, sys\n"
+        "print('begun', flush=True)\n"
+        "ds.run(sys.argv[1], scene={'t_end': 1e5}, output={'interval': 1.0})\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, fig3_text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    begin = time.perf_counter()
+    _, errors = process.communicate(timeout=10.0)
+    assert time.perf_counter() - begin < 1.0
+    assert "KeyboardInterrupt" in errors
+    assert process.returncode != 0
+
+
+def resident_bytes() -> int:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
+def test_a_thousand_runs_leak_nothing(fig3: ds.Scene) -> None:
+    scene = fig3.replace(scene={"t_end": 1e-3})
+    wrong = fig3.replace(system={"mas": 1.0})
+
+    def call(times: int) -> None:
+        for _ in range(times):
+            ds.run(scene)
+            with pytest.raises(ds.DeckError):
+                ds.run(wrong)
+        gc.collect()
+
+    call(200)
+    before = resident_bytes()
+    call(1000)
+    # One deck text or buffer of 64 KiB forgotten a call would be 64 MB.
+    assert resident_bytes() - before < 4_000_000
+
+
+# Equations
+
+
+def numpy_rhs(state: np.ndarray, v_smooth: float = 0.0) -> np.ndarray:
+    """Eqs. (1)-(5), written a second time."""
+    p = SLIDER
+    u, w = state[..., :2], state[..., 2:]
+    v = np.linalg.norm(w, axis=-1, keepdims=True)
+    force = (p["mu_inf"] + (p["mu_0"] - p["mu_inf"]) * np.exp(-v / p["v_f"])) * p["normal_load"]
+    along = np.array([np.cos(p["misalignment"]), np.sin(p["misalignment"])])
+    stiffness = np.array([p["stiffness_x"], p["stiffness_y"]])
+    acceleration = (stiffness * u - force * w / np.sqrt(v**2 + v_smooth**2)) / p["mass"]
+    return np.concatenate([p["velocity"] * along - w, acceleration], axis=-1)
+
+
+def some_states(*shape: int) -> np.ndarray:
+    scale = np.array([2e-3, 2e-7, 1e-3, 1e-4])
+    return np.random.default_rng(3).normal(size=(*shape, 4)) * scale
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (7,), (3, 5), (2, 0, 4)])
+@pytest.mark.parametrize("v_smooth", [0.0, 1e-5])
+def test_rhs_and_jacobian_have_the_shape_of_the_states(shape: tuple[int, ...], v_smooth: float) -> None:
+    states = some_states(*shape)
+    rates = ds.rhs(states, **SLIDER, v_smooth=v_smooth)
+    assert rates.shape == (*shape, 4)
+    assert rates.flags.c_contiguous
+    np.testing.assert_allclose(rates, numpy_rhs(states, v_smooth), rtol=1e-12, atol=1e-14)
+    derivative = ds.jacobian(states, **SLIDER, v_smooth=v_smooth)
+    assert derivative.shape == (*shape, 4, 4)
+    assert derivative.flags.c_contiguous
+
+
+@pytest.mark.parametrize("v_smooth", [0.0, 1e-3])
+def test_jacobian_is_the_derivative_of_rhs(v_smooth: float) -> None:
+    states = some_states(50)
+    derivative = ds.jacobian(states, **SLIDER, v_smooth=v_smooth)
+    speed = np.linalg.norm(states[:, 2:], axis=1)[:, None]
+    forces = np.abs(states[:, :2]) * [SLIDER["stiffness_x"], SLIDER["stiffness_y"]] + 2.0
+    terms = np.concatenate([np.abs(states[:, 2:]) + SLIDER["velocity"], forces / SLIDER["mass"]], axis=1)
+    for j in range(4):
+        step = 1e-4 * speed if j >= 2 else np.full_like(speed, 1e-9)
+        shift = np.zeros((50, 4))
+        shift[:, j : j + 1] = step
+
+        def slope(h: float, shift: np.ndarray = shift, step: np.ndarray = step) -> np.ndarray:
+            difference = numpy_rhs(states + h * shift, v_smooth) - numpy_rhs(states - h * shift, v_smooth)
+            return difference / (2 * h * step)
+
+        # Richardson: the error of the central difference is of second order.
+        expected = (4 * slope(0.5) - slope(1.0)) / 3
+        rounding = 50 * np.finfo(float).eps * terms / step
+        truncation = 1e-9 * np.abs(expected).max(axis=1, keepdims=True)
+        assert np.all(np.abs(derivative[:, :, j] - expected) <= rounding + truncation)
+
+
+def test_friction_without_a_limit_is_constant() -> None:
+    constant = {k: v for k, v in SLIDER.items() if k not in ("mu_inf", "v_f")}
+    equal = SLIDER | {"mu_inf": SLIDER["mu_0"]}
+    states = some_states(10)
+    np.testing.assert_array_equal(ds.rhs(states, **constant), ds.rhs(states, **equal))
+    np.testing.assert_array_equal(ds.jacobian(states, **constant), ds.jacobian(states, **equal))
+    with pytest.raises(ds.UsageError, match="belong together"):
+        ds.rhs(states, **constant, mu_inf=0.1)
+    with pytest.raises(ds.UsageError, match="last dimension"):
+        ds.rhs(np.zeros((4, 3)), **SLIDER)
+
+
+def test_rhs_takes_any_array_and_changes_none() -> None:
+    states = some_states(6)
+    kept = states.copy()
+    expected = ds.rhs(states, **SLIDER)
+    np.testing.assert_array_equal(ds.rhs(states.tolist(), **SLIDER), expected)
+    np.testing.assert_array_equal(ds.rhs(np.asfortranarray(states), **SLIDER), expected)
+    np.testing.assert_array_equal(ds.rhs(states[::2], **SLIDER), expected[::2])
+    np.testing.assert_array_equal(states, kept)

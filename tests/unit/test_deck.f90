@@ -1,0 +1,680 @@
+!> Text, schema, scanner, deck, scene and command line.
+program test_deck
+  use, intrinsic :: iso_fortran_env, only: error_unit
+  use dst_kinds, only: wp, int64
+  use dst_errors, only: error_t, deck_error, usage_error
+  use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
+                      has_word, lower_case, alternatives, one_per_line
+  use dst_schema, only: schema, key_count, group_names, keys_of, find_key, find_name, in_range, is_available, &
+                        condition_count, condition_key, condition_choices, condition_text, real_kind, reals_kind, integer_kind, &
+                        choice_kind
+  use dst_deck, only: deck_t, parse_deck, read_deck, resolved, template
+  use dst_scene, only: scene_t, scene_from_deck
+  use dst_command_line, only: argument_t, command_t, parse_arguments, setting_list, help_text
+  implicit none
+
+  character, parameter :: n = achar(10)
+  character(*), parameter :: none(0) = [character(1) ::]
+  character(*), parameter :: scene_group = '&scene t_end = 10.0 /'//n
+  character(*), parameter :: system_group = '&system mass = 0.25, stiffness_x = 1e3, stiffness_y = 1e7, misalignment_deg = 1 /'//n
+  character(*), parameter :: friction_group = "&friction mu_0 = 0.2, mu_inf = 0.15, v_f = 0.01, normal_load = 10 /"//n
+  character(*), parameter :: drive_group = '&drive velocity = 1e-3 /'//n
+  character(*), parameter :: rest = system_group//friction_group//drive_group
+  character(*), parameter :: whole = scene_group//rest
+
+  integer :: passed = 0, failed = 0
+
+  call test_numbers()
+  call test_words()
+  call test_schema()
+  call test_good_decks()
+  call test_bad_decks()
+  call test_conditions()
+  call test_drive()
+  call test_settings()
+  call test_resolved()
+  call test_template()
+  call test_scene()
+  call test_arguments()
+
+  print '(i0, " passed, ", i0, " failed")', passed, failed
+  if (failed > 0) error stop 1
+
+contains
+
+  subroutine check(name, holds)
+    character(*), intent(in) :: name
+    logical, intent(in) :: holds
+
+    if (holds) then
+      passed = passed + 1
+    else
+      failed = failed + 1
+      write (error_unit, '(a)') 'FAILED: '//name
+    end if
+  end subroutine check
+
+  subroutine check_text(name, actual, expected)
+    character(*), intent(in) :: name, actual, expected
+
+    call check(name//": '"//actual//"' instead of '"//expected//"'", actual == expected .and. len(actual) == len(expected))
+  end subroutine check_text
+
+  logical function same_bits(a, b)
+    real(wp), intent(in) :: a, b
+
+    same_bits = transfer(a, 0_int64) == transfer(b, 0_int64)
+  end function same_bits
+
+  ! --- text
+
+  subroutine test_numbers()
+    integer :: i
+    real(wp) :: x, u(2)
+    character(*), parameter :: not_reals = '. + - e3 .e3 1e 1e+ 1+3 1.0-3 1..2 1.2.3 0x10 NaN nan Infinity inf -inf 1.0f0 1_8 '// &
+      '1,5 1e1.5 --1 1e--1 1d3e2 true z'
+
+    call check_text('zero', real_text(0.0_wp), '0.0')
+    call check_text('minus zero', real_text(-0.0_wp), '-0.0')
+    call check_text('ten', real_text(10.0_wp), '10.0')
+    call check_text('tenth', real_text(0.1_wp), '0.1')
+    call check_text('milli', real_text(1.0e-3_wp), '1.0e-3')
+    call check_text('many', real_text(12345.678_wp), '12345.678')
+    call check_text('large', real_text(1.0e7_wp), '1.0e7')
+    call check_text('third', real_text(1.0_wp/3.0_wp), '0.3333333333333333')
+    call check_text('negative', real_text(-2.5e-9_wp), '-2.5e-9')
+    call check_text('hundred exponents', real_text(1.5e-200_wp), '1.5e-200')
+    call random_seed()
+    do i = 1, 2000
+      call random_number(u)
+      x = sign((0.1_wp + u(1))*10.0_wp**nint(600.0_wp*(u(2) - 0.5_wp)), u(1) - 0.5_wp)
+      call check_read(real_text(x), x)
+    end do
+    call check_read('1', 1.0_wp)
+    call check_read('-.5', -0.5_wp)
+    call check_read('5.', 5.0_wp)
+    call check_read('+1d3', 1000.0_wp)
+    call check_read('1.5D-03', 1.5e-3_wp)
+    call check_read('1E+2', 100.0_wp)
+    call check_read('-0.0', -0.0_wp)
+    call check_read('0e999', 0.0_wp)
+    call check_read('1e0000000000002', 100.0_wp)
+    call check_read('9.999e307', 9.999e307_wp)
+    do i = 1, word_count(not_reals)
+      call check_no_real(word(not_reals, i), 'is not a real number')
+    end do
+    call check_no_real('', 'is not a real number')
+    call check_no_real('1 2', 'is not a real number')
+    call check_no_real('1e400', 'is beyond the range of double precision')
+    call check_no_real('-1e99999999999999999999', 'is beyond the range of double precision')
+    call check_no_real(repeat('1', 250)//'e99', 'is beyond the range of double precision')
+    call check_no_real('9e308', 'is beyond the range of double precision')
+    call check_no_real('1e-400', 'is below the range of double precision')
+    call check_no_real('0.'//repeat('0', 240)//'1e-99', 'is below the range of double precision')
+    call check_no_real(repeat('1', 300), 'is not a real number')
+    call test_integers()
+  end subroutine test_numbers
+
+  subroutine check_read(text, expected)
+    character(*), intent(in) :: text
+    real(wp), intent(in) :: expected
+    real(wp) :: value
+    character(:), allocatable :: problem
+
+    call read_real(text, value, problem)
+    call check('read '//text//' '//problem, problem == '' .and. same_bits(value, expected))
+  end subroutine check_read
+
+  subroutine check_no_real(text, expected)
+    character(*), intent(in) :: text, expected
+    real(wp) :: value
+    character(:), allocatable :: problem
+
+    call read_real(text, value, problem)
+    call check_text('refuse '//excerpt(text), problem, expected)
+  end subroutine check_no_real
+
+  subroutine test_integers()
+    integer(int64) :: value
+    character(:), allocatable :: problem
+    integer :: i
+    character(*), parameter :: not_integers = '1.0 1e3 + - 1- 0x1 a 1,2'
+
+    call read_integer('-42', value, problem)
+    call check('read -42', value == -42_int64 .and. problem == '')
+    call read_integer('9223372036854775807', value, problem)
+    call check('read the largest integer', value == huge(value) .and. problem == '')
+    call check_text('largest integer', integer_text(huge(value)), '9223372036854775807')
+    call read_integer('9223372036854775808', value, problem)
+    call check_text('integer overflow', problem, 'is beyond the range of 64-bit integers')
+    do i = 1, word_count(not_integers)
+      call read_integer(word(not_integers, i), value, problem)
+      call check_text('refuse '//word(not_integers, i), problem, 'is not an integer')
+    end do
+  end subroutine test_integers
+
+  subroutine test_words()
+    call check('word count', word_count('a bb ccc') == 3 .and. word_count('') == 0 .and. word_count('a  ') == 1)
+    call check_text('second word', word('a bb ccc', 2), 'bb')
+    call check_text('no fourth word', word('a bb ccc', 4), '')
+    call check('a part is no word', has_word('abc def', 'def') .and. .not. has_word('abc def', 'ab'))
+    call check('two words are no word', .not. has_word('abc def', 'abc def'))
+    call check_text('alternatives', alternatives('a b'), 'a | b')
+    call check_text('lower case', lower_case('Mu_0Ü'), 'mu_0Ü')
+    call check_text('one letter wrong', nearest_word('masd', 'mass title'), 'mass')
+    call check_text('two letters swapped', nearest_word('tiem', 'time title'), 'time')
+    call check_text('part of a name', nearest_word('misalignment', 'mass misalignment_deg'), 'misalignment_deg')
+    call check_text('capitals', nearest_word('MASS', 'mass title'), 'mass')
+    call check_text('nothing near', nearest_word('damping', 'mass title'), '')
+    call check_text('empty word', nearest_word('', 'mass title'), '')
+    call check_text('quotes doubled', quoted_text("it's"), "'it''s'")
+    call check_text('short excerpt', excerpt('a'//achar(9)//'b'), 'a?b')
+    call check('long excerpt', len(excerpt(repeat('x', 1000))) == 60)
+    call check('excerpt keeps UTF-8 whole', verify(excerpt(repeat('é', 100)), 'é.') == 0 .and. &
+               modulo(len(excerpt(repeat('é', 100))) - 3, 2) == 0)
+    call check_text('prefix', one_per_line('a'//n//'b', '> '), '> a'//n//'> b'//n)
+  end subroutine test_words
+
+  ! --- schema
+
+  subroutine test_schema()
+    integer :: i, j, k
+    real(wp) :: x
+    character(:), allocatable :: problem
+
+    do i = 1, key_count
+      associate (key => schema(i))
+        call check('one key '//key%name, find_name(trim(key%name)) == i .and. find_key(trim(key%group), trim(key%name)) == i)
+        call check('group of '//key%name, has_word(group_names, trim(key%group)))
+        call check('meaning of '//key%name, key%meaning /= '')
+        call check('a required key has a sample: '//key%name, .not. key%required .or. key%sample /= '' .or. key%default /= '')
+        if (key%kind == choice_kind) call check('default of '//key%name, is_available(key, trim(key%default)))
+        if (key%kind == real_kind .and. .not. key%required) then
+          call read_real(trim(key%default), x, problem)
+          call check('default in range: '//key%name, problem == '' .and. in_range(key%range, x))
+        end if
+        do j = 1, condition_count(key)
+          call check('condition of '//key%name, condition_key(key, j) > 0)
+          do k = 1, word_count(condition_choices(key, j))
+            call check('choice '//word(condition_choices(key, j), k)//' of '//key%name, &
+                       has_word(schema(condition_key(key, j))%choices, word(condition_choices(key, j), k)))
+          end do
+        end do
+      end associate
+    end do
+    call check_text('keys of a group', keys_of('system'), 'mass stiffness_x stiffness_y misalignment_deg')
+    call check_text('condition', condition_text(schema(find_name('v_cut'))), 'method dopri5 | dop853 and contact exact')
+  end subroutine test_schema
+
+  ! --- decks
+
+  !> Read a deck that must be sound, with its parts as the caller wants them.
+  subroutine accept(name, text, deck)
+    character(*), intent(in) :: name, text
+    type(deck_t), intent(out) :: deck
+    type(error_t), allocatable :: error
+
+    call parse_deck(text, 'good.nml', none, deck, error)
+    if (allocated(error)) then
+      call check(name//': '//error%text, .false.)
+    else
+      call check(name, .true.)
+    end if
+  end subroutine accept
+
+  subroutine check_mass(name, text)
+    character(*), intent(in) :: name, text
+    type(deck_t) :: deck
+
+    call accept(name, text, deck)
+    call check(name//': mass', same_bits(deck%real_of('system', 'mass'), 0.25_wp))
+  end subroutine check_mass
+
+  subroutine test_good_decks()
+    type(deck_t) :: deck
+    character(*), parameter :: others = 'stiffness_x=1e3 stiffness_y=1e7 misalignment_deg=1 /'
+    character(*), parameter :: tail = n//scene_group//friction_group//drive_group
+
+    call accept('plain', whole, deck)
+    call check('set', deck%is_set('system', 'mass') .and. .not. deck%is_set('integrator', 'rtol'))
+    call check('default', same_bits(deck%real_of('integrator', 'rtol'), 1.0e-8_wp))
+    call check_text('default choice', deck%text_of('integrator', 'method'), 'radau9')
+    call check_text('default file', deck%text_of('output', 'file'), '')
+    call check('flush', same_bits(deck%real_of('output', 'flush_seconds'), 5.0_wp))
+    call check_mass('any order', drive_group//friction_group//system_group//scene_group)
+    call check_mass('&end', '&system mass=0.25 '//others(:len(others) - 1)//'&end'//tail)
+    call check_mass('&END', '&system mass=0.25 '//others(:len(others) - 1)//'&END'//tail)
+    call check_mass('capitals', '&SYSTEM MASS=0.25 '//others//tail)
+    call check_mass('no blanks', '&system mass=0.25,stiffness_x=1e3,stiffness_y=1e7,misalignment_deg=1/'//tail)
+    call check_mass('tabs', '&system'//achar(9)//'mass'//achar(9)//'='//achar(9)//'0.25'//achar(9)//others//tail)
+    call check_mass('CRLF', '&system'//achar(13)//n//'mass = 0.25'//achar(13)//n//others//achar(13)//tail)
+    call check_mass('value in the next line', '&system mass ='//n//'! comment'//n//' 0.25'//n//others//tail)
+    call check_mass('equals in the next line', '&system mass'//n//' = 0.25 '//others//tail)
+    call check_mass('comments', "! 'quote"//n//"&system ! it's / & ="//n//' mass = 0.25! "'//n//others//' ! end'//tail)
+    call check_mass('comma after the last value', '&system mass = 0.25, '//others(:len(others) - 1)//', /'//tail)
+    call check_mass('repeat count 1', '&system mass = 1*0.25 '//others//tail)
+    call check_mass('D exponent', '&system mass = 2.5D-1 '//others//tail)
+    call check_mass('no leading digit', '&system mass = .25 '//others//tail)
+    call check_mass('UTF-8 comment', '! µ, Ω, 摩擦'//n//'&system mass = 0.25 '//others//tail)
+    call check_mass('byte order mark', char(239)//char(187)//char(191)//'&system mass = 0.25 '//others//tail)
+    call check_mass('no final newline', tail//'&system mass = 0.25 '//others)
+    call check_mass('long comment line', '!'//repeat('x', 100000)//n//'&system mass = 0.25 '//others//tail)
+    call check_mass('unused keys switched off', whole(:index(whole, 'normal') - 1)//'v_smooth = 0.0 '// &
+                    whole(index(whole, 'normal'):)//'&integrator step = 0.0 v_cut = 0.0 /')
+    call test_good_text()
+  end subroutine test_good_decks
+
+  subroutine test_good_text()
+    type(deck_t) :: deck
+
+    call accept('doubled quote', "&scene title='it''s' t_end=1 /"//rest, deck)
+    call check_text('doubled quote', deck%text_of('scene', 'title'), "it's")
+    call accept('other quotes', '&scene title="say ''no'' ""now""" t_end=1 /'//rest, deck)
+    call check_text('other quotes', deck%text_of('scene', 'title'), "say 'no' ""now""")
+    call accept('signs in a text', "&scene title=' a/b & c = d, ! e' t_end=1 /"//rest, deck)
+    call check_text('signs in a text', deck%text_of('scene', 'title'), ' a/b & c = d, ! e')
+    call accept('UTF-8', "&scene title='φ = 1°, 摩擦' t_end=1 /"//rest, deck)
+    call check_text('UTF-8', deck%text_of('scene', 'title'), 'φ = 1°, 摩擦')
+    call accept('256 bytes', "&scene title='"//repeat('x', 256)//"' t_end=1 /"//rest, deck)
+    call check('256 bytes', len(deck%text_of('scene', 'title')) == 256)
+    call accept('empty text', "&scene title='' t_end=1 /"//rest, deck)
+    call check_text('empty text', deck%text_of('scene', 'title'), '')
+    call accept('fields', whole//"&output fields = 'u_x', 'X' 'zeta' /", deck)
+    call check('fields', all(deck%texts_of('output', 'fields') == [character(4) :: 'u_x', 'X', 'zeta']))
+    call accept('integer', whole//'&integrator max_steps = 12345678901 /', deck)
+    call check('integer', deck%integer_of('integrator', 'max_steps') == 12345678901_int64)
+  end subroutine test_good_text
+
+  !> A deck that must be refused, with `expected` in the text of the error.
+  subroutine refuse(name, text, expected)
+    character(*), intent(in) :: name, text, expected
+    type(deck_t) :: deck
+    type(error_t), allocatable :: error
+
+    call parse_deck(text, 'bad.nml', none, deck, error)
+    if (.not. allocated(error)) then
+      call check(name//': accepted', .false.)
+    else
+      call check(name//": no '"//expected//"' in "//n//error%text, index(error%text, expected) > 0)
+      call check(name//': code', error%code == deck_error)
+    end if
+  end subroutine refuse
+
+  !> A deck with exactly one fault.
+  subroutine refuse_once(name, text, expected)
+    character(*), intent(in) :: name, text, expected
+    type(deck_t) :: deck
+    type(error_t), allocatable :: error
+
+    call refuse(name, text, expected)
+    call parse_deck(text, 'bad.nml', none, deck, error)
+    if (allocated(error)) call check(name//': more than one fault'//n//error%text, index(error%text, n) == 0)
+  end subroutine refuse_once
+
+  subroutine test_bad_decks()
+    character(*), parameter :: s = '&scene t_end = 1'//n
+
+    call refuse('empty', '', 'bad.nml:1: no group')
+    call refuse('comment only', '! nothing', 'bad.nml:1: no group')
+    call refuse('no scene', rest, 'group &scene is missing: add it with t_end')
+    call refuse_once('unknown group', whole//'&sytem'//n//' a = 1'//n//'/', &
+                     "bad.nml:5: unknown group '&sytem': the nearest is &system")
+    call refuse_once('misnamed group', '&scen t_end = 1 /'//n//rest, "bad.nml:1: unknown group '&scen': the nearest is &scene")
+    call refuse_once('sweep', whole//'&sweep count = 3 /', 'bad.nml:5: group &sweep is not available in this version')
+    call refuse_once('repeated group', whole//scene_group(:6)//'/', 'bad.nml:5: group &scene given again: it began in line 1')
+    call refuse_once('unknown key', s//" titel='x' /"//n//rest, "bad.nml:2: unknown key 'titel' in &scene: the nearest is 'title'")
+    call refuse_once('far key', s//' zz=1 /'//n//rest, "unknown key 'zz' in &scene: its keys are title model t_end")
+    call refuse_once('nearest in another group', s//' velocty=1 /'//n//rest, "the nearest is 'velocity' in &drive")
+    call refuse_once('wrong group', s//' rtol=1e-6 /'//n//rest, &
+                     "bad.nml:2: 'rtol' does not belong to &scene: put it in &integrator")
+    call refuse_once('repeated key', s//' t_end=2 /'//n//rest, "bad.nml:2: 't_end' given again: it stands in line 1 already")
+    call refuse_once('empty value', '&scene'//n//'t_end ='//n//'/'//n//rest, "bad.nml:2: 't_end' has an empty value")
+    call refuse_once('empty before a key', "&scene t_end = title='x' /"//n//rest, "bad.nml:1: 't_end' has an empty value")
+    call refuse_once('only a comma', '&scene t_end = , /'//n//rest, "nothing before a ',' in 't_end'")
+    call refuse_once('two commas', '&scene t_end = 1,, /'//n//rest, "nothing before a ',' in 't_end'")
+    call refuse_once('not a number', '&scene t_end = ten /'//n//rest, "'ten' is not a real number: 't_end' takes a finite real")
+    call refuse_once('text for a number', "&scene t_end = '1' /"//n//rest, &
+                     "'1' is text: 't_end' takes a real number without quotes")
+    call refuse_once('number for text', s//' title = 3 /'//n//rest, "'3' is not text: 'title' takes text in quotes")
+    call refuse_once('bare text', s//' model = full /'//n//rest, "'full' is not text: 'model' takes text in quotes")
+    call refuse_once('NaN', '&scene t_end = NaN /'//n//rest, "'NaN' is not a real number")
+    call refuse_once('overflow', '&scene t_end = 1e400 /'//n//rest, "'1e400' is beyond the range")
+    call refuse_once('hexadecimal', '&scene t_end = 0x1F /'//n//rest, "'0x1F' is not a real number")
+    call refuse_once('complex', '&scene t_end = (1,2) /'//n//rest, "unexpected '(1,2) /'")
+    call refuse_once('range', '&scene t_end = -1 /'//n//rest, "t_end = '-1' is out of range: it must be > 0.0 (in s)")
+    call refuse_once('integer', whole//'&integrator max_steps = 1e3 /', "'1e3' is not an integer")
+    call refuse_once('too many', '&scene t_end = 1 2 /'//n//rest, &
+                     "too many values for 't_end', from '2' on: 2 given, at most 1 allowed")
+    call refuse_once('too many repeated', '&scene t_end = 2*1 /'//n//rest, "too many values for 't_end', from '1' on: 2 given")
+    call refuse_once('zero times', '&scene t_end = 0*1 /'//n//rest, "repeat count '0*' is not positive")
+    call refuse_once('repeated nothing', '&scene t_end = 2* /'//n//rest, "'2*' repeats an empty value")
+    call refuse_once('long text', s//"title='"//repeat('x', 257)//"' /"//n//rest, '257 bytes given, at most 256 allowed')
+    call refuse_once('no slash', s//n//'! x'//n//rest, "bad.nml:4: missing '/': end the group &scene")
+    call refuse_once('no slash at the end', whole//'&output interval = 1', "bad.nml:5: missing '/': end the group &output")
+    call refuse_once('unclosed quote', s//"title='x"//n//'/'//n//rest, "bad.nml:2: unclosed quote 'x: close it with '")
+    call refuse_once('stray text', 'x'//n//whole, "bad.nml:1: 'x' outside a group")
+    call refuse_once('stray slash', whole//'/', "bad.nml:5: '/' outside a group")
+    call refuse_once('dollar group', '$scene t_end=1 $end'//n//whole, "bad.nml:1: '$scene")
+    call refuse_once('subscript', '&scene t_end(1)=1 /'//n//rest, "'t_end(1)=1 /' sets a part of a key")
+    call refuse_once('subscript after a value', '&scene t_end = 1 title(2) = "x" /'//n//rest, "'title(2) =")
+    call refuse_once('component', '&scene t_end%x=1 /'//n//rest, "'t_end%x=1 /' sets a part of a key")
+    call refuse_once('no equals', '&scene t_end 1 /'//n//rest, "'t_end' without '='")
+    call refuse_once('second equals', '&scene t_end = = 1 /'//n//rest, "unexpected '= 1 /'")
+    call refuse_once('value after a quote', s//"title='x'y /"//n//rest, "'y /' directly after a closing quote")
+    call refuse_once('NUL', whole//achar(0), 'bad.nml:5: NUL bytes in the deck')
+    call refuse_once('control character', '!'//achar(27)//n//whole, 'bad.nml:1: control characters in the deck')
+    call refuse_once('Latin-1', '! '//char(228)//' '//n//whole, 'bad.nml:1: a character is not UTF-8')
+    call refuse_once('unknown model', s//"model='ful' /"//n//rest, "unknown model 'ful': the nearest is 'full'")
+    call refuse_once('later model', s//"model='creep' /"//n//rest, "model 'creep' is not available in this version")
+    call refuse_once('later method', whole//"&integrator method='moreau_jean' /", "method 'moreau_jean' is not available")
+    call refuse_once('unknown field', whole//"&output fields='ux' /", "unknown fields 'ux': the nearest is 'u_x'")
+    call refuse_once('field twice', whole//"&output fields='u_x','u_x' /", "'u_x' more than once in 'fields'")
+    call refuse_once('default field', whole//"&output fields='u_x','default' /", "'default' among other 'fields'")
+    call refuse_once('missing key', '&scene /'//n//rest, "bad.nml:1: 't_end' is missing in &scene: add t_end = VALUE in s")
+    call refuse_once('missing group', scene_group//friction_group//drive_group, &
+                     'bad.nml:3: group &system is missing: add it with mass')
+    call test_all_in_one_go()
+    call test_bad_files()
+  end subroutine test_bad_decks
+
+  subroutine test_all_in_one_go()
+    type(deck_t) :: deck
+    type(error_t), allocatable :: error
+    integer :: lines, i
+
+    call parse_deck('x'//n//'&scene t_end = -1, titel = 3 /'//n//system_group//'&friction mu_0 = a, normal_load = 1'//n// &
+                    "contact = 'x /"//n//'/'//n//'&drive velocity = /', 'bad.nml', none, deck, error)
+    call check('faults', allocated(error))
+    if (.not. allocated(error)) return
+    lines = 1 + count([(error%text(i:i) == n, i=1, len(error%text))])
+    ! stray, range, unknown key, number, quote, empty value, and mu_inf and v_f missing.
+    call check('eight faults in one go'//n//error%text, lines == 8)
+    call check('in the order of the lines', index(error%text, 'bad.nml:2:') < index(error%text, 'bad.nml:4:') .and. &
+               index(error%text, 'bad.nml:4:') < index(error%text, 'bad.nml:5:'))
+    call parse_deck(whole//'x', 'bad.nml', [character(13) :: 'system.mass=a', 'friction.mu=0'], deck, error)
+    call check('the deck before the settings', index(error%text, 'bad.nml:5:') == 1 .and. &
+               index(error%text, '--set 1') < index(error%text, '--set 2'))
+    call parse_deck(repeat('&x /'//n, 1000), 'bad.nml', none, deck, error)
+    call check('a flood of faults ends', index(error%text, 'only the first faults are listed') > 0)
+  end subroutine test_all_in_one_go
+
+  subroutine test_bad_files()
+    type(deck_t) :: deck
+    type(error_t), allocatable :: error
+
+    call read_deck('/no such/deck.nml', none, deck, error)
+    call check('no file', error%code == deck_error .and. index(error%text, '/no such/deck.nml: no such file') == 1)
+    call read_deck('/', none, deck, error)
+    call check('a folder', error%code == deck_error)
+    call read_deck('/dev/zero', none, deck, error)
+    call check('a device', error%code == deck_error)
+    call read_deck('', none, deck, error)
+    call check('no name', error%code == deck_error)
+  end subroutine test_bad_files
+
+  subroutine test_conditions()
+    character(*), parameter :: constant = scene_group//system_group//drive_group// &
+      "&friction law = 'constant', mu_0 = 0.2, normal_load = 10"
+    character(*), parameter :: smoothed = scene_group//system_group//drive_group// &
+      "&friction contact = 'smoothed', mu_0 = 0.2, mu_inf = 0.1, v_f = 0.01, normal_load = 10"
+    type(deck_t) :: deck
+
+    call accept('constant law', constant//' /', deck)
+    call check('mu_inf unused', .not. deck%is_used('friction', 'mu_inf'))
+    call refuse_once('v_f of the constant law', constant//n//'v_f = 0.1 /', &
+                     "bad.nml:5: 'v_f' is not used with law constant: remove it, it works only with law weakening")
+    call refuse_once('mu_inf missing', whole(:index(whole, 'mu_inf') - 1)//whole(index(whole, 'v_f'):), &
+                     "'mu_inf' is missing in &friction (needed with law weakening)")
+    call refuse_once('v_smooth missing', smoothed//' /', "'v_smooth' is missing in &friction (needed with contact smoothed)")
+    call refuse_once('v_smooth zero', smoothed//' v_smooth = 0 /', "v_smooth = '0.0' is out of range: it must be > 0.0")
+    call accept('v_smooth', smoothed//' v_smooth = 1e-9 /', deck)
+    call refuse_once('v_smooth unused', whole(:index(whole, 'normal') - 1)//'v_smooth = 1e-6 '//whole(index(whole, 'normal'):), &
+                     "bad.nml:3: 'v_smooth' is not used with contact exact")
+    call refuse_once('step unused', whole//'&integrator step = 1e-6 /', "'step' is not used with method radau9")
+    call refuse_once('v_cut unused', whole//'&integrator v_cut = 1e-6 /', "'v_cut' is not used with method radau9")
+    call accept('v_cut', whole//"&integrator v_cut = 1e-6 method = 'dop853' /", deck)
+    call refuse_once('v_cut smoothed', smoothed//" v_smooth = 1e-9 /"//"&integrator v_cut = 1e-6 method = 'dop853' /", &
+                     "'v_cut' is not used with contact smoothed")
+    call refuse_once('rk4 exact', whole//"&integrator method = 'rk4' step = 1e-6 /", &
+                     "method 'rk4' cannot follow the exact contact of model 'full': choose contact = 'smoothed'")
+    call accept('rk4 smoothed', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 /", deck)
+    call refuse_once('rk4 without step', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' /", &
+                     "'step' is missing in &integrator (needed with method rk4)")
+    call refuse_once('rk4 with rtol', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 rtol = 1e-5 /", &
+                     "'rtol' is not used with method rk4")
+    call refuse_once('a faulty law asks for nothing', scene_group//system_group//drive_group// &
+                     "&friction law = 'x' mu_0 = 0.2 normal_load = 1 /", "unknown law 'x'")
+  end subroutine test_conditions
+
+  subroutine test_drive()
+    character(*), parameter :: head = scene_group//system_group//friction_group//'&drive '
+    type(deck_t) :: deck
+
+    call accept('profile', head//'time = 0 1 1 3 velocity = 2*1e-3, 2*0 /', deck)
+    call check('profile', all(abs(deck%reals_of('drive', 'velocity') - [1e-3_wp, 1e-3_wp, 0.0_wp, 0.0_wp]) <= 0.0_wp) .and. &
+               all(abs(deck%reals_of('drive', 'time') - [0.0_wp, 1.0_wp, 1.0_wp, 3.0_wp]) <= 0.0_wp))
+    call accept('constant', head//'velocity = -1e-3 /', deck)
+    call check('constant', size(deck%reals_of('drive', 'time')) == 1 .and. size(deck%reals_of('drive', 'velocity')) == 1)
+    call refuse_once('counts', head//n//'time = 0 1 velocity = 1 2 3 /', "bad.nml:5: 3 value(s) of 'velocity' but 2 of 'time'")
+    call refuse_once('no time', head//'velocity = 1 2 3 /', "3 value(s) of 'velocity' but 1 of 'time'")
+    call refuse_once('start', head//'time = 1 2 velocity = 1 2 /', "time(1) = '1.0' is not the start")
+    call refuse_once('backwards', head//'time = 0 2 1 velocity = 1 2 3 /', "time(3) = '1.0' is before the time ahead of it")
+    call refuse_once('three times', head//'time = 0 1 1 1 velocity = 1 2 3 4 /', "time(4) = '1.0' repeats a time once too often")
+    call refuse_once('jump at once', head//'time = 0 0 velocity = 1 2 /', "time(2) = '0.0' repeats a time once too often")
+    call refuse_once('negative', head//'time = 0 -1 velocity = 1 2 /', "time = '-1' is out of range")
+    call refuse_once('bad entry', head//'velocity = 1'//n//'2'//n//'x /', "bad.nml:6: 'x' is not a real number")
+  end subroutine test_drive
+
+  ! --- settings
+
+  subroutine set(name, settings, expected)
+    character(*), intent(in) :: name, settings(:)
+    character(*), intent(in) :: expected            !! in the error's text; '' = accepted
+    type(deck_t) :: deck
+    type(error_t), allocatable :: error
+
+    call parse_deck(whole, 'deck.nml', settings, deck, error)
+    if (expected == '') then
+      call check(name, .not. allocated(error))
+    else if (allocated(error)) then
+      call check(name//": no '"//expected//"' in "//n//error%text, index(error%text, expected) > 0)
+    else
+      call check(name//': accepted', .false.)
+    end if
+  end subroutine set
+
+  subroutine test_settings()
+    type(deck_t) :: deck
+    type(error_t), allocatable :: error
+
+    call parse_deck(whole, 'deck.nml', [character(40) :: 'system.mass=0.5', 'Integrator.METHOD = dopri5', &
+                                        "scene.title='a, b'", 'output.fields=u_x,X', 'drive.time=0,2*1', &
+                                        'drive.velocity=1,2,3', 'output.file=a b!.h5'], deck, error)
+    call check('settings', .not. allocated(error))
+    call check('a setting wins', same_bits(deck%real_of('system', 'mass'), 0.5_wp))
+    call check_text('bare text', deck%text_of('integrator', 'method'), 'dopri5')
+    call check_text('text in quotes', deck%text_of('scene', 'title'), 'a, b')
+    call check_text('blank and sign', deck%text_of('output', 'file'), 'a b!.h5')
+    call check('list of texts', all(deck%texts_of('output', 'fields') == [character(3) :: 'u_x', 'X']))
+    call check('list', all(deck%reals_of('drive', 'time') <= [0.0_wp, 1.0_wp, 1.0_wp]))
+    call check('is set', deck%is_set('integrator', 'method'))
+    call set('no equals', ['mass'], '--set 1 (mass): no ''=''')
+    call set('no group', ['mass=1'], '--set 1 (mass=1): no group: write --set system.mass=VALUE')
+    call set('unknown group', ['sytem.mass=1'], "unknown group '&sytem': the nearest is &system")
+    call set('unknown key', [character(13) :: 'scene.t_end=1', 'system.mas=1'], "--set 2 (system.mas=1): unknown key 'mas'")
+    call set('empty', ['system.mass='], "'mass' has an empty value")
+    call set('not a number', ['system.mass=x'], "'x' is not a real number")
+    call set('range', ['system.mass=0'], "mass = '0' is out of range")
+    call set('comment', ['system.mass=1!2'], "unexpected '!2' in a value")
+    call set('end', ['system.mass=1/2'], "unexpected '/2': give only the value")
+    call set('second key', ['system.mass=1 stiffness_x=2'], "unexpected 'stiffness_x=2'")
+    call set('choice', ['integrator.method=radau8'], "unknown method 'radau8': the nearest is 'radau5'")
+    call set('twice', [character(13) :: 'system.mass=1', 'system.mass=2'], "--set 2 (system.mass=2): 'mass' set again")
+    call set('unused', ['friction.law=constant'], "'v_f' is not used with law constant")
+    call set('later group', ['sweep.count=3'], 'group &sweep is not available')
+    call set('control character', ['scene.title=a'//achar(10)//'b'], "control characters in 'title'")
+    call set('rk4', ['integrator.method=rk4'], "--set 1 (integrator.method=rk4): method 'rk4' cannot follow")
+  end subroutine test_settings
+
+  ! --- resolved and template
+
+  subroutine test_resolved()
+    character(*), parameter :: odd = "&scene t_end = 1.2345678901234567, title='it''s ""φ"" & / ! =' /"// &
+      '&system mass=1e-300 stiffness_x=3.3333333333333335 stiffness_y=123456789.12345679 misalignment_deg=-0.0 /'// &
+      friction_group//"&integrator max_steps = 9000000000 /"//"&output fields='X','zeta' /"
+    type(deck_t) :: deck, again
+    type(error_t), allocatable :: error
+    character(:), allocatable :: first, second, third
+    integer :: i
+
+    call refuse_once('too many equal times', odd//'&drive time = 0, 2000*0.1, velocity = 2001*0.1 /', 'time(4)')
+    call accept('odd deck', odd//drive_with(2000), deck)
+    first = resolved(deck)
+    call parse_deck(first, 'resolved', none, again, error)
+    call check('the resolved deck is sound', .not. allocated(error))
+    if (allocated(error)) return
+    do i = 1, key_count
+      call check('same value of '//schema(i)%name, same_value(deck, again, i))
+    end do
+    second = resolved(again)
+    call parse_deck(second, 'resolved', none, deck, error)
+    third = resolved(deck)
+    call check_text('fixpoint', second, third)
+    call check('user and default', index(first, "model = 'full'                 ! default;") > 0 .and. &
+               index(first, '! user, s; ') > 0)
+    call accept('plain', whole, deck)
+    call check('an unused key is left out', index(resolved(deck), 'v_smooth =') == 0)
+  end subroutine test_resolved
+
+  function drive_with(corners) result(text)
+    integer, intent(in) :: corners
+    character(:), allocatable :: text
+    integer :: i
+
+    text = '&drive velocity = '
+    do i = 1, corners
+      text = text//real_text(1.0e-3_wp*sin(real(i, wp)))//' '
+    end do
+    text = text//' time = '
+    do i = 1, corners
+      text = text//real_text(sqrt(real(i - 1, wp)))//' '
+    end do
+    text = text//'/'
+  end function drive_with
+
+  logical function same_value(a, b, i)
+    type(deck_t), intent(in) :: a, b
+    integer, intent(in) :: i
+    integer :: j
+
+    select case (schema(i)%kind)
+    case (real_kind, reals_kind)
+      same_value = size(a%value(i)%reals) == size(b%value(i)%reals)
+      if (.not. same_value) return
+      same_value = all([(same_bits(a%value(i)%reals(j), b%value(i)%reals(j)), j=1, size(a%value(i)%reals))])
+    case (integer_kind)
+      same_value = a%value(i)%integer == b%value(i)%integer
+    case default
+      same_value = size(a%value(i)%texts) == size(b%value(i)%texts)
+      if (same_value) same_value = all(a%value(i)%texts == b%value(i)%texts)
+    end select
+  end function same_value
+
+  subroutine test_template()
+    type(deck_t) :: deck
+    type(error_t), allocatable :: error
+    character(:), allocatable :: text
+    integer :: i
+
+    call template('full', text, error)
+    call check('template', .not. allocated(error))
+    call accept('the template is a deck', text, deck)
+    do i = 1, key_count
+      call check('in the template: '//schema(i)%name, index(text, n//'  '//trim(schema(i)%name)//' = ') > 0)
+    end do
+    call check('Fig. 3', same_bits(deck%real_of('friction', 'v_f'), 0.01_wp))
+    call template('creep', text, error)
+    call check('later model', error%code == usage_error .and. index(error%text, 'not available') > 0)
+    call template('ful', text, error)
+    call check('nearest model', index(error%text, "the nearest is 'full'") > 0)
+  end subroutine test_template
+
+  subroutine test_scene()
+    type(deck_t) :: deck
+    type(scene_t) :: scene
+
+    call accept('scene', whole, deck)
+    call scene_from_deck(deck, scene)
+    call check('model', scene%model == 'full' .and. scene%law == 'weakening' .and. scene%contact == 'exact')
+    call check('numbers', same_bits(scene%mass, 0.25_wp) .and. same_bits(scene%mu_inf, 0.15_wp) .and. &
+               same_bits(scene%misalignment_deg, 1.0_wp) .and. same_bits(scene%interval, 1.0e-3_wp))
+    call check('drive', size(scene%drive_time) == 1 .and. same_bits(scene%drive_velocity(1), 1.0e-3_wp))
+    call check('fields', size(scene%fields) == 1 .and. all(scene%fields == 'default'))
+    call accept('constant', scene_group//system_group//drive_group//"&friction law='constant' mu_0=0.3 normal_load=1 /", deck)
+    call scene_from_deck(deck, scene)
+    call check('constant friction', same_bits(scene%mu_inf, 0.3_wp) .and. same_bits(scene%v_f, 1.0_wp))
+  end subroutine test_scene
+
+  ! --- command line
+
+  subroutine parse(line, command, error)
+    character(*), intent(in) :: line        !! words separated by single blanks
+    type(command_t), intent(out) :: command
+    type(error_t), allocatable, intent(out) :: error
+    type(argument_t), allocatable :: arguments(:)
+    integer :: i
+
+    allocate (arguments(word_count(line)))
+    do i = 1, size(arguments)
+      arguments(i)%text = word(line, i)
+    end do
+    call parse_arguments(arguments, command, error)
+  end subroutine parse
+
+  subroutine misused(line, expected)
+    character(*), intent(in) :: line, expected
+    type(command_t) :: command
+    type(error_t), allocatable :: error
+
+    call parse(line, command, error)
+    if (allocated(error)) then
+      call check("'"//line//"' gives "//error%text, error%code == usage_error .and. index(error%text, expected) > 0)
+    else
+      call check("'"//line//"' accepted", .false.)
+    end if
+  end subroutine misused
+
+  subroutine test_arguments()
+    type(command_t) :: command
+    type(error_t), allocatable :: error
+
+    call parse('run --quiet a.nml -o b.h5 --set x.y=1 --set=z.w=2 --overwrite', command, error)
+    call check('run', .not. allocated(error) .and. command%name == 'run' .and. command%quiet .and. command%overwrite)
+    call check('operand', command%operand_count == 1 .and. command%output == 'b.h5')
+    call check('settings', all(setting_list(command) == ['x.y=1', 'z.w=2']))
+    call parse('check -- -a.nml', command, error)
+    call check('after --', .not. allocated(error) .and. command%operands(1)%text == '-a.nml')
+    call parse('--version', command, error)
+    call check('version', command%name == 'version' .and. .not. allocated(error))
+    call parse('--help', command, error)
+    call check('help', command%help .and. .not. allocated(error))
+    call parse('run --help', command, error)
+    call check('help on run', command%help .and. command%name == 'run' .and. .not. allocated(error))
+    call check('help texts differ', help_text('run') /= help_text('check') .and. help_text('check') /= help_text('template') &
+               .and. index(help_text(''), 'Exit status') > 0)
+    call misused('', 'no command')
+    call misused('rum a.nml', "the nearest is 'run'")
+    call misused('simulate', 'there are run | check | template')
+    call misused('stability a.nml', 'not available in this version')
+    call misused('run', "'run' without a deck")
+    call misused('run a.nml --overwite', "the nearest is '--overwrite'")
+    call misused('run a.nml -o', '-o without a file name')
+    call misused('run a.nml --set', '--set without a setting')
+    call misused('run a.nml -o b -o c', '-o given twice')
+    call misused('run a.nml b.nml -o c', '-o names one file but several decks are given')
+    call misused('check a.nml -o c', "'check' takes no -o")
+    call misused('check a.nml --quiet', "'check' takes no --quiet")
+    call misused('template full full', "'template' takes one model")
+    call misused('template --set a.b=1', "'template' takes no --set")
+  end subroutine test_arguments
+end program test_deck

@@ -1,0 +1,91 @@
+!> Names, reasons and moments as the result file's user meets them.
+program test_disk
+  use, intrinsic :: iso_fortran_env, only: error_unit
+  use dst_disk, only: prepare_file, move_file, delete_file, file_exists, is_folder, folder_of, true_path, scratch_name, &
+    with_remedy, utc_now
+  implicit none
+
+  character(*), parameter :: first = 'test_disk_first', second = 'test_disk_second'
+  integer :: passed = 0, failed = 0
+
+  call test_names()
+  call test_files()
+  call test_reasons()
+  call test_moment()
+
+  print '(i0, " passed, ", i0, " failed")', passed, failed
+  if (failed > 0) error stop 1
+
+contains
+
+  subroutine test_names()
+    call check('folder of a bare name', folder_of('x.h5') == '.')
+    call check('folder of a relative name', folder_of('a/b/x.h5') == 'a/b')
+    call check('folder at the root', folder_of('/x.h5') == '/')
+    call check('a path that does not exist stays', true_path('no/such/x.h5') == 'no/such/x.h5')
+    call check('a path through the parent', true_path('/usr/..') == '/')
+    call check('a scratch name stands beside the file', index(scratch_name('a/x.h5'), 'a/x.h5.') == 1)
+  end subroutine test_names
+
+  subroutine test_files()
+    character(:), allocatable :: reason
+    logical :: moved
+
+    call delete_file(first)
+    call delete_file(second)
+    call prepare_file(first, reason)
+    call check('a new file', .not. allocated(reason))
+    call check('the new file is there', file_exists(first))
+    call prepare_file(first, reason)
+    call check('a file that is there', .not. allocated(reason))
+    call check('a file is not a folder', .not. is_folder(first))
+    call check('a folder is a folder', is_folder('.'))
+    call move_file(first, second, moved)
+    call check('moved', moved)
+    call check('there after moving', file_exists(second))
+    call check('gone after moving', .not. file_exists(first))
+    call move_file(first, second, moved)
+    call check('nothing to move', .not. moved)
+    call delete_file(second)
+    call check('deleted', .not. file_exists(second))
+    call prepare_file('no/such/folder/x', reason)
+    call check('no such folder', allocated(reason))
+  end subroutine test_files
+
+  !> A reason that is known says what to do; an unknown one is passed on.
+  subroutine test_reasons()
+    call check('disk full', index(with_remedy('No space left on device'), 'free some space') > 0)
+    call check('quota', index(with_remedy('Disk quota exceeded'), 'quota') > 0)
+    call check('limit', index(with_remedy('File too large'), 'ulimit') > 0)
+    call check('lock', index(with_remedy('Resource temporarily unavailable'), 'HDF5_USE_FILE_LOCKING=FALSE') > 0)
+    call check('unknown', with_remedy('Input/output error') == 'Input/output error')
+  end subroutine test_reasons
+
+  !> The date that the system's own clock gives in UTC, unless midnight passes in between.
+  subroutine test_moment()
+    character(20) :: now
+    integer :: clock(8), year, month, day, hour, minute, second_, io_status
+
+    now = utc_now()
+    read (now, '(i4, 5(1x, i2))', iostat=io_status) year, month, day, hour, minute, second_
+    call check('form of the moment', io_status == 0 .and. now(5:5)//now(8:8)//now(11:11)//now(20:20) == '--TZ')
+    call date_and_time(values=clock)
+    call check('year', abs(year - clock(1)) <= 1)
+    call check('month', month >= 1 .and. month <= 12)
+    call check('day', day >= 1 .and. day <= 31)
+    call check('time of day', hour >= 0 .and. hour < 24 .and. minute >= 0 .and. minute < 60)
+    call check('minutes past the hour, but for the zone''s', modulo(minute - (clock(6) - clock(4)), 60) <= 1)
+  end subroutine test_moment
+
+  subroutine check(name, holds)
+    character(*), intent(in) :: name
+    logical, intent(in) :: holds
+
+    if (holds) then
+      passed = passed + 1
+    else
+      failed = failed + 1
+      write (error_unit, '(a)') 'FAILED: '//name
+    end if
+  end subroutine check
+end program test_disk

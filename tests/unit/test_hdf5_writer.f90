@@ -1,0 +1,302 @@
+!> The result file through its writer: what is written is read back, what must be refused is refused and left untouched.
+program test_hdf5_writer
+  use, intrinsic :: iso_fortran_env, only: error_unit
+  use hdf5, only: hid_t, hsize_t, h5fopen_f, h5fclose_f, h5dopen_f, h5dread_f, h5dclose_f, h5dget_space_f, h5sclose_f, &
+    h5sget_simple_extent_npoints_f, h5f_acc_rdonly_f, h5t_native_double
+  use dst_kinds, only: wp, int64
+  use dst_errors, only: error_t, file_error, result_done, stopped_early
+  use dst_writer, only: quantity_t, outcome_t
+  use dst_hdf5_tools, only: start_hdf5, get_attribute
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5, reopen_hdf5
+  implicit none
+
+  character(*), parameter :: file_name = 'test_hdf5_writer.h5', text_file = 'test_hdf5_writer.txt'
+  integer :: passed = 0, failed = 0, status
+
+  call remove(file_name)
+  call start_hdf5(status)
+  call check('HDF5 starts', status == 0)
+  call test_written_is_read()
+  call test_reads_before_the_end()
+  call test_refusals()
+  call test_resume()
+  call remove(file_name)
+
+  print '(i0, " passed, ", i0, " failed")', passed, failed
+  if (failed > 0) error stop 1
+
+contains
+
+  !> Blocks of any size arrive in order and complete, over the edges of chunks.
+  subroutine test_written_is_read()
+    type(hdf5_writer_t) :: writer
+    type(error_t), allocatable :: error
+    integer :: blocks(6) = [1, 63, 64, 65, 1000, 7], i, first
+
+    call create_hdf5(writer, file_name, .false., metadata(), columns(), error, expected_rows=100)
+    call check('created', .not. allocated(error))
+    first = 0
+    do i = 1, size(blocks)
+      call writer%write_samples(ramp(first, blocks(i)), error)
+      call check('samples written', .not. allocated(error))
+      call writer%write_events([real(i, wp)], [2 - modulo(i, 2)], error)
+      call check('events written', .not. allocated(error))
+      if (i == 3) call writer%flush(error)
+      first = first + blocks(i)
+    end do
+    call writer%finish(outcome(result_done), error)
+    call check('finished', .not. allocated(error))
+
+    call check('rows of time', all(same(read_column('time_series/time'), [(0.5_wp*i, i=0, sum(blocks) - 1)])))
+    call check('rows of u_x', all(same(read_column('time_series/u_x'), [(2.0_wp*i, i=0, sum(blocks) - 1)])))
+    call check('rows of sticking', all(same(read_column('time_series/sticking'), [(real(modulo(i, 2), wp), i=0, sum(blocks) - 1)])))
+    call check('events', all(same(read_column('events/kind'), [1.0_wp, 2.0_wp, 1.0_wp, 2.0_wp, 1.0_wp, 2.0_wp])))
+    call check('period', all(same(read_column('summary/period'), [0.25_wp])))
+    call check('a counter beyond 32 bits', all(same(read_column('statistics/steps'), [3.0e10_wp])))
+    call check('complete', root_integer('complete') == 1)
+    call check('result code', root_integer('result_code') == result_done)
+    call check('deck hash', root_text('deck_sha256') == 'abc')
+    call check('UTF-8', root_text('compiler') == 'gfortran µ')
+  end subroutine test_written_is_read
+
+  !> What was flushed can be read by another opening of the file while the run goes on, and is marked as unfinished.
+  subroutine test_reads_before_the_end()
+    type(hdf5_writer_t) :: writer
+    type(error_t), allocatable :: error
+    character(*), parameter :: copy_name = 'test_hdf5_writer_copy.h5'
+
+    call create_hdf5(writer, file_name, .true., metadata(), columns(), error)
+    call check('replaced', .not. allocated(error))
+    call writer%write_samples(ramp(0, 10), error)
+    call writer%flush(error)
+    call check('flushed', .not. allocated(error))
+    call copy(file_name, copy_name)
+    call check('rows before the end', size(read_column('time_series/time', copy_name)) == 10)
+    call check('not complete', root_integer('complete', copy_name) == 0)
+    call check('no result yet', root_integer('result_code', copy_name) == -1)
+    call remove(copy_name)
+    call writer%finish(outcome(stopped_early), error)
+    call check('stopped early is not complete', root_integer('complete') == 0)
+  end subroutine test_reads_before_the_end
+
+  subroutine test_refusals()
+    type(hdf5_writer_t) :: writer
+    type(error_t), allocatable :: error
+    integer :: unit, bytes_before, bytes_after
+
+    inquire (file=file_name, size=bytes_before)
+    call create_hdf5(writer, file_name, .false., metadata(), columns(), error)
+    call check_refusal('an existing file', error, 'use --overwrite')
+    inquire (file=file_name, size=bytes_after)
+    call check('the existing file is untouched', bytes_before == bytes_after)
+    call check('the existing file is as it was', root_integer('complete') == 0)
+
+    call create_hdf5(writer, 'no/such/folder/x.h5', .true., metadata(), columns(), error)
+    call check_refusal('a folder that is not there', error, 'the folder no/such/folder does not exist')
+
+    call create_hdf5(writer, file_name//'/x.h5', .true., metadata(), columns(), error)
+    call check_refusal('a folder that is a file', error, file_name//' is not a folder')
+
+    call create_hdf5(writer, '.', .true., metadata(), columns(), error)
+    call check_refusal('a folder as the file', error, 'it is a folder')
+
+    call create_hdf5(writer, ' ', .true., metadata(), columns(), error)
+    call check_refusal('no name', error, 'no name')
+
+    open (newunit=unit, file=text_file, status='replace', action='write')
+    write (unit, '(a)') '&scene /'
+    close (unit)
+    call create_hdf5(writer, text_file, .true., metadata(), columns(), error)
+    call check_refusal('a file that is not HDF5', error, 'not an HDF5 file')
+    inquire (file=text_file, size=bytes_after)
+    call check('that file is untouched', bytes_after == 9)
+    call remove(text_file)
+  end subroutine test_refusals
+
+  !> A run goes on after its checkpoint; what the file had behind it is dropped.
+  subroutine test_resume()
+    type(hdf5_writer_t) :: writer
+    type(error_t), allocatable :: error
+    integer :: i
+
+    call create_hdf5(writer, file_name, .true., metadata(), columns(), error)
+    call writer%write_samples(ramp(0, 3000), error)
+    call writer%write_events([1.0_wp, 2.0_wp, 3.0_wp], [1, 2, 1], error)
+    call writer%finish(outcome(stopped_early), error)
+
+    call reopen_hdf5(writer, file_name, 2000_int64, 2_int64, 'another', columns(), error)
+    call check_refusal('a checkpoint of another deck', error, 'another deck')
+    call reopen_hdf5(writer, file_name, 2000_int64, 2_int64, 'abc', columns(), error)
+    call check('reopened', .not. allocated(error))
+    call writer%write_samples(ramp(2000, 2500), error)
+    call writer%write_events([4.0_wp], [2], error)
+    call writer%finish(outcome(result_done), error)
+    call check('finished after resuming', .not. allocated(error))
+    call check('rows over the resumption', all(same(read_column('time_series/time'), [(0.5_wp*i, i=0, 4499)])))
+    call check('events over the resumption', all(same(read_column('events/time'), [1.0_wp, 2.0_wp, 4.0_wp])))
+    call check('complete after resuming', root_integer('complete') == 1)
+    call reopen_hdf5(writer, file_name, 2000_int64, 2_int64, 'abc', columns(), error)
+    call check_refusal('a complete run', error, 'the run is complete')
+  end subroutine test_resume
+
+  function metadata()
+    type(run_metadata_t) :: metadata
+
+    metadata%program = 'dynstiction'
+    metadata%version = '0'
+    metadata%git_revision = 'unknown'
+    metadata%compiler = 'gfortran µ'
+    metadata%model = 'full'
+    metadata%method = 'radau9'
+    metadata%deck_text = '&scene /'
+    metadata%deck_resolved = '&scene /'
+    metadata%deck_sha256 = 'abc'
+    allocate (metadata%parameters, source=[quantity_t('mass', 'kg', 'mass')])
+    allocate (metadata%parameter_value, source=[0.25_wp])
+  end function metadata
+
+  function columns()
+    type(quantity_t) :: columns(3)
+
+    columns = [quantity_t('time', 's', 'time'), quantity_t('u_x', 'm', 'elongation'), quantity_t('sticking', '1', 'at rest')]
+  end function columns
+
+  function outcome(code)
+    integer, intent(in) :: code
+    type(outcome_t) :: outcome
+
+    outcome%result_code = code
+    outcome%result_text = 'as the test says'
+    allocate (outcome%summary, source=[quantity_t('period', 's', 'period')])
+    allocate (outcome%summary_value, source=[0.25_wp])
+    allocate (outcome%statistics, source=[quantity_t('steps', '1', 'steps'), quantity_t('wall_time', 's', 'wall time')])
+    allocate (outcome%statistics_value, source=[3.0e10_wp, 0.5_wp])
+  end function outcome
+
+  !> Samples number first to first + count - 1.
+  function ramp(first, count)
+    integer, intent(in) :: first, count
+    real(wp) :: ramp(3, count)
+    integer :: i
+
+    do i = 1, count
+      ramp(:, i) = [0.5_wp, 2.0_wp, 0.0_wp]*(first + i - 1)
+      ramp(3, i) = modulo(first + i - 1, 2)
+    end do
+  end function ramp
+
+  function read_column(path, from) result(values)
+    character(*), intent(in) :: path
+    character(*), intent(in), optional :: from
+    real(wp), allocatable :: values(:)
+    integer(hid_t) :: file, dataset, space
+    integer(hsize_t) :: rows
+    integer :: error
+
+    file = opened(from)
+    call h5dopen_f(file, path, dataset, error)
+    call h5dget_space_f(dataset, space, error)
+    call h5sget_simple_extent_npoints_f(space, rows, error)
+    call h5sclose_f(space, error)
+    allocate (values(rows))
+    call h5dread_f(dataset, h5t_native_double, values, [rows], error)
+    call check('read '//path, error == 0)
+    call h5dclose_f(dataset, error)
+    call h5fclose_f(file, error)
+  end function read_column
+
+  integer function root_integer(name, from)
+    character(*), intent(in) :: name
+    character(*), intent(in), optional :: from
+    integer(hid_t) :: file
+    integer :: error
+
+    file = opened(from)
+    error = 0
+    call get_attribute(file, name, root_integer, error)
+    call check('attribute '//name, error == 0)
+    call h5fclose_f(file, error)
+  end function root_integer
+
+  function root_text(name) result(text)
+    character(*), intent(in) :: name
+    character(:), allocatable :: text
+    integer(hid_t) :: file
+    integer :: error
+
+    file = opened()
+    error = 0
+    call get_attribute(file, name, text, error)
+    call check('attribute '//name, error == 0)
+    call h5fclose_f(file, error)
+  end function root_text
+
+  integer(hid_t) function opened(from)
+    character(*), intent(in), optional :: from
+    integer :: error
+
+    if (present(from)) then
+      call h5fopen_f(from, h5f_acc_rdonly_f, opened, error)
+    else
+      call h5fopen_f(file_name, h5f_acc_rdonly_f, opened, error)
+    end if
+    call check('the file opens', error == 0)
+  end function opened
+
+  !> Bit for bit; arrays of different lengths differ.
+  function same(actual, expected)
+    real(wp), intent(in) :: actual(:), expected(:)
+    logical, allocatable :: same(:)
+
+    if (size(actual) == size(expected)) then
+      same = abs(actual - expected) <= 0.0_wp
+    else
+      same = [.false.]
+    end if
+  end function same
+
+  subroutine check_refusal(what, error, words)
+    character(*), intent(in) :: what, words
+    type(error_t), allocatable, intent(in) :: error
+
+    call check(what//' is refused', allocated(error))
+    if (.not. allocated(error)) return
+    call check(what//': code', error%code == file_error)
+    call check(what//': "'//error%text//'"', index(error%text, words) > 0)
+  end subroutine check_refusal
+
+  subroutine check(name, holds)
+    character(*), intent(in) :: name
+    logical, intent(in) :: holds
+
+    if (holds) then
+      passed = passed + 1
+    else
+      failed = failed + 1
+      write (error_unit, '(a)') 'FAILED: '//name
+    end if
+  end subroutine check
+
+  subroutine copy(from, to)
+    character(*), intent(in) :: from, to
+    character(:), allocatable :: bytes
+    integer :: unit, length
+
+    inquire (file=from, size=length)
+    allocate (character(length) :: bytes)
+    open (newunit=unit, file=from, access='stream', form='unformatted', status='old', action='read')
+    read (unit) bytes
+    close (unit)
+    open (newunit=unit, file=to, access='stream', form='unformatted', status='replace', action='write')
+    write (unit) bytes
+    close (unit)
+  end subroutine copy
+
+  subroutine remove(name)
+    character(*), intent(in) :: name
+    integer :: unit, io_status
+
+    open (newunit=unit, file=name, status='old', iostat=io_status)
+    if (io_status == 0) close (unit, status='delete')
+  end subroutine remove
+end program test_hdf5_writer
