@@ -1,9 +1,8 @@
 !> Decks as text: the resolved deck (every key as used) and the template (every key explained).
 module dst_deck_text
-  use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, usage_error
   use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, nearest_word, alternatives
-  use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, available_choices, is_available, range_text, &
+  use dst_schema, only: key_t, schema, key_count, group_names, find_name, available_choices, is_available, range_text, &
                         real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind, condition_count, condition_key, &
                         condition_choices, condition_text
   use dst_deck_values, only: deck_t, value_t, usage, used

@@ -24,8 +24,6 @@ module dst_full_model
 
   type, extends(slip_system_t) :: full_smoothed_t
     type(slider_t) :: slider
-    !> Square of the smoothing velocity, m2/s2.
-    real(wp) :: smoothing = 0.0_wp
   contains
     procedure :: kinematics => smoothed_kinematics
     procedure :: dynamics => smoothed_dynamics
@@ -43,17 +41,15 @@ contains
     model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
   end function new_full_polar
 
-  !> With the smoothing velocity `v_smooth` > 0 [m/s].
-  pure function new_full_smoothed(slider, v_smooth) result(model)
+  !> With slider%smoothing > 0.
+  pure function new_full_smoothed(slider) result(model)
     type(slider_t), intent(in) :: slider
-    real(wp), intent(in) :: v_smooth
     type(full_smoothed_t) :: model
 
     model%slider = slider
     model%along = slider%along
     model%along_stiffness = slider%stiffness*slider%along
     model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
-    model%smoothing = v_smooth**2
   end function new_full_smoothed
 
   pure subroutine polar_kinematics(self, stages, y, velocity, velocity_y)
@@ -142,7 +138,7 @@ contains
     speed = sqrt(y(:, 1)**2 + y(:, 2)**2)
     call self%slider%law%evaluate(stages, speed, friction, slope)
     do i = 1, stages
-      smooth = sqrt(speed(i)**2 + self%smoothing)
+      smooth = sqrt(speed(i)**2 + self%slider%smoothing)
       viscosity = friction(i)/smooth
       ! d(F/smooth)/d|w| / |w|, written without a division by |w| where F' vanishes with it.
       curvature = -viscosity/smooth**2

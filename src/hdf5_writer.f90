@@ -88,9 +88,11 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in), optional :: expected_rows    !! samples of the whole run, when they are known
     character(:), allocatable :: created_name
+    logical :: is_ours
 
     call allocate_waiting(self, size(columns), expected_rows)
     call choose_name(true_path(trim(file_name)), overwrite, created_name, error)
+    is_ours = .not. file_exists(created_name)
     if (.not. allocated(error)) call open_new(self, created_name, error)
     if (allocated(error)) then
       error%text = trim(file_name)//': cannot create: '//error%text
@@ -102,7 +104,7 @@ contains
     if (.not. allocated(error)) call put_in_place(created_name, true_path(self%file_name), error)
     if (allocated(error)) then
       if (self%sound) call close_file(self)
-      call delete_file(created_name)
+      if (is_ours) call delete_file(created_name)
       self%failure = error
       self%sound = .false.
     end if

@@ -13,6 +13,8 @@ module dst_slider
     real(wp) :: stiffness(2) = 1.0_wp                      !! k_x, k_y, N/m
     real(wp) :: along(2) = [1.0_wp, 0.0_wp]                !! drive direction (cos phi, sin phi)
     class(friction_law_t), allocatable :: law
+    !> Square of the smoothing velocity [m2/s2]; 0 = exact contact.
+    real(wp) :: smoothing = 0.0_wp
   end type slider_t
 
 contains

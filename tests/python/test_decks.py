@@ -1,13 +1,9 @@
-"""Decks as a user meets them: the executable on good, odd and bad decks.
-
-The executable is that of the environment variable DYNSTICTION_EXE, else the one on the path.
-"""
+"""Decks as a user meets them: the executable on good, odd and bad decks."""
 
 from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -15,6 +11,8 @@ import pytest
 
 INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 DECKS = sorted(INPUTS.glob("*.nml"))
+
+pytestmark = pytest.mark.deck
 
 GOOD = """\
 &scene
@@ -38,20 +36,12 @@ GOOD = """\
 """
 
 
-@pytest.fixture(scope="session")
-def exe() -> str:
-    path = os.environ.get("DYNSTICTION_EXE") or shutil.which("dynstiction")
-    if not path:
-        pytest.fail("no executable: set DYNSTICTION_EXE or put dynstiction on the path")
-    return path
-
-
 @pytest.fixture
-def call(exe, tmp_path):
+def call(executable, tmp_path):
     """Run the executable in an empty directory."""
 
     def run(*arguments: str) -> subprocess.CompletedProcess:
-        return subprocess.run([exe, *arguments], cwd=tmp_path, capture_output=True, timeout=60, check=False)
+        return subprocess.run([executable, *arguments], cwd=tmp_path, capture_output=True, timeout=60, check=False)
 
     return run
 
@@ -94,6 +84,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "end without a group": (GOOD + "&end\n", 19, "'&end'", "remove it"),
     "unknown key": (with_line("title", " titel = 'x'"), 3, "'titel'", "nearest is 'title'"),
     "key with hyphen": (instead("t_end =", "t-end ="), 3, "'t-end'", "nearest is 't_end'"),
+    "misnamed group": (instead("&system", "&sistem"), 5, "'&sistem'", "nearest is &system"),
     "short key": (instead("stiffness_x", "stiffness"), 7, "'stiffness'", "nearest is 'stiffness_x'"),
     "part of a key": (instead("misalignment_deg", "misalignment"), 9, "'misalignment'", "nearest is 'misalignment_deg'"),
     "unlike any key": (with_line("mass", " damping = 1.0"), 7, "'damping'", "mass stiffness_x"),
@@ -242,6 +233,7 @@ def test_faults_of_several_decks(call, tmp_path):
     write(tmp_path, GOOD.replace("0.25", "y"), "two.nml")
     result = call("run", "good.nml", "one.nml", "two.nml")
     assert result.returncode == 2
+    assert len(result.stderr.splitlines()) == 2
     assert "one.nml:6: 'x'" in result.stderr.decode()
     assert "two.nml:6: 'y'" in result.stderr.decode()
     assert not list(tmp_path.glob("*.h5"))

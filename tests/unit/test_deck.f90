@@ -332,6 +332,16 @@ contains
     call refuse_once('empty before a key', "&scene t_end = title='x' /"//n//rest, "bad.nml:1: 't_end' has an empty value")
     call refuse_once('only a comma', '&scene t_end = , /'//n//rest, "nothing before a ',' in 't_end'")
     call refuse_once('two commas', '&scene t_end = 1,, /'//n//rest, "nothing before a ',' in 't_end'")
+    call test_bad_values()
+    call test_bad_syntax()
+    call test_bad_choices()
+    call test_all_in_one_go()
+    call test_bad_files()
+  end subroutine test_bad_decks
+
+  subroutine test_bad_values()
+    character(*), parameter :: s = '&scene t_end = 1'//n
+
     call refuse_once('not a number', '&scene t_end = ten /'//n//rest, "'ten' is not a real number: 't_end' takes a finite real")
     call refuse_once('text for a number', "&scene t_end = '1' /"//n//rest, &
                      "'1' is text: 't_end' takes a real number without quotes")
@@ -349,6 +359,11 @@ contains
     call refuse_once('zero times', '&scene t_end = 0*1 /'//n//rest, "repeat count '0*' is not positive")
     call refuse_once('repeated nothing', '&scene t_end = 2* /'//n//rest, "'2*' repeats an empty value")
     call refuse_once('long text', s//"title='"//repeat('x', 257)//"' /"//n//rest, '257 bytes given, at most 256 allowed')
+  end subroutine test_bad_values
+
+  subroutine test_bad_syntax()
+    character(*), parameter :: s = '&scene t_end = 1'//n
+
     call refuse_once('no slash', s//n//'! x'//n//rest, "bad.nml:4: missing '/': end the group &scene")
     call refuse_once('no slash at the end', whole//'&output interval = 1', "bad.nml:5: missing '/': end the group &output")
     call refuse_once('unclosed quote', s//"title='x"//n//'/'//n//rest, "bad.nml:2: unclosed quote 'x: close it with '")
@@ -364,18 +379,22 @@ contains
     call refuse_once('NUL', whole//achar(0), 'bad.nml:5: NUL bytes in the deck')
     call refuse_once('control character', '!'//achar(27)//n//whole, 'bad.nml:1: control characters in the deck')
     call refuse_once('Latin-1', '! '//char(228)//' '//n//whole, 'bad.nml:1: a character is not UTF-8')
+  end subroutine test_bad_syntax
+
+  subroutine test_bad_choices()
+    character(*), parameter :: s = '&scene t_end = 1'//n
+
     call refuse_once('unknown model', s//"model='ful' /"//n//rest, "unknown model 'ful': the nearest is 'full'")
     call refuse_once('later model', s//"model='creep' /"//n//rest, "model 'creep' is not available in this version")
     call refuse_once('later method', whole//"&integrator method='moreau_jean' /", "method 'moreau_jean' is not available")
     call refuse_once('unknown field', whole//"&output fields='ux' /", "unknown fields 'ux': the nearest is 'u_x'")
+    call refuse_once('field in the next line', whole//"&output fields='u_x'"//n//' 3 /', "bad.nml:6: '3' is not text")
     call refuse_once('field twice', whole//"&output fields='u_x','u_x' /", "'u_x' more than once in 'fields'")
     call refuse_once('default field', whole//"&output fields='u_x','default' /", "'default' among other 'fields'")
     call refuse_once('missing key', '&scene /'//n//rest, "bad.nml:1: 't_end' is missing in &scene: add t_end = VALUE in s")
     call refuse_once('missing group', scene_group//friction_group//drive_group, &
                      'bad.nml:3: group &system is missing: add it with mass')
-    call test_all_in_one_go()
-    call test_bad_files()
-  end subroutine test_bad_decks
+  end subroutine test_bad_choices
 
   subroutine test_all_in_one_go()
     type(deck_t) :: deck

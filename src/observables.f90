@@ -1,0 +1,194 @@
+!> Output columns: what can be said of the motion at one instant.
+!>
+!> Adding a column: one line in `columns` and one case in `value_of`.
+!> Source of the formulas: Nakano & Popov (2020), Eqs. (4)-(6) and (10).
+module dst_observables
+  use dst_kinds, only: wp, pi
+  use dst_slip_system, only: slip_system_t
+  use dst_stepper, only: motion_t
+  use dst_trajectory, only: trajectory_t
+  use dst_writer, only: quantity_t
+  implicit none
+  private
+
+  public :: columns, find_column, default_columns, damping_ratio_exists
+  public :: instant_t, observe, row_of, slip_velocity
+
+  type(quantity_t), parameter :: columns(17) = [ &
+    quantity_t('time', 's', 'time'), &
+    quantity_t('u_x', 'm', 'spring elongation along the soft axis'), &
+    quantity_t('u_y', 'm', 'spring elongation along the stiff axis'), &
+    quantity_t('w_x', 'm s-1', 'slip velocity along the soft axis'), &
+    quantity_t('w_y', 'm s-1', 'slip velocity along the stiff axis'), &
+    quantity_t('X', 'm', 'position along the drive'), &
+    quantity_t('Y', 'm', 'position across the drive'), &
+    quantity_t('X_rate', 'm s-1', 'slip velocity along the drive'), &
+    quantity_t('Y_rate', 'm s-1', 'slip velocity across the drive'), &
+    quantity_t('spring_force_x', 'N', 'spring force k_x u_x along the soft axis'), &
+    quantity_t('spring_force_y', 'N', 'spring force k_y u_y along the stiff axis'), &
+    quantity_t('friction', 'N', 'magnitude of the friction force'), &
+    quantity_t('theta', 'rad', 'angle of the friction force to the soft axis'), &
+    quantity_t('psi', 'rad', 'angle of the friction force to the drive'), &
+    quantity_t('sticking', '1', '1 while the object sticks, 0 while it slips'), &
+    quantity_t('zeta', '1', 'damping ratio of the soft mode, Eq. (10)'), &
+    quantity_t('drive_velocity', 'm s-1', 'velocity of the spring''s far end')]
+
+  !> The last column that 'default' stands for.
+  integer, parameter :: last_default = 16
+
+  !> The motion at one instant in plain quantities.
+  type :: instant_t
+    type(motion_t) :: motion
+    real(wp) :: velocity(2) = 0.0_wp        !! slip velocity, m/s
+    real(wp) :: drive_velocity = 0.0_wp     !! m/s
+    real(wp) :: friction = 0.0_wp           !! N
+    real(wp) :: theta = 0.0_wp              !! rad
+    logical :: sticking = .false.
+  end type instant_t
+
+contains
+
+  !> Number of the column `name`, 0 if there is none.
+  pure integer function find_column(name)
+    character(*), intent(in) :: name
+
+    do find_column = size(columns), 1, -1
+      if (columns(find_column)%name == name) return
+    end do
+  end function find_column
+
+  !> The columns that 'default' stands for: all but the drive's velocity, and the damping ratio
+  !> only where it exists.
+  pure function default_columns(trajectory) result(selected)
+    type(trajectory_t), intent(in) :: trajectory
+    integer, allocatable :: selected(:)
+    integer :: i
+
+    selected = [(i, i=1, last_default)]
+    if (.not. damping_ratio_exists(trajectory)) selected = pack(selected, columns(selected)%name /= 'zeta')
+  end function default_columns
+
+  !> Eq. (10) divides by V sin(phi): it has a value if neither vanishes at any time.
+  pure logical function damping_ratio_exists(trajectory) result(exists)
+    type(trajectory_t), intent(in) :: trajectory
+    real(wp) :: side
+    integer :: i
+
+    associate (segment => trajectory%drive%segment, along => trajectory%slider%along)
+      side = sign(1.0_wp, segment(1)%velocity)
+      exists = abs(along(2)) > 0.0_wp
+      do i = 1, size(segment)
+        exists = exists .and. side*segment(i)%velocity > 0.0_wp
+        if (i < size(segment)) exists = exists .and. side*segment(i)%velocity_at(segment(i)%end) > 0.0_wp
+      end do
+    end associate
+  end function damping_ratio_exists
+
+  !> Slip velocity (w_x, w_y) [m/s].
+  pure function slip_velocity(system, y) result(velocity)
+    class(slip_system_t), intent(in) :: system
+    real(wp), intent(in) :: y(2)
+    real(wp) :: velocity(2)
+    real(wp) :: gradient(1, 2, 2), w(1, 2)
+
+    call system%kinematics(1, y, w, gradient)
+    velocity = w(1, :)
+  end function slip_velocity
+
+  !> The motion in plain quantities; `sticking` says in which state it was there.
+  pure function observe(trajectory, motion, sticking) result(instant)
+    type(trajectory_t), intent(in) :: trajectory
+    type(motion_t), intent(in) :: motion
+    logical, intent(in) :: sticking
+    type(instant_t) :: instant
+    real(wp) :: force(2), speed, magnitude(1), slope(1)
+
+    instant%motion = motion
+    instant%sticking = sticking
+    instant%drive_velocity = trajectory%drive%segment(trajectory%segment)%velocity_at(motion%time)
+    force = trajectory%slider%stiffness*motion%u
+    if (sticking) then
+      instant%friction = hypot(force(1), force(2))
+      instant%theta = direction_of(force)
+      return
+    end if
+    instant%velocity = slip_velocity(trajectory%system, motion%y)
+    speed = hypot(instant%velocity(1), instant%velocity(2))
+    call trajectory%slider%law%evaluate(1, [speed], magnitude, slope)
+    instant%friction = magnitude(1)
+    if (trajectory%exact_contact) then
+      instant%theta = motion%y(2) - 2.0_wp*pi*anint(motion%y(2)/(2.0_wp*pi))
+    else
+      instant%friction = magnitude(1)*speed/sqrt(speed**2 + trajectory%slider%smoothing)
+      instant%theta = direction_of(instant%velocity)
+    end if
+  end function observe
+
+  !> Angle of a vector to the x-axis [rad], 0 for the zero vector.
+  pure real(wp) function direction_of(vector)
+    real(wp), intent(in) :: vector(2)
+
+    direction_of = 0.0_wp
+    if (any(abs(vector) > 0.0_wp)) direction_of = atan2(vector(2), vector(1))
+  end function direction_of
+
+  !> The values of the selected columns.
+  pure subroutine row_of(trajectory, instant, selected, row)
+    type(trajectory_t), intent(in) :: trajectory
+    type(instant_t), intent(in) :: instant
+    integer, intent(in) :: selected(:)
+    real(wp), intent(out) :: row(:)
+    integer :: i
+
+    do i = 1, size(selected)
+      row(i) = value_of(columns(selected(i))%name, trajectory, instant)
+    end do
+  end subroutine row_of
+
+  pure real(wp) function value_of(name, trajectory, instant) result(value)
+    character(*), intent(in) :: name
+    type(trajectory_t), intent(in) :: trajectory
+    type(instant_t), intent(in) :: instant
+
+    associate (u => instant%motion%u, w => instant%velocity, e => trajectory%slider%along, slider => trajectory%slider)
+      select case (name)
+      case ('time')
+        value = instant%motion%time
+      case ('u_x')
+        value = u(1)
+      case ('u_y')
+        value = u(2)
+      case ('w_x')
+        value = w(1)
+      case ('w_y')
+        value = w(2)
+      case ('X')
+        value = instant%motion%position
+      case ('Y')
+        value = u(1)*e(2) - u(2)*e(1)
+      case ('X_rate')
+        value = w(1)*e(1) + w(2)*e(2)
+      case ('Y_rate')
+        value = w(2)*e(1) - w(1)*e(2)
+      case ('spring_force_x')
+        value = slider%stiffness(1)*u(1)
+      case ('spring_force_y')
+        value = slider%stiffness(2)*u(2)
+      case ('friction')
+        value = instant%friction
+      case ('theta')
+        value = instant%theta
+      case ('psi')
+        value = instant%theta - atan2(e(2), e(1))
+        value = value - 2.0_wp*pi*anint(value/(2.0_wp*pi))
+      case ('sticking')
+        value = merge(1.0_wp, 0.0_wp, instant%sticking)
+      case ('zeta')
+        value = slider%law%onset*abs(sin(instant%theta))**3 &
+          /(2.0_wp*abs(instant%drive_velocity*e(2))*sqrt(slider%mass*slider%stiffness(1)))
+      case default
+        value = instant%drive_velocity
+      end select
+    end associate
+  end function value_of
+end module dst_observables

@@ -1,0 +1,296 @@
+!> A run: scene in, samples and events out to a writer, in slices of wall time.
+!>
+!> This is the one run routine; the executable and Python call it with different writers.
+module dst_simulation
+  use, intrinsic :: iso_fortran_env, only: int64
+  use dst_kinds, only: wp
+  use dst_errors, only: error_t, raise, result_done, deck_error, too_many_steps, not_finite, stopped_early
+  use dst_drive, only: new_drive
+  use dst_friction, only: new_friction_law
+  use dst_full_model, only: new_full_polar, new_full_smoothed
+  use dst_observables, only: columns, find_column, default_columns, damping_ratio_exists, observe, row_of
+  use dst_radau, only: new_radau
+  use dst_scene, only: scene_t
+  use dst_slider, only: cos_sin_degrees
+  use dst_summary, only: summary_t, start_summary, follow, describe
+  use dst_trajectory, only: trajectory_t, no_event
+  use dst_writer, only: writer_t, quantity_t, outcome_t
+  implicit none
+  private
+
+  public :: simulation_t, wall_clock
+
+  integer, parameter :: buffer_rows = 512
+  !> The clock is read once every so many advances.
+  integer, parameter :: advances_between_looks = 64
+
+  type :: simulation_t
+    type(scene_t) :: scene
+    type(trajectory_t) :: trajectory
+    type(summary_t) :: summary
+    !> Numbers of the output columns; the first is time.
+    integer, allocatable :: selected(:)
+    logical :: finished = .false.
+    !> Wall time spent so far [s].
+    real(wp) :: elapsed = 0.0_wp
+    integer(int64) :: advances = 0
+    !> Samples taken so far, and rows waiting for the writer.
+    integer(int64) :: samples = 0
+    integer :: waiting = 0
+    real(wp), allocatable :: rows(:, :)
+  contains
+    procedure :: start
+    procedure :: proceed
+    procedure :: outcome
+    procedure :: output_columns
+  end type simulation_t
+
+contains
+
+  !> Build the model and the method of the scene and place the object at time 0.
+  subroutine start(self, scene, error)
+    class(simulation_t), intent(inout) :: self
+    type(scene_t), intent(in) :: scene
+    type(error_t), allocatable, intent(out) :: error
+
+    self%scene = scene
+    call build_trajectory(scene, self%trajectory)
+    call select_columns(self, error)
+    if (allocated(error)) return
+    call start_motion(self%trajectory, scene)
+    call start_summary(self%summary, self%trajectory)
+    allocate (self%rows(size(self%selected), buffer_rows))
+  end subroutine start
+
+  subroutine build_trajectory(scene, trajectory)
+    type(scene_t), intent(in) :: scene
+    type(trajectory_t), intent(out) :: trajectory
+
+    associate (slider => trajectory%slider)
+      slider%mass = scene%mass
+      slider%stiffness = [scene%stiffness_x, scene%stiffness_y]
+      slider%along = cos_sin_degrees(scene%misalignment_deg)
+      call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law)
+      trajectory%exact_contact = scene%contact == 'exact'
+      if (trajectory%exact_contact) then
+        trajectory%system = new_full_polar(slider)
+      else
+        slider%smoothing = scene%v_smooth**2
+        trajectory%system = new_full_smoothed(slider)
+      end if
+    end associate
+    trajectory%drive = new_drive(scene%drive_time, scene%drive_velocity)
+    trajectory%t_end = scene%t_end
+    trajectory%step_max = scene%step_max
+    call choose_method(scene, trajectory)
+  end subroutine build_trajectory
+
+  !> The integrators by name.
+  subroutine choose_method(scene, trajectory)
+    type(scene_t), intent(in) :: scene
+    type(trajectory_t), intent(inout) :: trajectory
+
+    associate (components => trajectory%system%components)
+      select case (scene%method)
+      case ('radau5')
+        trajectory%stepper = new_radau(3, components, scene%rtol)
+      case ('radau9')
+        trajectory%stepper = new_radau(5, components, scene%rtol)
+      case ('radau13')
+        trajectory%stepper = new_radau(7, components, scene%rtol)
+      end select
+    end associate
+    ! The slipped distance left below this share of the peak speed is below rtol of what was slipped.
+    trajectory%cut_share = 0.03_wp*sqrt(scene%rtol)
+  end subroutine choose_method
+
+  !> Initial elongation and slip velocity X'(0) = velocity_ratio V(0), Y'(0) = 0.
+  subroutine start_motion(trajectory, scene)
+    type(trajectory_t), intent(inout) :: trajectory
+    type(scene_t), intent(in) :: scene
+    real(wp) :: u(2), y(2), w(2)
+
+    u = [scene%elongation_x, scene%elongation_y]
+    w = scene%velocity_ratio*scene%drive_velocity(1)*trajectory%slider%along
+    y = w
+    if (trajectory%exact_contact) y = [hypot(w(1), w(2)), atan2(w(2), w(1))]
+    call trajectory%start(u, y, -dot_product(u, trajectory%slider%along))
+  end subroutine start_motion
+
+  !> Which columns are written.
+  subroutine select_columns(self, error)
+    class(simulation_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i, column
+
+    if (self%scene%fields(1) == 'default') then
+      self%selected = default_columns(self%trajectory)
+      return
+    end if
+    self%selected = [1]
+    do i = 1, size(self%scene%fields)
+      column = find_column(self%scene%fields(i))
+      if (column == 0) then
+        call raise(error, deck_error, 'output.fields: there is no column '//trim(self%scene%fields(i)))
+        return
+      else if (columns(column)%name == 'zeta' .and. .not. damping_ratio_exists(self%trajectory)) then
+        call raise(error, deck_error, 'output.fields: zeta has no value where V sin(phi) = 0: leave zeta out')
+        return
+      end if
+      if (all(self%selected /= column)) self%selected = [self%selected, column]
+    end do
+  end subroutine select_columns
+
+  !> Descriptions of the columns written.
+  pure function output_columns(self) result(descriptions)
+    class(simulation_t), intent(in) :: self
+    type(quantity_t), allocatable :: descriptions(:)
+
+    descriptions = columns(self%selected)
+  end function output_columns
+
+  !> Go on for at most `seconds` of wall time [s], or to the end. An error of the solver ends the
+  !> run: it is then finished, and all up to the error has been written.
+  subroutine proceed(self, seconds, writer, error)
+    class(simulation_t), intent(inout) :: self
+    real(wp), intent(in) :: seconds
+    class(writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: disk_error
+    real(wp) :: begun, passed
+
+    begun = wall_clock()
+    if (self%advances == 0) call record(self, writer, error)
+    passed = 0.0_wp
+    do while (.not. (allocated(error) .or. self%trajectory%finished()))
+      call self%trajectory%advance(error)
+      if (allocated(error)) exit
+      self%advances = self%advances + 1
+      call check(self, error)
+      if (allocated(error)) exit
+      call follow(self%summary, self%trajectory)
+      call record(self, writer, error)
+      if (modulo(self%advances, int(advances_between_looks, int64)) == 0) then
+        passed = wall_clock() - begun
+        if (passed >= seconds) exit
+        if (over_time(self, passed)) exit
+      end if
+    end do
+    call flush_rows(self, writer, disk_error)
+    if (allocated(disk_error) .and. .not. allocated(error)) call move_alloc(disk_error, error)
+    passed = wall_clock() - begun
+    if (.not. (allocated(error) .or. self%trajectory%finished()) .and. over_time(self, passed)) &
+      call raise(error, stopped_early, 'stopped at the wall-time limit: raise output.wall_limit')
+    self%elapsed = self%elapsed + passed
+    self%finished = allocated(error) .or. self%trajectory%finished()
+  end subroutine proceed
+
+  pure logical function over_time(self, passed)
+    class(simulation_t), intent(in) :: self
+    real(wp), intent(in) :: passed
+
+    over_time = self%scene%wall_limit > 0.0_wp .and. self%elapsed + passed > self%scene%wall_limit
+  end function over_time
+
+  !> Limits and sanity of the last advance.
+  subroutine check(self, error)
+    class(simulation_t), intent(in) :: self
+    type(error_t), allocatable, intent(out) :: error
+    character(200) :: text
+
+    associate (now => self%trajectory%now, steps => self%trajectory%stepper%count%steps)
+      if (.not. abs(now%time) + sum(abs(now%u)) + sum(abs(now%y)) + abs(now%position) <= huge(1.0_wp)) then
+        write (text, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 'the motion is not finite after t =', &
+          self%trajectory%from%time, ' s (u =', self%trajectory%from%u, ' m, slip', self%trajectory%from%y, &
+          '): use a smaller rtol or another method'
+        call raise(error, not_finite, trim(text))
+      else if (self%scene%max_steps > 0 .and. steps >= self%scene%max_steps .and. .not. self%trajectory%finished()) then
+        write (text, '(a,i0,a,es23.16,a)') 'integrator.max_steps = ', self%scene%max_steps, ' reached at t =', now%time, &
+          ' s: raise it, or use a larger rtol'
+        call raise(error, too_many_steps, trim(text))
+      end if
+    end associate
+  end subroutine check
+
+  !> Samples that fall into the last advance, and its event.
+  subroutine record(self, writer, error)
+    class(simulation_t), intent(inout) :: self
+    class(writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: time
+
+    associate (trajectory => self%trajectory)
+      if (trajectory%event /= no_event) then
+        call writer%write_events([trajectory%now%time], [trajectory%event], error)
+        if (allocated(error)) return
+      end if
+      if (self%advances == 0) then
+        call take_sample(self, writer, 0.0_wp, error)
+      else if (self%scene%interval > 0.0_wp) then
+        do
+          time = real(self%samples, wp)*self%scene%interval
+          ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
+          if (time >= self%scene%t_end*(1.0_wp - 4.0_wp*epsilon(time))) time = self%scene%t_end
+          if (time > trajectory%now%time .or. allocated(error)) exit
+          call take_sample(self, writer, time, error)
+          if (time >= self%scene%t_end) exit
+        end do
+      else if (trajectory%now%time > trajectory%from%time) then
+        call take_sample(self, writer, trajectory%now%time, error)
+      end if
+    end associate
+  end subroutine record
+
+  !> One row of output at a time inside the last advance.
+  subroutine take_sample(self, writer, time, error)
+    class(simulation_t), intent(inout) :: self
+    class(writer_t), intent(inout) :: writer
+    real(wp), intent(in) :: time
+    type(error_t), allocatable, intent(out) :: error
+    logical :: sticking
+
+    associate (trajectory => self%trajectory)
+      sticking = trajectory%was_sticking
+      if (time >= trajectory%now%time) sticking = trajectory%sticking
+      if (self%waiting == buffer_rows) call flush_rows(self, writer, error)
+      if (allocated(error)) return
+      self%waiting = self%waiting + 1
+      self%samples = self%samples + 1
+      call row_of(trajectory, observe(trajectory, trajectory%at(time), sticking), self%selected, &
+        self%rows(:, self%waiting))
+    end associate
+  end subroutine take_sample
+
+  !> Hand the waiting rows to the writer.
+  subroutine flush_rows(self, writer, error)
+    class(simulation_t), intent(inout) :: self
+    class(writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(out) :: error
+
+    if (self%waiting > 0) call writer%write_samples(self%rows(:, :self%waiting), error)
+    self%waiting = 0
+  end subroutine flush_rows
+
+  !> How the run has ended; `error` is what `proceed` returned.
+  subroutine outcome(self, error, result)
+    class(simulation_t), intent(in) :: self
+    type(error_t), allocatable, intent(in) :: error
+    type(outcome_t), intent(out) :: result
+
+    result%result_code = result_done
+    result%result_text = 'done'
+    if (allocated(error)) then
+      result%result_code = error%code
+      result%result_text = error%text
+    end if
+    call describe(self%summary, self%trajectory, self%elapsed, result)
+  end subroutine outcome
+
+  !> Wall-clock time [s] from an arbitrary origin.
+  real(wp) function wall_clock()
+    integer(int64) :: count, rate
+
+    call system_clock(count, rate)
+    wall_clock = real(count, wp)/real(rate, wp)
+  end function wall_clock
+end module dst_simulation
