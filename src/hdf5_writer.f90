@@ -24,7 +24,7 @@ module dst_hdf5_writer
   !> A parameter of the deck whose value is text.
   type :: text_parameter_t
     character(24) :: name = ''
-    character(80) :: long_name = ''
+    character(96) :: long_name = ''
     character(:), allocatable :: value
   end type text_parameter_t
 

@@ -14,7 +14,7 @@ module dst_observables
   public :: columns, find_column, default_columns, damping_ratio_exists
   public :: instant_t, observe, row_of, slip_velocity
 
-  type(quantity_t), parameter :: columns(17) = [ &
+  type(quantity_t), parameter :: columns(16) = [ &
     quantity_t('time', 's', 'time'), &
     quantity_t('u_x', 'm', 'spring elongation along the soft axis'), &
     quantity_t('u_y', 'm', 'spring elongation along the stiff axis'), &
@@ -30,11 +30,7 @@ module dst_observables
     quantity_t('theta', 'rad', 'angle of the friction force to the soft axis'), &
     quantity_t('psi', 'rad', 'angle of the friction force to the drive'), &
     quantity_t('sticking', '1', '1 while the object sticks, 0 while it slips'), &
-    quantity_t('zeta', '1', 'damping ratio of the soft mode, Eq. (10)'), &
-    quantity_t('drive_velocity', 'm s-1', 'velocity of the spring''s far end')]
-
-  !> The last column that 'default' stands for.
-  integer, parameter :: last_default = 16
+    quantity_t('zeta', '1', 'damping ratio of the soft mode, Eq. (10)')]
 
   !> The motion at one instant in plain quantities.
   type :: instant_t
@@ -57,14 +53,13 @@ contains
     end do
   end function find_column
 
-  !> The columns that 'default' stands for: all but the drive's velocity, and the damping ratio
-  !> only where it exists.
+  !> The columns that 'default' stands for: all, the damping ratio only where it exists.
   pure function default_columns(trajectory) result(selected)
     type(trajectory_t), intent(in) :: trajectory
     integer, allocatable :: selected(:)
     integer :: i
 
-    selected = [(i, i=1, last_default)]
+    selected = [(i, i=1, size(columns))]
     if (.not. damping_ratio_exists(trajectory)) selected = pack(selected, columns(selected)%name /= 'zeta')
   end function default_columns
 
@@ -183,11 +178,10 @@ contains
         value = value - 2.0_wp*pi*anint(value/(2.0_wp*pi))
       case ('sticking')
         value = merge(1.0_wp, 0.0_wp, instant%sticking)
-      case ('zeta')
+      case default
+        ! zeta
         value = slider%law%onset*abs(sin(instant%theta))**3 &
           /(2.0_wp*abs(instant%drive_velocity*e(2))*sqrt(slider%mass*slider%stiffness(1)))
-      case default
-        value = instant%drive_velocity
       end select
     end associate
   end function value_of

@@ -13,7 +13,7 @@ module dst_writer
   type :: quantity_t
     character(24) :: name = ''
     character(8) :: units = ''       !! 'm', 'N', 's', 'm s-1', 'rad', '1'
-    character(80) :: long_name = ''
+    character(96) :: long_name = ''
   end type quantity_t
 
   !> How a run ended.

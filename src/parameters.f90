@@ -1,0 +1,77 @@
+!> The keys of a deck as a result file shows them: name, unit, meaning, value.
+module dst_parameters
+  use dst_kinds, only: wp
+  use dst_deck, only: deck_t
+  use dst_schema, only: schema, key_count, real_kind, reals_kind, integer_kind
+  use dst_writer, only: quantity_t
+  implicit none
+  private
+
+  public :: parameter_t, parameters_of
+
+  !> One key as used; `text` is allocated for keys that hold text.
+  type :: parameter_t
+    type(quantity_t) :: quantity
+    real(wp) :: value = 0.0_wp
+    character(:), allocatable :: text
+  end type parameter_t
+
+contains
+
+  !> Every key that the deck uses and that has a single value.
+  subroutine parameters_of(deck, parameters)
+    type(deck_t), intent(in) :: deck
+    type(parameter_t), allocatable, intent(out) :: parameters(:)
+    type(parameter_t) :: found(key_count)
+    integer :: i, n
+
+    n = 0
+    do i = 1, key_count
+      associate (key => schema(i))
+        if (.not. deck%is_used(trim(key%group), trim(key%name))) cycle
+        if (key%kind == reals_kind) then
+          if (size(deck%reals_of(trim(key%group), trim(key%name))) /= 1) cycle
+        end if
+        n = n + 1
+        found(n)%quantity%name = key%name
+        found(n)%quantity%units = key%unit
+        found(n)%quantity%long_name = key%meaning
+        if (key%unit == '') found(n)%quantity%units = '1'
+        if (key%kind == integer_kind) then
+          found(n)%value = real(deck%integer_of(trim(key%group), trim(key%name)), wp)
+        else if (key%kind == real_kind .or. key%kind == reals_kind) then
+          found(n)%value = deck%real_of(trim(key%group), trim(key%name))
+        else
+          found(n)%text = joined(deck, trim(key%group), trim(key%name))
+        end if
+      end associate
+    end do
+    allocate (parameters(n))
+    do i = 1, n
+      parameters(i) = found(i)
+    end do
+  end subroutine parameters_of
+
+  !> The texts of a key, one after the other.
+  function joined(deck, group, name) result(text)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: group, name
+    character(:), allocatable :: text
+
+    text = list(deck%texts_of(group, name))
+
+  contains
+
+    pure function list(texts)
+      character(*), intent(in) :: texts(:)
+      character(:), allocatable :: list
+      integer :: i
+
+      list = ''
+      do i = 1, size(texts)
+        list = list//trim(texts(i))
+        if (i < size(texts)) list = list//' '
+      end do
+    end function list
+  end function joined
+end module dst_parameters

@@ -1,0 +1,73 @@
+!> How far a run has come, on the terminal: one line that updates, or a plain line every 10 s.
+module dst_progress
+  use, intrinsic :: iso_fortran_env, only: error_unit
+  use, intrinsic :: iso_c_binding, only: c_int
+  use dst_kinds, only: wp
+  implicit none
+  private
+
+  public :: progress_t, new_progress
+
+  real(wp), parameter :: terminal_interval = 0.2_wp, plain_interval = 10.0_wp   ! s
+
+  type :: progress_t
+    private
+    character(:), allocatable :: label
+    logical :: quiet = .false.
+    logical :: terminal = .false.
+    logical :: shown = .false.
+    real(wp) :: next = 0.0_wp      !! wall time of the next line, s
+  contains
+    procedure :: show
+    procedure :: close
+  end type progress_t
+
+  interface
+    integer(c_int) function isatty(descriptor) bind(c)
+      import :: c_int
+      integer(c_int), value :: descriptor
+    end function isatty
+  end interface
+
+contains
+
+  function new_progress(label, quiet) result(progress)
+    character(*), intent(in) :: label
+    logical, intent(in) :: quiet
+    type(progress_t) :: progress
+
+    progress%label = label
+    progress%quiet = quiet
+    progress%terminal = isatty(2_c_int) == 1
+    progress%next = merge(terminal_interval, plain_interval, progress%terminal)
+  end function new_progress
+
+  !> Report that `done` of `total` (the same unit) took `elapsed` wall time [s], if it is time to.
+  subroutine show(self, done, total, elapsed)
+    class(progress_t), intent(inout) :: self
+    real(wp), intent(in) :: done, total, elapsed
+    character(200) :: text
+    real(wp) :: share
+
+    if (self%quiet .or. elapsed < self%next) return
+    share = done/total
+    write (text, '(a,f6.1,a,es10.3,a,es10.3,a,f0.1,a)') self%label//':', 100.0_wp*share, ' %, t =', done, ' of', total, &
+      ' s, ', elapsed*(1.0_wp - share)/max(share, epsilon(share)), ' s left'
+    if (self%terminal) then
+      write (error_unit, '(a)', advance='no') achar(13)//trim(text)//achar(27)//'[K'
+      flush (error_unit)
+      self%next = elapsed + terminal_interval
+    else
+      write (error_unit, '(a)') trim(text)
+      self%next = elapsed + plain_interval
+    end if
+    self%shown = .true.
+  end subroutine show
+
+  !> Wipe the line on a terminal.
+  subroutine close(self)
+    class(progress_t), intent(inout) :: self
+
+    if (self%shown .and. self%terminal) write (error_unit, '(a)', advance='no') achar(13)//achar(27)//'[K'
+  end subroutine close
+end module dst_progress
