@@ -3,6 +3,9 @@
 !> Stuck while |K u| <= F_0; u then follows the drive, u(t) = u_s + D(t) e. Released when
 !> |K u| = F_0, in the direction of K u. Coming to rest with |K u| >= F_0 is no rest: the motion
 !> goes on in the direction of K u.
+!>
+!> An implicit method starts from rest by itself. For an explicit one the slip that follows a release
+!> is given here as a power series, and the end of slip in closed form.
 module dst_contact
   use dst_kinds, only: wp
   use dst_drive, only: drive_segment_t
@@ -11,7 +14,8 @@ module dst_contact
   implicit none
   private
 
-  public :: load, holds, release_delay, onset_t, onset_of_slip, brake
+  public :: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, brake
+  public :: release_t, series_order, release_series, default_cut_speed
 
   !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
   type :: onset_t
@@ -19,6 +23,32 @@ module dst_contact
     real(wp) :: rate(2) = 0.0_wp
     real(wp) :: curvature(2) = 0.0_wp
   end type onset_t
+
+  !> How slip ends: v + acceleration t + jerk t^2/2 in the direction that it has.
+  type :: braking_t
+    real(wp) :: acceleration = 0.0_wp  !! m/s2
+    real(wp) :: jerk = 0.0_wp          !! m/s3
+    !> Whether v falls to zero, and after what time [s].
+    logical :: falls = .false.
+    real(wp) :: delay = 0.0_wp
+  end type braking_t
+
+  integer, parameter :: series_order = 10
+
+  !> Slip from rest as power series in tau = t/unit, up to tau = reach.
+  type :: release_t
+    real(wp) :: unit = 0.0_wp                                !! s
+    real(wp) :: reach = 0.0_wp
+    real(wp) :: slipped(0:series_order, 2) = 0.0_wp          !! way of the object, m
+    real(wp) :: y(0:series_order, 2) = 0.0_wp                !! v, theta
+    real(wp) :: drive_work(0:series_order) = 0.0_wp          !! J
+    real(wp) :: friction_work(0:series_order) = 0.0_wp       !! J
+    !> Whether there is slip, and whether the series could be made accurate enough.
+    logical :: moves = .false.
+    logical :: accurate = .false.
+  contains
+    procedure :: at => release_at
+  end type release_t
 
 contains
 
@@ -114,30 +144,46 @@ contains
     end associate
   end function onset_of_slip
 
+  !> Acceleration and jerk of the slip speed with the direction held, and when it reaches zero.
+  pure function braking(slider, drive, from) result(course)
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    type(braking_t) :: course
+    real(wp) :: direction(2), friction(1), slope(1), driven(2), discriminant
+
+    associate (v => from%y(1), theta => from%y(2), k => slider%stiffness, m => slider%mass)
+      direction = [cos(theta), sin(theta)]
+      driven = drive%velocity_at(from%time)*slider%along
+      call slider%law%evaluate(1, [v], friction, slope)
+      course%acceleration = (dot_product(k*from%u, direction) - friction(1))/m
+      course%jerk = (dot_product(k*(driven - v*direction), direction) - slope(1)*course%acceleration)/m
+      discriminant = course%acceleration**2 - 2.0_wp*course%jerk*v
+      course%falls = course%acceleration < 0.0_wp .and. discriminant >= 0.0_wp
+      if (course%falls) course%delay = 2.0_wp*v/(sqrt(discriminant) - course%acceleration)
+    end associate
+  end function braking
+
   !> The last instants before a stop in closed form, for a slip speed so small that the direction
   !> does not matter any more: v falls to zero with the acceleration and jerk that it has now.
-  !> `stops` is false where it does not fall to zero.
+  !> `stops` is false where it does not fall to zero, or not to stay there.
   pure subroutine brake(slider, drive, from, to, stops)
     type(slider_t), intent(in) :: slider
     type(drive_segment_t), intent(in) :: drive
     type(motion_t), intent(in) :: from
     type(motion_t), intent(out) :: to
     logical, intent(out) :: stops
-    real(wp) :: direction(2), friction(1), slope(1), driven(2)
-    real(wp) :: acceleration, jerk, delay, slipped, discriminant, travel
+    type(braking_t) :: course
+    real(wp) :: direction(2), friction(1), slope(1), slipped, travel
 
-    associate (v => from%y(1), theta => from%y(2), k => slider%stiffness, m => slider%mass)
+    to = from
+    course = braking(slider, drive, from)
+    stops = course%falls
+    if (.not. stops) return
+    associate (v => from%y(1), theta => from%y(2), k => slider%stiffness, delay => course%delay)
       direction = [cos(theta), sin(theta)]
-      driven = drive%velocity_at(from%time)*slider%along
       call slider%law%evaluate(1, [v], friction, slope)
-      acceleration = (dot_product(k*from%u, direction) - friction(1))/m
-      jerk = (dot_product(k*(driven - v*direction), direction) - slope(1)*acceleration)/m
-      discriminant = acceleration**2 - 2.0_wp*jerk*v
-      stops = acceleration < 0.0_wp .and. discriminant >= 0.0_wp
-      to = from
-      if (.not. stops) return
-      delay = 2.0_wp*v/(sqrt(discriminant) - acceleration)
-      slipped = delay*(v + delay*(0.5_wp*acceleration + delay*jerk/6.0_wp))
+      slipped = delay*(v + delay*(0.5_wp*course%acceleration + delay*course%jerk/6.0_wp))
       travel = drive%displacement(from%time, delay)
       to%time = from%time + delay
       to%u = from%u + travel*slider%along - slipped*direction
@@ -148,4 +194,221 @@ contains
       stops = holds(slider, to%u)
     end associate
   end subroutine brake
+
+  !> Slip speed [m/s] below which an explicit method hands over to `brake`, for the largest speed of
+  !> the drive: brake errs by the third power of the time that is left.
+  pure real(wp) function default_cut_speed(rtol, largest_speed)
+    real(wp), intent(in) :: rtol, largest_speed
+
+    default_cut_speed = 1.0_wp*rtol**(1.0_wp/3.0_wp)*largest_speed
+  end function default_cut_speed
+
+  !> Slip after a release at `from` (v = 0, u, theta), where v starts with `rate` [m/s2], as power
+  !> series; `tolerance` is relative to the slip speed at their end.
+  pure function release_series(slider, drive, from, rate, tolerance) result(release)
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: rate, tolerance
+    type(release_t) :: release
+    real(wp) :: growth, v_range, law(0:5), discrepancy
+    integer :: attempt
+
+    release%unit = sqrt(slider%mass/maxval(slider%stiffness))
+    growth = norm2(slider%stiffness*slider%along)*abs(drive%velocity_at(from%time)) &
+      + norm2(slider%stiffness*slider%along)*abs(drive%acceleration)*release%unit
+    v_range = release%unit*(rate + growth*release%unit/slider%mass)
+    if (.not. load(slider, from%u) > 0.0_wp .or. .not. v_range > 0.0_wp) return
+    do attempt = 1, 40
+      call fit_law(slider, v_range, law, discrepancy)
+      call expand(slider, drive, from, rate, law, v_range, release)
+      call choose_reach(release, v_range, tolerance)
+      if (.not. release%moves) return
+      associate (v => value(release%y(:, 1), release%reach))
+        release%accurate = release%reach*release%unit*discrepancy <= tolerance*v*slider%mass
+        if (release%accurate) exit
+        v_range = 0.25_wp*min(v, v_range)
+      end associate
+    end do
+  end function release_series
+
+  !> The friction law on 0 <= v <= v_range as a polynomial in v/v_range through values and slopes at
+  !> 0, 1/2 and 1, and how far it is off [N] where it is worst.
+  pure subroutine fit_law(slider, v_range, law, discrepancy)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: v_range
+    real(wp), intent(out) :: law(0:5), discrepancy
+    real(wp) :: force(4), slope(4), half, half_slope, full, full_slope
+    real(wp), parameter :: position(4) = [0.0_wp, 0.5_wp, 1.0_wp, 0.8_wp]
+
+    call slider%law%evaluate(4, position*v_range, force, slope)
+    slope = slope*v_range
+    ! What value and slope at 0 do not explain.
+    half = force(2) - force(1) - 0.5_wp*slope(1)
+    half_slope = slope(2) - slope(1)
+    full = force(3) - force(1) - slope(1)
+    full_slope = slope(3) - slope(1)
+    law(0) = force(1)
+    law(1) = slope(1)
+    law(2) = 16.0_wp*half - 8.0_wp*half_slope + 7.0_wp*full - full_slope
+    law(3) = -32.0_wp*half + 32.0_wp*half_slope - 34.0_wp*full + 5.0_wp*full_slope
+    law(4) = 16.0_wp*half - 40.0_wp*half_slope + 52.0_wp*full - 8.0_wp*full_slope
+    law(5) = 16.0_wp*half_slope - 24.0_wp*full + 4.0_wp*full_slope
+    discrepancy = abs(value(law, position(4)) - force(4))
+    ! Forces are not known better than this.
+    if (discrepancy <= 8.0_wp*epsilon(1.0_wp)*abs(force(1))) discrepancy = 0.0_wp
+  end subroutine fit_law
+
+  !> The coefficients, order by order. With n = (cos, sin) and t = (-sin, cos) of theta,
+  !> f = K u and primes for d/dtau,
+  !>     v' = unit (f . n - F(v))/m,    m v theta' = unit f . t,    slipped' = unit v n.
+  !> The second equation at order k gives theta_k, because v_0 = 0 and f . t holds -|f_0| theta_k.
+  pure subroutine expand(slider, drive, from, rate, law, v_range, release)
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: rate, law(0:5), v_range
+    type(release_t), intent(inout) :: release
+    real(wp), dimension(0:series_order) :: cosine, sine, friction, speed, drive_speed
+    real(wp) :: force(0:series_order, 2), power(0:series_order, 5), driven(0:series_order), angle_part, drive_part
+    integer :: j, k
+
+    associate (v => release%y(:, 1), theta => release%y(:, 2), slip => release%slipped, unit => release%unit, &
+        m => slider%mass, stiffness => slider%stiffness)
+      release%slipped = 0.0_wp
+      release%y = 0.0_wp
+      power = 0.0_wp
+      driven = 0.0_wp
+      drive_speed = 0.0_wp
+      drive_speed(0) = drive%velocity_at(from%time)
+      drive_speed(1) = unit*drive%acceleration
+      driven(1) = unit*drive_speed(0)
+      driven(2) = 0.5_wp*unit*drive_speed(1)
+      theta(0) = from%y(2)
+      cosine(0) = cos(theta(0))
+      sine(0) = sin(theta(0))
+      force(0, :) = stiffness*from%u
+      friction(0) = law(0)
+      v(1) = unit*rate
+      do k = 1, series_order
+        slip(k, 1) = unit*convolution(v, cosine, k - 1)/real(k, wp)
+        slip(k, 2) = unit*convolution(v, sine, k - 1)/real(k, wp)
+        force(k, :) = stiffness*(driven(k)*slider%along - slip(k, :))
+        if (k > 1) v(k) = unit*(convolution(force(:, 1), cosine, k - 1) + convolution(force(:, 2), sine, k - 1) &
+          - friction(k - 1))/(m*real(k, wp))
+        cosine(k) = 0.0_wp
+        sine(k) = 0.0_wp
+        angle_part = 0.0_wp
+        do j = 1, k - 1
+          cosine(k) = cosine(k) - real(j, wp)*theta(j)*sine(k - j)/real(k, wp)
+          sine(k) = sine(k) + real(j, wp)*theta(j)*cosine(k - j)/real(k, wp)
+          angle_part = angle_part + real(j, wp)*theta(j)*v(k + 1 - j)
+        end do
+        angle_part = unit*(convolution(force(:, 2), cosine, k) - convolution(force(:, 1), sine, k)) - m*angle_part
+        theta(k) = angle_part/(m*v(1)*real(k, wp) + unit*(force(0, 1)*cosine(0) + force(0, 2)*sine(0)))
+        cosine(k) = cosine(k) - theta(k)*sine(0)
+        sine(k) = sine(k) + theta(k)*cosine(0)
+        power(k, 1) = v(k)/v_range
+        do j = 2, 5
+          power(k, j) = convolution(power(:, 1), power(:, j - 1), k)
+        end do
+        friction(k) = dot_product(law(1:5), power(k, :))
+      end do
+      do k = 1, series_order
+        speed(k - 1) = dot_product(slider%along, force(k - 1, :))
+      end do
+      speed(series_order) = 0.0_wp
+      release%drive_work = 0.0_wp
+      release%friction_work = 0.0_wp
+      do k = 1, series_order
+        drive_part = convolution(drive_speed, speed, k - 1)
+        release%drive_work(k) = unit*drive_part/real(k, wp)
+        release%friction_work(k) = unit*convolution(friction, v, k - 1)/real(k, wp)
+      end do
+    end associate
+  end subroutine expand
+
+  !> Coefficient k of the product of two series.
+  pure real(wp) function convolution(a, b, k)
+    real(wp), intent(in) :: a(0:), b(0:)
+    integer, intent(in) :: k
+    integer :: j
+
+    convolution = 0.0_wp
+    do j = 0, k
+      convolution = convolution + a(j)*b(k - j)
+    end do
+  end function convolution
+
+  !> Value at x of the polynomial with these coefficients.
+  pure real(wp) function value(coefficient, x)
+    real(wp), intent(in) :: coefficient(0:), x
+    integer :: k
+
+    value = 0.0_wp
+    do k = ubound(coefficient, 1), 0, -1
+      value = value*x + coefficient(k)
+    end do
+  end function value
+
+  !> The longest reach at which the last two terms of v and theta are small enough and up to which
+  !> v rises, within v_range.
+  pure subroutine choose_reach(release, v_range, tolerance)
+    type(release_t), intent(inout) :: release
+    real(wp), intent(in) :: v_range, tolerance
+    real(wp) :: excess, v
+    integer :: attempt
+    real(wp), parameter :: longest = 2.0_wp
+    integer, parameter :: n = series_order
+
+    release%reach = longest
+    do attempt = 1, 1000
+      associate (x => release%reach)
+        v = value(release%y(:, 1), x)
+        release%moves = rises(release%y(:, 1), x)
+        if (release%moves) then
+          excess = max((abs(release%y(n, 1))*x + abs(release%y(n - 1, 1)))*x**(n - 1)/v, &
+            (abs(release%y(n, 2))*x + abs(release%y(n - 1, 2)))*x**(n - 1))/tolerance
+          if (excess <= 1.0_wp .and. v <= v_range) exit
+          x = x*min(0.9_wp, max(0.5_wp, 0.95_wp*excess**(-1.0_wp/real(n - 2, wp))))
+        else
+          x = 0.5_wp*x
+        end if
+        release%moves = .false.
+        if (x < tiny(x)) exit
+      end associate
+    end do
+  end subroutine choose_reach
+
+  !> Whether v > 0 and v' >= 0 on (0, x], judged at eight points.
+  pure logical function rises(v, x)
+    real(wp), intent(in) :: v(0:series_order), x
+    real(wp) :: slope(0:series_order - 1)
+    integer :: k
+
+    slope = [(real(k, wp)*v(k), k=1, series_order)]
+    rises = value(v, x) > 0.0_wp
+    do k = 1, 8
+      rises = rises .and. value(slope, 0.125_wp*real(k, wp)*x) >= 0.0_wp
+    end do
+  end function rises
+
+  !> The motion `tau` units after the release at `from`.
+  pure function release_at(self, slider, drive, from, tau) result(motion)
+    class(release_t), intent(in) :: self
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: tau
+    type(motion_t) :: motion
+    real(wp) :: slipped(2)
+
+    slipped = [value(self%slipped(:, 1), tau), value(self%slipped(:, 2), tau)]
+    motion%time = from%time + tau*self%unit
+    motion%u = from%u + drive%displacement(from%time, tau*self%unit)*slider%along - slipped
+    motion%y = [value(self%y(:, 1), tau), value(self%y(:, 2), tau)]
+    motion%position = from%position + dot_product(slider%along, slipped)
+    motion%drive_work = from%drive_work + value(self%drive_work, tau)
+    motion%friction_work = from%friction_work + value(self%friction_work, tau)
+  end function release_at
 end module dst_contact

@@ -17,16 +17,16 @@ module dst_radau
   use dst_collocation, only: collocation_t, radau_iia, max_stages
   use dst_drive, only: drive_segment_t
   use dst_interpolation, only: max_degree
-  use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
-  use dst_small_lu, only: solve_in_place
-  use dst_stepper, only: stepper_t, motion_t, attempt_t, column_u, column_y, column_position, n_columns
+  use dst_newton_kernels, only: solve_stages
+  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
+  use dst_linear_solve, only: solve_in_place
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, work_count_t, column_u, column_y, column_position, n_columns
   implicit none
   private
 
   public :: radau_t, new_radau
 
   integer, parameter :: max_unknowns = max_stages*max_components
-  integer, parameter :: max_iterations = 10
 
   type, extends(stepper_t) :: radau_t
     type(collocation_t) :: method
@@ -35,6 +35,9 @@ module dst_radau
     real(wp) :: estimate_tolerance = 1.0e-6_wp
     !> Predictor: the last accepted step, or the given rate and curvature after a restart.
     logical :: restarted = .true.
+    !> Whether `nodal` holds a solved attempt, of length attempted_step, from the point of the next one.
+    logical :: retry = .false.
+    real(wp) :: attempted_step = 0.0_wp
     real(wp) :: rate(max_components) = 0.0_wp
     real(wp) :: curvature(max_components) = 0.0_wp
     real(wp) :: last_step = 0.0_wp
@@ -45,7 +48,7 @@ module dst_radau
     real(wp) :: velocity(max_unknowns) = 0.0_wp
     real(wp) :: velocity_y(max_unknowns*max_components) = 0.0_wp
     real(wp) :: increment(max_unknowns) = 0.0_wp
-    real(wp) :: matrix(max_unknowns**2) = 0.0_wp
+    real(wp) :: driven(max_unknowns) = 0.0_wp
     type(stage_terms_t) :: terms
     type(stage_terms_t) :: point_terms
     !> Interpolation to the point inside the step where the defect is probed, and its weight.
@@ -107,21 +110,12 @@ contains
     end associate
   end subroutine set_probe
 
-  pure function new_terms(stages, components) result(terms)
-    integer, intent(in) :: stages, components
-    type(stage_terms_t) :: terms
-
-    allocate (terms%force(stages, components), terms%inertia(stages, components))
-    allocate (terms%force_u(stages, components, components), terms%force_y(stages, components, components))
-    allocate (terms%inertia_y(stages, components, components))
-    allocate (terms%dissipation(stages), terms%dissipation_y(stages, components))
-  end function new_terms
-
   pure subroutine restart(self, rate, curvature)
     class(radau_t), intent(inout) :: self
     real(wp), intent(in) :: rate(:), curvature(:)
 
     self%restarted = .true.
+    self%retry = .false.
     self%peak_speed = 0.0_wp
     self%rate = rate
     self%curvature = curvature
@@ -135,19 +129,51 @@ contains
     real(wp), intent(in) :: step
     type(motion_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
+    integer :: iterations
 
     self%step = step
     associate (s => self%method%stages, n => system%components)
       call predict(self, s, n, from, self%y)
-      call solve_stages(self, system, drive, s, n, from, self%y, self%u, self%velocity, self%velocity_y, &
-        outcome%solved)
+      call drive_elongation(self, system, drive, s, n, from, self%driven)
+      call solve_stages(s, n, system, self%method, step, self%rtol, self%driven, from%y, self%y, self%u, &
+        self%velocity, self%velocity_y, self%terms, self%increment, self%speed_scale, iterations, outcome%solved)
+      call count_work(self%count, s, iterations)
+      self%retry = outcome%solved
+      self%attempted_step = step
       if (.not. outcome%solved) return
-      call complete(self, system, drive, s, n, from, self%y, self%u, self%velocity, to)
+      call complete(self, system, drive, s, n, from, self%y, self%u, self%velocity, self%increment, to)
       call estimate_error(self, system, drive, s, n, from, outcome)
     end associate
   end subroutine attempt
 
-  !> First guess of the stage values.
+  !> Every Newton iteration evaluates all stages and solves one linear system.
+  pure subroutine count_work(count, stages, iterations)
+    type(work_count_t), intent(inout) :: count
+    integer, intent(in) :: stages, iterations
+
+    count%newton = count%newton + iterations
+    count%jacobians = count%jacobians + iterations
+    count%factorisations = count%factorisations + iterations
+    count%rhs = count%rhs + stages*iterations
+  end subroutine count_work
+
+  !> u_0 + D_i e: the elongation if the object stayed where it is.
+  pure subroutine drive_elongation(self, system, drive, s, n, from, driven)
+    class(radau_t), intent(in) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    integer, intent(in) :: s, n
+    type(motion_t), intent(in) :: from
+    real(wp), intent(out) :: driven(s, n)
+    integer :: i
+
+    do i = 1, s
+      driven(i, :) = from%u(:n) + drive%displacement(from%time, self%grid%node(i)*self%step)*system%along(:n)
+    end do
+  end subroutine drive_elongation
+
+  !> First guess of the stage values: from the last attempt if it began at the same point, else from
+  !> the last step, or from the start's rate and curvature.
   pure subroutine predict(self, s, n, from, y)
     class(radau_t), intent(in) :: self
     integer, intent(in) :: s, n
@@ -157,7 +183,14 @@ contains
     integer :: i, k
 
     associate (c => self%grid%node)
-      if (self%restarted) then
+      if (self%retry) then
+        do i = 1, s
+          call self%grid%lagrange(c(i)*self%step/self%attempted_step, basis)
+          do k = 1, n
+            y(i, k) = dot_product(basis(0:s), self%nodal(0:s, column_y + k - 1))
+          end do
+        end do
+      else if (self%restarted) then
         do i = 1, s
           elapsed = c(i)*self%step
           y(i, :) = from%y(:n) + elapsed*(self%rate(:n) + 0.5_wp*elapsed*self%curvature(:n))
@@ -173,146 +206,18 @@ contains
     end associate
   end subroutine predict
 
-  !> Newton's method for the slip unknowns of all stages. On success `y`, `u` and `velocity`
-  !> belong together to the accuracy of the solution.
-  subroutine solve_stages(self, system, drive, s, n, from, y, u, velocity, velocity_y, solved)
-    class(radau_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n
-    type(motion_t), intent(in) :: from
-    real(wp), intent(inout) :: y(s, n)
-    real(wp), intent(out) :: u(s, n), velocity(s, n), velocity_y(s, n, n)
-    logical, intent(out) :: solved
-    real(wp) :: driven(s, n), size, last_size, convergence
-    logical :: singular
-    integer :: iteration, i, k
-
-    solved = .false.
-    do k = 1, n
-      do i = 1, s
-        driven(i, k) = from%u(k) + drive%displacement(from%time, self%grid%node(i)*self%step)*system%along(k)
-      end do
-    end do
-    last_size = 0.0_wp
-    do iteration = 1, max_iterations
-      call system%kinematics(s, y, velocity, velocity_y)
-      call elongations(self, s, n, driven, velocity, u)
-      call system%dynamics(s, u, y, velocity_y, self%terms)
-      call linearise(s, n, self%step, self%method%integral, self%grid%derivative, self%terms, &
-        from%y, y, velocity_y, self%matrix, self%increment)
-      call solve_in_place(s*n, self%matrix, self%increment, singular)
-      self%count%newton = self%count%newton + 1
-      if (singular) return
-      call apply_increment(self, s, n, velocity_y, self%increment, y, velocity, size)
-      if (.not. size <= huge(size)) return
-      ! Quadratic convergence: the next increment would be about convergence*size**2.
-      convergence = 10.0_wp
-      if (iteration > 1) convergence = min(size/last_size**2, 1.0_wp/last_size)
-      if (convergence*size**2 <= 0.01_wp*self%rtol .or. size <= 4.0_wp*epsilon(size)) then
-        solved = .true.
-        exit
-      end if
-      if (iteration > 2 .and. size > 2.0_wp*last_size) return
-      last_size = size
-    end do
-    if (solved) call elongations(self, s, n, driven, velocity, u)
-  end subroutine solve_stages
-
-  !> u_i = (u_0 + D_i e) - h sum_j a_ij w_j.
-  pure subroutine elongations(self, s, n, driven, velocity, u)
-    class(radau_t), intent(in) :: self
-    integer, intent(in) :: s, n
-    real(wp), intent(in) :: driven(s, n), velocity(s, n)
-    real(wp), intent(out) :: u(s, n)
-    integer :: j, k
-
-    do k = 1, n
-      u(:, k) = 0.0_wp
-      do j = 1, s
-        u(:, k) = u(:, k) + self%method%integral(1:s, j)*velocity(j, k)
-      end do
-      u(:, k) = driven(:, k) - self%step*u(:, k)
-    end do
-  end subroutine elongations
-
-  !> Newton's matrix and the negative residual. Unknowns and equations in the order (stage, component).
-  pure subroutine linearise(s, n, step, integral, derivative, terms, y0, y, velocity_y, matrix, residual)
-    integer, intent(in) :: s, n
-    real(wp), intent(in) :: step
-    real(wp), intent(in) :: integral(max_stages, max_stages), derivative(0:max_degree, 0:max_degree)
-    type(stage_terms_t), intent(in) :: terms
-    real(wp), intent(in) :: y0(n), y(s, n), velocity_y(s, n, n)
-    real(wp), intent(out) :: matrix(s, n, s, n), residual(s, n)
-    real(wp) :: rate(s, n), coupling(s)
-    integer :: i, j, k, l, m
-
-    do k = 1, n
-      rate(:, k) = 0.0_wp
-      do j = 1, s
-        rate(:, k) = rate(:, k) + derivative(1:s, j)*(y(j, k) - y0(k))
-      end do
-      residual(:, k) = step*terms%force(:, k) - terms%inertia(:, k)*rate(:, k)
-    end do
-    do l = 1, n
-      do j = 1, s
-        do k = 1, n
-          coupling = 0.0_wp
-          do m = 1, n
-            coupling = coupling + terms%force_u(:, k, m)*velocity_y(j, m, l)
-          end do
-          matrix(:, k, j, l) = (step**2*integral(1:s, j))*coupling
-          if (k == l) matrix(:, k, j, l) = matrix(:, k, j, l) + terms%inertia(:, k)*derivative(1:s, j)
-        end do
-      end do
-      do k = 1, n
-        do i = 1, s
-          matrix(i, k, i, l) = matrix(i, k, i, l) + terms%inertia_y(i, k, l)*rate(i, k) - step*terms%force_y(i, k, l)
-        end do
-      end do
-    end do
-  end subroutine linearise
-
-  !> Add the increment to y and, to first order, to the slip velocity. `size` is the largest change
-  !> of slip velocity relative to the largest slip speed of the step.
-  pure subroutine apply_increment(self, s, n, velocity_y, increment, y, velocity, size)
-    class(radau_t), intent(inout) :: self
-    integer, intent(in) :: s, n
-    real(wp), intent(in) :: velocity_y(s, n, n), increment(s, n)
-    real(wp), intent(inout) :: y(s, n), velocity(s, n)
-    real(wp), intent(out) :: size
-    real(wp) :: change(s, n), square(s), speed(s)
-    integer :: k, l
-
-    square = 0.0_wp
-    speed = 0.0_wp
-    do k = 1, n
-      change(:, k) = 0.0_wp
-      do l = 1, n
-        change(:, k) = change(:, k) + velocity_y(:, k, l)*increment(:, l)
-      end do
-      y(:, k) = y(:, k) + increment(:, k)
-      velocity(:, k) = velocity(:, k) + change(:, k)
-      square = square + change(:, k)**2
-      speed = speed + velocity(:, k)**2
-    end do
-    self%speed_scale = sqrt(maxval(speed))
-    size = sqrt(maxval(square))/self%speed_scale
-  end subroutine apply_increment
-
   !> Node values for the dense output, quadratures, and the state at the end of the step.
-  subroutine complete(self, system, drive, s, n, from, y, u, velocity, to)
+  subroutine complete(self, system, drive, s, n, from, y, u, velocity, increment, to)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     integer, intent(in) :: s, n
     type(motion_t), intent(in) :: from
-    real(wp), intent(in) :: y(s, n), u(s, n), velocity(s, n)
+    real(wp), intent(in) :: y(s, n), u(s, n), velocity(s, n), increment(s, n)
     type(motion_t), intent(out) :: to
-    real(wp) :: forward(s), drive_power, friction_power, increment(s, n)
+    real(wp) :: forward(s), drive_power, friction_power
     integer :: i, k
 
-    increment = reshape(self%increment(1:s*n), [s, n])
     forward = 0.0_wp
     do k = 1, n
       forward = forward + system%along(k)*velocity(:, k)
@@ -413,6 +318,7 @@ contains
     class(radau_t), intent(inout) :: self
 
     self%restarted = .false.
+    self%retry = .false.
     self%peak_speed = max(self%peak_speed, self%speed_scale)
     self%last_step = self%step
     self%last_nodal = self%nodal(:, column_y:column_y + max_components - 1)

@@ -12,7 +12,7 @@ module dst_slip_system
   implicit none
   private
 
-  public :: slip_system_t, stage_terms_t, max_components
+  public :: slip_system_t, stage_terms_t, new_terms, max_components
 
   integer, parameter :: max_components = 2
 
@@ -62,4 +62,17 @@ module dst_slip_system
       type(stage_terms_t), intent(inout) :: terms
     end subroutine dynamics
   end interface
+
+contains
+
+  !> Terms with room for a number of stages.
+  pure function new_terms(stages, components) result(terms)
+    integer, intent(in) :: stages, components
+    type(stage_terms_t) :: terms
+
+    allocate (terms%force(stages, components), terms%inertia(stages, components))
+    allocate (terms%force_u(stages, components, components), terms%force_y(stages, components, components))
+    allocate (terms%inertia_y(stages, components, components))
+    allocate (terms%dissipation(stages), terms%dissipation_y(stages, components))
+  end function new_terms
 end module dst_slip_system

@@ -46,8 +46,15 @@ module dst_stepper
 
   type, abstract :: stepper_t
     type(work_count_t) :: count
+    !> Whether it evaluates y' = g/B and therefore cannot start or end at rest in polar unknowns.
+    !> The trajectory then does it with series, to this relative accuracy.
+    logical :: explicit = .false.
+    real(wp) :: release_tolerance = 0.0_wp
     !> Nodes on which the last attempt is known.
     type(grid_t) :: grid
+    !> The method's own nodes, kept while `grid` describes an advance that it did not make.
+    type(grid_t) :: own_grid
+    logical :: grid_is_own = .true.
     !> Length of the last attempt [s].
     real(wp) :: step = 0.0_wp
     !> Values at the nodes: u less the drive's displacement, y, X. Column by column polynomials.
@@ -65,6 +72,9 @@ module dst_stepper
     procedure(accept), deferred :: accept
     !> The motion at position tau of the last attempt.
     procedure :: dense
+    !> Put an advance that the method did not make in the place of the last attempt.
+    procedure :: describe
+    procedure :: use_own_grid
   end type stepper_t
 
   abstract interface
@@ -115,4 +125,26 @@ contains
     motion%y = value(column_y:column_y + max_components - 1)
     motion%position = value(column_position)
   end function dense
+
+  !> From now on `dense` gives the motion of an advance of length `step` [s] that is known by its
+  !> values at the nodes of `grid`.
+  pure subroutine describe(self, grid, step, nodal)
+    class(stepper_t), intent(inout) :: self
+    type(grid_t), intent(in) :: grid
+    real(wp), intent(in) :: step, nodal(0:max_degree, n_columns)
+
+    self%grid = grid
+    self%grid_is_own = .false.
+    self%step = step
+    self%nodal = nodal
+  end subroutine describe
+
+  !> Back to the method's own nodes.
+  pure subroutine use_own_grid(self)
+    class(stepper_t), intent(inout) :: self
+
+    if (self%grid_is_own) return
+    self%grid = self%own_grid
+    self%grid_is_own = .true.
+  end subroutine use_own_grid
 end module dst_stepper

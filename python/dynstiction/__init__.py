@@ -9,6 +9,7 @@ Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a
 >>> result.save("run.h5"); again = ds.open("run.h5")                       # doctest: +SKIP
 """
 
+from . import _native
 from ._run import run
 from .equations import jacobian, rhs
 from .errors import (
@@ -22,6 +23,8 @@ from .errors import (
 )
 from .result import Described, Result, open
 from .scene import Scene
+
+__version__ = _native.build_info().version
 
 __all__ = [
     "ColumnError",

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ._core import dst_python_api as _core
 from .errors import error_for
 
-__all__ = ["Advance", "Info", "Run", "jacobian", "rhs", "text_from"]
+__all__ = ["Advance", "BuildInfo", "Info", "Run", "build_info", "jacobian", "rhs", "text_from"]
 
-RESOLVED_DECK = 2
+RESOLVED_DECK, MESSAGE = 2, 3
 
 
 class Info(NamedTuple):
@@ -34,19 +34,25 @@ class Advance(NamedTuple):
     event_kind: NDArray[np.int32]
 
 
+class BuildInfo(NamedTuple):
+    """What the extension was built from."""
+
+    version: str
+    git_revision: str
+    compiler: str
+
+
 class Run:
     """A run in the core, from deck to outcome; a context manager, so that it is always closed."""
 
     def __init__(self, text: str, name: str, settings: Sequence[str]) -> None:
-        self._handle, status, message = _core.run_open(
-            _bytes(text), _bytes(name), _bytes("\n".join(settings))
-        )
+        self._handle, status = _core.run_open(_bytes(text), _bytes(name), _bytes("\n".join(settings)))
         if status != 0:
+            message = self._text(MESSAGE)
             self.close()
-            raise error_for(status, _text(message))
+            raise error_for(status, message)
         self.columns = [
-            Info(*map(_text, _core.column_info(self._handle, i + 1)))
-            for i in range(_core.run_columns(self._handle))
+            _info(*_core.column_info(self._handle, i + 1)) for i in range(_core.run_columns(self._handle))
         ]
 
     def __enter__(self) -> Run:
@@ -72,7 +78,7 @@ class Run:
         finished, n_rows, n_events, _ = _core.run_advance(self._handle, seconds)
         samples = np.empty((0, len(self.columns)))
         if n_rows > 0:
-            samples = _core.run_samples(self._handle, n_rows, len(self.columns))
+            samples = _core.run_samples(self._handle, len(self.columns), n_rows).T
         time, kind = np.empty(0), np.empty(0, dtype=np.int32)
         if n_events > 0:
             time, kind = _core.run_events(self._handle, n_events)
@@ -80,25 +86,40 @@ class Run:
 
     def outcome(self) -> tuple[int, str]:
         """Result code (0 done) and its text."""
-        status, message = _core.run_outcome(self._handle)
-        return int(status), _text(message)
+        status = _core.run_outcome(self._handle)
+        return status, self._text(MESSAGE) if status != 0 else "done"
 
     def summary(self) -> list[tuple[Info, float]]:
         """Summary values of a finished run."""
-        n, _ = _core.run_counts(self._handle)
-        return [_described(_core.summary_info(self._handle, i + 1)) for i in range(n)]
+        n, _, _ = _core.run_counts(self._handle)
+        return [_described(*_core.summary_info(self._handle, i + 1)) for i in range(n)]
 
     def statistics(self) -> list[tuple[Info, float]]:
         """Counters of the work done."""
-        _, n = _core.run_counts(self._handle)
-        return [_described(_core.statistics_info(self._handle, i + 1)) for i in range(n)]
+        _, n, _ = _core.run_counts(self._handle)
+        return [_described(*_core.statistics_info(self._handle, i + 1)) for i in range(n)]
+
+    def parameters(self) -> list[tuple[Info, float | str]]:
+        """Every key that the deck uses and its value."""
+        _, _, n = _core.run_counts(self._handle)
+        return [self._parameter(i + 1) for i in range(n)]
+
+    def _parameter(self, i: int) -> tuple[Info, float | str]:
+        *about, value, is_text = _core.parameter_info(self._handle, i)
+        return _info(*about), _text(_core.parameter_text(self._handle, i)) if is_text else value
 
     def resolved_deck(self) -> str:
         """Every key as used."""
-        text, status = _core.run_deck_text(self._handle, RESOLVED_DECK)
-        if status != 0:
-            raise error_for(status, _text(text))
-        return _text(text)
+        return self._text(RESOLVED_DECK)
+
+    def _text(self, which: int) -> str:
+        length = _core.run_text_length(self._handle, which)
+        return text_from(_core.run_text(self._handle, which, length).astype(np.uint8).tobytes())
+
+
+def build_info() -> BuildInfo:
+    """Version, revision and compiler of the core."""
+    return BuildInfo(*(_text(_core.build_text(which)) for which in (1, 2, 3)))
 
 
 def rhs(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -112,18 +133,21 @@ def jacobian(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArra
 
 
 def _described(
-    entry: tuple[NDArray[np.int8], NDArray[np.int8], NDArray[np.int8], float],
+    name: NDArray[np.int32], units: NDArray[np.int32], long_name: NDArray[np.int32], value: float
 ) -> tuple[Info, float]:
-    *texts, value = entry
-    return Info(*map(_text, texts)), float(value)
+    return _info(name, units, long_name), value
 
 
-def _bytes(text: str) -> NDArray[np.int8]:
-    return np.frombuffer(text.encode("utf-8", "surrogateescape"), dtype=np.int8)
+def _info(name: NDArray[np.int32], units: NDArray[np.int32], long_name: NDArray[np.int32]) -> Info:
+    return Info(_text(name), _text(units), _text(long_name))
 
 
-def _text(array: NDArray[np.int8]) -> str:
-    return text_from(array.tobytes()).rstrip()
+def _bytes(text: str) -> NDArray[np.int32]:
+    return np.frombuffer(text.encode("utf-8", "surrogateescape"), dtype=np.uint8).astype(np.int32)
+
+
+def _text(array: NDArray[np.int32]) -> str:
+    return text_from(array.astype(np.uint8).tobytes()).rstrip(" ")
 
 
 def text_from(data: bytes) -> str:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from importlib import metadata
 
 import numpy as np
 
@@ -80,6 +78,7 @@ def run(deck: DeckLike, *, progress: bool = False, **groups: Group) -> Result:
             if rows.size:
                 show(rows[-1, 0])
         code, text = core.outcome()
+        parameters = Described(core.parameters())
         result = Result(
             columns=Described(
                 (info, np.concatenate([rows[:, i] for rows in samples]))
@@ -88,7 +87,8 @@ def run(deck: DeckLike, *, progress: bool = False, **groups: Group) -> Result:
             events=np.concatenate(events),
             summary=Described(core.summary()),
             statistics=Described(map(_counted, core.statistics())),
-            attributes=_attributes(scene, core, code, text),
+            parameters=parameters,
+            attributes=_attributes(scene, parameters, code, text),
             deck=scene.text,
             resolved_deck=core.resolved_deck(),
         )
@@ -104,27 +104,23 @@ def run(deck: DeckLike, *, progress: bool = False, **groups: Group) -> Result:
 
 def _counted(entry: tuple[Info, float]) -> tuple[Info, float]:
     info, value = entry
-    return info, int(value) if info.units == "1" and value.is_integer() else value
+    return info, int(value) if info.units == "1" else value
 
 
-def _attributes(scene: Scene, core: _native.Run, code: int, text: str) -> dict[str, str | int]:
-    resolved = core.resolved_deck()
+def _attributes(
+    scene: Scene, parameters: Described[float | str], code: int, text: str
+) -> dict[str, str | int]:
     return {
         "program": "dynstiction",
-        "version": metadata.version("dynstiction"),
+        **_native.build_info()._asdict(),
         "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "deck_sha256": hashlib.sha256(scene.text.encode("utf-8", "surrogateescape")).hexdigest(),
-        "model": _deck_word(resolved, "model"),
-        "method": _deck_word(resolved, "method"),
+        "model": str(parameters["model"]),
+        "method": str(parameters["method"]),
         "result_code": code,
         "result_text": text,
         "complete": int(code == 0),
     }
-
-
-def _deck_word(resolved: str, key: str) -> str:
-    match = re.search(rf"^\s*{key}\s*=\s*'(\w+)'", resolved, re.MULTILINE)
-    return match[1] if match else ""
 
 
 @contextmanager
@@ -136,9 +132,9 @@ def _progress(wanted: bool, core: _native.Run) -> Iterator[Callable[[float], Non
         from tqdm.auto import tqdm  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
     except ImportError as error:
         raise UsageError("progress=True needs tqdm: pip install tqdm") from error
-    match = re.search(r"^\s*t_end\s*=\s*([\d.eE+-]+)", core.resolved_deck(), re.MULTILINE)
+    (t_end,) = (value for info, value in core.parameters() if info.name == "t_end")
     form = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining}]"
-    with tqdm(total=float(match[1]) if match else None, bar_format=form if match else None) as bar:
+    with tqdm(total=t_end, bar_format=form) as bar:
 
         def show(time: float) -> None:
             bar.update(time - bar.n)

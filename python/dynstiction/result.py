@@ -94,7 +94,7 @@ class Result:
     events: NDArray[np.void]
     summary: Described[float]
     statistics: Described[float]
-    parameters: Described[object] = field(default_factory=lambda: Described([]))
+    parameters: Described[float | str] = field(default_factory=lambda: Described([]))
     attributes: dict[str, str | int] = field(default_factory=dict)
     deck: str = ""
     resolved_deck: str = ""

@@ -1,0 +1,22 @@
+!> Solution of one small dense linear system.
+!>
+!> LAPACK's dgesv does the same; for orders up to 14 its overhead costs more than the arithmetic
+!> (bench/linear_solve measures both). Newton's kernels include the same body with the order fixed.
+module dst_linear_solve
+  use dst_kinds, only: wp
+  implicit none
+  private
+
+  public :: solve_in_place
+
+contains
+
+  !> Overwrite `b` with the solution of a x = b; `a` is destroyed. `zero_pivot` when a pivot is zero or
+  !> not a number; then b has no meaning.
+  pure subroutine solve_in_place(order, a, b, zero_pivot)
+    integer, intent(in) :: order
+    real(wp), intent(inout) :: a(order, order), b(order)
+    logical, intent(out) :: zero_pivot
+    include 'gauss_jordan.inc'
+  end subroutine solve_in_place
+end module dst_linear_solve

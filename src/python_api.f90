@@ -1,0 +1,394 @@
+!> The one flat file that f2py sees: runs by handle, and the equations of motion for arrays.
+!>
+!> Texts travel as arrays of bytes in default integers, the kind that f2py translates without fault
+!> (UTF-8, padded with blanks on the way out). A run lives on the heap and is known by its handle;
+!> there is no module state, so different runs may proceed in different threads. Status 0 is
+!> success, otherwise a code of dst_errors.
+module dst_python_api
+  use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
+  use dst_build_info, only: version, git_revision, compiler
+  use dst_kinds, only: wp
+  use dst_deck, only: deck_t, parse_deck, resolved
+  use dst_errors, only: error_t
+  use dst_friction, only: new_friction_law
+  use dst_full_model, only: full_smoothed_t, new_full_smoothed
+  use dst_memory_writer, only: memory_writer_t
+  use dst_parameters, only: parameter_t, parameters_of
+  use dst_scene, only: scene_t, scene_from_deck
+  use dst_simulation, only: simulation_t
+  use dst_slider, only: slider_t
+  use dst_slip_system, only: stage_terms_t, new_terms
+  use dst_writer, only: quantity_t, outcome_t
+  implicit none
+  private
+
+  public :: run_open, run_columns, column_info, run_advance, run_samples, run_events, run_outcome, run_counts
+  public :: summary_info, statistics_info, parameter_info, parameter_text, run_text_length, run_text, run_close
+  public :: build_text, rhs, jacobian
+
+  !> A run with everything that Python may ask of it.
+  type :: session_t
+    type(deck_t) :: deck
+    type(simulation_t) :: simulation
+    type(memory_writer_t) :: writer
+    type(error_t), allocatable :: error
+    type(outcome_t) :: outcome
+    type(quantity_t), allocatable :: columns(:)
+    type(parameter_t), allocatable :: parameters(:)
+    character(:), allocatable :: resolved
+  end type session_t
+
+contains
+
+  !> Read a deck (text, name for messages, overrides 'group.key=value' one a line) and get ready to
+  !> run. On failure the handle is still valid until run_close, and text 3 is the message.
+  subroutine run_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings
+    integer(c_int), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status
+    !f2py threadsafe
+    type(session_t), pointer :: session
+    type(scene_t) :: scene
+
+    allocate (session)
+    handle = int(transfer(c_loc(session), 0_c_intptr_t), c_long_long)
+    call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
+    if (.not. allocated(session%error)) then
+      call scene_from_deck(session%deck, scene)
+      call session%simulation%start(scene, session%error)
+    end if
+    status = 0
+    if (allocated(session%error)) then
+      status = int(session%error%code, c_int)
+      return
+    end if
+    session%columns = session%simulation%output_columns()
+    session%resolved = resolved(session%deck)
+    call parameters_of(session%deck, session%parameters)
+  end subroutine run_open
+
+  !> Number of output columns.
+  subroutine run_columns(handle, n)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(out) :: n
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    n = int(size(session%columns), c_int)
+  end subroutine run_columns
+
+  !> Name, units and meaning of column i (from 1).
+  subroutine column_info(handle, i, name, units, long_name)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    call put_description(session%columns(i), name, units, long_name)
+  end subroutine column_info
+
+  !> Integrate for at most `seconds` of wall time [s]; rows and events now wait to be taken.
+  subroutine run_advance(handle, seconds, finished, n_rows, n_events, status)
+    integer(c_long_long), intent(in) :: handle
+    real(c_double), intent(in) :: seconds
+    integer(c_int), intent(out) :: finished, n_rows, n_events, status
+    !f2py threadsafe
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    call session%simulation%proceed(real(seconds, wp), session%writer, session%error)
+    finished = merge(1_c_int, 0_c_int, session%simulation%finished)
+    if (finished == 1) call session%simulation%outcome(session%error, session%outcome)
+    n_rows = int(session%writer%rows, c_int)
+    n_events = int(session%writer%events, c_int)
+    status = 0
+    if (allocated(session%error)) status = int(session%error%code, c_int)
+  end subroutine run_advance
+
+  !> Take the waiting samples (column, row).
+  subroutine run_samples(handle, n_columns, n_rows, samples)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: n_columns, n_rows
+    real(c_double), intent(out) :: samples(n_columns, n_rows)
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    samples = real(session%writer%samples(:, :n_rows), c_double)
+    session%writer%rows = 0
+  end subroutine run_samples
+
+  !> Take the waiting events: time [s] and kind (1 = stick begins, 2 = slip begins).
+  subroutine run_events(handle, n_events, time, kind)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: n_events
+    real(c_double), intent(out) :: time(n_events)
+    integer(c_int), intent(out) :: kind(n_events)
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    time = real(session%writer%event_time(:n_events), c_double)
+    kind = int(session%writer%event_kind(:n_events), c_int)
+    session%writer%events = 0
+  end subroutine run_events
+
+  !> Result code; its text is text 3.
+  subroutine run_outcome(handle, status)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(out) :: status
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    status = 0
+    if (allocated(session%error)) status = int(session%error%code, c_int)
+  end subroutine run_outcome
+
+  !> Number of summary values, counters and deck parameters.
+  subroutine run_counts(handle, n_summary, n_statistics, n_parameters)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(out) :: n_summary, n_statistics, n_parameters
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    n_summary = 0
+    n_statistics = 0
+    if (allocated(session%outcome%summary)) n_summary = int(size(session%outcome%summary), c_int)
+    if (allocated(session%outcome%statistics)) n_statistics = int(size(session%outcome%statistics), c_int)
+    n_parameters = int(size(session%parameters), c_int)
+  end subroutine run_counts
+
+  !> Summary value i (from 1).
+  subroutine summary_info(handle, i, name, units, long_name, value)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
+    real(c_double), intent(out) :: value
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    call put_description(session%outcome%summary(i), name, units, long_name)
+    value = real(session%outcome%summary_value(i), c_double)
+  end subroutine summary_info
+
+  !> Counter i (from 1).
+  subroutine statistics_info(handle, i, name, units, long_name, value)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
+    real(c_double), intent(out) :: value
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    call put_description(session%outcome%statistics(i), name, units, long_name)
+    value = real(session%outcome%statistics_value(i), c_double)
+  end subroutine statistics_info
+
+  !> Deck parameter i (from 1); `is_text` = 1 if its value is what parameter_text gives.
+  subroutine parameter_info(handle, i, name, units, long_name, value, is_text)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
+    real(c_double), intent(out) :: value
+    integer(c_int), intent(out) :: is_text
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    associate (parameter => session%parameters(i))
+      call put_description(parameter%quantity, name, units, long_name)
+      value = real(parameter%value, c_double)
+      is_text = merge(1_c_int, 0_c_int, allocated(parameter%text))
+    end associate
+  end subroutine parameter_info
+
+  !> Text of deck parameter i, cut at 512 bytes.
+  subroutine parameter_text(handle, i, text)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: text(512)
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    call put_text(session%parameters(i)%text, text)
+  end subroutine parameter_text
+
+  !> Bytes of text `which`: 1 deck as read, 2 resolved deck, 3 error message.
+  subroutine run_text_length(handle, which, n)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: which
+    integer(c_int), intent(out) :: n
+
+    n = int(len(chosen_text(handle, which)), c_int)
+  end subroutine run_text_length
+
+  !> Text `which` (see run_text_length).
+  subroutine run_text(handle, which, n, text)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: which, n
+    integer(c_int), intent(out) :: text(n)
+
+    call put_text(chosen_text(handle, which), text)
+  end subroutine run_text
+
+  !> Free the run; the handle is void afterwards.
+  subroutine run_close(handle)
+    integer(c_long_long), intent(in) :: handle
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    deallocate (session)
+  end subroutine run_close
+
+  !> What the extension was built from: 1 version, 2 revision, 3 compiler.
+  subroutine build_text(which, text)
+    integer(c_int), intent(in) :: which
+    integer(c_int), intent(out) :: text(64)
+
+    select case (which)
+    case (1)
+      call put_text(version, text)
+    case (2)
+      call put_text(git_revision, text)
+    case default
+      call put_text(compiler, text)
+    end select
+  end subroutine build_text
+
+  !> Right-hand side of Eqs. (1)-(5) for n states (u_x, u_y, w_x, w_y) [m, m/s]: their time derivatives.
+  !> slider: mass, k_x, k_y, phi [rad], mu_0, mu_inf, v_f, W, V, v_smooth (SI). Without smoothing the
+  !> friction has no value at w = 0; the caller excludes it.
+  subroutine rhs(slider, n, state, derivative)
+    integer(c_int), intent(in) :: n
+    real(c_double), intent(in) :: slider(10), state(4, n)
+    real(c_double), intent(out) :: derivative(4, n)
+    !f2py threadsafe
+    type(full_smoothed_t) :: model
+    type(stage_terms_t) :: terms
+    real(wp) :: w(1, 2), gradient(1, 2, 2)
+    integer :: i
+
+    model = new_full_smoothed(slider_from(real(slider, wp)))
+    terms = new_terms(1, 2)
+    do i = 1, n
+      call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
+      call model%dynamics(1, real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
+      derivative(1:2, i) = slider(9)*model%along - w(1, :)
+      derivative(3:4, i) = terms%force(1, :)
+    end do
+  end subroutine rhs
+
+  !> Jacobian of `rhs`: jacobian(i, j, :) = derivative of equation i by unknown j.
+  subroutine jacobian(slider, n, state, matrix)
+    integer(c_int), intent(in) :: n
+    real(c_double), intent(in) :: slider(10), state(4, n)
+    real(c_double), intent(out) :: matrix(4, 4, n)
+    !f2py threadsafe
+    type(full_smoothed_t) :: model
+    type(stage_terms_t) :: terms
+    real(wp) :: w(1, 2), gradient(1, 2, 2)
+    integer :: i
+
+    model = new_full_smoothed(slider_from(real(slider, wp)))
+    terms = new_terms(1, 2)
+    do i = 1, n
+      call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
+      call model%dynamics(1, real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
+      matrix(1:2, 1:2, i) = 0.0_c_double
+      matrix(1:2, 3:4, i) = -gradient(1, :, :)
+      matrix(3:4, 1:2, i) = terms%force_u(1, :, :)
+      matrix(3:4, 3:4, i) = terms%force_y(1, :, :)
+    end do
+  end subroutine jacobian
+
+  function slider_from(values) result(slider)
+    real(wp), intent(in) :: values(10)
+    type(slider_t) :: slider
+
+    slider%mass = values(1)
+    slider%stiffness = values(2:3)
+    slider%along = [cos(values(4)), sin(values(4))]
+    call new_friction_law('weakening', values(5), values(6), values(7), values(8), slider%law)
+    slider%smoothing = values(10)**2
+  end function slider_from
+
+  function session_of(handle) result(session)
+    integer(c_long_long), intent(in) :: handle
+    type(session_t), pointer :: session
+    type(c_ptr) :: address
+
+    address = transfer(int(handle, c_intptr_t), address)
+    call c_f_pointer(address, session)
+  end function session_of
+
+  function chosen_text(handle, which) result(text)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: which
+    character(:), allocatable :: text
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    text = ''
+    select case (which)
+    case (1)
+      if (allocated(session%deck%text)) text = session%deck%text
+    case (2)
+      if (allocated(session%resolved)) text = session%resolved
+    case default
+      if (allocated(session%error)) text = session%error%text
+    end select
+  end function chosen_text
+
+  subroutine put_description(quantity, name, units, long_name)
+    type(quantity_t), intent(in) :: quantity
+    integer(c_int), intent(out) :: name(:), units(:), long_name(:)
+
+    call put_text(quantity%name, name)
+    call put_text(quantity%units, units)
+    call put_text(quantity%long_name, long_name)
+  end subroutine put_description
+
+  !> Text to bytes, cut or padded with blanks.
+  pure subroutine put_text(text, bytes)
+    character(*), intent(in) :: text
+    integer(c_int), intent(out) :: bytes(:)
+    integer :: i
+
+    bytes = iachar(' ')
+    do i = 1, min(len(text), size(bytes))
+      bytes(i) = ichar(text(i:i), c_int)
+    end do
+  end subroutine put_text
+
+  !> Bytes to text.
+  pure function text_of(bytes) result(text)
+    integer(c_int), intent(in) :: bytes(:)
+    character(size(bytes)) :: text
+    integer :: i
+
+    do i = 1, size(bytes)
+      text(i:i) = char(bytes(i))
+    end do
+  end function text_of
+
+  !> The lines of a text that are not blank, padded to one length.
+  pure function lines_of(text) result(lines)
+    character(*), intent(in) :: text
+    character(max(1, len(text))), allocatable :: lines(:)
+    integer :: first, last, n, pass
+
+    do pass = 1, 2
+      n = 0
+      first = 1
+      do while (first <= len(text))
+        last = index(text(first:), new_line('a'))
+        last = merge(first + last - 2, len(text), last > 0)
+        if (len_trim(text(first:last)) > 0) then
+          n = n + 1
+          if (pass == 2) lines(n) = text(first:last)
+        end if
+        first = last + 2
+      end do
+      if (pass == 1) allocate (lines(n))
+    end do
+  end function lines_of
+end module dst_python_api

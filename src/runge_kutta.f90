@@ -1,0 +1,344 @@
+!> Explicit Runge-Kutta methods: dopri5 and dop853 (adaptive), rk4 (fixed step).
+!>
+!> Integrated are the elongation less the drive's displacement, U = u - D(t) e, and the slip unknowns:
+!>
+!>     U' = -w(y),      y' = g(u, y)/B(y).
+!>
+!> Thus any piecewise-linear V(t) is exact and the position is X = X_0 - (U - U_0) . e. The two
+!> works are quadratures with the weights of the method.
+!>
+!> At rest in polar unknowns B vanishes. A stage that gets there makes the attempt fail; it is the
+!> trajectory that leads the motion past a rest.
+module dst_runge_kutta
+  use dst_kinds, only: wp
+  use dst_drive, only: drive_segment_t
+  use dst_interpolation, only: new_grid, max_degree
+  use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights, max_stages
+  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, column_u, column_y, column_position
+  implicit none
+  private
+
+  public :: runge_kutta_t, new_runge_kutta
+
+  !> Elongations and slip unknowns in one vector.
+  integer, parameter :: n_values = 2*max_components, first_y = 1 + max_components
+  !> Step times rate up to which rk4 is stable (2.785 for relaxation, 2.828 for oscillation).
+  real(wp), parameter :: stability_reach = 2.7_wp
+  !> The controller remembers no error below this share of the tolerance.
+  real(wp), parameter :: least_error = 1.0e-4_wp
+
+  type, extends(stepper_t) :: runge_kutta_t
+    type(tableau_t) :: method
+    !> Tolerance of the estimated slip-velocity error of a step, relative to the slip speed.
+    real(wp) :: estimate_tolerance = 1.0e-8_wp
+    !> dense_weight(:, i): weights of the slopes in the value at node i.
+    real(wp) :: dense_weight(max_stages, 0:max_degree) = 0.0_wp
+    !> slope(:, i) = (U', y') at stage i, and the powers of drive and friction there [W].
+    real(wp) :: slope(n_values, max_stages) = 0.0_wp
+    real(wp) :: drive_power(max_stages) = 0.0_wp
+    real(wp) :: friction_power(max_stages) = 0.0_wp
+    type(stage_terms_t) :: terms
+    !> dw/dy at the stage evaluated last, (component, component).
+    real(wp) :: velocity_y(max_components**2) = 0.0_wp
+    !> The states (u, y) whose slopes are the first and the one at the end of the step: an attempt
+    !> starts where the last one did, if that was rejected, or where it ended.
+    real(wp) :: start(n_values) = 0.0_wp, end(n_values) = 0.0_wp
+    logical :: start_known = .false., end_known = .false.
+    !> Errors over tolerance of this attempt and of the last accepted step.
+    real(wp) :: error = least_error, last_error = least_error
+  contains
+    procedure :: restart
+    procedure :: attempt
+    procedure :: accept
+  end type runge_kutta_t
+
+contains
+
+  !> The method called `method_name` for a system of `components`. rtol has the meaning that it has
+  !> for Radau IIA; the fixed step of rk4 does not depend on it.
+  function new_runge_kutta(method_name, components, rtol) result(stepper)
+    character(*), intent(in) :: method_name
+    integer, intent(in) :: components
+    real(wp), intent(in) :: rtol
+    type(runge_kutta_t) :: stepper
+    integer :: i, degree
+
+    stepper%explicit = .true.
+    stepper%release_tolerance = 0.1_wp*rtol
+    stepper%estimate_tolerance = rtol
+    stepper%method = tableau_named(method_name)
+    degree = 3 + stepper%method%dense_terms
+    stepper%own_grid = new_grid([(real(i, wp)/real(degree, wp), i=0, degree)])
+    stepper%grid = stepper%own_grid
+    do i = 0, degree
+      stepper%dense_weight(:, i) = dense_weights(stepper%method, stepper%grid%node(i))
+    end do
+    stepper%terms = new_terms(1, components)
+  end function new_runge_kutta
+
+  !> An explicit method needs no first guess, so rate and curvature are of no use to it.
+  pure subroutine restart(self, rate, curvature)
+    class(runge_kutta_t), intent(inout) :: self
+    real(wp), intent(in) :: rate(:), curvature(:)
+
+    associate (unused => [rate, curvature])
+    end associate
+    self%peak_speed = 0.0_wp
+    self%error = least_error
+    self%last_error = least_error
+  end subroutine restart
+
+  subroutine attempt(self, system, drive, from, step, to, outcome)
+    class(runge_kutta_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: step
+    type(motion_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
+
+    self%step = step
+    self%speed_scale = 0.0_wp
+    call self%use_own_grid()
+    call step_stages(self, system, drive, from, to, outcome)
+    if (outcome%solved) call judge(self, system, outcome)
+    if (outcome%solved .and. outcome%error <= 1.0_wp) call dense_stages(self, system, drive, from, outcome)
+    if (outcome%solved .and. outcome%error <= 1.0_wp) call set_nodal(self, system, from)
+  end subroutine attempt
+
+  !> The stages that make the step, its end and the slope there.
+  subroutine step_stages(self, system, drive, from, to, outcome)
+    class(runge_kutta_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    type(motion_t), intent(out) :: to
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: state(n_values)
+    integer :: i
+
+    call begin(self, system, drive, from, outcome)
+    associate (s => self%method%stages)
+      do i = 2, s + 1
+        if (.not. outcome%solved) return
+        call stage_state(self, system, drive, from, i, state)
+        call evaluate(self, system, drive, from, i, state, outcome)
+      end do
+      self%end = state
+      self%end_known = outcome%solved
+      associate (b => self%method%b(1:s))
+        to%time = from%time + self%step
+        to%u = state(1:max_components)
+        to%y = state(first_y:)
+        to%position = from%position - self%step*dot_product(system%along, matmul(self%slope(1:max_components, 1:s), b))
+        to%drive_work = from%drive_work + self%step*dot_product(b, self%drive_power(1:s))
+        to%friction_work = from%friction_work + self%step*dot_product(b, self%friction_power(1:s))
+      end associate
+    end associate
+  end subroutine step_stages
+
+  !> The first stage: taken over if the state is one whose slope is known.
+  subroutine begin(self, system, drive, from, outcome)
+    class(runge_kutta_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: state(n_values)
+
+    state = [from%u, from%y]
+    outcome%solved = .true.
+    if (self%end_known .and. same(state, self%end)) then
+      self%slope(:, 1) = self%slope(:, self%method%stages + 1)
+      self%friction_power(1) = self%friction_power(self%method%stages + 1)
+    else if (.not. (self%start_known .and. same(state, self%start))) then
+      call evaluate(self, system, drive, from, 1, state, outcome)
+    end if
+    self%drive_power(1) = drive%velocity_at(from%time)*dot_product(system%along_stiffness, from%u)
+    self%speed_scale = max(self%speed_scale, norm2(self%slope(1:max_components, 1)))
+    self%start = state
+    ! The guard of the fixed step lies in the evaluation, so a failed one has to be repeated.
+    self%start_known = outcome%solved .and. self%method%errors > 0
+    self%end_known = .false.
+  end subroutine begin
+
+  pure logical function same(a, b)
+    real(wp), intent(in) :: a(n_values), b(n_values)
+
+    same = .not. any(abs(a - b) > 0.0_wp)
+  end function same
+
+  !> u and y of stage i.
+  pure subroutine stage_state(self, system, drive, from, i, state)
+    class(runge_kutta_t), intent(in) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    integer, intent(in) :: i
+    real(wp), intent(out) :: state(n_values)
+    integer :: j
+
+    state = 0.0_wp
+    do j = 1, i - 1
+      state = state + self%method%a(i, j)*self%slope(:, j)
+    end do
+    state = self%step*state
+    state(1:max_components) = from%u + state(1:max_components) &
+      + drive%displacement(from%time, self%method%c(i)*self%step)*system%along
+    state(first_y:) = from%y + state(first_y:)
+  end subroutine stage_state
+
+  !> Slope and powers of stage i; not solved where the state is none, at rest, or where the step
+  !> is beyond the stability of a method that cannot notice it otherwise.
+  subroutine evaluate(self, system, drive, from, i, state, outcome)
+    class(runge_kutta_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    integer, intent(in) :: i
+    real(wp), intent(in) :: state(n_values)
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: velocity(max_components), reach
+
+    outcome%solved = .false.
+    if (.not. all(abs(state) <= huge(1.0_wp))) return
+    self%count%rhs = self%count%rhs + 1
+    velocity = 0.0_wp
+    call system%kinematics(1, state(first_y:), velocity, self%velocity_y)
+    call system%dynamics(1, state(1:max_components), state(first_y:), self%velocity_y, self%terms)
+    associate (n => system%components, terms => self%terms)
+      if (any(terms%inertia(1, :) <= 0.0_wp)) return
+      self%slope(1:max_components, i) = -velocity
+      self%slope(first_y:, i) = 0.0_wp
+      self%slope(first_y:max_components + n, i) = terms%force(1, :)/terms%inertia(1, :)
+      self%friction_power(i) = terms%dissipation(1)
+      self%drive_power(i) = drive%velocity_at(from%time + self%method%c(i)*self%step) &
+        *dot_product(system%along_stiffness, state(1:max_components))
+      self%speed_scale = max(self%speed_scale, norm2(velocity))
+      outcome%solved = .true.
+      if (self%method%errors > 0) return
+      reach = self%step*fastest_rate(n, terms, self%velocity_y)
+      outcome%solved = reach <= stability_reach
+      if (.not. outcome%solved) outcome%factor = max(0.1_wp, 0.9_wp*stability_reach/reach)
+    end associate
+  end subroutine evaluate
+
+  !> A bound of the fastest rate [1/s] of the linearised motion.
+  pure real(wp) function fastest_rate(n, terms, velocity_y) result(rate)
+    integer, intent(in) :: n
+    type(stage_terms_t), intent(in) :: terms
+    real(wp), intent(in) :: velocity_y(n, n)
+    real(wp) :: relaxation, elasticity
+    integer :: k
+
+    associate (g => terms%force_y, b => terms%inertia)
+      relaxation = 0.0_wp
+      elasticity = 0.0_wp
+      do k = 1, n
+        relaxation = max(relaxation, abs(g(1, k, k))/b(1, k))
+        elasticity = elasticity + dot_product(terms%force_u(1, k, :), velocity_y(:, k))/b(1, k)
+      end do
+      if (n == 2) relaxation = relaxation + sqrt(abs(g(1, 1, 2)*g(1, 2, 1))/(b(1, 1)*b(1, 2)))
+    end associate
+    rate = max(relaxation, sqrt(abs(elasticity)))
+  end function fastest_rate
+
+  !> Error and step size factor, the factor with a memory (Hairer & Wanner II, Sec. IV.2) because
+  !> the step is mostly held back by stability: the friction direction relaxes quickly.
+  pure subroutine judge(self, system, outcome)
+    class(runge_kutta_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: size, stretch, exponent
+    real(wp), parameter :: memory = 0.04_wp
+
+    outcome%error = 0.0_wp
+    outcome%factor = 1.0_wp
+    if (self%method%errors == 0) return
+    size = error_size(self, system%components, self%method%error(:, 1), self%velocity_y)
+    if (self%method%errors == 2) then
+      stretch = 0.1_wp*error_size(self, system%components, self%method%error(:, 2), self%velocity_y)
+      if (size > 0.0_wp) size = size*(size/hypot(size, stretch))
+    end if
+    outcome%error = size/(self%speed_scale*self%estimate_tolerance + self%step*system%acceleration_noise)
+    if (.not. outcome%error <= huge(1.0_wp)) outcome%error = 1.0e6_wp
+    self%error = max(outcome%error, least_error)
+    exponent = 1.0_wp/real(self%method%order, wp)
+    outcome%factor = 0.9_wp*max(outcome%error, 1.0e-10_wp)**(0.75_wp*memory - exponent)*self%last_error**memory
+    outcome%factor = min(5.0_wp, max(0.2_wp, outcome%factor))
+  end subroutine judge
+
+  !> An error estimate as a slip velocity [m/s]: that of y, and that of u times the frequency at
+  !> which the springs make velocity of it.
+  pure real(wp) function error_size(self, n, weight, velocity_y) result(size)
+    class(runge_kutta_t), intent(in) :: self
+    integer, intent(in) :: n
+    real(wp), intent(in) :: weight(max_stages), velocity_y(n, n)
+    real(wp) :: error(n_values), square, frequency_square
+    integer :: j, k, l
+
+    error = 0.0_wp
+    do j = 1, self%method%stages + 1
+      error = error + weight(j)*self%slope(:, j)
+    end do
+    error = self%step*error
+    square = 0.0_wp
+    do k = 1, n
+      frequency_square = 0.0_wp
+      do l = 1, n
+        frequency_square = frequency_square + velocity_y(k, l)*self%terms%force_u(1, l, k)/self%terms%inertia(1, l)
+      end do
+      square = square + dot_product(velocity_y(k, :), error(first_y:max_components + n))**2 &
+        + abs(frequency_square)*error(k)**2
+    end do
+    size = sqrt(square)
+  end function error_size
+
+  !> The stages that only the dense output needs.
+  subroutine dense_stages(self, system, drive, from, outcome)
+    class(runge_kutta_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: state(n_values), factor
+    integer :: i
+
+    factor = outcome%factor
+    outcome%factor = 0.25_wp
+    do i = self%method%stages + 2, self%method%all_stages
+      call stage_state(self, system, drive, from, i, state)
+      call evaluate(self, system, drive, from, i, state, outcome)
+      if (.not. outcome%solved) return
+    end do
+    outcome%factor = factor
+  end subroutine dense_stages
+
+  !> Node values of the dense output.
+  pure subroutine set_nodal(self, system, from)
+    class(runge_kutta_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(motion_t), intent(in) :: from
+    real(wp) :: change(n_values)
+    integer :: i, j
+
+    do i = 0, self%grid%degree
+      change = 0.0_wp
+      do j = 1, self%method%all_stages
+        change = change + self%dense_weight(j, i)*self%slope(:, j)
+      end do
+      change = self%step*change
+      self%nodal(i, column_u:column_u + max_components - 1) = from%u + change(1:max_components)
+      self%nodal(i, column_y:column_y + max_components - 1) = from%y + change(first_y:)
+      self%nodal(i, column_position) = from%position - dot_product(system%along, change(1:max_components))
+    end do
+  end subroutine set_nodal
+
+  pure subroutine accept(self)
+    class(runge_kutta_t), intent(inout) :: self
+
+    self%peak_speed = max(self%peak_speed, self%speed_scale)
+    self%last_error = self%error
+  end subroutine accept
+end module dst_runge_kutta
