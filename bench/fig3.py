@@ -1,0 +1,103 @@
+"""Speed and accuracy of the full model on Fig. 3: what a reader can rerun.
+
+    python bench/fig3.py [--runs N] [--exe PATH]
+
+Prints, for every method and tolerance, the error of the slip velocity at t = 10 s (relative to |w|), the
+number of sticks, the solver's wall time (median of N runs), Newton iterations and the time of one; then
+time and memory of the whole process, for t_end = 10 s and 1000 s.
+"""
+
+import argparse
+import json
+import os
+import platform
+import shutil
+import statistics
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+DECK = ROOT / "inputs" / "fig3.nml"
+TOLERANCES = ("1e-4", "1e-5", "1e-6", "1e-7", "1e-8", "1e-10")
+METHODS = ("radau5", "radau9", "radau13", "dopri5", "dop853")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=5, help="runs of which the median is taken")
+    parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
+    options = parser.parse_args()
+    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, {cpu_name()}")
+    with tempfile.TemporaryDirectory() as folder:
+        solver_table(Path(folder), str(options.exe), options.runs)
+        process_table(Path(folder), str(options.exe), options.runs)
+
+
+def solver_table(folder: Path, exe: str, runs: int) -> None:
+    """Error and cost of the solver alone: one sample a second."""
+    reference = final_reference()
+    print(f"{'method':8} {'rtol':>6} {'error of w':>11} {'sticks':>6} {'solver s':>9} {'Newton':>8} {'us each':>8} {'rhs':>9}")
+    for method in METHODS:
+        for rtol in TOLERANCES:
+            settings = (f"integrator.method={method}", f"integrator.rtol={rtol}", "output.interval=1.0")
+            times = []
+            for _ in range(runs):
+                run(exe, folder / "fig3.h5", settings)
+                with h5py.File(folder / "fig3.h5") as file:
+                    times.append(float(file["statistics/wall_time"][()]))
+            with h5py.File(folder / "fig3.h5") as file:
+                w = np.array([file["time_series/w_x"][-1], file["time_series/w_y"][-1]])
+                newton = int(file["statistics/newton"][()])
+                rhs = int(file["statistics/rhs"][()])
+                sticks = int(file["summary/sticks"][()])
+            error = np.linalg.norm(w - reference) / np.linalg.norm(reference)
+            seconds = statistics.median(times)
+            each = f"{1e6 * seconds / newton:8.2f}" if newton else f"{'-':>8}"
+            print(f"{method:8} {rtol:>6} {error:11.1e} {sticks:6d} {seconds:9.4f} {newton:8d} {each} {rhs:9d}", flush=True)
+
+
+def process_table(folder: Path, exe: str, runs: int) -> None:
+    """The whole process: 1 ms sampling of all default fields, radau9 at rtol 1e-6."""
+    for t_end, repeat in (("10.0", runs), ("1000.0", 1)):
+        seconds, memory = [], []
+        for _ in range(repeat):
+            start = time.perf_counter()
+            memory.append(run(exe, folder / "fig3.h5", (f"scene.t_end={t_end}", "integrator.rtol=1e-6")))
+            seconds.append(time.perf_counter() - start)
+        print(f"process, t_end = {t_end} s: {statistics.median(seconds):.3f} s, {max(memory) / 1024:.1f} MB")
+
+
+def run(exe: str, output: Path, settings: tuple[str, ...]) -> int:
+    """Run Fig. 3's deck and return the largest resident memory in kB."""
+    command = [exe, "run", str(DECK), "--overwrite", "--quiet", "-o", str(output)]
+    for setting in settings:
+        command += ["--set", setting]
+    process = subprocess.Popen(command)
+    _, status, usage = os.wait4(process.pid, 0)
+    if status != 0:
+        raise SystemExit(f"{' '.join(command)} failed")
+    return usage.ru_maxrss
+
+
+def final_reference() -> np.ndarray:
+    """Slip velocity at t = 10 s, converged in quadruple precision."""
+    scenes = json.loads((ROOT / "tests" / "reference" / "fig3.json").read_text())
+    row = next(row for row in scenes["scenes"]["fig3"]["states"] if row[0] == 10.0)
+    return np.array(row[3:5])
+
+
+def cpu_name() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return "unknown processor"
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "unknown processor")
+
+
+if __name__ == "__main__":
+    main()
