@@ -263,6 +263,7 @@ contains
         'else the deck''s name with .h5 in the current directory. All decks are checked before the first runs.'//n//n// &
         '  -o FILE                the output file (one deck only)'//n// &
         '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
+        '  --set GROUP.KEY=       as if the deck did not set the key'//n// &
         '  --overwrite            replace an existing output file'//n// &
         '  --quiet                no progress'//n//n// &
         'Examples:'//n// &
@@ -274,7 +275,8 @@ contains
       text = 'Usage: dynstiction check DECK... [--set GROUP.KEY=VALUE]...'//n//n// &
         'Check each deck, print it with every key as used, marked user or default, and run nothing.'//n// &
         'What is printed is a deck itself. All faults of a deck are reported in one go.'//n//n// &
-        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n//n// &
+        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
+        '  --set GROUP.KEY=       as if the deck did not set the key'//n//n// &
         'Examples:'//n// &
         '  dynstiction check inputs/fig3.nml'//n// &
         '  dynstiction check inputs/fig3.nml --set integrator.method=dopri5 > complete.nml'//n//n// &

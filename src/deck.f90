@@ -9,7 +9,8 @@ module dst_deck
   use dst_schema, only: key_t, schema, key_count, group_names, later_groups, find_key, find_name, keys_of, in_range, range_text, &
                         is_available, available_choices, condition_text, longest_text, most_values, real_kind, reals_kind, &
                         integer_kind, text_kind, texts_kind, choice_kind
-  use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, is_default, used, unused
+  use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, set_default, &
+                             is_default, used, unused
   use dst_deck_text, only: resolved, template, has_other_condition
   implicit none
   private
@@ -284,7 +285,8 @@ contains
     end if
   end subroutine take_setting
 
-  !> The value of a setting. Text needs no quotes there: the shell has eaten one pair already.
+  !> The value of a setting: nothing takes back what the deck says. Text needs no quotes there: the shell
+  !> has eaten one pair already.
   subroutine set_value(k, text, source, value, faults)
     integer, intent(in) :: k
     character(*), intent(in) :: text
@@ -299,8 +301,10 @@ contains
                 ' sets it already, keep one of them')
       return
     end if
+    if (len_trim(text) == 0) call set_default(schema(k), value)
     value%setting = source%setting
-    if (any(schema(k)%kind == [text_kind, choice_kind]) .and. len_trim(text) > 0 .and. scan(text, '''"') /= 1) then
+    if (len_trim(text) == 0) return
+    if (any(schema(k)%kind == [text_kind, choice_kind]) .and. scan(text, '''"') /= 1) then
       call take_plain_text(schema(k), trim(text), source, value, faults)
       return
     end if

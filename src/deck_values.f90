@@ -8,7 +8,7 @@ module dst_deck_values
   implicit none
   private
 
-  public :: deck_t, value_t, usage, failing_condition, set_defaults, is_default
+  public :: deck_t, value_t, usage, failing_condition, set_defaults, set_default, is_default
   public :: used, unused, unknown
 
   !> Whether a key has a meaning in this deck; unknown while the choice it depends on is faulty.
@@ -180,9 +180,10 @@ contains
     end do
   end subroutine set_defaults
 
+  !> A key as if nobody had set it.
   pure subroutine set_default(key, value)
     type(key_t), intent(in) :: key
-    type(value_t), intent(inout) :: value
+    type(value_t), intent(out) :: value
     character(:), allocatable :: problem
 
     select case (key%kind)

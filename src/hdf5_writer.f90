@@ -246,7 +246,7 @@ contains
 
     call h5fget_filesize_f(self%file, present_size, status)
     if (status < 0) return
-    needed = size(self%columns)*(8_int64*self%chunk_rows + index_bytes) + 2*(8_int64*event_chunk + index_bytes)
+    needed = 2*(size(self%columns)*(8_int64*self%chunk_rows + index_bytes) + 2*(8_int64*event_chunk + index_bytes))
     call reserve_space(self%descriptor, int(present_size, int64) + needed + ending_bytes, reason)
     if (allocated(reason)) call self%fail(reason, sound=.true.)
   end subroutine reserve

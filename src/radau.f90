@@ -56,6 +56,8 @@ module dst_radau
     real(wp) :: probe(0:max_degree) = 0.0_wp
     real(wp) :: probe_derivative(0:max_degree) = 0.0_wp
     real(wp) :: probe_weight = 0.0_wp
+    !> Derivative at the start from the nodal values.
+    real(wp) :: start_derivative(0:max_degree) = 0.0_wp
   contains
     procedure :: restart
     procedure :: attempt
@@ -78,10 +80,11 @@ contains
     if (stages == 3) then
       stepper%estimate_tolerance = 3.4_wp*rtol**0.8_wp
     else
-      stepper%estimate_tolerance = 8.0_wp*rtol**0.93_wp
+      stepper%estimate_tolerance = 3.0_wp*rtol**0.93_wp
     end if
     stepper%terms = new_terms(stages, components)
     stepper%point_terms = new_terms(1, components)
+    stepper%start_derivative = stepper%grid%derivative(0, :)
     call set_probe(stepper)
   end function new_radau
 
@@ -264,7 +267,7 @@ contains
     real(wp) :: u(n), y(n), start_error, probe_error
     integer :: k
 
-    call defect_error(self, system, s, n, from%u(1:n), from%y(1:n), self%grid%derivative(0, 0:s), &
+    call defect_error(self, system, s, n, from%u(1:n), from%y(1:n), self%start_derivative(0:s), &
       self%method%gamma, start_error)
     do k = 1, n
       u(k) = dot_product(self%probe(0:s), self%nodal(0:s, column_u + k - 1)) &

@@ -3,7 +3,7 @@ module dst_run
   use dst_kinds, only: wp
   use dst_build_info, only: version, git_revision, compiler
   use dst_deck, only: deck_t, resolved
-  use dst_errors, only: error_t
+  use dst_errors, only: error_t, stopped_early
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, create_hdf5
   use dst_parameters, only: parameter_t, parameters_of
   use dst_progress, only: progress_t, new_progress
@@ -43,7 +43,12 @@ contains
     call integrate(simulation, writer, new_progress(deck%name, quiet), error)
     call simulation%outcome(error, outcome)
     call writer%finish(outcome, end_error)
-    if (allocated(end_error) .and. .not. allocated(error)) call move_alloc(end_error, error)
+    if (.not. allocated(end_error)) return
+    ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
+    if (allocated(error)) then
+      if (error%code /= stopped_early) return
+    end if
+    call move_alloc(end_error, error)
   end subroutine run_deck
 
   !> All slices of the run.

@@ -34,6 +34,8 @@ module dst_runge_kutta_tableaux
     real(wp) :: c(max_stages) = 0.0_wp
     real(wp) :: error(max_stages, max_errors) = 0.0_wp
     real(wp) :: dense(max_stages, max_dense) = 0.0_wp
+    !> The last of these terms where it is largest: an estimate of the dense output's error.
+    real(wp) :: dense_error(max_stages) = 0.0_wp
   end type tableau_t
 
 contains
@@ -286,5 +288,7 @@ contains
     tableau%dense(14, 4) = 0.96324553959188282948394950600e+2_wp
     tableau%dense(15, 4) = -0.39177261675615439165231486172e+2_wp
     tableau%dense(16, 4) = -0.14972683625798562581422125276e+3_wp
+    ! tau^4 (1 - tau)^3 is largest at 4/7.
+    tableau%dense_error = (4.0_wp/7.0_wp)**4*(3.0_wp/7.0_wp)**3*tableau%dense(:, 4)
   end function dop853
 end module dst_runge_kutta_tableaux

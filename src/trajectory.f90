@@ -5,19 +5,19 @@
 !> where it is (`now`), whether it stuck in between, what event ended the advance, and the motion
 !> at any instant in between.
 module dst_trajectory
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, not_finite, too_many_rejections, chattering
   use dst_bernstein, only: first_zero
-  use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, brake
+  use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, braking_t, braking, brake, release_t, release_series
   use dst_drive, only: drive_t, drive_segment_t
-  use dst_interpolation, only: max_degree
+  use dst_interpolation, only: grid_t, new_grid, max_degree
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
-  use dst_stepper, only: stepper_t, motion_t, attempt_t, column_y
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, column_u, column_y, column_position, n_columns
   implicit none
   private
 
-    public :: trajectory_t, no_event, stick_begins, slip_begins
+  public :: trajectory_t, no_event, stick_begins, slip_begins
 
   integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
   integer, parameter :: max_rejections = 60, max_events_at_once = 100
@@ -31,6 +31,8 @@ module dst_trajectory
     logical :: exact_contact = .true.
     real(wp) :: t_end = 0.0_wp
     real(wp) :: step_max = 0.0_wp
+    !> Step size of a method without error estimate [s]; 0 for the others.
+    real(wp) :: fixed_step = 0.0_wp
     !> A stop is finished in closed form below this slip speed [m/s] or this share of the largest
     !> slip speed since the release.
     real(wp) :: cut_speed = 0.0_wp
@@ -44,6 +46,10 @@ module dst_trajectory
     !> Step size that the first step after a release took last time [s].
     real(wp) :: release_step = 0.0_wp
     logical :: just_released = .false.
+    !> How slip starts, for an explicit method that is led through it.
+    real(wp) :: release_rate = 0.0_wp
+    !> Nodes for the advances that the trajectory makes in closed form.
+    type(grid_t) :: closed_form_grid
     integer :: segment = 1
     integer :: events_at_once = 0
   contains
@@ -65,6 +71,8 @@ contains
     self%now = motion_t(u=u, y=y, position=position)
     self%from = self%now
     self%release_step = 0.5_wp*sqrt(self%slider%mass/maxval(self%slider%stiffness))
+    if (self%fixed_step > 0.0_wp) self%release_step = self%fixed_step
+    if (self%stepper%explicit) self%closed_form_grid = closed_form_grid()
     self%next_step = self%release_step
     if (.not. self%exact_contact) then
       call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
@@ -104,6 +112,7 @@ contains
     class(trajectory_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: horizon
+    logical :: passed
 
     self%event = no_event
     do while (self%now%time >= self%drive%segment(self%segment)%end)
@@ -115,7 +124,10 @@ contains
     if (self%sticking) then
       call stay_stuck(self, horizon)
     else
-      call slide(self, horizon, error)
+      passed = .false.
+      if (self%stepper%explicit .and. self%exact_contact) call pass_rest(self, horizon, passed, error)
+      if (allocated(error)) return
+      if (.not. passed) call slide(self, horizon, error)
     end if
     if (allocated(error)) return
     if (self%now%time > self%from%time) then
@@ -185,6 +197,7 @@ contains
     self%sticking = .false.
     self%just_released = .true.
     self%next_step = self%release_step
+    self%release_rate = onset%rate(1)
     self%now%y = onset%y
     call self%stepper%restart(onset%rate, onset%curvature)
   end subroutine set_off
@@ -217,7 +230,13 @@ contains
       if (truncated) step = horizon - self%from%time
       call self%stepper%attempt(self%system, self%drive%segment(self%segment), self%from, step, to, outcome)
       stopped = .false.
-      if (outcome%solved .and. self%exact_contact) call look_for_stop(self, to, outcome, stopped)
+      if (outcome%solved .and. self%exact_contact) then
+        if (self%stepper%explicit) then
+          call keep_moving(self, outcome)
+        else
+          call look_for_stop(self, to, outcome, stopped)
+        end if
+      end if
       if (outcome%solved .and. outcome%error <= 1.0_wp) exit
       self%stepper%count%rejected = self%stepper%count%rejected + 1
       self%next_step = self%stepper%step*min(outcome%factor, 0.9_wp)
@@ -235,10 +254,17 @@ contains
     call choose_next_step(self, outcome%factor, truncated)
     if (stopped) then
       call rest_or_turn(self)
-    else if (self%exact_contact .and. self%now%y(1) < max(self%cut_speed, self%cut_share*self%stepper%peak_speed)) then
+    else if (self%exact_contact .and. .not. self%stepper%explicit .and. self%now%y(1) < cut_level(self)) then
       call finish_stop(self, horizon)
     end if
   end subroutine slide
+
+  !> Slip speed [m/s] below which a stop is finished in closed form.
+  pure real(wp) function cut_level(self)
+    class(trajectory_t), intent(in) :: self
+
+    cut_level = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
+  end function cut_level
 
   !> Come to rest in closed form, if that is what the object is about to do.
   subroutine finish_stop(self, horizon)
@@ -262,6 +288,7 @@ contains
 
     wanted = self%stepper%step*factor
     if (truncated) wanted = max(wanted, self%next_step)
+    if (self%fixed_step > 0.0_wp) wanted = self%fixed_step
     if (self%just_released .and. .not. truncated) self%release_step = min(wanted, self%stepper%step)
     self%next_step = wanted
     self%just_released = .false.
@@ -335,6 +362,146 @@ contains
       step = min(max(0.5_wp*step, step - to%y(1)/slope), 1.5_wp*step)
     end do
   end subroutine land
+
+  !> Where an explicit method cannot go: the start of slip, and slip slower than the cut-off that is
+  !> about to end. `passed` tells that this was the advance.
+  !>
+  !> Slip against K u ends without a rest, in a turn; it is left to the method until so close to the
+  !> turn that it does not matter how the direction changes. The same holds for slip that a knot of
+  !> the drive has caught just after its release.
+  subroutine pass_rest(self, horizon, passed, error)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    logical, intent(out) :: passed
+    type(error_t), allocatable, intent(out) :: error
+    type(motion_t) :: to
+    type(braking_t) :: course
+    logical :: stops, at_knot
+    real(wp), parameter :: turn_share = 1.0e-3_wp, rest_share = 1.0e-6_wp
+
+    passed = .true.
+    if (self%just_released) then
+      call follow_release(self, horizon, error)
+      return
+    end if
+    associate (v => self%now%y(1), cut => cut_level(self))
+      if (v <= cut) then
+        course = braking(self%slider, self%drive%segment(self%segment), self%now)
+        call brake(self%slider, self%drive%segment(self%segment), self%now, to, stops)
+        if (course%falls .and. to%time <= horizon .and. (stops .or. v <= turn_share*cut)) then
+          call describe_braking(self, course, to)
+          self%now = to
+          call rest_or_turn(self)
+          return
+        end if
+        at_knot = .not. self%now%time > self%drive%segment(self%segment)%start
+        if (v <= rest_share*cut .or. (at_knot .and. v <= turn_share*cut)) then
+          self%now%y(1) = 0.0_wp
+          call rest_or_turn(self)
+          return
+        end if
+      end if
+    end associate
+    passed = .false.
+  end subroutine pass_rest
+
+  !> The start of slip as power series, as one advance.
+  subroutine follow_release(self, horizon, error)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    type(error_t), allocatable, intent(out) :: error
+    type(release_t) :: release
+    type(motion_t) :: motion
+    real(wp) :: nodal(0:max_degree, n_columns), tau, duration
+    integer :: i
+
+    self%just_released = .false.
+    associate (drive => self%drive%segment(self%segment), grid => self%closed_form_grid)
+      release = release_series(self%slider, drive, self%from, self%release_rate, self%stepper%release_tolerance)
+      if (.not. release%moves) then
+        ! As much force as friction, and no growth: it stays.
+        self%now%y = 0.0_wp
+        self%sticking = .true.
+        return
+      end if
+      if (.not. release%accurate) then
+        call raise(error, too_many_rejections, 'slip does not start smoothly enough for an explicit method at '// &
+          at_time(self%from)//'; use a Radau method')
+        return
+      end if
+      duration = min(release%reach*release%unit, horizon - self%from%time)
+      do i = 0, grid%degree
+        tau = grid%node(i)*(duration/release%unit)
+        motion = release%at(self%slider, drive, self%from, tau)
+        nodal(i, column_u:column_u + 1) = motion%u &
+          - drive%displacement(self%from%time, tau*release%unit)*self%slider%along
+        nodal(i, column_y:column_y + 1) = motion%y
+        nodal(i, column_position) = motion%position
+      end do
+      self%now = motion
+      self%now%time = self%from%time + duration
+      if (duration >= horizon - self%from%time) self%now%time = horizon
+    end associate
+    call self%stepper%describe(self%closed_form_grid, duration, nodal)
+    self%stepper%count%steps = self%stepper%count%steps + 1
+    call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    self%stepper%peak_speed = self%now%y(1)
+    self%next_step = min(self%release_step, self%now%y(1)*self%slider%mass/max(self%slider%law%onset, tiny(1.0_wp)))
+    if (self%fixed_step > 0.0_wp) self%next_step = self%fixed_step
+  end subroutine follow_release
+
+  !> The end of slip as an advance: the motion inside it, and its works with u and F(v) varying.
+  subroutine describe_braking(self, course, to)
+    class(trajectory_t), intent(inout) :: self
+    type(braking_t), intent(in) :: course
+    type(motion_t), intent(inout) :: to
+    real(wp) :: nodal(0:max_degree, n_columns), friction(1), slope(1), direction(2), time, slipped
+    integer :: i
+
+    associate (v => self%from%y(1), theta => self%from%y(2), grid => self%closed_form_grid)
+      direction = [cos(theta), sin(theta)]
+      slipped = 0.0_wp
+      do i = 0, grid%degree
+        time = grid%node(i)*course%delay
+        slipped = time*(v + time*(0.5_wp*course%acceleration + time*course%jerk/6.0_wp))
+        nodal(i, column_u:column_u + 1) = self%from%u - slipped*direction
+        nodal(i, column_y) = max(0.0_wp, v + time*(course%acceleration + 0.5_wp*time*course%jerk))
+        nodal(i, column_y + 1) = theta
+        nodal(i, column_position) = self%from%position + slipped*dot_product(self%slider%along, direction)
+      end do
+      call self%stepper%describe(grid, course%delay, nodal)
+      call self%slider%law%evaluate(1, [v], friction, slope)
+      to%friction_work = self%from%friction_work + self%slider%law%onset*slipped + slope(1)*v**2*course%delay/3.0_wp
+      to%drive_work = self%from%drive_work &
+        + self%drive%segment(self%segment)%displacement(self%from%time, course%delay) &
+        *dot_product(self%system%along_stiffness, 0.5_wp*(self%from%u + to%u))
+    end associate
+    self%stepper%count%steps = self%stepper%count%steps + 1
+  end subroutine describe_braking
+
+  !> Refuse an attempt in which v reaches zero, so that the next one ends before that.
+  subroutine keep_moving(self, outcome)
+    class(trajectory_t), intent(in) :: self
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: coefficient(0:max_degree), position
+
+    if (outcome%error > 1.0_wp) return
+    associate (grid => self%stepper%grid)
+      call grid%bernstein_coefficients(self%stepper%nodal(:, column_y), coefficient)
+      position = first_zero(coefficient(0:grid%degree))
+    end associate
+    if (position > 1.0_wp) return
+    outcome%solved = .false.
+    outcome%factor = max(0.1_wp, 0.95_wp*position)
+  end subroutine keep_moving
+
+  !> Nodes at which a polynomial is well known everywhere: the extrema of Chebyshev's.
+  pure function closed_form_grid() result(grid)
+    type(grid_t) :: grid
+    integer :: i
+
+    grid = new_grid([(sin(0.5_wp*pi*real(i, wp)/real(max_degree, wp))**2, i=0, max_degree)])
+  end function closed_form_grid
 
   !> 't = 1.25 s (u = … m, y = …)'
   pure function at_time(motion) result(text)

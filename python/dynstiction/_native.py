@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache, lru_cache
 from types import TracebackType
 from typing import NamedTuple
 
@@ -117,6 +118,7 @@ class Run:
         return text_from(_core.run_text(self._handle, which, length).astype(np.uint8).tobytes())
 
 
+@cache
 def build_info() -> BuildInfo:
     """Version, revision and compiler of the core."""
     return BuildInfo(*(_text(_core.build_text(which)) for which in (1, 2, 3)))
@@ -139,7 +141,13 @@ def _described(
 
 
 def _info(name: NDArray[np.int32], units: NDArray[np.int32], long_name: NDArray[np.int32]) -> Info:
-    return Info(_text(name), _text(units), _text(long_name))
+    return _decoded_info(name.tobytes(), units.tobytes(), long_name.tobytes())
+
+
+@lru_cache(maxsize=512)
+def _decoded_info(*texts: bytes) -> Info:
+    # The same few descriptions come with every run; decoding them would take as long as a short run.
+    return Info(*(_text(np.frombuffer(text, dtype=np.int32)) for text in texts))
 
 
 def _bytes(text: str) -> NDArray[np.int32]:

@@ -35,7 +35,7 @@ def run(deck: DeckLike, *, progress: bool = False, **groups: Group) -> Result:
         Whether to show the simulated time as a bar (needs ``tqdm``).
     **groups : mapping
         Overrides by group, ``system={"misalignment_deg": 2.0}, drive={"velocity": 2e-3}``. Groups, keys,
-        units and defaults are the deck's: see ``dynstiction template``.
+        units and defaults are the deck's: see ``dynstiction template``. None takes a key out of the deck.
 
     Returns
     -------

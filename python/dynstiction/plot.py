@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from .errors import ColumnError, FileError, UsageError
@@ -152,6 +153,7 @@ def _draw_history(result: Result, figure: Figure) -> None:
         axis.set_ylabel(label)
         axis.margins(y=0.12)
         _letter(axis, letter)
+    axes[3].yaxis.set_major_locator(MultipleLocator(30.0))
     axes[-1].set_xlim(result.time[0], result.time[-1])
     axes[-1].set_xlabel("$t$ [s]")
     figure.align_ylabels(axes)
@@ -193,7 +195,10 @@ def _draw_path(result: Result, figure: Figure) -> None:
     axis = figure.subplots()
     axis.add_patch(Circle((0.0, 0.0), force.max(), fill=False, color="0.6", linewidth=0.6, linestyle=":"))
     segments = np.stack([tip[kept[:-1]], tip[kept[1:]]], axis=1)
-    lines = LineCollection(list(segments), array=result.time[kept[1:]], cmap="viridis", linewidth=0.8)
+    # The friction force jumps when a stick begins; a fine line joins what belongs together.
+    jumps = np.hypot(*np.diff(tip[kept], axis=0).T) > 0.2 * force.max()
+    widths = np.where(jumps, 0.25, 0.8)
+    lines = LineCollection(list(segments), array=result.time[kept[1:]], cmap="viridis", linewidths=widths)
     lines.set_clim(result.time[0], result.time[-1])
     axis.add_collection(lines)
     axis.set_xlim(_with_margin(tip[:, 0]))

@@ -19,7 +19,7 @@ from .errors import FileError, UsageError
 __all__ = ["DeckLike", "Group", "Scene"]
 
 Group: TypeAlias = Mapping[str, object]
-"""Keys of one deck group and their values: numbers, strings, or sequences of them."""
+"""Keys of one deck group and their values: numbers, strings, or sequences of them; None takes a key out."""
 
 VALUES_PER_LINE = 6
 
@@ -33,7 +33,8 @@ class Scene:
         Path of a deck, or the text of one (what contains a line break, or an ``&`` and is no file).
         Without it the scene is made of the keyword groups alone.
     **groups : mapping
-        Deck groups, ``system={"misalignment_deg": 2.0}``; with a `deck` they override it.
+        Deck groups, ``system={"misalignment_deg": 2.0}``; with a `deck` they override it, and a key that is
+        None is used as if the deck did not set it.
 
     Raises
     ------
@@ -137,14 +138,14 @@ def _read(path: str | os.PathLike[str]) -> str:
 def _deck_text(groups: Mapping[str, Group]) -> str:
     lines: list[str] = []
     for group, keys in groups.items():
-        entries = [f"  {key} = {_value(value)}" for key, value in _items(group, keys)]
+        entries = [f"  {key} = {_value(value)}" for key, value in _items(group, keys) if value is not None]
         lines += [f"&{group}", *entries, "/"]
     return "\n".join(lines) + "\n"
 
 
 def _settings(groups: Mapping[str, Group]) -> dict[str, str]:
     return {
-        f"{group}.{key}".lower(): _value(value).replace("\n", "")
+        f"{group}.{key}".lower(): "" if value is None else _value(value).replace("\n", "")
         for group, keys in groups.items()
         for key, value in _items(group, keys)
     }

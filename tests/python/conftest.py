@@ -48,10 +48,6 @@ FIG3_TEXT = """\
 """
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "slow: runs of several seconds; leave out with -m 'not slow'")
-
-
 @pytest.fixture(scope="session")
 def fig3_text() -> str:
     return FIG3_TEXT

@@ -32,8 +32,7 @@ def scene_of(*changes: dict[str, dict[str, object]]) -> ds.Scene:
     for change in changes:
         for group, keys in change.items():
             groups.setdefault(group, {}).update(keys)
-    kept = {group: {k: v for k, v in keys.items() if v is not None} for group, keys in groups.items()}
-    return ds.Scene(**kept)
+    return ds.Scene(**groups)
 
 
 def reference_scene(name: str, method: str = "radau9", rtol: float = 1e-10) -> ds.Scene:
@@ -46,6 +45,11 @@ def reference_scene(name: str, method: str = "radau9", rtol: float = 1e-10) -> d
 @pytest.fixture(scope="module")
 def results_in_memory() -> dict[str, ds.Result]:
     return {name: ds.run(reference_scene(name)) for name in SCENES}
+
+
+@pytest.fixture(scope="module")
+def sharpest_results() -> dict[str, ds.Result]:
+    return {name: ds.run(reference_scene(name, "radau13", 1e-11)) for name in SCENES}
 
 
 @pytest.fixture(scope="module")
@@ -65,20 +69,30 @@ def results(request: pytest.FixtureRequest) -> dict[str, ds.Result]:
     return request.getfixturevalue(f"results_{request.param}")
 
 
+def assert_state(result: ds.Result, state: list[float], u_y_bound: float) -> None:
+    """The sample at a reference's time: u_x to 1e-10, u_y to its bound, w to 1e-7 of |w| (1e-6 at 10 s)."""
+    t, u_x, u_y, *w = state
+    row = int(np.argmin(np.abs(result.time - t)))
+    assert result.time[row] == pytest.approx(t, abs=1e-12)
+    assert result["u_x"][row] == pytest.approx(u_x, rel=1e-10, abs=0.0)
+    assert result["u_y"][row] == pytest.approx(u_y, rel=u_y_bound, abs=0.0)
+    error = np.hypot(result["w_x"][row] - w[0], result["w_y"][row] - w[1])
+    assert error <= (1e-6 if t == 10.0 else 1e-7) * np.hypot(*w)
+
+
 @pytest.mark.parametrize(("name", "state"), STATES)
 def test_state_agrees_with_quadruple_precision(
     results: dict[str, ds.Result], name: str, state: list[float]
 ) -> None:
-    result = results[name]
-    t, *reference = state
-    u, w = np.array(reference[:2]), np.array(reference[2:])
-    row = int(np.argmin(np.abs(result.time - t)))
-    assert result.time[row] == pytest.approx(t, abs=1e-12)
+    # At 2 s and 10 s the fast oscillation of u_y passes near zero: measured 1.4e-10 and 1.7e-10 of u_y.
+    assert_state(results[name], state, u_y_bound=5e-10 if state[0] in (2.0, 10.0) else 1e-10)
 
-    elongation = np.array([result["u_x"][row], result["u_y"][row]])
-    velocity = np.array([result["w_x"][row], result["w_y"][row]])
-    assert np.linalg.norm(elongation - u) <= 1e-10 * np.linalg.norm(u)
-    assert np.linalg.norm(velocity - w) <= (1e-6 if t == 10.0 else 1e-7) * np.linalg.norm(w)
+
+@pytest.mark.parametrize(("name", "state"), STATES)
+def test_sharpest_method_reaches_every_digit_asked_for(
+    sharpest_results: dict[str, ds.Result], name: str, state: list[float]
+) -> None:
+    assert_state(sharpest_results[name], state, u_y_bound=1e-10)
 
 
 @pytest.mark.parametrize(("name", "t", "count"), STICKS)
@@ -86,7 +100,6 @@ def test_number_of_sticks_is_exact(results: dict[str, ds.Result], name: str, t: 
     assert results[name].sticks(until=t) == count
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("method", "rtol"), METHODS)
 def test_number_of_sticks_depends_neither_on_order_nor_on_tolerance(method: str, rtol: float) -> None:
     result = ds.run(reference_scene("fig3", method, rtol))
@@ -146,13 +159,14 @@ def extrema(result: ds.Result) -> tuple[list[int], list[int]]:
 @pytest.mark.parametrize("row", REFERENCE["cycles"]["rows"])
 def test_stick_slip_cycle(row: list[object]) -> None:
     misalignment, velocity, peak, valley, period = row
+    interval = 1e-5 / min(velocity, 1.0)
     result = ds.run(
         scene_of(
             {
                 "system": {"misalignment_deg": misalignment},
                 "drive": {"velocity": 1e-3 * velocity},
                 "scene": {"t_end": 4.5 / velocity + 0.2},
-                "output": {"interval": 1e-4, "fields": ["spring_force_x"]},
+                "output": {"interval": interval, "fields": ["spring_force_x"]},
             }
         )
     )
@@ -160,7 +174,12 @@ def test_stick_slip_cycle(row: list[object]) -> None:
     force = result["spring_force_x"]
     assert agrees(force[peaks[0]], peak)
     assert agrees(force[valleys[0]], valley)
-    assert agrees(result.time[peaks[-1]] - result.time[peaks[-2]], period)
+    last_period = result.time[peaks[-1]] - result.time[peaks[-2]]
+    assert agrees(last_period, period)
+    # The summary needs no samples. From the first peak on the cycles differ by less than 1e-4 of themselves.
+    assert result.summary["period"] == pytest.approx(last_period, rel=1e-4, abs=2 * interval)
+    assert result.summary["peak_force"] == pytest.approx(force[peaks].max(), rel=1e-3)
+    assert result.summary["valley_force"] == pytest.approx(force[valleys].min(), rel=1e-3)
 
 
 def test_extremes_of_fig3() -> None:
@@ -172,7 +191,10 @@ def test_extremes_of_fig3() -> None:
         "fall from the first peak to the first valley [s]": result.time[valleys[0]] - result.time[peaks[0]],
         "largest X' [mm/s]": 1e3 * result["X_rate"].max(),
         "smallest F while sliding [N]": result["friction"][result["sticking"] == 0].min(),
-        "largest k_y u_y [N]": result["spring_force_y"].max(),
+        # Samples 0.2 ms apart show the printed value; the oscillation of 1 kHz reaches higher between them.
+        "largest k_y u_y [N]": result["spring_force_y"][::10].max(),
     }
     for name, printed in REFERENCE["fig3_extremes"].items():
         assert agrees(found[name], printed), (name, found[name], printed)
+    # The same to 1e-6 with radau9 and radau13, at 1e-8 and 1e-11; Moreau-Jean gives 2.027 N.
+    assert result["spring_force_y"].max() == pytest.approx(2.02737, abs=2e-5)

@@ -1,0 +1,214 @@
+"""The full model far away from Fig. 3: every run must end, be finite, close its energy balance and obey Coulomb's law at rest."""
+
+from __future__ import annotations
+
+import copy
+import math
+import subprocess
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.deck
+
+METHODS = ("radau5", "radau9", "radau13")
+RTOL = 1e-8
+STICKS, SLIPS = 1, 2
+
+FIG3 = {
+    "scene": {"model": "full"},
+    "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment_deg": 1.0},
+    "friction": {"law": "weakening", "mu_0": 0.20, "mu_inf": 0.15, "v_f": 0.010, "normal_load": 10.0},
+    "drive": {"velocity": 1e-3},
+    "initial": {"velocity_ratio": 1e-6},
+    "integrator": {"rtol": RTOL},
+    "output": {"interval": 0.0},
+}
+CONSTANT = {"law": "constant", "mu_inf": None, "v_f": None}
+
+
+def changed(*changes: dict[str, dict[str, object]]) -> dict[str, dict[str, object]]:
+    """Fig. 3 with changes; None takes a key out."""
+    groups: dict[str, dict[str, object]] = copy.deepcopy(FIG3)
+    for change in changes:
+        for group, keys in change.items():
+            groups[group].update(keys)
+    return {group: {k: v for k, v in keys.items() if v is not None} for group, keys in groups.items()}
+
+
+def deck_text(groups: dict[str, dict[str, object]]) -> str:
+    def value(x: object) -> str:
+        if isinstance(x, (list, tuple)):
+            return ", ".join(map(value, x))
+        return f"'{x}'" if isinstance(x, str) else repr(x)
+
+    return "".join(
+        f"&{group}\n" + "".join(f"  {key} = {value(x)}\n" for key, x in keys.items()) + "/\n"
+        for group, keys in groups.items()
+    )
+
+
+def first_release(groups: dict[str, dict[str, object]]) -> float:
+    """Time at which an object that is stuck from time 0 on at u = 0 is released."""
+    system, friction = groups["system"], groups["friction"]
+    phi = math.radians(system["misalignment_deg"])
+    rate = abs(groups["drive"]["velocity"]) * math.hypot(
+        system["stiffness_x"] * math.cos(phi), system["stiffness_y"] * math.sin(phi)
+    )
+    return friction["mu_0"] * friction["normal_load"] / rate
+
+
+def fast_period(groups: dict[str, dict[str, object]]) -> float:
+    system = groups["system"]
+    return 2 * math.pi * math.sqrt(system["mass"] / max(system["stiffness_x"], system["stiffness_y"]))
+
+
+@dataclass
+class Run:
+    static_limit: float
+    attributes: dict[str, object]
+    series: dict[str, np.ndarray]
+    events: dict[str, np.ndarray]
+    summary: dict[str, float]
+    statistics: dict[str, float]
+
+    @property
+    def load(self) -> np.ndarray:
+        return np.hypot(self.series["spring_force_x"], self.series["spring_force_y"])
+
+
+@dataclass
+class Case:
+    """A scene; without an end of its own it lasts for `cycles` fast periods after the first release."""
+
+    name: str
+    changes: dict[str, dict[str, object]] = field(default_factory=dict)
+    t_end: float | None = None
+    cycles: float = 300.0
+
+    def groups(self, method: str, rtol: float = RTOL) -> dict[str, dict[str, object]]:
+        groups = changed(self.changes, {"integrator": {"method": method, "rtol": rtol}})
+        groups["scene"]["t_end"] = (
+            first_release(groups) + self.cycles * fast_period(groups) if self.t_end is None else self.t_end
+        )
+        return groups
+
+
+def run(executable: Path, folder: Path, groups: dict[str, dict[str, object]]) -> Run:
+    deck, file = folder / "case.nml", folder / "case.h5"
+    deck.write_text(deck_text(groups))
+    done = subprocess.run(
+        [executable, "run", deck, "-o", file, "--quiet", "--overwrite"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, f"exit status {done.returncode}: {done.stderr}\n{deck.read_text()}"
+    with h5py.File(file) as opened:
+        read = {
+            name: {key: data[()] for key, data in opened[name].items()}
+            for name in ("time_series", "events", "summary", "statistics")
+        }
+        attributes = dict(opened.attrs)
+    friction = groups["friction"]
+    return Run(
+        friction["mu_0"] * friction["normal_load"],
+        attributes,
+        read["time_series"],
+        read["events"],
+        read["summary"],
+        read["statistics"],
+    )
+
+
+def assert_sound(result: Run, groups: dict[str, dict[str, object]], rtol: float = RTOL) -> None:
+    """What holds for every scene."""
+    assert result.attributes["result_code"] == 0
+    assert result.attributes["complete"] == 1
+    time = result.series["time"]
+    assert time[-1] == groups["scene"]["t_end"]
+    assert (np.diff(time) >= 0).all()
+    for name, values in result.series.items():
+        assert np.isfinite(values).all(), name
+    assert abs(result.summary["energy_residual"]) <= 1e3 * rtol
+    sticking = result.series["sticking"] == 1
+    assert (result.load[sticking] <= result.static_limit * (1 + 1e-9)).all()
+    assert (result.series["w_x"][sticking] == 0).all()
+    assert (result.series["w_y"][sticking] == 0).all()
+    kinds = result.events["kind"]
+    assert (np.diff(result.events["time"]) >= 0).all()
+    assert (kinds[1:] != kinds[:-1]).all(), "stick and slip take turns"
+
+
+def profile(*knots: tuple[float, float]) -> dict[str, list[float]]:
+    return {"time": [t for t, _ in knots], "velocity": [v for _, v in knots]}
+
+
+V = 1e-3
+CASES = [
+    *(Case(f"phi = {phi} deg", {"system": {"misalignment_deg": phi}}) for phi in (1e-9, 90.0, -90.0, -1.0, 45.0, 8.655, 30.0, 76.3, 89.999)),
+    *(Case(f"phi = {phi} deg, cycles", {"system": {"misalignment_deg": phi}}, t_end=4.0) for phi in (0.0, 180.0, 1e-9, 8.15)),
+    *(Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}}, t_end=3.0) for ratio in (0.1, 1.0, 10.0, 100.0)),
+    *(Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}}) for ratio in (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)),
+    *(Case(f"k_y/k_x = {ratio:g}, constant friction", {"system": {"stiffness_y": 1e3 * ratio}, "friction": CONSTANT}) for ratio in (0.1, 1.0, 1e3, 1e6, 1e9)),
+    *(Case(f"m = {mass:g} kg", {"system": {"mass": mass}}) for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 10.0, 100.0)),
+    *(Case(f"m = {mass:g} kg, phi = 0", {"system": {"mass": mass, "misalignment_deg": 0.0}}, t_end=4.0) for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 100.0)),
+    *(Case(f"V = {v:g} m/s", {"drive": {"velocity": v}}) for v in (1e-9, 1e-8, 1e-6, 1e-5, 1e-4, -1e-3, 1e-2, 0.1, 1.0)),
+    *(Case(f"V = {v:g} m/s, cycles", {"drive": {"velocity": v}}, t_end=0.5) for v in (1e-2, 0.02, 0.1, 1.0)),
+    *(Case(f"v_f = {v_f:g} m/s", {"friction": {"v_f": v_f}}) for v_f in (1e-5, 1e-4, 1e-3, 0.1, 1.0, 1e3)),
+    *(Case(f"v_f = {v_f:g} m/s, cycles", {"friction": {"v_f": v_f}}, t_end=3.0) for v_f in (1e-5, 1e-3, 1e3)),
+    *(Case(f"phi = 0, v_f = {v_f:g} m/s", {"system": {"misalignment_deg": 0.0}, "friction": {"v_f": v_f}}, t_end=4.0) for v_f in (1e-5, 1e-3, 1e3)),
+    Case("equal coefficients", {"friction": {"mu_inf": 0.20}}, t_end=3.0),
+    Case("constant friction", {"friction": CONSTANT}, t_end=3.0),
+    Case("strengthening", {"friction": {"mu_inf": 0.30}}, t_end=4.0),
+    Case("friction that vanishes at speed", {"friction": {"mu_inf": 0.0}}, t_end=2.5),
+    # Harmonic motion that touches w = 0 once a period without ever resting there.
+    Case("grazing: constant friction, phi = 0", {"system": {"misalignment_deg": 0.0}, "friction": CONSTANT}, t_end=10.0),
+    Case("grazing: constant friction, phi = 90", {"system": {"misalignment_deg": 90.0}, "friction": CONSTANT}, t_end=0.1),
+    Case("grazing: constant friction, k_y = k_x", {"system": {"stiffness_y": 1e3, "misalignment_deg": 30.0}, "friction": CONSTANT}, t_end=10.0),
+    Case("no friction", {"friction": {**CONSTANT, "mu_0": 0.0}}, t_end=0.5),
+    Case("no friction, weakening", {"friction": {"mu_0": 0.0, "mu_inf": 0.0}}, t_end=0.5),
+    Case("no friction at rest", {"friction": {"mu_0": 0.0, "mu_inf": 0.1}}, t_end=0.5),
+    Case("no friction, phi = 0", {"system": {"misalignment_deg": 0.0}, "friction": {**CONSTANT, "mu_0": 0.0}}, t_end=0.5),
+    Case("no friction, from rest", {"friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}}, t_end=0.5),
+    Case("no friction, phi = 0, from rest", {"system": {"misalignment_deg": 0.0}, "friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}}, t_end=3.0),
+    Case("no load", {"friction": {"normal_load": 0.0}}, t_end=0.5),
+    Case("no drive", {"drive": {"velocity": 0.0}}, t_end=1.0),
+    Case("no drive, no friction, let go", {"drive": {"velocity": 0.0}, "friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"elongation_x": 1e-3, "elongation_y": 1e-6}}, t_end=0.2),
+    Case("no drive, let go", {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 5e-3}}, t_end=1.0),
+    Case("no drive, let go along y", {"drive": {"velocity": 0.0}, "initial": {"elongation_y": 2e-5}}, t_end=1.0),
+    Case("no drive, let go askew", {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 4e-2, "elongation_y": 2e-5}}, t_end=3.0),
+    *(Case(f"velocity_ratio = {ratio:g}", {"initial": {"velocity_ratio": ratio}}, t_end=0.5) for ratio in (0.0, 1.0, -1.0, 1e3, -1e3)),
+    Case("velocity_ratio = 1, phi = 0", {"system": {"misalignment_deg": 0.0}, "initial": {"velocity_ratio": 1.0}}, t_end=4.0),
+    *(Case(f"elongation ({x:g}, {y:g}) m", {"initial": {"elongation_x": x, "elongation_y": y, "velocity_ratio": 0.0}}, t_end=0.5)
+      for x, y in ((3e-3, 0.0), (-3e-3, 0.0), (0.0, 3e-7), (0.0, -3e-7), (1e-3, 1e-6), (-1e-3, -1e-6), (2e-3, 0.0), (-2e-3, 0.0), (0.0, 2e-7), (0.0, -2e-7), (1e-3, -1.7e-7), (-1.0, 0.0), (1.0, 1e-3))),
+    *(Case(f"elongation {x:g} m, phi = 0", {"system": {"misalignment_deg": 0.0}, "initial": {"elongation_x": x, "velocity_ratio": 0.0}}, t_end=3.0)
+      for x in (2e-3, 2.1e-3, -2e-3, -2.1e-3, 4e-3, -4e-3, 6e-3, -1e-2)),
+    Case("load below the limit, thrown back", {"initial": {"elongation_x": 1.9e-3, "velocity_ratio": -10.0}}, t_end=0.5),
+    Case("jump down and up", {"drive": profile((0, V), (1, V), (1, 0.1 * V), (1.5, 0.1 * V), (1.5, 3 * V))}, t_end=3.0),
+    Case("hold from a jump", {"drive": profile((0, V), (1, V), (1, 0), (2, 0), (2, V))}, t_end=3.0),
+    Case("hold from a ramp", {"drive": profile((0, V), (1, V), (1.5, 0), (2, 0), (2.5, V))}, t_end=3.0),
+    Case("reversal at once", {"drive": profile((0, V), (1, V), (1, -V))}, t_end=4.0),
+    Case("reversal by a ramp", {"drive": profile((0, V), (1, V), (2, -V))}, t_end=4.0),
+    Case("reversal in the first stick", {"drive": profile((0, V), (0.01, V), (0.01, -V))}, t_end=0.5),
+    Case("ramp from rest", {"drive": profile((0, 0), (1, V)), "initial": {"velocity_ratio": 0.0}}, t_end=2.5),
+    Case("ramp without end of the hold", {"drive": profile((0, V), (0.5, 0))}, t_end=5.0),
+    Case("hold first", {"drive": profile((0, 0), (1, 0), (1, V))}, t_end=2.0),
+    Case("jump at the start", {"drive": profile((0, 0), (0, V)), "initial": {"velocity_ratio": 0.0}}, t_end=0.2),
+    Case("many short ramps", {"drive": profile(*((0.01 * i, V * (i % 3 - 0.5)) for i in range(50)))}, t_end=1.0),
+    Case("kicks", {"drive": profile((0, V), (1, V), (1, 1.0), (1.00001, 1.0), (1.00001, V))}, t_end=2.0),
+    Case("reversal, phi = 0", {"system": {"misalignment_deg": 0.0}, "drive": profile((0, V), (2.5, V), (3, -V))}, t_end=8.0),
+    Case("hold while it slips", {"drive": profile((0, V), (2.05, V), (2.05, 0), (3, 0), (3, V))}, t_end=4.0),
+    Case("reversal while it slips", {"drive": profile((0, V), (2.05, V), (2.05, -V))}, t_end=4.0),
+]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_extreme(executable: Path, tmp_path: Path, case: Case, method: str) -> None:
+    groups = case.groups(method)
+    assert_sound(run(executable, tmp_path, groups), groups)
