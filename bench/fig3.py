@@ -28,7 +28,9 @@ METHODS = ("radau5", "radau9", "radau13", "dopri5", "dop853")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=5, help="runs of which the median is taken")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
     options = parser.parse_args()
@@ -41,7 +43,9 @@ def main() -> None:
 def solver_table(folder: Path, exe: str, runs: int) -> None:
     """Error and cost of the solver alone: one sample a second."""
     reference = final_reference()
-    print(f"{'method':8} {'rtol':>6} {'error of w':>11} {'sticks':>6} {'solver s':>9} {'Newton':>8} {'us each':>8} {'rhs':>9}")
+    print(
+        f"{'method':8} {'rtol':>6} {'error of w':>11} {'sticks':>6} {'solver s':>9} {'Newton':>8} {'us each':>8} {'rhs':>9}"
+    )
     for method in METHODS:
         for rtol in TOLERANCES:
             settings = (f"integrator.method={method}", f"integrator.rtol={rtol}", "output.interval=1.0")
@@ -58,7 +62,10 @@ def solver_table(folder: Path, exe: str, runs: int) -> None:
             error = np.linalg.norm(w - reference) / np.linalg.norm(reference)
             seconds = statistics.median(times)
             each = f"{1e6 * seconds / newton:8.2f}" if newton else f"{'-':>8}"
-            print(f"{method:8} {rtol:>6} {error:11.1e} {sticks:6d} {seconds:9.4f} {newton:8d} {each} {rhs:9d}", flush=True)
+            print(
+                f"{method:8} {rtol:>6} {error:11.1e} {sticks:6d} {seconds:9.4f} {newton:8d} {each} {rhs:9d}",
+                flush=True,
+            )
 
 
 def process_table(folder: Path, exe: str, runs: int) -> None:
@@ -96,7 +103,10 @@ def cpu_name() -> str:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         return "unknown processor"
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "unknown processor")
+    return next(
+        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")),
+        "unknown processor",
+    )
 
 
 if __name__ == "__main__":

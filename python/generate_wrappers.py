@@ -12,7 +12,17 @@ MODULE = "_core"
 
 def main() -> int:
     source, folder = sys.argv[1], Path(sys.argv[2])
-    command = [sys.executable, "-m", "numpy.f2py", source, "-m", MODULE, "--lower", "--build-dir", str(folder)]
+    command = [
+        sys.executable,
+        "-m",
+        "numpy.f2py",
+        source,
+        "-m",
+        MODULE,
+        "--lower",
+        "--build-dir",
+        str(folder),
+    ]
     run = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
     faults = [line for line in run.stdout.splitlines() if "is mapped to C" in line]
     if run.returncode != 0 or faults:

@@ -21,7 +21,8 @@ from .errors import (
     SolverError,
     UsageError,
 )
-from .result import Described, Result, open
+from .record import Described
+from .result import Result, open
 from .scene import Scene
 
 __version__ = _native.build_info().version

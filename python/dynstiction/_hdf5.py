@@ -7,17 +7,14 @@ import threading
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
-from ._native import Info
 from .errors import FileError, IncompleteWarning
-
-if TYPE_CHECKING:
-    from .result import Result
+from .record import EVENT_DTYPE, Described, Info, Record
 
 __all__ = ["read", "write"]
 
@@ -30,7 +27,7 @@ TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as use
 STORED_AS = {"sticking": np.int8, "kind": np.int8}
 
 
-def write(result: Result, path: str | os.PathLike[str], *, overwrite: bool) -> None:
+def write(result: Record, path: str | os.PathLike[str], *, overwrite: bool) -> None:
     """Write a result; the file appears under its name only when it is whole."""
     target = Path(path)
     _refuse_to_replace(target, overwrite)
@@ -54,7 +51,7 @@ def _refuse_to_replace(target: Path, overwrite: bool) -> None:
         raise FileError(f"{target}: exists and is no HDF5 file: choose another name or remove it")
 
 
-def _write_contents(file: h5py.File, result: Result) -> None:
+def _write_contents(file: h5py.File, result: Record) -> None:
     for name, value in result.attributes.items():
         if name != "complete":
             file.attrs[name] = np.int32(value) if isinstance(value, int) else value
@@ -91,7 +88,7 @@ def _describe(dataset: h5py.Dataset, info: Info) -> None:
     dataset.attrs["long_name"] = info.long_name
 
 
-def read(path: str | os.PathLike[str]) -> Result:
+def read(path: str | os.PathLike[str]) -> Record:
     """Read a result; see `dynstiction.open`."""
     name = os.fspath(path)
     try:
@@ -112,9 +109,7 @@ def read(path: str | os.PathLike[str]) -> Result:
     return result
 
 
-def _read_contents(file: h5py.File, name: str) -> Result:
-    from .result import EVENT_DTYPE, Described, Result  # noqa: PLC0415  (result.py imports this module)
-
+def _read_contents(file: h5py.File, name: str) -> Record:
     if file.attrs.get("program") != PROGRAM:
         raise FileError(f"{name}: is no file of {PROGRAM}")
     if "sweep" in file:
@@ -131,7 +126,7 @@ def _read_contents(file: h5py.File, name: str) -> Result:
     attributes: dict[str, str | int] = {"complete": 0}
     for key, value in file.attrs.items():
         attributes[key] = value if isinstance(value, str) else int(value)
-    return Result(
+    return Record(
         columns=Described((info, np.array(columns[info][:rows], dtype=np.float64)) for info in ordered),
         events=events,
         summary=Described(_read_scalars(file, "summary")),

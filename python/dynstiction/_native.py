@@ -12,18 +12,11 @@ from numpy.typing import NDArray
 
 from ._core import dst_python_api as _core
 from .errors import error_for
+from .record import Info
 
-__all__ = ["Advance", "BuildInfo", "Info", "Run", "build_info", "jacobian", "rhs", "text_from"]
+__all__ = ["Advance", "BuildInfo", "Run", "build_info", "jacobian", "rhs", "text_from"]
 
 RESOLVED_DECK, MESSAGE = 2, 3
-
-
-class Info(NamedTuple):
-    """What a column or a scalar is."""
-
-    name: str
-    units: str
-    long_name: str
 
 
 class Advance(NamedTuple):

@@ -11,9 +11,9 @@ from datetime import UTC, datetime
 import numpy as np
 
 from . import _native
-from ._native import Info
 from .errors import IncompleteWarning, SolverError, UsageError, error_for
-from .result import EVENT_DTYPE, Described, Result
+from .record import EVENT_DTYPE, Described, Info
+from .result import Result
 from .scene import DeckLike, Group, Scene
 
 __all__ = ["run"]

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .result import Result
-
 __all__ = [
     "ColumnError",
     "DeckError",
@@ -66,7 +61,7 @@ class SolverError(Error):
 
     exit_status = 4
 
-    def __init__(self, message: str, code: int, result: Result | None = None) -> None:
+    def __init__(self, message: str, code: int, result: object = None) -> None:
         super().__init__(message, code, result)
         self.code = code
         self.result = result

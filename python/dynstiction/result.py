@@ -3,106 +3,28 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Generic, TypeVar
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _hdf5
-from ._native import Info
 from .errors import ColumnError
+from .record import STICK_BEGINS, Record
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["EVENT_DTYPE", "SLIP_BEGINS", "STICK_BEGINS", "Described", "Result", "open"]
-
-STICK_BEGINS = 1
-SLIP_BEGINS = 2
-
-EVENT_DTYPE = np.dtype([("time", np.float64), ("kind", np.int32)])
-
-T = TypeVar("T")
+__all__ = ["Result", "open"]
 
 
-class Described(Mapping[str, T], Generic[T]):
-    """Read-only mapping of names to values that knows what each value is.
-
-    Attributes
-    ----------
-    units : dict of str
-        Unit of each value, ``"1"`` where it has none.
-    long_names : dict of str
-        What each value is, in words.
-    """
-
-    def __init__(self, entries: Iterable[tuple[Info, T]]) -> None:
-        self._values: dict[str, T] = {}
-        self.units: dict[str, str] = {}
-        self.long_names: dict[str, str] = {}
-        for info, value in entries:
-            self._values[info.name] = value
-            self.units[info.name] = info.units
-            self.long_names[info.name] = info.long_name
-
-    def __getitem__(self, name: str) -> T:
-        return self._values[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def info(self) -> list[tuple[Info, T]]:
-        """Name, unit and meaning of each value with the value itself."""
-        return [
-            (Info(name, self.units[name], self.long_names[name]), value)
-            for name, value in self._values.items()
-        ]
-
-    def __repr__(self) -> str:
-        return "\n".join(f"{name} = {value} {self.units[name]}" for name, value in self.items())
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class Result:
+class Result(Record):
     """What `dynstiction.run` returns and `dynstiction.open` reads.
 
-    Attributes
-    ----------
-    columns : Described of ndarray, shape (n,), float64
-        The time series by name, ``time`` [s] first: ``u_x``, ``u_y`` [m], ``w_x``, ``w_y`` [m/s], …;
-        ``columns.units`` and ``columns.long_names`` describe them.
-    events : structured ndarray, shape (n_events,)
-        ``events["time"]`` [s] and ``events["kind"]`` (1 = stick begins, 2 = slip begins).
-    summary : Described of float
-        What the run amounts to (period, peak force, …), as far as it has a value.
-    statistics : Described of int or float
-        The work done: steps, evaluations, factorisations, wall time [s], ….
-    parameters : Described
-        Every key of the deck as used.
-    attributes : dict
-        Provenance and outcome: program, version, model, method, result_code, ….
-    deck, resolved_deck : str
-        The deck as read, and with every key as used.
+    A `Record` (time series, events, summary, statistics, provenance) with what one does with it.
+    ``result["u_x"]`` is a column, ``for name in result`` runs over their names.
     """
-
-    columns: Described[NDArray[np.float64]]
-    events: NDArray[np.void]
-    summary: Described[float]
-    statistics: Described[float]
-    parameters: Described[float | str] = field(default_factory=lambda: Described([]))
-    attributes: dict[str, str | int] = field(default_factory=dict)
-    deck: str = ""
-    resolved_deck: str = ""
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Times of the samples [s], shape (n,); the last one is the `t_end` of a complete run."""
-        return self.columns["time"]
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         try:
@@ -118,21 +40,6 @@ class Result:
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
-
-    @property
-    def result_code(self) -> int:
-        """0 done, 40 to 49 the solver gave up, 75 stopped early."""
-        return int(self.attributes.get("result_code", 0))
-
-    @property
-    def result_text(self) -> str:
-        """How the run ended, in words."""
-        return str(self.attributes.get("result_text", ""))
-
-    @property
-    def complete(self) -> bool:
-        """Whether the run reached its end."""
-        return bool(self.attributes.get("complete", 0))
 
     def sticks(self, until: float = np.inf) -> int:
         """Number of sticks that began up to the time `until` [s], the first one included."""
@@ -198,4 +105,4 @@ def open(path: str | os.PathLike[str]) -> Result:
     FileError
         If the file is missing, damaged, of another program, or holds a sweep.
     """
-    return _hdf5.read(path)
+    return Result(**vars(_hdf5.read(path)))

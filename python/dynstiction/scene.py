@@ -125,7 +125,7 @@ DeckLike: TypeAlias = str | os.PathLike[str] | Scene
 
 def _is_text(deck: str) -> bool:
     # Unlike Path.is_file, os.path.isfile takes a long text without complaint.
-    return "\n" in deck or ("&" in deck and not os.path.isfile(deck))  # noqa: PTH113
+    return "\n" in deck or ("&" in deck and not os.path.isfile(deck))
 
 
 def _read(path: str | os.PathLike[str]) -> str:
