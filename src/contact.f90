@@ -14,7 +14,7 @@ module dst_contact
   implicit none
   private
 
-  public :: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, brake
+  public :: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake
   public :: release_t, series_order, release_series, default_cut_speed
 
   !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
@@ -31,6 +31,8 @@ module dst_contact
     !> Whether v falls to zero, and after what time [s].
     logical :: falls = .false.
     real(wp) :: delay = 0.0_wp
+    !> Highest v until then [m/s].
+    real(wp) :: highest = 0.0_wp
   end type braking_t
 
   integer, parameter :: series_order = 10
@@ -160,27 +162,24 @@ contains
       course%acceleration = (dot_product(k*from%u, direction) - friction(1))/m
       course%jerk = (dot_product(k*(driven - v*direction), direction) - slope(1)*course%acceleration)/m
       discriminant = course%acceleration**2 - 2.0_wp*course%jerk*v
-      course%falls = course%acceleration < 0.0_wp .and. discriminant >= 0.0_wp
+      course%falls = discriminant >= 0.0_wp .and. (course%acceleration < 0.0_wp .or. course%jerk < 0.0_wp)
       if (course%falls) course%delay = 2.0_wp*v/(sqrt(discriminant) - course%acceleration)
+      course%highest = v
+      if (course%falls .and. course%acceleration > 0.0_wp) &
+        course%highest = v - 0.5_wp*course%acceleration**2/course%jerk
     end associate
   end function braking
 
-  !> The last instants before a stop in closed form, for a slip speed so small that the direction
-  !> does not matter any more: v falls to zero with the acceleration and jerk that it has now.
-  !> `stops` is false where it does not fall to zero, or not to stay there.
-  pure subroutine brake(slider, drive, from, to, stops)
+  !> The motion at the end of slip.
+  pure function end_of_slip(slider, drive, from, course) result(to)
     type(slider_t), intent(in) :: slider
     type(drive_segment_t), intent(in) :: drive
     type(motion_t), intent(in) :: from
-    type(motion_t), intent(out) :: to
-    logical, intent(out) :: stops
-    type(braking_t) :: course
+    type(braking_t), intent(in) :: course
+    type(motion_t) :: to
     real(wp) :: direction(2), friction(1), slope(1), slipped, travel
 
     to = from
-    course = braking(slider, drive, from)
-    stops = course%falls
-    if (.not. stops) return
     associate (v => from%y(1), theta => from%y(2), k => slider%stiffness, delay => course%delay)
       direction = [cos(theta), sin(theta)]
       call slider%law%evaluate(1, [v], friction, slope)
@@ -192,8 +191,26 @@ contains
       to%position = from%position + slipped*dot_product(slider%along, direction)
       to%friction_work = from%friction_work + friction(1)*slipped
       to%drive_work = from%drive_work + travel*dot_product(k*slider%along, from%u)
-      stops = holds(slider, to%u)
     end associate
+  end function end_of_slip
+
+  !> The last instants before a stop in closed form, for a slip speed so small that the direction
+  !> does not matter any more: v falls to zero with the acceleration and jerk that it has now.
+  !> `stops` is false where it does not fall to zero, or not to stay there.
+  pure subroutine brake(slider, drive, from, to, stops)
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    type(motion_t), intent(out) :: to
+    logical, intent(out) :: stops
+    type(braking_t) :: course
+
+    to = from
+    course = braking(slider, drive, from)
+    stops = course%falls .and. course%acceleration < 0.0_wp
+    if (.not. stops) return
+    to = end_of_slip(slider, drive, from, course)
+    stops = holds(slider, to%u)
   end subroutine brake
 
   !> Slip speed [m/s] below which an explicit method hands over to `brake`, for the largest speed of

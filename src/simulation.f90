@@ -5,11 +5,13 @@ module dst_simulation
   use, intrinsic :: iso_fortran_env, only: int64
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, result_done, deck_error, too_many_steps, not_finite, stopped_early
+  use dst_contact, only: default_cut_speed
   use dst_drive, only: new_drive
   use dst_friction, only: new_friction_law
   use dst_full_model, only: new_full_polar, new_full_smoothed
   use dst_observables, only: columns, find_column, default_columns, damping_ratio_exists, observe, row_of
   use dst_radau, only: new_radau
+  use dst_runge_kutta, only: new_runge_kutta
   use dst_scene, only: scene_t
   use dst_slider, only: cos_sin_degrees
   use dst_summary, only: summary_t, start_summary, follow, describe
@@ -98,10 +100,19 @@ contains
         trajectory%stepper = new_radau(5, components, scene%rtol)
       case ('radau13')
         trajectory%stepper = new_radau(7, components, scene%rtol)
+      case default
+        trajectory%stepper = new_runge_kutta(scene%method, components, scene%rtol)
       end select
     end associate
-    ! The slipped distance left below this share of the peak speed is below rtol of what was slipped.
-    trajectory%cut_share = 0.03_wp*sqrt(scene%rtol)
+    if (trajectory%stepper%explicit) then
+      trajectory%fixed_step = scene%step
+      trajectory%cut_speed = scene%v_cut
+      if (.not. scene%v_cut > 0.0_wp) &
+        trajectory%cut_speed = default_cut_speed(scene%rtol, trajectory%drive%largest_speed())
+    else
+      ! The slipped distance left below this share of the peak speed is below rtol of what was slipped.
+      trajectory%cut_share = 0.03_wp*sqrt(scene%rtol)
+    end if
   end subroutine choose_method
 
   !> Initial elongation and slip velocity X'(0) = velocity_ratio V(0), Y'(0) = 0.

@@ -8,7 +8,8 @@ module dst_trajectory
   use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, not_finite, too_many_rejections, chattering
   use dst_bernstein, only: first_zero
-  use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, braking_t, braking, brake, release_t, release_series
+  use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
+    release_t, release_series
   use dst_drive, only: drive_t, drive_segment_t
   use dst_interpolation, only: grid_t, new_grid, max_degree
   use dst_slider, only: slider_t
@@ -366,9 +367,9 @@ contains
   !> Where an explicit method cannot go: the start of slip, and slip slower than the cut-off that is
   !> about to end. `passed` tells that this was the advance.
   !>
-  !> Slip against K u ends without a rest, in a turn; it is left to the method until so close to the
-  !> turn that it does not matter how the direction changes. The same holds for slip that a knot of
-  !> the drive has caught just after its release.
+  !> Slip against K u ends without a rest, in a turn. It is left to the method until it is so slow that
+  !> it does not matter how the direction changes, and then counts as none; so does slip that a knot
+  !> of the drive has caught just after its release.
   subroutine pass_rest(self, horizon, passed, error)
     class(trajectory_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -376,33 +377,33 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(motion_t) :: to
     type(braking_t) :: course
-    logical :: stops, at_knot
-    real(wp), parameter :: turn_share = 1.0e-3_wp, rest_share = 1.0e-6_wp
+    logical :: falls, negligible, at_knot
+    real(wp), parameter :: negligible_share = 1.0e-6_wp
 
     passed = .true.
     if (self%just_released) then
       call follow_release(self, horizon, error)
       return
     end if
-    associate (v => self%now%y(1), cut => cut_level(self))
-      if (v <= cut) then
-        course = braking(self%slider, self%drive%segment(self%segment), self%now)
-        call brake(self%slider, self%drive%segment(self%segment), self%now, to, stops)
-        if (course%falls .and. to%time <= horizon .and. (stops .or. v <= turn_share*cut)) then
-          call describe_braking(self, course, to)
-          self%now = to
-          call rest_or_turn(self)
-          return
-        end if
-        at_knot = .not. self%now%time > self%drive%segment(self%segment)%start
-        if (v <= rest_share*cut .or. (at_knot .and. v <= turn_share*cut)) then
-          self%now%y(1) = 0.0_wp
-          call rest_or_turn(self)
-          return
-        end if
+    associate (v => self%now%y(1), cut => cut_level(self), drive => self%drive%segment(self%segment))
+      passed = v <= cut
+      if (.not. passed) return
+      course = braking(self%slider, drive, self%now)
+      to = end_of_slip(self%slider, drive, self%now, course)
+      falls = course%falls .and. course%highest <= cut .and. to%time <= horizon
+      negligible = v <= negligible_share*cut
+      at_knot = .not. self%now%time > drive%start
+      if (falls .and. (negligible .or. holds(self%slider, to%u))) then
+        call describe_braking(self, course, to)
+        self%now = to
+        call rest_or_turn(self)
+      else if (negligible .and. (at_knot .or. course%acceleration < 0.0_wp)) then
+        v = 0.0_wp
+        call rest_or_turn(self)
+      else
+        passed = .false.
       end if
     end associate
-    passed = .false.
   end subroutine pass_rest
 
   !> The start of slip as power series, as one advance.

@@ -150,46 +150,163 @@ def profile(*knots: tuple[float, float]) -> dict[str, list[float]]:
 
 V = 1e-3
 CASES = [
-    *(Case(f"phi = {phi} deg", {"system": {"misalignment_deg": phi}}) for phi in (1e-9, 90.0, -90.0, -1.0, 45.0, 8.655, 30.0, 76.3, 89.999)),
-    *(Case(f"phi = {phi} deg, cycles", {"system": {"misalignment_deg": phi}}, t_end=4.0) for phi in (0.0, 180.0, 1e-9, 8.15)),
-    *(Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}}, t_end=3.0) for ratio in (0.1, 1.0, 10.0, 100.0)),
-    *(Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}}) for ratio in (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)),
-    *(Case(f"k_y/k_x = {ratio:g}, constant friction", {"system": {"stiffness_y": 1e3 * ratio}, "friction": CONSTANT}) for ratio in (0.1, 1.0, 1e3, 1e6, 1e9)),
-    *(Case(f"m = {mass:g} kg", {"system": {"mass": mass}}) for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 10.0, 100.0)),
-    *(Case(f"m = {mass:g} kg, phi = 0", {"system": {"mass": mass, "misalignment_deg": 0.0}}, t_end=4.0) for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 100.0)),
-    *(Case(f"V = {v:g} m/s", {"drive": {"velocity": v}}) for v in (1e-9, 1e-8, 1e-6, 1e-5, 1e-4, -1e-3, 1e-2, 0.1, 1.0)),
+    *(
+        Case(f"phi = {phi} deg", {"system": {"misalignment_deg": phi}})
+        for phi in (1e-9, 90.0, -90.0, -1.0, 45.0, 8.655, 30.0, 76.3, 89.999)
+    ),
+    *(
+        Case(f"phi = {phi} deg, cycles", {"system": {"misalignment_deg": phi}}, t_end=4.0)
+        for phi in (0.0, 180.0, 1e-9, 8.15)
+    ),
+    *(
+        Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}}, t_end=3.0)
+        for ratio in (0.1, 1.0, 10.0, 100.0)
+    ),
+    *(
+        Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}})
+        for ratio in (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)
+    ),
+    *(
+        Case(
+            f"k_y/k_x = {ratio:g}, constant friction",
+            {"system": {"stiffness_y": 1e3 * ratio}, "friction": CONSTANT},
+        )
+        for ratio in (0.1, 1.0, 1e3, 1e6, 1e9)
+    ),
+    *(
+        Case(f"m = {mass:g} kg", {"system": {"mass": mass}})
+        for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 10.0, 100.0)
+    ),
+    *(
+        Case(f"m = {mass:g} kg, phi = 0", {"system": {"mass": mass, "misalignment_deg": 0.0}}, t_end=4.0)
+        for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 100.0)
+    ),
+    *(
+        Case(f"V = {v:g} m/s", {"drive": {"velocity": v}})
+        for v in (1e-9, 1e-8, 1e-6, 1e-5, 1e-4, -1e-3, 1e-2, 0.1, 1.0)
+    ),
     *(Case(f"V = {v:g} m/s, cycles", {"drive": {"velocity": v}}, t_end=0.5) for v in (1e-2, 0.02, 0.1, 1.0)),
     *(Case(f"v_f = {v_f:g} m/s", {"friction": {"v_f": v_f}}) for v_f in (1e-5, 1e-4, 1e-3, 0.1, 1.0, 1e3)),
     *(Case(f"v_f = {v_f:g} m/s, cycles", {"friction": {"v_f": v_f}}, t_end=3.0) for v_f in (1e-5, 1e-3, 1e3)),
-    *(Case(f"phi = 0, v_f = {v_f:g} m/s", {"system": {"misalignment_deg": 0.0}, "friction": {"v_f": v_f}}, t_end=4.0) for v_f in (1e-5, 1e-3, 1e3)),
+    *(
+        Case(
+            f"phi = 0, v_f = {v_f:g} m/s",
+            {"system": {"misalignment_deg": 0.0}, "friction": {"v_f": v_f}},
+            t_end=4.0,
+        )
+        for v_f in (1e-5, 1e-3, 1e3)
+    ),
     Case("equal coefficients", {"friction": {"mu_inf": 0.20}}, t_end=3.0),
     Case("constant friction", {"friction": CONSTANT}, t_end=3.0),
     Case("strengthening", {"friction": {"mu_inf": 0.30}}, t_end=4.0),
     Case("friction that vanishes at speed", {"friction": {"mu_inf": 0.0}}, t_end=2.5),
     # Harmonic motion that touches w = 0 once a period without ever resting there.
-    Case("grazing: constant friction, phi = 0", {"system": {"misalignment_deg": 0.0}, "friction": CONSTANT}, t_end=10.0),
-    Case("grazing: constant friction, phi = 90", {"system": {"misalignment_deg": 90.0}, "friction": CONSTANT}, t_end=0.1),
-    Case("grazing: constant friction, k_y = k_x", {"system": {"stiffness_y": 1e3, "misalignment_deg": 30.0}, "friction": CONSTANT}, t_end=10.0),
+    Case(
+        "grazing: constant friction, phi = 0",
+        {"system": {"misalignment_deg": 0.0}, "friction": CONSTANT},
+        t_end=10.0,
+    ),
+    Case(
+        "grazing: constant friction, phi = 90",
+        {"system": {"misalignment_deg": 90.0}, "friction": CONSTANT},
+        t_end=0.1,
+    ),
+    Case(
+        "grazing: constant friction, k_y = k_x",
+        {"system": {"stiffness_y": 1e3, "misalignment_deg": 30.0}, "friction": CONSTANT},
+        t_end=10.0,
+    ),
     Case("no friction", {"friction": {**CONSTANT, "mu_0": 0.0}}, t_end=0.5),
     Case("no friction, weakening", {"friction": {"mu_0": 0.0, "mu_inf": 0.0}}, t_end=0.5),
     Case("no friction at rest", {"friction": {"mu_0": 0.0, "mu_inf": 0.1}}, t_end=0.5),
-    Case("no friction, phi = 0", {"system": {"misalignment_deg": 0.0}, "friction": {**CONSTANT, "mu_0": 0.0}}, t_end=0.5),
-    Case("no friction, from rest", {"friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}}, t_end=0.5),
-    Case("no friction, phi = 0, from rest", {"system": {"misalignment_deg": 0.0}, "friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}}, t_end=3.0),
+    Case(
+        "no friction, phi = 0",
+        {"system": {"misalignment_deg": 0.0}, "friction": {**CONSTANT, "mu_0": 0.0}},
+        t_end=0.5,
+    ),
+    Case(
+        "no friction, from rest",
+        {"friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}},
+        t_end=0.5,
+    ),
+    Case(
+        "no friction, phi = 0, from rest",
+        {
+            "system": {"misalignment_deg": 0.0},
+            "friction": {**CONSTANT, "mu_0": 0.0},
+            "initial": {"velocity_ratio": 0.0},
+        },
+        t_end=3.0,
+    ),
     Case("no load", {"friction": {"normal_load": 0.0}}, t_end=0.5),
     Case("no drive", {"drive": {"velocity": 0.0}}, t_end=1.0),
-    Case("no drive, no friction, let go", {"drive": {"velocity": 0.0}, "friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"elongation_x": 1e-3, "elongation_y": 1e-6}}, t_end=0.2),
+    Case(
+        "no drive, no friction, let go",
+        {
+            "drive": {"velocity": 0.0},
+            "friction": {**CONSTANT, "mu_0": 0.0},
+            "initial": {"elongation_x": 1e-3, "elongation_y": 1e-6},
+        },
+        t_end=0.2,
+    ),
     Case("no drive, let go", {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 5e-3}}, t_end=1.0),
-    Case("no drive, let go along y", {"drive": {"velocity": 0.0}, "initial": {"elongation_y": 2e-5}}, t_end=1.0),
-    Case("no drive, let go askew", {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 4e-2, "elongation_y": 2e-5}}, t_end=3.0),
-    *(Case(f"velocity_ratio = {ratio:g}", {"initial": {"velocity_ratio": ratio}}, t_end=0.5) for ratio in (0.0, 1.0, -1.0, 1e3, -1e3)),
-    Case("velocity_ratio = 1, phi = 0", {"system": {"misalignment_deg": 0.0}, "initial": {"velocity_ratio": 1.0}}, t_end=4.0),
-    *(Case(f"elongation ({x:g}, {y:g}) m", {"initial": {"elongation_x": x, "elongation_y": y, "velocity_ratio": 0.0}}, t_end=0.5)
-      for x, y in ((3e-3, 0.0), (-3e-3, 0.0), (0.0, 3e-7), (0.0, -3e-7), (1e-3, 1e-6), (-1e-3, -1e-6), (2e-3, 0.0), (-2e-3, 0.0), (0.0, 2e-7), (0.0, -2e-7), (1e-3, -1.7e-7), (-1.0, 0.0), (1.0, 1e-3))),
-    *(Case(f"elongation {x:g} m, phi = 0", {"system": {"misalignment_deg": 0.0}, "initial": {"elongation_x": x, "velocity_ratio": 0.0}}, t_end=3.0)
-      for x in (2e-3, 2.1e-3, -2e-3, -2.1e-3, 4e-3, -4e-3, 6e-3, -1e-2)),
-    Case("load below the limit, thrown back", {"initial": {"elongation_x": 1.9e-3, "velocity_ratio": -10.0}}, t_end=0.5),
-    Case("jump down and up", {"drive": profile((0, V), (1, V), (1, 0.1 * V), (1.5, 0.1 * V), (1.5, 3 * V))}, t_end=3.0),
+    Case(
+        "no drive, let go along y", {"drive": {"velocity": 0.0}, "initial": {"elongation_y": 2e-5}}, t_end=1.0
+    ),
+    Case(
+        "no drive, let go askew",
+        {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 4e-2, "elongation_y": 2e-5}},
+        t_end=3.0,
+    ),
+    *(
+        Case(f"velocity_ratio = {ratio:g}", {"initial": {"velocity_ratio": ratio}}, t_end=0.5)
+        for ratio in (0.0, 1.0, -1.0, 1e3, -1e3)
+    ),
+    Case(
+        "velocity_ratio = 1, phi = 0",
+        {"system": {"misalignment_deg": 0.0}, "initial": {"velocity_ratio": 1.0}},
+        t_end=4.0,
+    ),
+    *(
+        Case(
+            f"elongation ({x:g}, {y:g}) m",
+            {"initial": {"elongation_x": x, "elongation_y": y, "velocity_ratio": 0.0}},
+            t_end=0.5,
+        )
+        for x, y in (
+            (3e-3, 0.0),
+            (-3e-3, 0.0),
+            (0.0, 3e-7),
+            (0.0, -3e-7),
+            (1e-3, 1e-6),
+            (-1e-3, -1e-6),
+            (2e-3, 0.0),
+            (-2e-3, 0.0),
+            (0.0, 2e-7),
+            (0.0, -2e-7),
+            (1e-3, -1.7e-7),
+            (-1.0, 0.0),
+            (1.0, 1e-3),
+        )
+    ),
+    *(
+        Case(
+            f"elongation {x:g} m, phi = 0",
+            {"system": {"misalignment_deg": 0.0}, "initial": {"elongation_x": x, "velocity_ratio": 0.0}},
+            t_end=3.0,
+        )
+        for x in (2e-3, 2.1e-3, -2e-3, -2.1e-3, 4e-3, -4e-3, 6e-3, -1e-2)
+    ),
+    Case(
+        "load below the limit, thrown back",
+        {"initial": {"elongation_x": 1.9e-3, "velocity_ratio": -10.0}},
+        t_end=0.5,
+    ),
+    Case(
+        "jump down and up",
+        {"drive": profile((0, V), (1, V), (1, 0.1 * V), (1.5, 0.1 * V), (1.5, 3 * V))},
+        t_end=3.0,
+    ),
     Case("hold from a jump", {"drive": profile((0, V), (1, V), (1, 0), (2, 0), (2, V))}, t_end=3.0),
     Case("hold from a ramp", {"drive": profile((0, V), (1, V), (1.5, 0), (2, 0), (2.5, V))}, t_end=3.0),
     Case("reversal at once", {"drive": profile((0, V), (1, V), (1, -V))}, t_end=4.0),
@@ -198,10 +315,18 @@ CASES = [
     Case("ramp from rest", {"drive": profile((0, 0), (1, V)), "initial": {"velocity_ratio": 0.0}}, t_end=2.5),
     Case("ramp without end of the hold", {"drive": profile((0, V), (0.5, 0))}, t_end=5.0),
     Case("hold first", {"drive": profile((0, 0), (1, 0), (1, V))}, t_end=2.0),
-    Case("jump at the start", {"drive": profile((0, 0), (0, V)), "initial": {"velocity_ratio": 0.0}}, t_end=0.2),
-    Case("many short ramps", {"drive": profile(*((0.01 * i, V * (i % 3 - 0.5)) for i in range(50)))}, t_end=1.0),
+    Case(
+        "jump at the start", {"drive": profile((0, 0), (0, V)), "initial": {"velocity_ratio": 0.0}}, t_end=0.2
+    ),
+    Case(
+        "many short ramps", {"drive": profile(*((0.01 * i, V * (i % 3 - 0.5)) for i in range(50)))}, t_end=1.0
+    ),
     Case("kicks", {"drive": profile((0, V), (1, V), (1, 1.0), (1.00001, 1.0), (1.00001, V))}, t_end=2.0),
-    Case("reversal, phi = 0", {"system": {"misalignment_deg": 0.0}, "drive": profile((0, V), (2.5, V), (3, -V))}, t_end=8.0),
+    Case(
+        "reversal, phi = 0",
+        {"system": {"misalignment_deg": 0.0}, "drive": profile((0, V), (2.5, V), (3, -V))},
+        t_end=8.0,
+    ),
     Case("hold while it slips", {"drive": profile((0, V), (2.05, V), (2.05, 0), (3, 0), (3, V))}, t_end=4.0),
     Case("reversal while it slips", {"drive": profile((0, V), (2.05, V), (2.05, -V))}, t_end=4.0),
 ]

@@ -6,14 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
-from matplotlib import image
-
-import dynstiction as ds
 from dynstiction import plot
 from dynstiction._native import Info
+from matplotlib import image
 
 MM_PER_INCH = 25.4
 

@@ -14,12 +14,11 @@ import types
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
 import xarray
-
-import dynstiction as ds
 
 SHORT = {"t_end": 0.05}
 

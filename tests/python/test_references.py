@@ -7,10 +7,9 @@ import subprocess
 from decimal import Decimal
 from pathlib import Path
 
+import dynstiction as ds
 import numpy as np
 import pytest
-
-import dynstiction as ds
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "fig3.json").read_text())
 SCENES = REFERENCE["scenes"]

@@ -1,0 +1,562 @@
+!> Friction laws, drive, full model and exact contact: the equations, their derivatives and their closed forms.
+!>
+!> Source: Nakano & Popov (2020), Eqs. (1)-(5).
+program test_models
+  use checks, only: check, check_close, check_order, finish
+  use random_numbers, only: start_random, uniform, log_uniform
+  use dst_kinds, only: wp, pi, degree
+  use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, brake
+  use dst_drive, only: drive_t, drive_segment_t, new_drive
+  use dst_friction, only: friction_law_t, new_friction_law
+  use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
+  use dst_slider, only: slider_t, cos_sin_degrees
+  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
+  use dst_stepper, only: motion_t
+  implicit none
+
+  real(wp), parameter :: eps = epsilon(1.0_wp)
+
+  call start_random(2)
+  call test_friction_laws()
+  call test_directions()
+  call test_drive()
+  call test_jacobians()
+  call test_equations()
+  call test_release()
+  call test_release_at_the_limit()
+  call test_onset()
+  call test_onset_along_a_line()
+  call test_brake()
+  call finish()
+
+contains
+
+  subroutine test_friction_laws()
+    class(friction_law_t), allocatable :: law
+    real(wp) :: v(6), force(6), slope(6), above(6), below(6), unused(6), h
+    real(wp), parameter :: mu_0 = 0.2_wp, mu_inf = 0.15_wp, v_f = 0.01_wp, w = 10.0_wp
+
+    v = [0.0_wp, 1.0e-9_wp, 1.0e-3_wp, v_f, 0.1_wp, 100.0_wp]
+    call new_friction_law('weakening', mu_0, mu_inf, v_f, w, law)
+    call law%evaluate(6, v, force, slope)
+    call check_close('weakening: static limit', law%onset, mu_0*w, 0.0_wp)
+    call check_close('weakening: starts at the static limit', force(1), law%onset, 2.0_wp*eps*law%onset)
+    call check_close('weakening: Eq. (3)', maxval(abs(force - (mu_inf + (mu_0 - mu_inf)*exp(-v/v_f))*w)), 0.0_wp, 8.0_wp*eps)
+    call check_close('weakening: limit', force(6), mu_inf*w, 2.0_wp*eps*w)
+    h = 1.0e-5_wp*v_f
+    call law%evaluate(6, v + h, above, unused)
+    call law%evaluate(6, v - h, below, unused)
+    call check_close('weakening: slope', maxval(abs(slope - (above - below)/(2.0_wp*h))), 0.0_wp, 1.0e-8_wp*maxval(abs(slope)))
+
+    ! Below v = 0, where only stages beyond a stop lie: continuous with its slope, finite, falling.
+    v = [-0.5_wp*v_f, -0.999999_wp*v_f, -1.000001_wp*v_f, -2.0_wp*v_f, -1.0_wp, -1.0e6_wp]
+    call law%evaluate(6, v, force, slope)
+    call check_close('weakening: analytic down to -v_f', force(1), (mu_inf + (mu_0 - mu_inf)*exp(0.5_wp))*w, 8.0_wp*eps*w)
+    call check_close('weakening: continuous at -v_f', force(3) - force(2), 2.0e-6_wp*v_f*abs(slope(2)), 1.0e-10_wp)
+    call check_close('weakening: smooth at -v_f', slope(3), slope(2), 1.0e-5_wp*abs(slope(2)))
+    call check('weakening: falls with the speed everywhere', all(slope < 0.0_wp) .and. all(force(2:) > force(:5)))
+    call law%evaluate(6, v + h, above, unused)
+    call law%evaluate(6, v - h, below, unused)
+    call check_close('weakening: slope below zero', maxval(abs(slope(:5) - (above(:5) - below(:5))/(2.0_wp*h))), 0.0_wp, &
+      2.0e-5_wp*maxval(abs(slope)))
+    call check('weakening: no overflow', all(abs(force) <= huge(1.0_wp)))
+
+    call new_friction_law('constant', mu_0, mu_inf, v_f, w, law)
+    call law%evaluate(6, v, force, slope)
+    call check('constant friction', all(abs(force - mu_0*w) <= 0.0_wp) .and. all(abs(slope) <= 0.0_wp))
+    call new_friction_law('weakening', 0.2_wp, 0.2_wp, v_f, w, law)
+    call law%evaluate(6, v, force, slope)
+    call check('equal coefficients are constant friction', all(abs(force - mu_0*w) <= 2.0_wp*eps) .and. all(abs(slope) <= 0.0_wp))
+    call new_friction_law('weakening', 0.0_wp, 0.0_wp, v_f, w, law)
+    call law%evaluate(6, v, force, slope)
+    call check('no friction', all(abs(force) <= 0.0_wp) .and. all(abs(slope) <= 0.0_wp))
+  end subroutine test_friction_laws
+
+  subroutine test_directions()
+    real(wp) :: angle, direction(2), mirrored(2), worst, worst_unit
+    real(wp), parameter :: axis(2, 0:3) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, -1.0_wp, 0.0_wp, 0.0_wp, -1.0_wp], [2, 4])
+    logical :: odd_and_even
+    integer :: i
+
+    do i = -8, 8
+      direction = cos_sin_degrees(90.0_wp*real(i, wp))
+      call check('exact at multiples of 90 degrees', all(abs(direction - axis(:, modulo(i, 4))) <= 0.0_wp))
+      call check('no negative zero', all(sign(1.0_wp, direction) > 0.0_wp .or. abs(direction) > 0.0_wp))
+    end do
+    worst = 0.0_wp
+    worst_unit = 0.0_wp
+    odd_and_even = .true.
+    do i = 1, 1000
+      angle = sum(uniform(1, -360.0_wp, 360.0_wp))
+      direction = cos_sin_degrees(angle)
+      mirrored = cos_sin_degrees(-angle)
+      odd_and_even = odd_and_even .and. all(abs(direction - [mirrored(1), -mirrored(2)]) <= 0.0_wp)
+      worst = max(worst, maxval(abs(direction - [cos(angle*degree), sin(angle*degree)])))
+      worst_unit = max(worst_unit, abs(sum(direction**2) - 1.0_wp))
+    end do
+    call check('cosine even, sine odd, to the last bit', odd_and_even)
+    call check_close('cosine and sine', worst, 0.0_wp, 8.0_wp*eps)
+    call check_close('unit vector', worst_unit, 0.0_wp, 4.0_wp*eps)
+    direction = cos_sin_degrees(1.0e-9_wp)
+    call check_close('a tiny angle keeps its digits', direction(2), 1.0e-9_wp*degree, 4.0_wp*eps*1.0e-9_wp*degree)
+    direction = cos_sin_degrees(90.0_wp + 2.0_wp**(-40))
+    call check_close('a tiny angle to the y-axis too', direction(1), -2.0_wp**(-40)*degree, 4.0_wp*eps*2.0_wp**(-40)*degree)
+  end subroutine test_directions
+
+  subroutine test_drive()
+    type(drive_t) :: drive
+    real(wp) :: first, last, time, duration, by_simpson
+    integer :: i, j
+
+    ! Slide, jump to a hold, jump to a ramp, turn back, and hold the last velocity.
+    drive = new_drive([0.0_wp, 1.0_wp, 1.0_wp, 2.0_wp, 2.0_wp, 4.0_wp], [1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 3.0_wp, -2.0_wp])
+    call check('segments', size(drive%segment) == 4)
+    call check('segments follow each other', all(abs(drive%segment(2:)%start - drive%segment(:3)%end) <= 0.0_wp))
+    call check('the last segment has no end', drive%segment(4)%end >= huge(1.0_wp))
+    call check_close('velocity before the jump', drive%segment(1)%velocity_at(1.0_wp), 1.0_wp, 0.0_wp)
+    call check_close('velocity after the jump', drive%segment(2)%velocity_at(1.0_wp), 0.0_wp, 0.0_wp)
+    call check_close('velocity on the ramp', drive%segment(3)%velocity_at(3.0_wp), 0.5_wp, eps)
+    call check_close('velocity at the end of the ramp', drive%segment(3)%velocity_at(4.0_wp), -2.0_wp, 4.0_wp*eps)
+    call check_close('velocity after the last knot', drive%segment(4)%velocity_at(100.0_wp), -2.0_wp, 0.0_wp)
+    call check_close('largest speed', drive%largest_speed(), 3.0_wp, 0.0_wp)
+    call check_close('displacement over the whole ramp', drive%segment(3)%displacement(2.0_wp, 2.0_wp), 1.0_wp, 4.0_wp*eps)
+    do i = 1, size(drive%segment)
+      do j = 1, 20
+        first = drive%segment(i)%start
+        last = min(drive%segment(i)%end, 10.0_wp)
+        time = sum(uniform(1, first, last))
+        duration = sum(uniform(1, 0.0_wp, last - time))
+        associate (segment => drive%segment(i))
+          ! Simpson's rule is exact for a linear velocity.
+          by_simpson = duration/6.0_wp*(segment%velocity_at(time) + 4.0_wp*segment%velocity_at(time + 0.5_wp*duration) &
+            + segment%velocity_at(time + duration))
+          call check_close('displacement', segment%displacement(time, duration), by_simpson, 32.0_wp*eps)
+        end associate
+      end do
+    end do
+    drive = new_drive([0.0_wp], [-1.0e-3_wp])
+    call check('a constant drive is one segment', size(drive%segment) == 1)
+    call check_close('a constant drive backwards', drive%segment(1)%displacement(5.0_wp, 2.0_wp), -2.0e-3_wp, eps)
+    call check_close('its largest speed', drive%largest_speed(), 1.0e-3_wp, 0.0_wp)
+    drive = new_drive([0.0_wp, 1.0_wp, 1.0_wp], [1.0_wp, 1.0_wp, 0.0_wp])
+    call check('a jump at the end', size(drive%segment) == 2)
+    call check_close('the velocity it jumps to', drive%segment(2)%velocity_at(1.0_wp), 0.0_wp, 0.0_wp)
+  end subroutine test_drive
+
+  !> A slider with random parameters about those of Fig. 3.
+  function random_slider(law) result(slider)
+    character(*), intent(in) :: law
+    type(slider_t) :: slider
+
+    slider%mass = log_uniform(0.01_wp, 1.0_wp)
+    slider%stiffness = [log_uniform(1.0e2_wp, 1.0e4_wp), log_uniform(1.0e4_wp, 1.0e7_wp)]
+    slider%along = cos_sin_degrees(sum(uniform(1, -180.0_wp, 180.0_wp)))
+    call new_friction_law(law, 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
+  end function random_slider
+
+  !> Exact derivatives against central differences, for all stages of one call.
+  subroutine test_jacobians()
+    integer :: trial
+    real(wp) :: worst(5)
+    type(slider_t) :: slider
+
+    worst = 0.0_wp
+    do trial = 1, 40
+      slider = random_slider(merge('weakening', 'constant ', modulo(trial, 4) > 0))
+      worst = max(worst, jacobian_errors(new_full_polar(slider), slider, .true.))
+    end do
+    call report('polar', worst)
+    worst = 0.0_wp
+    do trial = 1, 40
+      slider = random_slider(merge('weakening', 'constant ', modulo(trial, 4) > 0))
+      slider%smoothing = log_uniform(1.0e-4_wp, 1.0e-1_wp)**2
+      worst = max(worst, jacobian_errors(new_full_smoothed(slider), slider, .false.))
+    end do
+    call report('smoothed', worst)
+  end subroutine test_jacobians
+
+  subroutine report(name, worst)
+    character(*), intent(in) :: name
+    real(wp), intent(in) :: worst(5)
+    real(wp), parameter :: tolerance = 3.0e-7_wp
+
+    call check_close(name//': force_u', worst(1), 0.0_wp, tolerance)
+    call check_close(name//': force_y', worst(2), 0.0_wp, tolerance)
+    call check_close(name//': inertia_y', worst(3), 0.0_wp, tolerance)
+    call check_close(name//': velocity_y', worst(4), 0.0_wp, tolerance)
+    call check_close(name//': dissipation_y', worst(5), 0.0_wp, tolerance)
+  end subroutine report
+
+  !> Largest differences, relative to the size of the function over the scale of its argument, of force_u, force_y, inertia_y,
+  !> velocity_y and dissipation_y.
+  function jacobian_errors(system, slider, polar) result(worst)
+    class(slip_system_t), intent(in) :: system
+    type(slider_t), intent(in) :: slider
+    logical, intent(in) :: polar
+    integer, parameter :: s = 3
+    real(wp) :: worst(5)
+    type(stage_terms_t) :: terms, above, below
+    real(wp), dimension(s, 2) :: u, y, velocity, velocity_above, velocity_below, shift
+    real(wp), dimension(s, 2, 2) :: velocity_y, unused
+    real(wp) :: scale(2), force, h
+    integer :: l
+
+    u(:, 1) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(1)
+    u(:, 2) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(2)
+    y(:, 1) = uniform(s, -0.02_wp, 0.02_wp)
+    y(:, 2) = merge(uniform(s, -pi, pi), uniform(s, -0.02_wp, 0.02_wp), polar)
+    terms = new_terms(s, 2)
+    above = new_terms(s, 2)
+    below = new_terms(s, 2)
+    call system%kinematics(s, y, velocity, velocity_y)
+    call system%dynamics(s, u, y, velocity_y, terms)
+    force = slider%law%onset/slider%mass
+    worst = 0.0_wp
+    do l = 1, 2
+      h = 1.0e-4_wp*slider%law%onset/slider%stiffness(l)
+      shift = 0.0_wp
+      shift(:, l) = h
+      call system%dynamics(s, u + shift, y, velocity_y, above)
+      call system%dynamics(s, u - shift, y, velocity_y, below)
+      worst(1) = max(worst(1), maxval(abs((above%force - below%force)/2.0_wp - terms%force_u(:, :, l)*h))/(force*1.0e-4_wp))
+      scale = [0.01_wp, merge(1.0_wp, 0.01_wp, polar)]
+      if (.not. polar) scale = min(scale, sqrt(slider%smoothing))
+      h = 1.0e-4_wp*scale(l)
+      shift(:, l) = h
+      call system%kinematics(s, y + shift, velocity_above, unused)
+      call system%dynamics(s, u, y + shift, unused, above)
+      call system%kinematics(s, y - shift, velocity_below, unused)
+      call system%dynamics(s, u, y - shift, unused, below)
+      worst(2) = max(worst(2), maxval(abs((above%force - below%force)/2.0_wp - terms%force_y(:, :, l)*h))/(force*1.0e-4_wp))
+      worst(3) = max(worst(3), maxval(abs((above%inertia - below%inertia)/2.0_wp - terms%inertia_y(:, :, l)*h))/h)
+      worst(4) = max(worst(4), maxval(abs((velocity_above - velocity_below)/2.0_wp - velocity_y(:, :, l)*h)) &
+        /(0.01_wp*1.0e-4_wp))
+      worst(5) = max(worst(5), maxval(abs((above%dissipation - below%dissipation)/2.0_wp - terms%dissipation_y(:, l)*h)) &
+        /(slider%law%onset*0.01_wp*1.0e-4_wp))
+    end do
+  end function jacobian_errors
+
+  !> m w' = K u - F(v) w/v, in both sets of unknowns.
+  subroutine test_equations()
+    integer, parameter :: s = 2
+    type(full_polar_t) :: polar
+    type(full_smoothed_t) :: smoothed
+    type(slider_t) :: slider
+    type(stage_terms_t) :: terms
+    real(wp), dimension(s, 2) :: u, y, w, right, left
+    real(wp) :: w_y(s, 2, 2), v(s), friction(s), slope(s), worst(4)
+    integer :: trial, i
+
+    terms = new_terms(s, 2)
+    worst = 0.0_wp
+    do trial = 1, 50
+      slider = random_slider('weakening')
+      u(:, 1) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(1)
+      u(:, 2) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(2)
+      polar = new_full_polar(slider)
+      v = uniform(s, 1.0e-4_wp, 0.05_wp)
+      y(:, 1) = v
+      y(:, 2) = uniform(s, -pi, pi)
+      call polar%kinematics(s, y, w, w_y)
+      call polar%dynamics(s, u, y, w_y, terms)
+      worst(1) = max(worst(1), maxval(abs(sqrt(w(:, 1)**2 + w(:, 2)**2) - v)/v), maxval(abs(atan2(w(:, 2), w(:, 1)) - y(:, 2))))
+      call slider%law%evaluate(s, v, friction, slope)
+      do i = 1, s
+        right(i, :) = slider%stiffness*u(i, :) - friction(i)*w(i, :)/v(i)
+        ! w' = v' n + v theta' t.
+        left(i, :) = terms%force(i, 1)*[cos(y(i, 2)), sin(y(i, 2))] + terms%force(i, 2)*[-sin(y(i, 2)), cos(y(i, 2))]
+      end do
+      worst(2) = max(worst(2), maxval(abs(slider%mass*left - right))/slider%law%onset)
+      worst(4) = max(worst(4), maxval(abs(terms%inertia(:, 1) - 1.0_wp)), maxval(abs(terms%inertia(:, 2) - v)), &
+        maxval(abs(terms%dissipation/(friction*v) - 1.0_wp)))
+
+      slider%smoothing = 1.0e-3_wp**2
+      smoothed = new_full_smoothed(slider)
+      y = w
+      call smoothed%kinematics(s, y, w, w_y)
+      call smoothed%dynamics(s, u, y, w_y, terms)
+      do i = 1, s
+        right(i, :) = slider%stiffness*u(i, :) - friction(i)*w(i, :)/hypot(v(i), 1.0e-3_wp)
+        worst(4) = max(worst(4), abs(terms%dissipation(i) - dot_product(slider%stiffness*u(i, :) - right(i, :), w(i, :))) &
+          /(friction(i)*v(i)))
+      end do
+      worst(3) = max(worst(3), maxval(abs(slider%mass*terms%force - right))/slider%law%onset)
+      worst(4) = max(worst(4), maxval(abs(terms%inertia - 1.0_wp)))
+    end do
+    call check_close('polar: speed and angle', worst(1), 0.0_wp, 8.0_wp*eps)
+    call check_close('polar: Eqs. (1)-(5)', worst(2), 0.0_wp, 16.0_wp*eps)
+    call check_close('smoothed: Eqs. (1)-(5)', worst(3), 0.0_wp, 16.0_wp*eps)
+    call check_close('inertia and dissipation', worst(4), 0.0_wp, 64.0_wp*eps)
+    call check('direction of the drive', all(abs(polar%along - slider%along) <= 0.0_wp) &
+      .and. all(abs(smoothed%along - slider%along) <= 0.0_wp))
+    call check('force along the drive', all(abs(polar%along_stiffness - slider%stiffness*slider%along) <= 0.0_wp))
+    y = 0.0_wp
+    call smoothed%dynamics(s, u, y, w_y, terms)
+    call check('smoothed: finite at rest', all(abs(terms%force) <= huge(1.0_wp)) .and. all(abs(terms%force_y) <= huge(1.0_wp)) &
+      .and. all(abs(terms%dissipation_y) <= 0.0_wp))
+  end subroutine test_equations
+
+  !> First delay at which |K (u + D(t) e)| = F_0, by bisection on each stretch between the turns of the drive.
+  function release_by_bisection(slider, u, drive, time, last) result(delay)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: u(2), time, last
+    type(drive_segment_t), intent(in) :: drive
+    real(wp) :: delay
+    real(wp) :: edges(0:2), low, high, middle, limits(2)
+    integer :: i, side, iteration, edge
+
+    ! How far the drive may go either way: |K (u + D e)| is convex in D.
+    do side = 1, 2
+      low = 0.0_wp
+      high = 1.0_wp
+      do while (load(slider, u + real(3 - 2*side, wp)*high*slider%along) < slider%law%onset)
+        high = 2.0_wp*high
+      end do
+      do iteration = 1, 200
+        middle = 0.5_wp*(low + high)
+        if (load(slider, u + real(3 - 2*side, wp)*middle*slider%along) < slider%law%onset) then
+          low = middle
+        else
+          high = middle
+        end if
+      end do
+      limits(side) = real(3 - 2*side, wp)*low
+    end do
+    edges = [0.0_wp, last, last]
+    if (abs(drive%acceleration) > 0.0_wp) edges(1) = min(last, max(0.0_wp, -drive%velocity_at(time)/drive%acceleration))
+    delay = huge(delay)
+    do edge = 1, 2
+      if (within(limits, drive%displacement(time, edges(edge)))) cycle
+      low = edges(edge - 1)
+      high = edges(edge)
+      do i = 1, 200
+        middle = 0.5_wp*(low + high)
+        if (within(limits, drive%displacement(time, middle))) then
+          low = middle
+        else
+          high = middle
+        end if
+      end do
+      delay = high
+      return
+    end do
+  end function release_by_bisection
+
+  !> Whether the drive has gone neither too far forwards nor too far backwards.
+  pure logical function within(limits, travel)
+    real(wp), intent(in) :: limits(2), travel
+
+    within = travel < limits(1) .and. travel > limits(2)
+  end function within
+
+  subroutine test_release()
+    type(slider_t) :: slider
+    type(drive_segment_t) :: drive
+    real(wp) :: u(2), angle, expected, found, time, last, worst
+    integer :: trial, released, kept
+    logical :: agree_on_never, at_limit
+
+    worst = 0.0_wp
+    released = 0
+    kept = 0
+    agree_on_never = .true.
+    at_limit = .true.
+    do trial = 1, 4000
+      slider = random_slider('weakening')
+      angle = sum(uniform(1, -pi, pi))
+      u = sqrt(sum(uniform(1, 0.0_wp, 1.0_wp)))*slider%law%onset*[cos(angle), sin(angle)]/slider%stiffness
+      drive = drive_segment_t(start=1.0_wp, velocity=sum(uniform(1, -1.0e-3_wp, 1.0e-3_wp)))
+      ! Constant, ramped (also against the velocity), starting from rest, or standing.
+      if (modulo(trial, 4) > 0) drive%acceleration = sum(uniform(1, -1.0e-3_wp, 1.0e-3_wp))
+      if (modulo(trial, 4) == 1) drive%velocity = 0.0_wp
+      if (modulo(trial, 40) == 0) drive%velocity = 0.0_wp
+      time = 1.0_wp + sum(uniform(1, 0.0_wp, 2.0_wp))
+      last = 1.0e4_wp
+      expected = release_by_bisection(slider, u, drive, time, last)
+      found = release_delay(slider, u, drive, time)
+      if (expected < last) then
+        released = released + 1
+        worst = max(worst, abs(found/expected - 1.0_wp))
+        at_limit = at_limit .and. abs(load(slider, u + drive%displacement(time, found)*slider%along)/slider%law%onset - 1.0_wp) &
+          <= 1.0e-10_wp
+      else
+        kept = kept + 1
+        agree_on_never = agree_on_never .and. found > last
+      end if
+    end do
+    call check('release: both outcomes occur', released > 1000 .and. kept > 50)
+    call check_close('release: delay', worst, 0.0_wp, 1.0e-9_wp)
+    call check('release: the static limit is reached', at_limit)
+    call check('release: never', agree_on_never)
+
+    ! Fig. 3: t_1 = F_0/(V sqrt(k_x^2 c^2 + k_y^2 s^2)) = 11.46 ms.
+    slider = fig3_slider()
+    drive = drive_segment_t(velocity=1.0e-3_wp)
+    found = release_delay(slider, [0.0_wp, 0.0_wp], drive, 0.0_wp)
+    call check_close('release: first one of Fig. 3', found, 2.0_wp/(1.0e-3_wp*hypot(1.0e3_wp*cos(degree), 1.0e7_wp*sin(degree))), &
+      4.0_wp*eps*found)
+    call check_close('release: as printed', found, 11.46e-3_wp, 0.005e-3_wp)
+    call check('release: a standing drive releases nothing', &
+      release_delay(slider, [1.0e-3_wp, 1.0e-8_wp], drive_segment_t(), 0.0_wp) >= huge(1.0_wp))
+  end subroutine test_release
+
+  !> Exactly at the static limit: released at once where the load grows, held where it falls.
+  subroutine test_release_at_the_limit()
+    type(slider_t) :: slider
+    real(wp), parameter :: u(2) = [2.0e-3_wp, 0.0_wp]
+
+    slider = fig3_slider()
+    slider%along = [1.0_wp, 0.0_wp]
+    call check_close('at the limit: forwards', release_delay(slider, u, drive_segment_t(velocity=1.0e-3_wp), 0.0_wp), &
+      0.0_wp, 0.0_wp)
+    call check_close('at the limit: forwards by a ramp from rest', &
+      release_delay(slider, u, drive_segment_t(velocity=0.0_wp, acceleration=1.0e-3_wp), 0.0_wp), 0.0_wp, 0.0_wp)
+    call check_close('at the limit: backwards', release_delay(slider, u, drive_segment_t(velocity=-1.0e-3_wp), 0.0_wp), &
+      4.0_wp, 1.0e-14_wp)
+    call check_close('at the limit: backwards by a ramp from rest', &
+      release_delay(slider, u, drive_segment_t(velocity=0.0_wp, acceleration=-2.0e-3_wp), 0.0_wp), 2.0_wp, 1.0e-14_wp)
+    call check_close('at the limit: back and forth again', &
+      release_delay(slider, u, drive_segment_t(velocity=-1.0e-3_wp, acceleration=1.0e-3_wp), 0.0_wp), 2.0_wp, 1.0e-14_wp)
+  end subroutine test_release_at_the_limit
+
+  function fig3_slider() result(slider)
+    type(slider_t) :: slider
+
+    slider%mass = 0.25_wp
+    slider%stiffness = [1.0e3_wp, 1.0e7_wp]
+    slider%along = cos_sin_degrees(1.0_wp)
+    call new_friction_law('weakening', 0.20_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
+  end function fig3_slider
+
+  !> The series of the start of slip satisfies the equations of motion: what it leaves over falls as the next power of time.
+  !>
+  !> With v = a t + b t^2/2 and theta = theta_0 + r t, where a = 0 at a release, v' - (K u . n - F)/m must fall as t^2 (a > 0: as t)
+  !> and m v theta' - K u . t as t^2.
+  subroutine test_onset()
+    type(slider_t) :: slider
+    type(onset_t) :: onset
+    real(wp) :: u(2), angle, leftover(2, 2), reach, t
+    integer :: trial, i
+
+    do trial = 1, 6
+      slider = random_slider('weakening')
+      angle = atan2(slider%stiffness(2)*slider%along(2), slider%stiffness(1)*slider%along(1)) + sum(uniform(1, -1.2_wp, 1.2_wp))
+      u = slider%law%onset*[cos(angle), sin(angle)]/slider%stiffness
+      onset = onset_of_slip(slider, u, 1.0e-3_wp)
+      onset%rate(1) = 0.0_wp
+      call check_close('onset: from rest', onset%y(1), 0.0_wp, 0.0_wp)
+      call check_close('onset: in the direction of K u', onset%y(2), atan2(sin(angle), cos(angle)), 8.0_wp*eps)
+      call check_close('onset: w = (g.n/2m) t^2', onset%curvature(1), &
+        1.0e-3_wp*dot_product(slider%stiffness*slider%along, [cos(angle), sin(angle)])/slider%mass, 1.0e-12_wp*onset%curvature(1))
+      reach = 1.0e-3_wp*sqrt(slider%mass/slider%stiffness(2))
+      do i = 1, 2
+        t = reach/2.0_wp**(i - 1)
+        leftover(:, i) = abs(leftover_of(slider, u, onset, t))
+      end do
+      call check_order('onset: v', leftover(1, 1), leftover(1, 2), 2.0_wp, 2.0_wp, 0.15_wp)
+      call check_order('onset: theta', leftover(2, 1), leftover(2, 2), 2.0_wp, 2.0_wp, 0.15_wp)
+    end do
+    ! Beyond the static limit.
+    slider = fig3_slider()
+    u = 1.5_wp*slider%law%onset*[cos(0.5_wp), sin(0.5_wp)]/slider%stiffness
+    onset = onset_of_slip(slider, u, 1.0e-3_wp)
+    call check_close('onset beyond the limit: acceleration', onset%rate(1), 0.5_wp*slider%law%onset/slider%mass, 1.0e-14_wp)
+    reach = 1.0e-4_wp*sqrt(slider%mass/slider%stiffness(2))
+    do i = 1, 2
+      leftover(:, i) = abs(leftover_of(slider, u, onset, reach/2.0_wp**(i - 1)))
+    end do
+    call check_order('onset beyond the limit: v', leftover(1, 1), leftover(1, 2), 2.0_wp, 1.0_wp, 0.1_wp)
+    call check_order('onset beyond the limit: theta', leftover(2, 1), leftover(2, 2), 2.0_wp, 2.0_wp, 0.15_wp)
+  end subroutine test_onset
+
+  !> What the series leaves over in both equations at time t.
+  function leftover_of(slider, u, onset, t) result(leftover)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: u(2), t
+    type(onset_t), intent(in) :: onset
+    real(wp) :: leftover(2)
+    real(wp) :: v, theta, now(2), slipped, friction(1), slope(1), n(2), spring(2)
+
+    v = t*(onset%rate(1) + 0.5_wp*t*onset%curvature(1))
+    slipped = t**2*(0.5_wp*onset%rate(1) + t*onset%curvature(1)/6.0_wp)
+    theta = onset%y(2) + t*onset%rate(2)
+    ! The direction turns by O(t) while slipping O(t^2): the curve of the path is of higher order.
+    now = u + 1.0e-3_wp*t*slider%along - slipped*[cos(onset%y(2)), sin(onset%y(2))]
+    n = [cos(theta), sin(theta)]
+    spring = slider%stiffness*now
+    call slider%law%evaluate(1, [v], friction, slope)
+    leftover(1) = slider%mass*(onset%rate(1) + t*onset%curvature(1)) - (dot_product(spring, n) - friction(1))
+    leftover(2) = slider%mass*v*onset%rate(2) - dot_product(spring, [-n(2), n(1)])
+  end function leftover_of
+
+  !> At phi = 0 with constant friction the start is harmonic: v = V (1 - cos(omega t)).
+  subroutine test_onset_along_a_line()
+    type(slider_t) :: slider
+    type(onset_t) :: onset
+    real(wp) :: omega
+
+    slider = fig3_slider()
+    slider%along = [1.0_wp, 0.0_wp]
+    call new_friction_law('constant', 0.2_wp, 0.2_wp, 1.0_wp, 10.0_wp, slider%law)
+    omega = sqrt(slider%stiffness(1)/slider%mass)
+    onset = onset_of_slip(slider, [2.0e-3_wp, 0.0_wp], 1.0e-3_wp)
+    call check_close('onset along a line: V omega^2', onset%curvature(1), 1.0e-3_wp*omega**2, 1.0e-14_wp)
+    call check_close('onset along a line: straight', onset%rate(2), 0.0_wp, 0.0_wp)
+    onset = onset_of_slip(slider, [-2.0e-3_wp, 0.0_wp], -1.0e-3_wp)
+    call check_close('onset backwards', onset%y(2), pi, 0.0_wp)
+    call check_close('onset backwards: V omega^2', onset%curvature(1), 1.0e-3_wp*omega**2, 1.0e-14_wp)
+    ! Without friction and without elongation the drive gives the direction.
+    call new_friction_law('constant', 0.0_wp, 0.0_wp, 1.0_wp, 10.0_wp, slider%law)
+    slider%along = cos_sin_degrees(30.0_wp)
+    onset = onset_of_slip(slider, [0.0_wp, 0.0_wp], 1.0e-3_wp)
+    call check_close('onset without force', onset%y(2), atan2(1.0e7_wp*0.5_wp, 1.0e3_wp*cos(30.0_wp*degree)), 1.0e-15_wp)
+  end subroutine test_onset_along_a_line
+
+  !> The last instants before a stop: exact for constant friction along a line up to the second order in the time left, and the
+  !> energy balance closes.
+  subroutine test_brake()
+    type(slider_t) :: slider
+    type(motion_t) :: from, to
+    type(drive_segment_t) :: drive
+    real(wp) :: omega, v, shift, phase, amplitude, delay, errors(2), balance(2)
+    logical :: stops
+    integer :: i
+
+    slider = fig3_slider()
+    slider%along = [1.0_wp, 0.0_wp]
+    call new_friction_law('constant', 0.2_wp, 0.2_wp, 1.0_wp, 10.0_wp, slider%law)
+    drive = drive_segment_t(velocity=1.0e-3_wp)
+    omega = sqrt(slider%stiffness(1)/slider%mass)
+    do i = 1, 2
+      v = 1.0e-4_wp/2.0_wp**(i - 1)
+      from = motion_t(time=1.0_wp, u=[1.2e-3_wp, 0.0_wp], y=[v, 0.0_wp])
+      call brake(slider, drive, from, to, stops)
+      ! z = u - F_0/k swings as amplitude*cos(omega t + phase), v = V - z'.
+      shift = from%u(1) - slider%law%onset/slider%stiffness(1)
+      amplitude = hypot(shift, (drive%velocity - v)/omega)
+      phase = atan2(-(drive%velocity - v)/omega, shift)
+      ! v = 0 where z' = V.
+      delay = (asin(-drive%velocity/(amplitude*omega)) - phase)/omega
+      delay = modulo(delay, 2.0_wp*pi/omega)
+      delay = min(delay, modulo((pi - asin(-drive%velocity/(amplitude*omega)) - phase)/omega, 2.0_wp*pi/omega))
+      call check('brake: stops', stops)
+      call check_close('brake: at rest', to%y(1), 0.0_wp, 0.0_wp)
+      errors(i) = abs((to%time - from%time)/delay - 1.0_wp)
+      call check_close('brake: delay', to%time - from%time, delay, 1.0e-6_wp*delay + 4.0_wp*eps)
+      balance(i) = to%drive_work - to%friction_work - 0.5_wp*slider%stiffness(1)*(to%u(1)**2 - from%u(1)**2) &
+        + 0.5_wp*slider%mass*v**2
+      call check_close('brake: position', to%position, (drive%displacement(1.0_wp, to%time - from%time) - (to%u(1) - from%u(1))), &
+        1.0e-18_wp)
+      call check_close('brake: energy', balance(i)/(0.5_wp*slider%mass*v**2), 0.0_wp, 1.0e-3_wp)
+    end do
+    call check('brake: better the later', errors(2) <= 0.3_wp*errors(1) + 1.0e-10_wp)
+    from%u = [2.5e-3_wp, 0.0_wp]
+    call brake(slider, drive, from, to, stops)
+    call check('brake: speeding up is no stop', .not. stops)
+    from%u = [-3.0e-3_wp, 0.0_wp]
+    call brake(slider, drive, from, to, stops)
+    call check('brake: beyond the limit it does not rest', .not. stops)
+    call check('holds below the limit', holds(slider, [1.9e-3_wp, 0.0_wp]))
+    call check('does not hold above it', .not. holds(slider, [2.1e-3_wp, 0.0_wp]))
+  end subroutine test_brake
+end program test_models

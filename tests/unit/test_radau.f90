@@ -1,0 +1,332 @@
+!> Radau IIA as an integrator: linear solver, order, dense output, location of events, convergence of Newton's method.
+!>
+!> Expected orders: 2 s - 1 at the end of a step and s + 1 inside it (Hairer & Wanner II, Sec. IV.5; Hairer, Norsett & Wanner I,
+!> Thm. II.7.9 for collocation with the start as a further node).
+program test_radau
+  use checks, only: check, check_close, check_order, finish
+  use random_numbers, only: start_random, uniform
+  use scenes, only: fig3, constant_friction, along_a_line, begin
+  use dst_kinds, only: wp, pi, degree
+  use dst_drive, only: drive_segment_t
+  use dst_errors, only: error_t
+  use dst_friction, only: new_friction_law
+  use dst_full_model, only: full_smoothed_t, new_full_smoothed
+  use dst_linear_solve, only: solve_in_place
+  use dst_radau, only: radau_t, new_radau
+  use dst_scene, only: scene_t
+  use dst_simulation, only: simulation_t
+  use dst_slider, only: slider_t, cos_sin_degrees
+  use dst_stepper, only: motion_t, attempt_t
+  use dst_trajectory, only: stick_begins, slip_begins
+  implicit none
+
+  interface
+    !> LAPACK: solution of a general linear system.
+    subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
+      import :: wp
+      integer, intent(in) :: n, nrhs, lda, ldb
+      integer, intent(out) :: ipiv(*), info
+      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+    end subroutine dgesv
+  end interface
+
+  real(wp), parameter :: eps = epsilon(1.0_wp)
+  integer, parameter :: stages(3) = [3, 5, 7]
+  character(7), parameter :: methods(3) = ['radau5 ', 'radau9 ', 'radau13']
+  integer :: i
+
+  call start_random(3)
+  call test_linear_solver()
+  call test_singular_systems()
+  do i = 1, 3
+    call test_orders(trim(methods(i)), stages(i))
+    call test_newton(trim(methods(i)), stages(i))
+    call test_first_events_of_fig3(trim(methods(i)))
+    call test_events_along_a_line(trim(methods(i)))
+  end do
+  call finish()
+
+contains
+
+  !> As good a solution as LAPACK's: both by the residual, which pivoting keeps small.
+  subroutine test_linear_solver()
+    integer, parameter :: largest = 14
+    real(wp) :: a(largest, largest), b(largest), x(largest), factors(largest, largest), expected(largest, 1)
+    real(wp) :: worst, worst_permuted, worst_graded
+    integer :: n, trial, pivots(largest), info, j
+    logical :: singular, regular
+
+    worst = 0.0_wp
+    worst_permuted = 0.0_wp
+    worst_graded = 0.0_wp
+    regular = .true.
+    do n = 1, largest
+      do trial = 1, 100
+        do j = 1, n
+          a(:n, j) = uniform(n, -1.0_wp, 1.0_wp)
+        end do
+        b(:n) = uniform(n, -1.0_wp, 1.0_wp)
+        if (modulo(trial, 3) == 1) then
+          ! Zeros on the diagonal: no step without an exchange of rows.
+          do j = 1, n
+            if (n > 1) a(j, j) = 0.0_wp
+          end do
+        else if (modulo(trial, 3) == 2) then
+          ! Rows of very different size, as with small and large inertia.
+          do j = 1, n
+            a(j, :n) = a(j, :n)*10.0_wp**modulo(5*j, 13)
+            b(j) = b(j)*10.0_wp**modulo(5*j, 13)
+          end do
+        end if
+        factors(:n, :n) = a(:n, :n)
+        expected(:n, 1) = b(:n)
+        call dgesv(n, 1, factors(:n, :n), n, pivots, expected(:n, :), n, info)
+        if (info /= 0) cycle
+        factors(:n, :n) = a(:n, :n)
+        x(:n) = b(:n)
+        call solve(n, factors(:n, :n), x(:n), singular)
+        regular = regular .and. .not. singular
+        select case (modulo(trial, 3))
+        case (0)
+          worst = max(worst, backward_error(n, a(:n, :n), x(:n), b(:n)))
+        case (1)
+          worst_permuted = max(worst_permuted, backward_error(n, a(:n, :n), x(:n), b(:n)))
+        case default
+          worst_graded = max(worst_graded, maxval(abs(x(:n) - expected(:n, 1))/max(maxval(abs(expected(:n, 1))), 1.0e-300_wp)) &
+            /condition(n, a(:n, :n)))
+        end select
+      end do
+    end do
+    call check('linear solver: regular systems are regular', regular)
+    call check_close('linear solver: random systems', worst, 0.0_wp, 1.0e-13_wp)
+    call check_close('linear solver: systems that need pivoting', worst_permuted, 0.0_wp, 1.0e-13_wp)
+    call check_close('linear solver: as dgesv for rows of different size', worst_graded, 0.0_wp, 1.0e-13_wp)
+  end subroutine test_linear_solver
+
+  subroutine solve(n, a, b, singular)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: a(n, n)
+    real(wp), intent(inout) :: b(n)
+    logical, intent(out) :: singular
+    real(wp) :: destroyed(n, n)
+
+    destroyed = a
+    call solve_in_place(n, destroyed, b, singular)
+  end subroutine solve
+
+  !> Residual over what roundoff in the matrix alone would leave.
+  pure real(wp) function backward_error(n, a, x, b)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: a(n, n), x(n), b(n)
+
+    backward_error = maxval(abs(matmul(a, x) - b))/(maxval(sum(abs(a), dim=2))*maxval(abs(x)) + maxval(abs(b)))
+  end function backward_error
+
+  !> Condition number of the system with rows scaled to the same size, in the maximum norm; by dgesv.
+  real(wp) function condition(n, a)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: a(n, n)
+    real(wp) :: scaled(n, n), factors(n, n), inverse(n, n)
+    integer :: j, pivots(n), info
+
+    inverse = 0.0_wp
+    do j = 1, n
+      scaled(j, :) = a(j, :)/maxval(abs(a(j, :)))
+      inverse(j, j) = 1.0_wp
+    end do
+    factors = scaled
+    call dgesv(n, n, factors, n, pivots, inverse, n, info)
+    condition = maxval(sum(abs(scaled), dim=2))*maxval(sum(abs(inverse), dim=2))
+  end function condition
+
+  subroutine test_singular_systems()
+    real(wp) :: a(3, 3), b(3)
+    logical :: singular
+
+    b = 1.0_wp
+    a = 0.0_wp
+    call solve(3, a, b, singular)
+    call check('linear solver: the zero matrix is singular', singular)
+    a = reshape([1.0_wp, 2.0_wp, 3.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 3.0_wp, 1.0_wp, 2.0_wp], [3, 3])
+    call solve(3, a, b, singular)
+    call check('linear solver: a zero column is singular', singular)
+    a = reshape([1.0_wp, 2.0_wp, 4.0_wp, 2.0_wp, 4.0_wp, 8.0_wp, 3.0_wp, 1.0_wp, 2.0_wp], [3, 3])
+    call solve(3, a, b, singular)
+    call check('linear solver: a multiple of a column is singular', singular)
+  end subroutine test_singular_systems
+
+  !> A scene without events and without stiffness: the smoothed contact with a smoothing velocity as large as the drive's.
+  function smooth_system() result(system)
+    type(full_smoothed_t) :: system
+    type(slider_t) :: slider
+
+    slider%mass = 0.25_wp
+    slider%stiffness = [1.0e3_wp, 4.0e3_wp]
+    slider%along = cos_sin_degrees(20.0_wp)
+    slider%smoothing = 1.0e-2_wp**2
+    call new_friction_law('weakening', 0.20_wp, 0.15_wp, 0.05_wp, 1.0_wp, slider%law)
+    system = new_full_smoothed(slider)
+  end function smooth_system
+
+  !> The motion after `duration` in equal steps of any size, and in the middle of the last step by dense output.
+  subroutine integrate(stage_count, steps, start, duration, last, inside)
+    integer, intent(in) :: stage_count, steps
+    type(motion_t), intent(in) :: start
+    real(wp), intent(in) :: duration
+    type(motion_t), intent(out) :: last, inside
+    type(full_smoothed_t) :: system
+    type(radau_t) :: stepper
+    type(drive_segment_t) :: drive
+    type(motion_t) :: from
+    type(attempt_t) :: outcome
+    integer :: k
+
+    system = smooth_system()
+    drive = drive_segment_t(velocity=1.0e-2_wp, acceleration=5.0e-3_wp)
+    ! So small that Newton's method goes on to roundoff.
+    stepper = new_radau(stage_count, 2, 1.0e-14_wp)
+    call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    last = start
+    do k = 1, steps
+      from = last
+      call stepper%attempt(system, drive, from, duration/real(steps, wp), last, outcome)
+      if (.not. outcome%solved) error stop 'a step of the smooth scene is not solved'
+      call stepper%accept()
+    end do
+    inside = stepper%dense(system, drive, from, 0.5_wp)
+  end subroutine integrate
+
+  subroutine test_orders(name, stage_count)
+    character(*), intent(in) :: name
+    integer, intent(in) :: stage_count
+    type(motion_t) :: start, exact, half_way, coarse, fine, coarse_inside, fine_inside, unused
+    real(wp), parameter :: duration = 0.2_wp
+    integer :: steps
+
+    start = motion_t(u=[3.0e-4_wp, 1.0e-4_wp], y=[8.0e-3_wp, 2.0e-3_wp])
+    steps = 24/stage_count
+    call integrate(7, 200, start, duration, exact, unused)
+    call integrate(stage_count, steps, start, duration, coarse, unused)
+    call integrate(stage_count, 2*steps, start, duration, fine, unused)
+    call check_order(name//': u', norm2(coarse%u - exact%u), norm2(fine%u - exact%u), 2.0_wp, real(2*stage_count - 1, wp), 0.5_wp)
+    call check_order(name//': w', norm2(coarse%y - exact%y), norm2(fine%y - exact%y), 2.0_wp, real(2*stage_count - 1, wp), 0.5_wp)
+    call check_order(name//': X', abs(coarse%position - exact%position), abs(fine%position - exact%position), 2.0_wp, &
+      real(2*stage_count - 1, wp), 0.5_wp)
+    call check_order(name//': work of the drive', abs(coarse%drive_work - exact%drive_work), &
+      abs(fine%drive_work - exact%drive_work), 2.0_wp, real(2*stage_count - 1, wp), 0.5_wp)
+    call check_order(name//': work against friction', abs(coarse%friction_work - exact%friction_work), &
+      abs(fine%friction_work - exact%friction_work), 2.0_wp, real(2*stage_count - 1, wp), 0.5_wp)
+
+    ! Dense output in the middle of one step: its local error is of order s + 2 in the elongation and in the velocity.
+    call integrate(7, 40, start, 0.01_wp, half_way, unused)
+    call integrate(stage_count, 1, start, 0.02_wp, unused, coarse_inside)
+    call check_close(name//': dense output is at the middle', coarse_inside%time, 0.01_wp, eps)
+    coarse_inside%u = coarse_inside%u - half_way%u
+    coarse_inside%y = coarse_inside%y - half_way%y
+    call integrate(7, 40, start, 0.005_wp, half_way, unused)
+    call integrate(stage_count, 1, start, 0.01_wp, unused, fine_inside)
+    fine_inside%u = fine_inside%u - half_way%u
+    fine_inside%y = fine_inside%y - half_way%y
+    call check_order(name//': dense output of u', norm2(coarse_inside%u), norm2(fine_inside%u), 2.0_wp, &
+      real(stage_count + 1, wp), 0.5_wp)
+    call check_order(name//': dense output of w', norm2(coarse_inside%y), norm2(fine_inside%y), 2.0_wp, &
+      real(stage_count + 1, wp), 0.5_wp)
+  end subroutine test_orders
+
+  !> Quadratic convergence: each iteration doubles the digits, so that ten digits more cost about one iteration or two.
+  subroutine test_newton(name, stage_count)
+    character(*), intent(in) :: name
+    integer, intent(in) :: stage_count
+    real(wp), parameter :: rtol(4) = [1.0e-3_wp, 1.0e-6_wp, 1.0e-9_wp, 1.0e-13_wp]
+    type(full_smoothed_t) :: system
+    type(radau_t) :: stepper
+    type(motion_t) :: start, last(4)
+    type(attempt_t) :: outcome
+    integer :: k, iterations(4)
+
+    system = smooth_system()
+    start = motion_t(u=[3.0e-4_wp, 1.0e-4_wp], y=[8.0e-3_wp, 2.0e-3_wp])
+    do k = 1, 4
+      stepper = new_radau(stage_count, 2, rtol(k))
+      call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+      call stepper%attempt(system, drive_segment_t(velocity=1.0e-2_wp), start, 0.01_wp, last(k), outcome)
+      call check(name//': Newton converges', outcome%solved)
+      iterations(k) = int(stepper%count%newton)
+    end do
+    call check(name//': Newton needs more than one iteration', iterations(1) >= 2)
+    call check(name//': Newton is fast', iterations(4) <= 6)
+    call check(name//': Newton is quadratic', all(iterations(2:) - iterations(:3) <= 1))
+    call check_close(name//': Newton at 1e-3', norm2(last(1)%y - last(4)%y), 0.0_wp, 1.0e-3_wp*norm2(last(4)%y))
+    call check_close(name//': Newton at 1e-6', norm2(last(2)%y - last(4)%y), 0.0_wp, 1.0e-7_wp*norm2(last(4)%y))
+    call check_close(name//': Newton at 1e-9', norm2(last(3)%y - last(4)%y), 0.0_wp, 1.0e-10_wp*norm2(last(4)%y))
+  end subroutine test_newton
+
+  !> Advance to the next event and check its kind.
+  subroutine next_event(simulation, kind, name)
+    type(simulation_t), intent(inout) :: simulation
+    integer, intent(in) :: kind
+    character(*), intent(in) :: name
+    type(error_t), allocatable :: error
+
+    do
+      call simulation%trajectory%advance(error)
+      if (allocated(error) .or. simulation%trajectory%finished() .or. simulation%trajectory%event /= 0) exit
+    end do
+    call check(name//': the event that is due', .not. allocated(error) .and. simulation%trajectory%event == kind)
+  end subroutine next_event
+
+  !> It stops after the time that friction alone needs, m int dv/F(v), and is released at t_1 after the spring is loaded.
+  subroutine test_first_events_of_fig3(name)
+    character(*), intent(in) :: name
+    type(simulation_t) :: simulation
+    real(wp) :: v, stop_time, release_time, first_slip
+    real(wp), parameter :: limit = 1.5_wp, drop = 0.5_wp, v_f = 0.01_wp
+
+    call begin(fig3(1.0_wp, name, 1.0e-10_wp), simulation)
+    v = 1.0e-9_wp
+    stop_time = 0.25_wp*v_f/limit*log((limit*exp(v/v_f) + drop)/(limit + drop))
+    call next_event(simulation, stick_begins, name//', Fig. 3, stop')
+    associate (now => simulation%trajectory%now)
+      ! The spring's part is k V t/F_0 = 1e-9 of it.
+      call check_close(name//', Fig. 3: first stop', now%time, stop_time, 2.0e-8_wp*stop_time)
+      call check_close(name//', Fig. 3: at rest', maxval(abs(now%y)), 0.0_wp, 0.0_wp)
+      first_slip = now%position
+      call check_close(name//', Fig. 3: slipped before', first_slip, 0.5_wp*v*stop_time, 1.0e-6_wp*v*stop_time)
+      call next_event(simulation, slip_begins, name//', Fig. 3, release')
+      release_time = 2.0_wp/(1.0e-3_wp*hypot(1.0e3_wp*cos(degree), 1.0e7_wp*sin(degree)))
+      call check_close(name//', Fig. 3: first release', now%time, release_time, 1.0e-12_wp*release_time)
+    end associate
+  end subroutine test_first_events_of_fig3
+
+  !> Constant friction along a line is piecewise harmonic: z = u - F_0/k obeys z'' = -omega^2 z and v = V - z' while it slips
+  !> forwards. Thrown forwards at 20 V, it stops where z' = V, and is released after (F_0/k - u)/V.
+  subroutine test_events_along_a_line(name)
+    character(*), intent(in) :: name
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    real(wp) :: omega, z, amplitude, phase, stop_time, u
+    real(wp), parameter :: v = 1.0e-3_wp
+
+    scene = constant_friction(along_a_line(fig3(10.0_wp, name, 1.0e-10_wp)))
+    scene%elongation_x = 1.5e-3_wp
+    scene%velocity_ratio = 20.0_wp
+    omega = sqrt(scene%stiffness_x/scene%mass)
+    z = scene%elongation_x - 2.0e-3_wp
+    ! z = amplitude cos(omega t + phase) with z' = V - 20 V at the start.
+    amplitude = hypot(z, 19.0_wp*v/omega)
+    phase = atan2(19.0_wp*v/omega, z)
+    ! z' = V: sin(omega t + phase) = -V/(amplitude omega), the first one after the start.
+    stop_time = (pi + asin(v/(amplitude*omega)) - phase)/omega
+    u = 2.0e-3_wp + amplitude*cos(omega*stop_time + phase)
+    call begin(scene, simulation)
+    associate (now => simulation%trajectory%now)
+      call next_event(simulation, stick_begins, name//', along a line, stop')
+      call check_close(name//', along a line: stop', now%time, stop_time, 1.0e-9_wp*stop_time)
+      call check_close(name//', along a line: elongation there', now%u(1), u, 1.0e-10_wp*abs(u))
+      call check_close(name//', along a line: position there', now%position, v*stop_time - u, 1.0e-10_wp*abs(u))
+      call next_event(simulation, slip_begins, name//', along a line, release')
+      call check_close(name//', along a line: release', now%time, stop_time + (2.0e-3_wp - u)/v, 1.0e-9_wp*now%time)
+      call check_close(name//', along a line: elongation at release', now%u(1), 2.0e-3_wp, 1.0e-15_wp*2.0e-3_wp)
+    end associate
+  end subroutine test_events_along_a_line
+end program test_radau

@@ -1,0 +1,533 @@
+!> Explicit methods: the tableaux, the orders, and the exact contact that the trajectory leads them
+!> through. References: order conditions of Hairer, Norsett & Wanner I; quadruple-precision values of
+!> Fig. 3; Radau IIA of order 13.
+program test_runge_kutta
+  use, intrinsic :: iso_fortran_env, only: error_unit
+  use dst_kinds, only: wp, degree, pi
+  use dst_contact, only: default_cut_speed
+  use dst_drive, only: new_drive
+  use dst_errors, only: error_t
+  use dst_friction, only: new_friction_law
+  use dst_full_model, only: new_full_polar, new_full_smoothed
+  use dst_radau, only: new_radau
+  use dst_runge_kutta, only: new_runge_kutta
+  use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights
+  use dst_slider, only: slider_t, cos_sin_degrees
+  use dst_stepper, only: motion_t, attempt_t
+  use dst_trajectory, only: trajectory_t, stick_begins
+  implicit none
+
+  character(*), parameter :: method(3) = [character(6) :: 'rk4', 'dopri5', 'dop853']
+  !> What comes of a run: its samples, its stops and its work.
+  type :: run_t
+    type(motion_t), allocatable :: sample(:)
+    type(motion_t) :: final
+    integer :: sticks = 0
+    integer :: rejected = 0, evaluations = 0
+    !> Drive work less friction work less the change of energy, relative to the drive work.
+    real(wp) :: unbalanced = 0.0_wp
+    logical :: failed = .false.
+  end type run_t
+
+  real(wp), parameter :: at_rest(2) = 0.0_wp, one_speed(1) = [1.0e-3_wp], zero_time(1) = 0.0_wp
+  integer :: passed = 0, failed = 0
+
+  call test_tableaux()
+  call test_orders()
+  call test_smoothed()
+  call test_references()
+  call test_rests()
+  call test_symmetries()
+
+  print '(i0, " passed, ", i0, " failed")', passed, failed
+  if (failed > 0) error stop 1
+
+contains
+
+  subroutine test_tableaux()
+    type(tableau_t) :: tableau
+    integer, parameter :: estimate_order(3) = [0, 4, 5], dense_order(3) = [3, 4, 7]
+    integer :: i
+
+    do i = 1, size(method)
+      tableau = tableau_named(method(i))
+      call check(method(i)//': row sums', maxval(abs(sum(tableau%a, dim=2) - tableau%c)) < 3.0e-14_wp)
+      call check(method(i)//': the last stage is the end', maxval(abs(tableau%a(tableau%stages + 1, :) - tableau%b)) <= 0.0_wp)
+      call check(method(i)//': explicit', all_above(tableau))
+      call check_small(method(i)//': order conditions', order_defect(tableau, min(5, tableau%order)), 3.0e-15_wp)
+      call check_small(method(i)//': quadrature', quadrature_defect(tableau%c, tableau%b, tableau%order, 1.0_wp), 3.0e-15_wp)
+      call check(method(i)//': no higher order', order_defect(tableau, tableau%order + 1) > 1.0e-5_wp .or. tableau%order > 4)
+      if (tableau%errors > 0) then
+        call check_small(method(i)//': estimate', &
+          quadrature_defect(tableau%c, tableau%error(:, 1), estimate_order(i), 0.0_wp), 3.0e-15_wp)
+        call check(method(i)//': estimate of no higher order', &
+          quadrature_defect(tableau%c, tableau%error(:, 1), estimate_order(i) + 1, 0.0_wp) > 1.0e-5_wp)
+      end if
+      call check_small(method(i)//': dense output', dense_defect(tableau, dense_order(i)), 1.0e-14_wp)
+      call check(method(i)//': dense output of no higher order', dense_defect(tableau, dense_order(i) + 1) > 1.0e-5_wp)
+    end do
+    call check_small('dop853: second estimate', quadrature_defect(tableau%c, tableau%error(:, 2), 3, 0.0_wp), 3.0e-15_wp)
+  end subroutine test_tableaux
+
+  pure logical function all_above(tableau)
+    type(tableau_t), intent(in) :: tableau
+    integer :: i
+
+    all_above = .true.
+    do i = 1, tableau%all_stages
+      all_above = all_above .and. .not. any(abs(tableau%a(i, i:)) > 0.0_wp)
+    end do
+  end function all_above
+
+  !> Worst violation of sum weight c^(q-1) = expected*tau^q/q for q up to `order`, at tau = 1.
+  pure real(wp) function quadrature_defect(c, weight, order, expected) result(defect)
+    real(wp), intent(in) :: c(:), weight(:), expected
+    integer, intent(in) :: order
+    integer :: q
+
+    defect = abs(sum(weight) - expected)
+    do q = 2, order
+      defect = max(defect, abs(sum(weight*c**(q - 1)) - expected/real(q, wp)))
+    end do
+  end function quadrature_defect
+
+  !> Worst violation of the order conditions of all trees with up to `order` <= 5 nodes.
+  pure real(wp) function order_defect(tableau, order) result(defect)
+    type(tableau_t), intent(in) :: tableau
+    integer, intent(in) :: order
+    real(wp) :: ac(size(tableau%b)), acc(size(tableau%b)), aac(size(tableau%b))
+
+    associate (b => tableau%b, c => tableau%c)
+      ac = times(tableau%a, c)
+      acc = times(tableau%a, c**2)
+      aac = times(tableau%a, ac)
+      defect = max(abs(sum(b) - 1.0_wp), abs(sum(b*c) - 1.0_wp/2.0_wp))
+      if (order >= 3) defect = max(defect, abs(sum(b*c**2) - 1.0_wp/3.0_wp), abs(sum(b*ac) - 1.0_wp/6.0_wp))
+      if (order >= 4) defect = max(defect, abs(sum(b*c**3) - 1.0_wp/4.0_wp), abs(sum(b*c*ac) - 1.0_wp/8.0_wp), &
+        abs(sum(b*acc) - 1.0_wp/12.0_wp), abs(sum(b*aac) - 1.0_wp/24.0_wp))
+      if (order >= 5) defect = max(defect, abs(sum(b*c**4) - 1.0_wp/5.0_wp), abs(sum(b*c**2*ac) - 1.0_wp/10.0_wp), &
+        abs(sum(b*ac**2) - 1.0_wp/20.0_wp), abs(sum(b*c*acc) - 1.0_wp/15.0_wp), &
+        abs(sum(b*c*aac) - 1.0_wp/30.0_wp), abs(sum(b*times(tableau%a, c**3)) - 1.0_wp/20.0_wp), &
+        abs(sum(b*times(tableau%a, c*ac)) - 1.0_wp/40.0_wp), abs(sum(b*times(tableau%a, acc)) - 1.0_wp/60.0_wp), &
+        abs(sum(b*times(tableau%a, aac)) - 1.0_wp/120.0_wp))
+    end associate
+  end function order_defect
+
+  pure function times(matrix, vector) result(product)
+    real(wp), intent(in) :: matrix(:, :), vector(:)
+    real(wp) :: product(size(vector))
+
+    product = matmul(matrix, vector)
+  end function times
+
+  !> Worst violation, over the step, of the quadrature conditions of the dense output.
+  pure real(wp) function dense_defect(tableau, order) result(defect)
+    type(tableau_t), intent(in) :: tableau
+    integer, intent(in) :: order
+    real(wp) :: weight(size(tableau%b)), tau
+    integer :: i, q
+
+    defect = 0.0_wp
+    do i = 0, 10
+      tau = 0.1_wp*real(i, wp)
+      weight = dense_weights(tableau, tau)
+      defect = max(defect, abs(sum(weight) - tau))
+      do q = 2, order
+        defect = max(defect, abs(sum(weight*tableau%c**(q - 1)) - tau**q/real(q, wp)))
+      end do
+    end do
+  end function dense_defect
+
+  !> Observed order on fast slip with smoothed contact, where nothing is stiff.
+  subroutine test_orders()
+    integer, parameter :: order(3) = [4, 5, 8], dense_order(3) = [3, 4, 7], steps(3) = [128, 128, 16]
+    real(wp), parameter :: duration = 1.3e-3_wp, tau = 0.37_wp
+    real(wp) :: error(2)
+    integer :: i, j, n
+
+    do i = 1, size(method)
+      do j = 1, 2
+        n = j*steps(i)
+        error(j) = distance(march(trim(method(i)), duration, n, 1.0_wp), march('dop853', duration, 256, 1.0_wp))
+      end do
+      call check_near(method(i)//': observed order', log(error(1)/error(2))/log(2.0_wp), real(order(i), wp), 0.5_wp)
+      do j = 1, 2
+        n = j*steps(i)
+        error(j) = distance(march(trim(method(i)), duration/n, 1, tau), march('dop853', tau*duration/n, 64, 1.0_wp))
+      end do
+      call check_near(method(i)//': observed order of the dense output', &
+        log(error(1)/error(2))/log(2.0_wp), real(dense_order(i) + 1, wp), 0.4_wp)
+    end do
+  end subroutine test_orders
+
+  !> The motion after `steps` equal steps, or inside the only one.
+  function march(name, duration, steps, tau) result(motion)
+    character(*), intent(in) :: name
+    real(wp), intent(in) :: duration, tau
+    integer, intent(in) :: steps
+    type(motion_t) :: motion
+    type(trajectory_t) :: scene
+    type(motion_t) :: to
+    type(attempt_t) :: outcome
+    integer :: i
+
+    scene = smoothed_scene(1.0e-3_wp)
+    ! No tolerance: an adaptive method takes the steps that it is given.
+    call choose_method(scene, name, 1.0e6_wp)
+    motion%u = [1.0e-3_wp, 1.5e-7_wp]
+    motion%y = [6.0e-3_wp, -4.0e-3_wp]
+    do i = 1, steps
+      call scene%stepper%attempt(scene%system, scene%drive%segment(1), motion, duration/real(steps, wp), to, outcome)
+      if (.not. outcome%solved) error stop 'a step of the order test failed'
+      if (tau < 1.0_wp) to = scene%stepper%dense(scene%system, scene%drive%segment(1), motion, tau)
+      motion = to
+    end do
+  end function march
+
+  !> Difference of two motions as a slip velocity relative to the slip speed.
+  pure real(wp) function distance(a, b)
+    type(motion_t), intent(in) :: a, b
+
+    distance = norm2(a%y - b%y)/norm2(b%y)
+  end function distance
+
+  !> Smoothed contact: a tolerance that is kept, and a fixed step that never becomes unstable.
+  subroutine test_smoothed()
+    real(wp), parameter :: duration = 0.05_wp
+    type(trajectory_t) :: scene
+    type(run_t) :: reference, loose, tight
+    integer :: i
+
+    scene = smoothed_scene(1.0e-6_wp)
+    scene%t_end = duration
+    call choose_method(scene, 'radau13', 1.0e-12_wp)
+    reference = run(scene, at_rest, at_rest)
+    do i = 2, size(method)
+      call choose_method(scene, trim(method(i)), 1.0e-6_wp)
+      loose = run(scene, at_rest, at_rest)
+      call choose_method(scene, trim(method(i)), 1.0e-9_wp)
+      tight = run(scene, at_rest, at_rest)
+      call check_small(method(i)//': smoothed, rtol = 1e-6', worst_slip(loose, reference, .false.), 1.0e-6_wp)
+      call check_small(method(i)//': smoothed, rtol = 1e-9', worst_slip(tight, reference, .false.), 2.0e-9_wp)
+      call check_small(method(i)//': smoothed, energy', abs(tight%unbalanced), 1.0e-13_wp)
+    end do
+    call choose_method(scene, 'rk4', 1.0e-6_wp)
+    scene%fixed_step = 2.5e-7_wp
+    tight = run(scene, at_rest, at_rest)
+    call check('rk4: a stable step is kept', tight%rejected == 0)
+    call check_small('rk4: smoothed', worst_slip(tight, reference, .false.), 1.0e-9_wp)
+    scene%fixed_step = 1.0e-5_wp
+    loose = run(scene, at_rest, at_rest)
+    call check('rk4: a step beyond stability is cut', loose%rejected > 0)
+    call check_small('rk4: and the motion stays right', worst_slip(loose, reference, .false.), 1.0e-6_wp)
+  end subroutine test_smoothed
+
+  !> Fig. 3 with exact contact against the values in quadruple precision.
+  subroutine test_references()
+    real(wp), parameter :: time(3) = [0.02_wp, 0.05_wp, 0.5_wp]
+    integer, parameter :: sticks(3) = [9, 39, 485]
+    real(wp), parameter :: u(2, 3) = reshape([1.9995769485350064e-5_wp, 1.9872958183374369e-7_wp, &
+      4.9981994355053295838e-5_wp, 1.9777009741426093201e-7_wp, &
+      4.9881686313895216e-4_wp, 1.9613798061520180e-7_wp], [2, 3])
+    real(wp), parameter :: w(2, 3) = reshape([3.4657221958313615e-7_wp, 3.4464837227950101e-5_wp, &
+      7.7718265581718725420e-7_wp, 3.0762498951531784662e-5_wp, &
+      6.6869132069817701e-6_wp, 2.6297324897503335e-5_wp], [2, 3])
+    type(trajectory_t) :: scene
+    type(run_t) :: whole
+    integer :: i, j
+
+    do i = 2, size(method)
+      do j = 1, size(time)
+        scene = exact_scene(trim(method(i)), 1.0_wp, 'weakening', zero_time, one_speed, 1.0e-8_wp)
+        scene%t_end = time(j)
+        whole = run(scene, at_rest, [1.0e-9_wp, degree])
+        call check(method(i)//': sticks', whole%sticks == sticks(j))
+        call check_small(method(i)//': u_x', abs(whole%final%u(1)/u(1, j) - 1.0_wp), 1.0e-13_wp)
+        call check_small(method(i)//': u_y', abs(whole%final%u(2)/u(2, j) - 1.0_wp), 1.0e-9_wp)
+        call check_small(method(i)//': w', norm2(slip(whole%final) - w(:, j))/norm2(w(:, j)), 5.0e-8_wp)
+        call check_small(method(i)//': energy', abs(whole%unbalanced), 1.0e-11_wp)
+      end do
+    end do
+    ! A coarser cut-off must tell: otherwise the bounds above say nothing about it.
+    scene = exact_scene('dop853', 1.0_wp, 'weakening', zero_time, one_speed, 1.0e-8_wp)
+    scene%cut_speed = 1.0e-6_wp
+    scene%t_end = time(3)
+    whole = run(scene, at_rest, [1.0e-9_wp, degree])
+    call check('a coarse cut-off costs digits', norm2(slip(whole%final) - w(:, 3))/norm2(w(:, 3)) > 1.0e-5_wp)
+    call check('but no stick', whole%sticks == sticks(3))
+  end subroutine test_references
+
+  !> Every way into and out of rest, against Radau IIA.
+  subroutine test_rests()
+    real(wp), parameter :: rest(1) = 0.0_wp
+    real(wp), parameter :: there(4) = [0.0_wp, 0.05_wp, 0.1_wp, 0.15_wp], ramp(4) = [0.0_wp, 2.0e-3_wp, -2.0e-3_wp, 0.0_wp]
+    real(wp), parameter :: speeds(4) = [1.0e-3_wp, 1.0e-3_wp, -1.0e-3_wp, 1.0e-3_wp], faster(3) = [1.0e-3_wp, 1.0e-3_wp, 2.0e-3_wp]
+    real(wp) :: released
+
+    released = release_time()
+    call compare('start from rest', 1.0_wp, 'weakening', zero_time, one_speed, at_rest, at_rest, 0.1_wp)
+    call compare('constant friction', 1.0_wp, 'constant', zero_time, one_speed, at_rest, at_rest, 0.05_wp)
+    call compare('aligned spring', 0.0_wp, 'weakening', zero_time, one_speed, at_rest, [1.0e-9_wp, 0.0_wp], 3.0_wp)
+    call compare('crosswise spring', 90.0_wp, 'weakening', zero_time, one_speed, at_rest, at_rest, 0.05_wp)
+    call compare('drive at rest', 1.0_wp, 'weakening', zero_time, rest, at_rest, [1.0_wp, 0.3_wp], 0.5_wp)
+    call compare('released at once', 1.0_wp, 'weakening', zero_time, rest, [5.0e-3_wp, 3.0e-6_wp], at_rest, 0.3_wp)
+    call compare('pulled back', 1.0_wp, 'weakening', zero_time, one_speed, [-5.0e-3_wp, 0.0_wp], at_rest, 0.1_wp)
+    call compare('turn under load', 0.0_wp, 'weakening', zero_time, one_speed, [9.0e-3_wp, 0.0_wp], [0.1_wp, pi], 0.3_wp)
+    call compare('turn with a bend', 1.0_wp, 'weakening', zero_time, one_speed, [5.0e-3_wp, 0.0_wp], [0.1_wp, pi], 0.1_wp)
+    call compare('slow slip under load', 1.0_wp, 'weakening', zero_time, one_speed, [3.0e-3_wp, 0.0_wp], [1.0e-9_wp, 2.0_wp], &
+      0.05_wp)
+    call compare('slow slip without drive', 1.0_wp, 'weakening', zero_time, rest, at_rest, [1.0e-9_wp, 2.0_wp], 0.05_wp)
+    call compare('to and fro, then hold', 1.0_wp, 'weakening', there, ramp, at_rest, at_rest, 0.2_wp)
+    call compare('sharp law', 1.0_wp, 'sharp', zero_time, one_speed, at_rest, at_rest, 0.05_wp)
+    call compare('turning back after the release', 1.0_wp, 'weakening', &
+      [0.0_wp, released + 1.0e-6_wp, released + 1.0e-6_wp, 0.0115_wp], speeds, at_rest, at_rest, 0.03_wp)
+    call compare('turning back at the release', 1.0_wp, 'weakening', &
+      [0.0_wp, released + 1.0e-9_wp, released + 1.0e-9_wp, 0.0115_wp], speeds, at_rest, at_rest, 0.03_wp)
+    call compare('faster at the release', 1.0_wp, 'weakening', &
+      [0.0_wp, released + 1.0e-9_wp, released + 1.0e-9_wp], faster, at_rest, at_rest, 0.03_wp)
+    call test_limit()
+  end subroutine test_rests
+
+  !> Time of the first release of Fig. 3 [s]: |K u| = F_0 with u = V t e.
+  real(wp) function release_time()
+    type(slider_t) :: slider
+
+    slider = fig3_slider(1.0_wp, 'weakening')
+    release_time = slider%law%onset/(one_speed(1)*norm2(slider%stiffness*slider%along))
+  end function release_time
+
+  !> One scene by dopri5 and dop853 against Radau IIA.
+  subroutine compare(name, misalignment, law, time, velocity, u, y, t_end)
+    character(*), intent(in) :: name, law
+    real(wp), intent(in) :: misalignment, time(:), velocity(:), u(2), y(2), t_end
+    type(trajectory_t) :: scene
+    type(run_t) :: reference, explicit
+    integer :: i
+
+    scene = exact_scene('radau9', misalignment, law, time, velocity, 1.0e-11_wp)
+    scene%t_end = t_end
+    reference = run(scene, u, y)
+    do i = 2, size(method)
+      scene = exact_scene(trim(method(i)), misalignment, law, time, velocity, 1.0e-7_wp)
+      scene%t_end = t_end
+      explicit = run(scene, u, y)
+      call check(name//', '//method(i)//': no error', .not. (reference%failed .or. explicit%failed))
+      call check(name//', '//method(i)//': sticks', explicit%sticks == reference%sticks)
+      call check_small(name//', '//method(i)//': slip velocity', worst_slip(explicit, reference, .true.), 1.0e-6_wp)
+      call check_small(name//', '//method(i)//': energy', abs(explicit%unbalanced), 3.0e-7_wp)
+      call check(name//', '//method(i)//': work', explicit%evaluations < 2000000)
+    end do
+  end subroutine compare
+
+  !> At rest with just as much force as friction and no drive: it stays.
+  subroutine test_limit()
+    type(trajectory_t) :: scene
+    type(run_t) :: explicit
+
+    scene = exact_scene('dopri5', 0.0_wp, 'constant', zero_time, [0.0_wp], 1.0e-7_wp)
+    scene%t_end = 0.1_wp
+    explicit = run(scene, [scene%slider%law%onset/scene%slider%stiffness(1), 0.0_wp], at_rest)
+    call check('at the limit: no error', .not. explicit%failed)
+    call check('at the limit: no motion', .not. norm2(explicit%final%y) > 0.0_wp .and. .not. abs(explicit%final%position) > 0.0_wp)
+  end subroutine test_limit
+
+  !> Units of length, time and mass by powers of two: the same bits. Mirror images: the same bits.
+  subroutine test_symmetries()
+    real(wp), parameter :: length = 8.0_wp, time = 0.25_wp, mass = 32.0_wp
+    type(trajectory_t) :: scene
+    type(run_t) :: one, other
+    integer :: i
+
+    do i = 2, size(method)
+      scene = exact_scene(trim(method(i)), 1.0_wp, 'weakening', zero_time, one_speed, 1.0e-7_wp)
+      scene%t_end = 0.05_wp
+      one = run(scene, at_rest, [1.0e-9_wp, degree])
+      scene = exact_scene(trim(method(i)), -1.0_wp, 'weakening', zero_time, one_speed, 1.0e-7_wp)
+      scene%t_end = 0.05_wp
+      other = run(scene, at_rest, [1.0e-9_wp, -degree])
+      call check(method(i)//': mirror image', same(one%final%u, [1.0_wp, -1.0_wp]*other%final%u) &
+        .and. same(one%final%y, [1.0_wp, -1.0_wp]*other%final%y))
+      scene = exact_scene(trim(method(i)), 1.0_wp, 'weakening', zero_time, length/time*one_speed, 1.0e-7_wp)
+      scene%t_end = 0.05_wp*time
+      scene%slider%mass = mass*scene%slider%mass
+      scene%slider%stiffness = mass/time**2*scene%slider%stiffness
+      call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.01_wp*length/time, 10.0_wp*mass*length/time**2, scene%slider%law)
+      scene%system = new_full_polar(scene%slider)
+      other = run(scene, at_rest, [1.0e-9_wp*length/time, degree])
+      call check(method(i)//': units', same(length*one%final%u, other%final%u) &
+        .and. same([length/time, 1.0_wp]*one%final%y, other%final%y) &
+        .and. same([length*one%final%position], [other%final%position]) &
+        .and. same([one%final%drive_work, one%final%friction_work]*mass*length**2/time**2, &
+        [other%final%drive_work, other%final%friction_work]))
+    end do
+  end subroutine test_symmetries
+
+  pure logical function same(a, b)
+    real(wp), intent(in) :: a(:), b(:)
+
+    same = .not. any(abs(a - b) > 0.0_wp)
+  end function same
+
+  !> Fig. 3 with another misalignment [deg], law or drive, and exact contact.
+  function exact_scene(name, misalignment, law, time, velocity, rtol) result(scene)
+    character(*), intent(in) :: name, law
+    real(wp), intent(in) :: misalignment, time(:), velocity(:), rtol
+    type(trajectory_t) :: scene
+
+    scene%slider = fig3_slider(misalignment, law)
+    scene%drive = new_drive(time, velocity)
+    scene%system = new_full_polar(scene%slider)
+    call choose_method(scene, name, rtol)
+    if (scene%stepper%explicit) scene%cut_speed = default_cut_speed(rtol, scene%drive%largest_speed())
+    scene%cut_share = 0.03_wp*sqrt(rtol)
+  end function exact_scene
+
+  subroutine choose_method(scene, name, rtol)
+    type(trajectory_t), intent(inout) :: scene
+    character(*), intent(in) :: name
+    real(wp), intent(in) :: rtol
+
+    ! Assignment to an allocated object of another type overruns its memory with gfortran 12.
+    if (allocated(scene%stepper)) deallocate (scene%stepper)
+    select case (name)
+    case ('radau9')
+      scene%stepper = new_radau(5, 2, rtol)
+    case ('radau13')
+      scene%stepper = new_radau(7, 2, rtol)
+    case default
+      scene%stepper = new_runge_kutta(name, 2, rtol)
+    end select
+  end subroutine choose_method
+
+  !> Fig. 3 with contact smoothed by `v_smooth` [m/s].
+  function smoothed_scene(v_smooth) result(scene)
+    real(wp), intent(in) :: v_smooth
+    type(trajectory_t) :: scene
+
+    scene%slider = fig3_slider(1.0_wp, 'weakening')
+    scene%slider%smoothing = v_smooth**2
+    scene%drive = new_drive(zero_time, one_speed)
+    scene%system = new_full_smoothed(scene%slider)
+    scene%exact_contact = .false.
+  end function smoothed_scene
+
+  !> Laws 'constant', 'weakening' (v_f = 10 mm/s) and 'sharp' (the same with v_f = 10 um/s).
+  function fig3_slider(misalignment, law) result(slider)
+    real(wp), intent(in) :: misalignment
+    character(*), intent(in) :: law
+    type(slider_t) :: slider
+
+    slider%mass = 0.25_wp
+    slider%stiffness = [1.0e3_wp, 1.0e7_wp]
+    slider%along = cos_sin_degrees(misalignment)
+    if (law == 'sharp') then
+      call new_friction_law('weakening', 0.2_wp, 0.15_wp, 1.0e-5_wp, 10.0_wp, slider%law)
+    else
+      call new_friction_law(law, 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
+    end if
+  end function fig3_slider
+
+  !> The whole motion, sampled at 200 equal intervals.
+  function run(scene, u, y) result(outcome)
+    type(trajectory_t), intent(inout) :: scene
+    real(wp), intent(in) :: u(2), y(2)
+    type(run_t) :: outcome
+    type(error_t), allocatable :: error
+    integer, parameter :: intervals = 200
+    integer :: next
+
+    allocate (outcome%sample(0:intervals))
+    next = 0
+    call scene%start(u, y, 0.0_wp)
+    if (scene%sticking) outcome%sticks = 1
+    do while (.not. scene%finished())
+      call scene%advance(error)
+      outcome%failed = allocated(error)
+      if (outcome%failed) return
+      do while (next <= intervals)
+        if (next*scene%t_end/intervals > scene%now%time) exit
+        outcome%sample(next) = scene%at(next*scene%t_end/intervals)
+        next = next + 1
+      end do
+      if (scene%event == stick_begins) outcome%sticks = outcome%sticks + 1
+    end do
+    outcome%final = scene%now
+    outcome%rejected = int(scene%stepper%count%rejected)
+    outcome%evaluations = int(scene%stepper%count%rhs)
+    outcome%unbalanced = (scene%now%drive_work - scene%now%friction_work - energy(scene, scene%now%u, scene%now%y) &
+      + energy(scene, u, y))/max(abs(scene%now%drive_work), scene%now%friction_work, tiny(1.0_wp))
+  end function run
+
+  !> Kinetic and elastic energy [J].
+  pure real(wp) function energy(scene, u, y)
+    type(trajectory_t), intent(in) :: scene
+    real(wp), intent(in) :: u(2), y(2)
+
+    energy = 0.5_wp*sum(scene%slider%stiffness*u**2)
+    if (scene%exact_contact) then
+      energy = energy + 0.5_wp*scene%slider%mass*y(1)**2
+    else
+      energy = energy + 0.5_wp*scene%slider%mass*sum(y**2)
+    end if
+  end function energy
+
+  !> Slip velocity of a motion in polar unknowns.
+  pure function slip(motion)
+    type(motion_t), intent(in) :: motion
+    real(wp) :: slip(2)
+
+    slip = motion%y(1)*[cos(motion%y(2)), sin(motion%y(2))]
+  end function slip
+
+  !> Largest difference of the sampled slip velocities relative to the largest slip speed.
+  pure real(wp) function worst_slip(a, b, polar) result(worst)
+    type(run_t), intent(in) :: a, b
+    logical, intent(in) :: polar
+    real(wp) :: difference, speed
+    integer :: i
+
+    worst = 0.0_wp
+    speed = 0.0_wp
+    do i = 0, ubound(b%sample, 1)
+      if (polar) then
+        difference = norm2(slip(a%sample(i)) - slip(b%sample(i)))
+        speed = max(speed, b%sample(i)%y(1))
+      else
+        difference = norm2(a%sample(i)%y - b%sample(i)%y)
+        speed = max(speed, norm2(b%sample(i)%y))
+      end if
+      worst = max(worst, difference)
+    end do
+    worst = worst/max(speed, tiny(speed))
+  end function worst_slip
+
+  subroutine check_small(name, value, bound)
+    character(*), intent(in) :: name
+    real(wp), intent(in) :: value, bound
+    character(60) :: found
+
+    write (found, '(" (", es9.2, ", permitted", es9.2, ")")') value, bound
+    call check(name//trim(found), value <= bound)
+  end subroutine check_small
+
+  subroutine check_near(name, value, expected, permitted)
+    character(*), intent(in) :: name
+    real(wp), intent(in) :: value, expected, permitted
+    character(60) :: found
+
+    write (found, '(" (", f8.3, ", expected", f8.3, ")")') value, expected
+    call check(name//trim(found), abs(value - expected) <= permitted)
+  end subroutine check_near
+
+  subroutine check(name, holds)
+    character(*), intent(in) :: name
+    logical, intent(in) :: holds
+
+    if (holds) then
+      passed = passed + 1
+    else
+      failed = failed + 1
+      write (error_unit, '(a)') 'FAILED: '//name
+    end if
+  end subroutine check
+end program test_runge_kutta
