@@ -63,12 +63,19 @@ contains
     load = hypot(slider%stiffness(1)*u(1), slider%stiffness(2)*u(2))
   end function load
 
-  !> Whether an object at rest stays at rest.
-  pure logical function holds(slider, u)
+  !> Whether an object at rest stays at rest. Exactly at the static limit that depends on whether the
+  !> drive [m/s] pulls further out.
+  pure logical function holds(slider, u, drive_velocity)
     type(slider_t), intent(in) :: slider
-    real(wp), intent(in) :: u(2)
+    real(wp), intent(in) :: u(2), drive_velocity
+    real(wp) :: pull(2), outward, force
 
-    holds = load(slider, u) < slider%law%onset
+    force = load(slider, u)
+    pull = slider%stiffness*slider%along*drive_velocity
+    outward = dot_product(pull, slider%stiffness*u)
+    if (.not. force > 0.0_wp) outward = dot_product(pull, pull)
+    holds = force < slider%law%onset
+    if (.not. outward > 0.0_wp) holds = force <= slider%law%onset*(1.0_wp + 4.0_wp*epsilon(force))
   end function holds
 
   !> Time [s] from `time` until the stuck object is released, huge if it is not within the segment.
@@ -210,7 +217,7 @@ contains
     stops = course%falls .and. course%acceleration < 0.0_wp
     if (.not. stops) return
     to = end_of_slip(slider, drive, from, course)
-    stops = holds(slider, to%u)
+    stops = holds(slider, to%u, drive%velocity_at(to%time))
   end subroutine brake
 
   !> Slip speed [m/s] below which an explicit method hands over to `brake`, for the largest speed of

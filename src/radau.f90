@@ -309,6 +309,8 @@ contains
           end do
         end do
         filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) + max(0.0_wp, -reach*terms%force_y(1, k, k))
+        ! At rest without a load the direction is free: it has no equation there, and no error.
+        if (.not. filter(k, k) > 0.0_wp) filter(k, k) = 1.0_wp
       end do
     end associate
     call solve_in_place(n, filter, defect, singular)

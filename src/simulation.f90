@@ -104,14 +104,13 @@ contains
         trajectory%stepper = new_runge_kutta(scene%method, components, scene%rtol)
       end select
     end associate
+    ! The slipped distance left below this share of the peak speed is below rtol of what was slipped.
+    trajectory%cut_share = 0.03_wp*sqrt(scene%rtol)
     if (trajectory%stepper%explicit) then
       trajectory%fixed_step = scene%step
       trajectory%cut_speed = scene%v_cut
       if (.not. scene%v_cut > 0.0_wp) &
         trajectory%cut_speed = default_cut_speed(scene%rtol, trajectory%drive%largest_speed())
-    else
-      ! The slipped distance left below this share of the peak speed is below rtol of what was slipped.
-      trajectory%cut_share = 0.03_wp*sqrt(scene%rtol)
     end if
   end subroutine choose_method
 

@@ -80,7 +80,7 @@ contains
     else if (y(1) > 0.0_wp) then
       self%next_step = min(self%next_step, y(1)*self%slider%mass/max(self%slider%law%onset, tiny(1.0_wp)))
       call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
-    else if (holds(self%slider, u)) then
+    else if (holds(self%slider, u, velocity_now(self))) then
       call come_to_rest(self)
     else
       onset = onset_of_slip(self%slider, u, velocity_now(self))
@@ -332,7 +332,7 @@ contains
     class(trajectory_t), intent(inout) :: self
     type(onset_t) :: onset
 
-    if (holds(self%slider, self%now%u)) then
+    if (holds(self%slider, self%now%u, velocity_now(self))) then
       call come_to_rest(self)
     else
       onset = onset_of_slip(self%slider, self%now%u, velocity_now(self))
@@ -393,7 +393,7 @@ contains
       falls = course%falls .and. course%highest <= cut .and. to%time <= horizon
       negligible = v <= negligible_share*cut
       at_knot = .not. self%now%time > drive%start
-      if (falls .and. (negligible .or. holds(self%slider, to%u))) then
+      if (falls .and. (negligible .or. holds(self%slider, to%u, velocity_now(self)))) then
         call describe_braking(self, course, to)
         self%now = to
         call rest_or_turn(self)

@@ -37,9 +37,10 @@ contains
     scene%velocity_ratio = 1.0e-6_wp
     scene%rtol = rtol
     scene%interval = 1.0e-3_wp
-    scene%drive_time = [0.0_wp]
-    scene%drive_velocity = [1.0e-3_wp]
-    scene%fields = ['u_x                     ']
+    allocate (scene%drive_time(1), source=0.0_wp)
+    allocate (scene%drive_velocity(1), source=1.0e-3_wp)
+    allocate (scene%fields(1))
+    scene%fields(1) = 'u_x'
   end function fig3
 
   !> The same with mu_inf = mu_0.
