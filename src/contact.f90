@@ -124,7 +124,9 @@ contains
     if (acceleration <= 0.0_wp .and. velocity <= 0.0_wp) return
     discriminant = velocity**2 + 2.0_wp*acceleration*goal
     if (discriminant < 0.0_wp) return
-    if (velocity >= 0.0_wp) then
+    if (velocity >= 0.0_wp .and. .not. goal > 0.0_wp) then
+      delay = 0.0_wp
+    else if (velocity >= 0.0_wp) then
       delay = 2.0_wp*goal/(velocity + sqrt(discriminant))
     else
       delay = (sqrt(discriminant) - velocity)/acceleration
@@ -169,7 +171,9 @@ contains
       course%acceleration = (dot_product(k*from%u, direction) - friction(1))/m
       course%jerk = (dot_product(k*(driven - v*direction), direction) - slope(1)*course%acceleration)/m
       discriminant = course%acceleration**2 - 2.0_wp*course%jerk*v
-      course%falls = discriminant >= 0.0_wp .and. (course%acceleration < 0.0_wp .or. course%jerk < 0.0_wp)
+      course%falls = discriminant >= 0.0_wp
+      if (course%falls) course%falls = sqrt(discriminant) > course%acceleration .and. &
+        (course%acceleration < 0.0_wp .or. course%jerk < 0.0_wp)
       if (course%falls) course%delay = 2.0_wp*v/(sqrt(discriminant) - course%acceleration)
       course%highest = v
       if (course%falls .and. course%acceleration > 0.0_wp) &
@@ -203,21 +207,19 @@ contains
 
   !> The last instants before a stop in closed form, for a slip speed so small that the direction
   !> does not matter any more: v falls to zero with the acceleration and jerk that it has now.
-  !> `stops` is false where it does not fall to zero, or not to stay there.
-  pure subroutine brake(slider, drive, from, to, stops)
+  !> `ends` is false where it does not fall to zero.
+  pure subroutine brake(slider, drive, from, to, ends)
     type(slider_t), intent(in) :: slider
     type(drive_segment_t), intent(in) :: drive
     type(motion_t), intent(in) :: from
     type(motion_t), intent(out) :: to
-    logical, intent(out) :: stops
+    logical, intent(out) :: ends
     type(braking_t) :: course
 
     to = from
     course = braking(slider, drive, from)
-    stops = course%falls .and. course%acceleration < 0.0_wp
-    if (.not. stops) return
-    to = end_of_slip(slider, drive, from, course)
-    stops = holds(slider, to%u, drive%velocity_at(to%time))
+    ends = course%falls .and. course%acceleration < 0.0_wp
+    if (ends) to = end_of_slip(slider, drive, from, course)
   end subroutine brake
 
   !> Slip speed [m/s] below which an explicit method hands over to `brake`, for the largest speed of

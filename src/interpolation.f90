@@ -83,53 +83,31 @@ contains
     end associate
   end subroutine set_differentiation
 
-  !> Matrix from nodal values to Bernstein coefficients of the same polynomial on [0, 1].
+  !> Matrix from nodal values to Bernstein coefficients of the same polynomial on [0, 1]: each
+  !> Lagrange polynomial is a product of linear factors, multiplied in Bernstein form.
   pure subroutine set_bernstein(grid)
     type(grid_t), intent(inout) :: grid
-    real(wp) :: monomial(0:grid%degree)
-    integer :: j, k, l
-
-    associate (s => grid%degree)
-      do j = 0, s
-        monomial = lagrange_monomials(grid, j)
-        do k = 0, s
-          do l = 0, k
-            grid%bernstein(k, j) = grid%bernstein(k, j) + binomial(k, l)/binomial(s, l)*monomial(l)
-          end do
-        end do
-      end do
-    end associate
-  end subroutine set_bernstein
-
-  !> Monomial coefficients of the j-th Lagrange polynomial on the nodes 0..degree.
-  pure function lagrange_monomials(grid, j) result(coefficient)
-    type(grid_t), intent(in) :: grid
-    integer, intent(in) :: j
     real(wp) :: coefficient(0:grid%degree)
-    integer :: i, k, degree
+    integer :: i, j, k, degree
 
-    coefficient = 0.0_wp
-    coefficient(0) = grid%barycentric(j)
-    degree = 0
-    do i = 0, grid%degree
-      if (i == j) cycle
-      degree = degree + 1
-      do k = degree, 1, -1
-        coefficient(k) = coefficient(k - 1) - grid%node(i)*coefficient(k)
+    do j = 0, grid%degree
+      coefficient = 0.0_wp
+      coefficient(0) = grid%barycentric(j)
+      degree = 0
+      do i = 0, grid%degree
+        if (i == j) cycle
+        ! Times tau - c_i = -c_i (1 - tau) + (1 - c_i) tau.
+        degree = degree + 1
+        coefficient(degree) = (1.0_wp - grid%node(i))*coefficient(degree - 1)
+        do k = degree - 1, 1, -1
+          coefficient(k) = (real(k, wp)*(1.0_wp - grid%node(i))*coefficient(k - 1) &
+            - real(degree - k, wp)*grid%node(i)*coefficient(k))/real(degree, wp)
+        end do
+        coefficient(0) = -grid%node(i)*coefficient(0)
       end do
-      coefficient(0) = -grid%node(i)*coefficient(0)
+      grid%bernstein(0:grid%degree, j) = coefficient
     end do
-  end function lagrange_monomials
-
-  pure real(wp) function binomial(n, k)
-    integer, intent(in) :: n, k
-    integer :: i
-
-    binomial = 1.0_wp
-    do i = 1, k
-      binomial = binomial*real(n - k + i, wp)/real(i, wp)
-    end do
-  end function binomial
+  end subroutine set_bernstein
 
   !> Bernstein coefficients of the polynomial with the given values at the nodes.
   pure subroutine bernstein_coefficients(self, values, coefficient)

@@ -155,7 +155,8 @@ contains
         motion%time = time
         motion%u = motion%u + drive%displacement(self%from%time, time - self%from%time)*self%system%along
       else
-        motion = self%stepper%dense(self%system, drive, self%from, (time - self%from%time)/self%stepper%step)
+        motion = self%stepper%dense(self%system, drive, self%from, &
+          min(1.0_wp, (time - self%from%time)/self%stepper%step))
       end if
     end associate
   end function at
@@ -267,17 +268,23 @@ contains
     cut_level = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
   end function cut_level
 
-  !> Come to rest in closed form, if that is what the object is about to do.
+  !> Bring v to zero in closed form if the object is about to rest; or to turn, once so slow that it
+  !> does not matter how the direction changes.
   subroutine finish_stop(self, horizon)
     class(trajectory_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
     type(motion_t) :: to
-    logical :: stops
+    logical :: ends, rests
+    real(wp), parameter :: negligible_share = 1.0e-6_wp
 
-    call brake(self%slider, self%drive%segment(self%segment), self%now, to, stops)
-    if (.not. stops .or. to%time > horizon) return
+    associate (drive => self%drive%segment(self%segment))
+      call brake(self%slider, drive, self%now, to, ends)
+      if (.not. ends .or. to%time > horizon) return
+      rests = holds(self%slider, to%u, drive%velocity_at(to%time))
+      if (.not. rests .and. self%now%y(1) > negligible_share*cut_level(self)) return
+    end associate
     self%now = to
-    call come_to_rest(self)
+    call rest_or_turn(self)
   end subroutine finish_stop
 
   !> The step size that the controller wants; a step cut short by the horizon may not shrink it.
@@ -306,6 +313,7 @@ contains
     stopped = .false.
     if (self%just_released) then
       outcome%solved = moves_off(self)
+      if (.not. outcome%solved) outcome%factor = 0.25_wp
       return
     end if
     associate (grid => self%stepper%grid)
@@ -317,13 +325,13 @@ contains
     stopped = outcome%solved .and. abs(to%y(1)) <= 1.0e-9_wp*self%stepper%speed_scale
   end subroutine look_for_stop
 
-  !> Whether the first step after a release has v > 0 throughout; a step that is too long may
-  !> have found the other branch.
+  !> Whether the first step after a release has v > 0 throughout, roundoff apart; a step that is too
+  !> long may have found the other branch.
   pure logical function moves_off(self)
     class(trajectory_t), intent(in) :: self
 
-    associate (degree => self%stepper%grid%degree)
-      moves_off = all(self%stepper%nodal(1:degree, column_y) > 0.0_wp)
+    associate (degree => self%stepper%grid%degree, v => self%stepper%nodal(:, column_y))
+      moves_off = v(degree) > 0.0_wp .and. all(v(1:degree) >= -self%system%acceleration_noise*self%stepper%step)
     end associate
   end function moves_off
 

@@ -39,8 +39,8 @@ contains
     scene%interval = 1.0e-3_wp
     allocate (scene%drive_time(1), source=0.0_wp)
     allocate (scene%drive_velocity(1), source=1.0e-3_wp)
-    allocate (scene%fields(1))
-    scene%fields(1) = 'u_x'
+    allocate (scene%fields(4))
+    scene%fields = [character(24) :: 'u_x', 'u_y', 'w_x', 'w_y']
   end function fig3
 
   !> The same with mu_inf = mu_0.

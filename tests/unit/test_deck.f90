@@ -1,6 +1,6 @@
 !> Text, schema, scanner, deck, scene and command line.
 program test_deck
-  use, intrinsic :: iso_fortran_env, only: error_unit
+  use checks, only: check, finish
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, deck_error, usage_error
   use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
@@ -22,8 +22,6 @@ program test_deck
   character(*), parameter :: rest = system_group//friction_group//drive_group
   character(*), parameter :: whole = scene_group//rest
 
-  integer :: passed = 0, failed = 0
-
   call test_numbers()
   call test_words()
   call test_schema()
@@ -37,22 +35,9 @@ program test_deck
   call test_scene()
   call test_arguments()
 
-  print '(i0, " passed, ", i0, " failed")', passed, failed
-  if (failed > 0) error stop 1
+  call finish()
 
 contains
-
-  subroutine check(name, holds)
-    character(*), intent(in) :: name
-    logical, intent(in) :: holds
-
-    if (holds) then
-      passed = passed + 1
-    else
-      failed = failed + 1
-      write (error_unit, '(a)') 'FAILED: '//name
-    end if
-  end subroutine check
 
   subroutine check_text(name, actual, expected)
     character(*), intent(in) :: name, actual, expected

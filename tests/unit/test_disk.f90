@@ -1,20 +1,18 @@
 !> Names, reasons and moments as the result file's user meets them.
 program test_disk
-  use, intrinsic :: iso_fortran_env, only: error_unit
+  use checks, only: check, finish
   use dst_disk, only: prepare_file, move_file, delete_file, file_exists, is_folder, folder_of, true_path, scratch_name, &
     with_remedy, utc_now
   implicit none
 
   character(*), parameter :: first = 'test_disk_first', second = 'test_disk_second'
-  integer :: passed = 0, failed = 0
 
   call test_names()
   call test_files()
   call test_reasons()
   call test_moment()
 
-  print '(i0, " passed, ", i0, " failed")', passed, failed
-  if (failed > 0) error stop 1
+  call finish()
 
 contains
 
@@ -76,16 +74,4 @@ contains
     call check('time of day', hour >= 0 .and. hour < 24 .and. minute >= 0 .and. minute < 60)
     call check('minutes past the hour, but for the zone''s', modulo(minute - (clock(6) - clock(4)), 60) <= 1)
   end subroutine test_moment
-
-  subroutine check(name, holds)
-    character(*), intent(in) :: name
-    logical, intent(in) :: holds
-
-    if (holds) then
-      passed = passed + 1
-    else
-      failed = failed + 1
-      write (error_unit, '(a)') 'FAILED: '//name
-    end if
-  end subroutine check
 end program test_disk

@@ -1,6 +1,6 @@
 !> The result file through its writer: what is written is read back, what must be refused is refused and left untouched.
 program test_hdf5_writer
-  use, intrinsic :: iso_fortran_env, only: error_unit
+  use checks, only: check, finish
   use hdf5, only: hid_t, hsize_t, h5fopen_f, h5fclose_f, h5dopen_f, h5dread_f, h5dclose_f, h5dget_space_f, h5sclose_f, &
     h5sget_simple_extent_npoints_f, h5f_acc_rdonly_f, h5t_native_double
   use dst_kinds, only: wp, int64
@@ -11,7 +11,7 @@ program test_hdf5_writer
   implicit none
 
   character(*), parameter :: file_name = 'test_hdf5_writer.h5', text_file = 'test_hdf5_writer.txt'
-  integer :: passed = 0, failed = 0, status
+  integer :: status
 
   call remove(file_name)
   call start_hdf5(status)
@@ -22,8 +22,7 @@ program test_hdf5_writer
   call test_resume()
   call remove(file_name)
 
-  print '(i0, " passed, ", i0, " failed")', passed, failed
-  if (failed > 0) error stop 1
+  call finish()
 
 contains
 
@@ -264,18 +263,6 @@ contains
     call check(what//': code', error%code == file_error)
     call check(what//': "'//error%text//'"', index(error%text, words) > 0)
   end subroutine check_refusal
-
-  subroutine check(name, holds)
-    character(*), intent(in) :: name
-    logical, intent(in) :: holds
-
-    if (holds) then
-      passed = passed + 1
-    else
-      failed = failed + 1
-      write (error_unit, '(a)') 'FAILED: '//name
-    end if
-  end subroutine check
 
   subroutine copy(from, to)
     character(*), intent(in) :: from, to

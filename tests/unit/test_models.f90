@@ -407,6 +407,11 @@ contains
 
     slider = fig3_slider()
     slider%along = [1.0_wp, 0.0_wp]
+    call check('holds below the limit', holds(slider, 0.95_wp*u, 1.0e-3_wp) .and. holds(slider, 0.95_wp*u, -1.0e-3_wp))
+    call check('does not hold above it', .not. (holds(slider, 1.05_wp*u, 1.0e-3_wp) .or. holds(slider, 1.05_wp*u, -1.0e-3_wp)))
+    call check('at the limit: held if it is unloaded or nothing moves', holds(slider, u, -1.0e-3_wp) &
+      .and. holds(slider, u, 0.0_wp) .and. holds(slider, -u, 1.0e-3_wp))
+    call check('at the limit: not held if it is loaded', .not. (holds(slider, u, 1.0e-3_wp) .or. holds(slider, -u, -1.0e-3_wp)))
     call check_close('at the limit: forwards', release_delay(slider, u, drive_segment_t(velocity=1.0e-3_wp), 0.0_wp), &
       0.0_wp, 0.0_wp)
     call check_close('at the limit: forwards by a ramp from rest', &
@@ -555,8 +560,6 @@ contains
     call check('brake: speeding up is no stop', .not. stops)
     from%u = [-3.0e-3_wp, 0.0_wp]
     call brake(slider, drive, from, to, stops)
-    call check('brake: beyond the limit it does not rest', .not. stops)
-    call check('holds below the limit', holds(slider, [1.9e-3_wp, 0.0_wp]))
-    call check('does not hold above it', .not. holds(slider, [2.1e-3_wp, 0.0_wp]))
+    call check('brake: beyond the limit it ends in a turn', stops .and. .not. holds(slider, to%u, drive%velocity))
   end subroutine test_brake
 end program test_models

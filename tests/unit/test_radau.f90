@@ -216,7 +216,7 @@ contains
     integer :: steps, trial, k
 
     order = real(2*stage_count - 1, wp)
-    steps = sum(pack([32, 16, 9], stages == stage_count))
+    steps = sum(pack([32, 16, 8], stages == stage_count))
     state = 0.0_wp
     position = 0.0_wp
     drive_work = 0.0_wp
@@ -240,7 +240,7 @@ contains
         inside(k) = inside(k) + distance(found, exact)
       end do
     end do
-    call check_order(name//': state', state(1), state(2), 2.0_wp, order, 0.5_wp)
+    call check_order(name//': state', state(1), state(2), 2.0_wp, order, 0.6_wp)
     call check_order(name//': X', position(1), position(2), 2.0_wp, order, 1.0_wp)
     call check_order(name//': work of the drive', drive_work(1), drive_work(2), 2.0_wp, order, 1.0_wp)
     call check_order(name//': work against friction', friction_work(1), friction_work(2), 2.0_wp, order, 1.0_wp)

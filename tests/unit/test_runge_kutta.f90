@@ -2,7 +2,7 @@
 !> through. References: order conditions of Hairer, Norsett & Wanner I; quadruple-precision values of
 !> Fig. 3; Radau IIA of order 13.
 program test_runge_kutta
-  use, intrinsic :: iso_fortran_env, only: error_unit
+  use checks, only: check, finish
   use dst_kinds, only: wp, degree, pi
   use dst_contact, only: default_cut_speed
   use dst_drive, only: new_drive
@@ -30,7 +30,6 @@ program test_runge_kutta
   end type run_t
 
   real(wp), parameter :: at_rest(2) = 0.0_wp, one_speed(1) = [1.0e-3_wp], zero_time(1) = 0.0_wp
-  integer :: passed = 0, failed = 0
 
   call test_tableaux()
   call test_orders()
@@ -39,8 +38,7 @@ program test_runge_kutta
   call test_rests()
   call test_symmetries()
 
-  print '(i0, " passed, ", i0, " failed")', passed, failed
-  if (failed > 0) error stop 1
+  call finish()
 
 contains
 
@@ -518,16 +516,4 @@ contains
     write (found, '(" (", f8.3, ", expected", f8.3, ")")') value, expected
     call check(name//trim(found), abs(value - expected) <= permitted)
   end subroutine check_near
-
-  subroutine check(name, holds)
-    character(*), intent(in) :: name
-    logical, intent(in) :: holds
-
-    if (holds) then
-      passed = passed + 1
-    else
-      failed = failed + 1
-      write (error_unit, '(a)') 'FAILED: '//name
-    end if
-  end subroutine check
 end program test_runge_kutta
