@@ -75,10 +75,10 @@ contains
     stepper%method = radau_iia(stages)
     stepper%grid = stepper%method%grid
     stepper%rtol = rtol
-    ! Exponent and factor are measured (bench/tolerance): order reduction near a stop keeps the
+    ! Exponent and factor are measured (bench/fig3.py): order reduction near a stop keeps the
     ! exponent above the (s + 1)/(2 s - 1) of smooth motion.
     if (stages == 3) then
-      stepper%estimate_tolerance = 3.4_wp*rtol**0.8_wp
+      stepper%estimate_tolerance = 3.4_wp*rtol**0.85_wp
     else
       stepper%estimate_tolerance = 3.0_wp*rtol**0.93_wp
     end if

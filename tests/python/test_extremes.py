@@ -125,6 +125,20 @@ def run(executable: Path, folder: Path, groups: dict[str, dict[str, object]]) ->
     )
 
 
+def open_balance(result: Run, groups: dict[str, dict[str, object]]) -> float:
+    """The open energy balance over all works and the largest energy: also where the works cancel out in the end."""
+    system, series, summary = groups["system"], result.series, result.summary
+    energy = 0.5 * (
+        system["mass"] * (series["w_x"] ** 2 + series["w_y"] ** 2)
+        + system["stiffness_x"] * series["u_x"] ** 2
+        + system["stiffness_y"] * series["u_y"] ** 2
+    )
+    works = abs(summary["drive_work"]) + abs(summary["friction_work"])
+    if works + energy.max() == 0:
+        return 0.0
+    return summary["energy_residual"] * (works + energy[0]) / (works + energy.max())
+
+
 def assert_sound(result: Run, groups: dict[str, dict[str, object]], rtol: float = RTOL) -> None:
     """What holds for every scene."""
     assert result.attributes["result_code"] == 0
@@ -134,7 +148,8 @@ def assert_sound(result: Run, groups: dict[str, dict[str, object]], rtol: float 
     assert (np.diff(time) >= 0).all()
     for name, values in result.series.items():
         assert np.isfinite(values).all(), name
-    assert abs(result.summary["energy_residual"]) <= 1e3 * rtol
+    # Where nothing is dissipated the error of every step stays in the balance.
+    assert abs(open_balance(result, groups)) <= max(1e3, result.statistics["steps"]) * rtol
     sticking = result.series["sticking"] == 1
     assert (result.load[sticking] <= result.static_limit * (1 + 1e-9)).all()
     assert (result.series["w_x"][sticking] == 0).all()
@@ -316,9 +331,6 @@ CASES = [
     Case("ramp without end of the hold", {"drive": profile((0, V), (0.5, 0))}, t_end=5.0),
     Case("hold first", {"drive": profile((0, 0), (1, 0), (1, V))}, t_end=2.0),
     Case(
-        "jump at the start", {"drive": profile((0, 0), (0, V)), "initial": {"velocity_ratio": 0.0}}, t_end=0.2
-    ),
-    Case(
         "many short ramps", {"drive": profile(*((0.01 * i, V * (i % 3 - 0.5)) for i in range(50)))}, t_end=1.0
     ),
     Case("kicks", {"drive": profile((0, V), (1, V), (1, 1.0), (1.00001, 1.0), (1.00001, V))}, t_end=2.0),
@@ -329,6 +341,100 @@ CASES = [
     ),
     Case("hold while it slips", {"drive": profile((0, V), (2.05, V), (2.05, 0), (3, 0), (3, V))}, t_end=4.0),
     Case("reversal while it slips", {"drive": profile((0, V), (2.05, V), (2.05, -V))}, t_end=4.0),
+    *(
+        Case(f"m = {mass:g} kg, cycles", {"system": {"mass": mass}}, t_end=4.0)
+        for mass in (1e-12, 1e-9, 1e-6, 1e-4)
+    ),
+    # Nearly without mass, friction that grows with speed makes u creep with the time constant F'(v)/k.
+    *(
+        Case(
+            f"creep against viscosity, {name}",
+            {
+                "system": {"mass": 1e-12, **system},
+                "friction": {"mu_inf": 0.24, "v_f": 1e-3},
+                "initial": {"elongation_x": 3e-3, "velocity_ratio": 0.0},
+            },
+            t_end=4.0,
+        )
+        for name, system in (
+            ("phi = 0", {"misalignment_deg": 0.0}),
+            ("phi = 1", {}),
+            ("k_y = k_x", {"stiffness_y": 1e3}),
+        )
+    ),
+    *(
+        Case(
+            f"reversal at once against viscosity, v_f = {v_f:g} m/s, m = {mass:g} kg",
+            {
+                "system": {"mass": mass, "misalignment_deg": 0.0},
+                "friction": {"mu_inf": 0.24, "v_f": v_f},
+                "drive": profile((0, V), (3, V), (3, -V)),
+            },
+            t_end=6.0,
+        )
+        for v_f, mass in ((1e-3, 1e-12), (1.0, 1e-12), (400.0, 1e-12), (1e-3, 1e-6))
+    ),
+    # Straight back: the spring, far beyond the limit, turns the object at w = 0 without any rest.
+    *(
+        Case(
+            f"turned back beyond the limit, phi = {phi:g}, {name}",
+            {"system": {"misalignment_deg": phi}, "initial": initial},
+            t_end=0.05,
+        )
+        for phi, name, initial in (
+            (0.0, "thrown back", {"elongation_x": 5e-3, "velocity_ratio": -400.0}),
+            (180.0, "thrown back", {"elongation_x": -5e-3, "velocity_ratio": -400.0}),
+            (1e-9, "thrown back", {"elongation_x": 5e-3, "velocity_ratio": -400.0}),
+            (90.0, "thrown back", {"elongation_y": 1e-5, "velocity_ratio": -100.0}),
+            (-90.0, "thrown back", {"elongation_y": -1e-5, "velocity_ratio": -100.0}),
+            (90.0, "thrown", {"velocity_ratio": -1e3}),
+            (-90.0, "thrown", {"velocity_ratio": 1e3}),
+        )
+    ),
+    # A release at which the load grows by little more than its own roundoff in one fast period.
+    *(
+        Case(
+            f"slow release, V = {v:g} m/s, m = {mass:g} kg",
+            {
+                "system": {"mass": mass, "misalignment_deg": 180.0},
+                "drive": {"velocity": v},
+                "initial": {"elongation_x": 1e-3, "velocity_ratio": 0.0},
+            },
+            t_end=5e-3 / v,
+        )
+        for v, mass in ((1e-5, 1e-6), (1e-7, 1e-6), (1e-9, 1e-3), (1e-7, 1e-12))
+    ),
+    *(
+        Case(
+            f"smoothed, v_s = {v_s:g} m/s, {name}",
+            {**changes, "friction": {"contact": "smoothed", "v_smooth": v_s}},
+            t_end=t_end,
+        )
+        for name, changes, t_end in (
+            ("Fig. 3", {}, 0.5),
+            ("phi = 0", {"system": {"misalignment_deg": 0.0}}, 3.0),
+            ("phi = -90", {"system": {"misalignment_deg": -90.0}}, 0.05),
+            ("m = 1e-9 kg", {"system": {"mass": 1e-9}}, 3.0),
+            ("m = 100 kg", {"system": {"mass": 100.0}}, 3.0),
+            ("k_y = k_x", {"system": {"stiffness_y": 1e3}}, 3.0),
+            ("reversal", {"drive": profile((0, V), (0.1, V), (0.1, -V), (0.2, 0))}, 0.3),
+            ("V = 1 m/s", {"drive": {"velocity": 1.0}}, 0.05),
+            ("no drive, let go", {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 5e-3}}, 1.0),
+        )
+        for v_s in (1e-9, 1e-6, 1e-3)
+    ),
+    *(
+        Case(
+            f"smoothed, creep against viscosity, m = {mass:g} kg",
+            {
+                "system": {"mass": mass, "misalignment_deg": 0.0},
+                "friction": {"mu_inf": 0.24, "v_f": 1e-3, "contact": "smoothed", "v_smooth": 1e-5},
+                "initial": {"elongation_x": 3e-3},
+            },
+            t_end=4.0,
+        )
+        for mass in (1e-12, 1e-6)
+    ),
 ]
 
 
@@ -337,3 +443,32 @@ CASES = [
 def test_extreme(executable: Path, tmp_path: Path, case: Case, method: str) -> None:
     groups = case.groups(method)
     assert_sound(run(executable, tmp_path, groups), groups)
+
+
+def state(result: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Elongation and slip velocity, (2, time)."""
+    series = result.series
+    return np.array([series["u_x"], series["u_y"]]), np.array([series["w_x"], series["w_y"]])
+
+
+@pytest.mark.parametrize(
+    ("drive", "t_end"),
+    [
+        (profile((0, V), (1, V), (1, 0), (2, 0), (2, V), (2.5, V), (2.7, 0), (3, 0), (3, V)), 3.5),
+        (profile((0, V), (1.5, V), (2, -V), (3.5, -V), (4, V)), 5.0),
+    ],
+    ids=["slide, hold, slide", "reversal"],
+)
+def test_orders_agree_on_profiles(
+    executable: Path, tmp_path: Path, drive: dict[str, list[float]], t_end: float
+) -> None:
+    changes = {"scene": {"t_end": t_end}, "drive": drive, "output": {"interval": 0.05}}
+    nine, thirteen = (
+        run(executable, tmp_path, changed(changes, {"integrator": {"method": method, "rtol": 1e-9}}))
+        for method in ("radau9", "radau13")
+    )
+    (u, w), (other_u, other_w) = state(nine), state(thirteen)
+    assert np.linalg.norm(u - other_u, axis=0).max() <= 1e-9 * np.linalg.norm(u, axis=0).max()
+    assert np.linalg.norm(w - other_w, axis=0).max() <= 1e-6 * np.linalg.norm(w, axis=0).max()
+    np.testing.assert_array_equal(nine.events["kind"], thirteen.events["kind"])
+    np.testing.assert_allclose(nine.events["time"], thirteen.events["time"], rtol=0, atol=1e-7)
