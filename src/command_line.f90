@@ -313,6 +313,6 @@ contains
       '   3  a file could not be written, or exists already'//n// &
       '   4  the solver gave up'//n// &
       '   5  some cases of a sweep failed'//n// &
-      '  75  stopped early on a signal or time limit'//n
+      '  75  stopped early at the wall-time limit'//n
   end function exit_codes
 end module dst_command_line

@@ -88,7 +88,7 @@ contains
     call set_probe(stepper)
   end function new_radau
 
-  !> Probe the defect half way between the two middle nodes. The defect of collocation varies like
+  !> Probe the defect half way between the last two nodes, where a coming stop shows. The defect of collocation varies like
   !> M(tau) = product (tau - c_i); the weight refers it to the start.
   pure subroutine set_probe(stepper)
     type(radau_t), intent(inout) :: stepper
