@@ -149,7 +149,9 @@ contains
     associate (c => cos(onset%y(2)), s => sin(onset%y(2)), m => slider%mass)
       along = growth(1)*c + growth(2)*s
       across = growth(2)*c - growth(1)*s
-      onset%rate(1) = max(0.0_wp, (magnitude - slider%law%onset)/m)
+      ! An excess within roundoff is none.
+      onset%rate(1) = 0.0_wp
+      if (magnitude > slider%law%onset*(1.0_wp + 16.0_wp*epsilon(m))) onset%rate(1) = (magnitude - slider%law%onset)/m
       onset%rate(2) = 0.0_wp
       if (magnitude > 0.0_wp) onset%rate(2) = across/(magnitude + m*onset%rate(1))
       onset%curvature(1) = along/m

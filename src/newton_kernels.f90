@@ -21,6 +21,8 @@ module dst_newton_kernels
   public :: solve_stages
 
   integer, parameter :: max_iterations = 10
+  !> Change of the slip velocity, relative to itself, from which Newton's method does not return.
+  real(wp), parameter :: hopeless = 1.0e6_wp
 
 contains
 

@@ -21,7 +21,7 @@ module dst_trajectory
   public :: trajectory_t, no_event, stick_begins, slip_begins
 
   integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
-  integer, parameter :: max_rejections = 60, max_events_at_once = 100
+  integer, parameter :: max_rejections = 60, max_events_at_once = 100, max_steps_at_once = 10000
 
   type :: trajectory_t
     type(slider_t) :: slider
@@ -52,7 +52,9 @@ module dst_trajectory
     !> Nodes for the advances that the trajectory makes in closed form.
     type(grid_t) :: closed_form_grid
     integer :: segment = 1
+    !> Events and advances since the time last moved.
     integer :: events_at_once = 0
+    integer :: steps_at_once = 0
   contains
     procedure :: start
     procedure :: advance
@@ -131,15 +133,26 @@ contains
       if (.not. passed) call slide(self, horizon, error)
     end if
     if (allocated(error)) return
+    call watch_progress(self, error)
+  end subroutine advance
+
+  !> Steps shorter than the resolution of the time are legitimate where the mass is small, but not
+  !> without end; nor are events.
+  subroutine watch_progress(self, error)
+    class(trajectory_t), intent(inout) :: self
+    type(error_t), allocatable, intent(inout) :: error
+
     if (self%now%time > self%from%time) then
       self%events_at_once = 0
-    else
-      self%events_at_once = self%events_at_once + 1
-      if (self%events_at_once > max_events_at_once) &
-        call raise(error, chattering, 'the contact chatters: more than 100 events at '//at_time(self%now)// &
-          '; use a smaller rtol, another method, or contact = ''smoothed''')
+      self%steps_at_once = 0
+      return
     end if
-  end subroutine advance
+    self%steps_at_once = self%steps_at_once + 1
+    if (self%event /= no_event) self%events_at_once = self%events_at_once + 1
+    if (self%events_at_once > max_events_at_once .or. self%steps_at_once > max_steps_at_once) &
+      call raise(error, chattering, 'the contact chatters: time stands still at '//at_time(self%now)// &
+        '; use a smaller rtol, another method, or contact = ''smoothed''')
+  end subroutine watch_progress
 
   !> The motion at a time [s] inside the last advance.
   pure function at(self, time) result(motion)
@@ -297,7 +310,7 @@ contains
     wanted = self%stepper%step*factor
     if (truncated) wanted = max(wanted, self%next_step)
     if (self%fixed_step > 0.0_wp) wanted = self%fixed_step
-    if (self%just_released .and. .not. truncated) self%release_step = min(wanted, self%stepper%step)
+    if (self%just_released .and. .not. truncated) self%release_step = wanted
     self%next_step = wanted
     self%just_released = .false.
   end subroutine choose_next_step
@@ -323,6 +336,13 @@ contains
     if (position > 1.0_wp) return
     call land(self, position, to, outcome)
     stopped = outcome%solved .and. abs(to%y(1)) <= 1.0e-9_wp*self%stepper%speed_scale
+    if (stopped .or. .not. outcome%solved) return
+    ! A dip that does not reach zero after all; but v may not have passed through it either.
+    associate (grid => self%stepper%grid)
+      call grid%bernstein_coefficients(self%stepper%nodal(:, column_y), coefficient)
+      outcome%solved = first_zero(coefficient(0:grid%degree)) > 1.0_wp
+    end associate
+    if (.not. outcome%solved) outcome%factor = 0.25_wp
   end subroutine look_for_stop
 
   !> Whether the first step after a release has v > 0 throughout, roundoff apart; a step that is too
@@ -330,8 +350,9 @@ contains
   pure logical function moves_off(self)
     class(trajectory_t), intent(in) :: self
 
-    associate (degree => self%stepper%grid%degree, v => self%stepper%nodal(:, column_y))
-      moves_off = v(degree) > 0.0_wp .and. all(v(1:degree) >= -self%system%acceleration_noise*self%stepper%step)
+    associate (degree => self%stepper%grid%degree, noise => self%system%acceleration_noise*self%stepper%step)
+      moves_off = self%stepper%nodal(degree, column_y) > 0.0_wp &
+        .and. all(self%stepper%nodal(1:degree, column_y) >= -noise)
     end associate
   end function moves_off
 

@@ -264,7 +264,7 @@ contains
       coefficient(0) = abs(coefficient(0))
       ! Every other one is lifted so that it is near touching.
       if (modulo(trial, 2) == 0) coefficient(0:s) = coefficient(0:s) - minimum(s, coefficient(0:s), samples) &
-        + 1.0e-4_wp*uniform(1, -1.0_wp, 1.0_wp)*[(1.0_wp, i=0, s)]
+        + 1.0e-4_wp*sum(uniform(1, -1.0_wp, 1.0_wp))
       if (coefficient(0) <= 0.0_wp) cycle
       found = first_zero(coefficient(0:s))
       first = samples + 1
