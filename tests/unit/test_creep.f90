@@ -95,6 +95,7 @@ contains
           creep = creep_at(path, real(next, wp))
           call check_close('alpha by integration', creep%alpha, real(state(1), wp), 1.0e-13_wp*max(1.0_wp, abs(creep%alpha)))
           call check_close('X by quadrature', creep%position, real(state(2), wp), 1.0e-13_wp*max(1.0_wp, creep%position))
+          call check_close("1 - X'/V", creep%deficit, 1.0_wp - creep%x_rate, 4.0_wp*eps)
           call check_close("X' by its definition", creep%x_rate, real(rate_x(phi_q, kappa_q, state(1)), wp), 1.0e-13_wp)
         end do
       end do
@@ -254,6 +255,9 @@ contains
       end do
       call check("X' rises, and 1 - X'/V is what its name says", i == 4001)
     end do
+    creep = creep_exact(30.0_wp*degree, 0.3_wp, 600.0_wp)
+    other = creep_exact(30.0_wp*degree, 0.3_wp, 400.0_wp)
+    call check_close('X when saturated, finite k_y', creep%position - other%position, 200.0_wp, 1.0e-12_wp)
     creep = creep_exact(1.0e-8_wp, 0.0_wp, huge(1.0_wp))
     call check('the largest tau', creep%x_rate >= 1.0_wp .and. creep%position >= huge(1.0_wp)*(1.0_wp - eps))
     do i = -3, 3
