@@ -1,4 +1,4 @@
-!> The one flat file that f2py sees: runs by handle, and the equations of motion for arrays.
+!> The one flat file that f2py sees: runs by handle, and for arrays the equations of motion and slow creep.
 !>
 !> Texts travel as arrays of bytes in default integers, the kind that f2py translates without fault
 !> (UTF-8, padded with blanks on the way out). A run lives on the heap and is known by its handle;
@@ -7,7 +7,9 @@
 module dst_python_api
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
   use dst_build_info, only: version, git_revision, compiler
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, pi
+  use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
+    first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_errors, only: error_t
   use dst_friction, only: new_friction_law
@@ -24,7 +26,7 @@ module dst_python_api
 
   public :: run_open, run_columns, column_info, run_advance, run_samples, run_events, run_outcome, run_counts
   public :: summary_info, statistics_info, parameter_info, parameter_text, run_text_length, run_text, run_close
-  public :: build_text, rhs, jacobian
+  public :: build_text, rhs, jacobian, creep_exact, creep_asymptotic
 
   !> A run with everything that Python may ask of it.
   type :: session_t
@@ -299,6 +301,81 @@ contains
       matrix(3:4, 3:4, i) = terms%force_y(1, :, :)
     end do
   end subroutine jacobian
+
+  !> Exact creep for n points; phi [rad] and kappa have one value each point or one for all.
+  !> creep(:, k): alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. fault: 0, or what the first point out of
+  !> range (`point`, from 1) violates: 1 tau >= 0 and finite, 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0.
+  subroutine creep_exact(n, tau, n_phi, phi, n_kappa, kappa, creep, point, fault)
+    integer(c_int), intent(in) :: n, n_phi, n_kappa
+    real(c_double), intent(in) :: tau(n), phi(n_phi), kappa(n_kappa)
+    real(c_double), intent(out) :: creep(n, 8)
+    integer(c_int), intent(out) :: point, fault
+    !f2py threadsafe
+    type(creep_path_t) :: path
+    type(creep_t) :: here
+    real(wp) :: angle, ratio, side
+    integer :: i
+
+    angle = 0.0_wp
+    ratio = 0.0_wp
+    side = 1.0_wp
+    path = new_creep_path(angle, ratio)
+    fault = 0
+    do i = 1, n
+      point = int(i, c_int)
+      ! Not `>`: a NaN must get in.
+      if (.not. (abs(phi(min(i, n_phi)) - angle) <= 0.0_wp .and. abs(kappa(min(i, n_kappa)) - ratio) <= 0.0_wp)) then
+        angle = phi(min(i, n_phi))
+        ratio = kappa(min(i, n_kappa))
+        if (.not. abs(angle) < 0.5_wp*pi) fault = 2
+        if (.not. (ratio >= 0.0_wp .and. ratio < 1.0_wp)) fault = 3
+        if (fault > 0) return
+        path = new_creep_path(abs(angle), ratio)
+        side = merge(-1.0_wp, 1.0_wp, angle < 0.0_wp)
+      end if
+      if (.not. (tau(i) >= 0.0_wp .and. tau(i) <= huge(tau))) fault = 1
+      if (fault == 0 .and. .not. abs(angle) > 0.0_wp .and. tau(i) >= 1.0_wp) fault = 4
+      if (fault > 0) return
+      here = creep_at(path, real(tau(i), wp))
+      creep(i, 1) = here%alpha
+      creep(i, 2) = side*(here%psi + path%phi)
+      creep(i, 3) = side*here%psi
+      creep(i, 4) = here%speed
+      creep(i, 5) = here%x_rate
+      creep(i, 6) = side*here%y_rate
+      creep(i, 7) = here%position
+      creep(i, 8) = here%deficit
+    end do
+  end subroutine creep_exact
+
+  !> X'/V after Eq. (8) for n points: form 1 first power, 2 as printed, 3 third order. fault as for creep_exact, and
+  !> 5 for 0 <= tau < 1.
+  subroutine creep_asymptotic(form, n, tau, n_phi, phi, x_rate, point, fault)
+    integer(c_int), intent(in) :: form, n, n_phi
+    real(c_double), intent(in) :: tau(n), phi(n_phi)
+    real(c_double), intent(out) :: x_rate(n)
+    integer(c_int), intent(out) :: point, fault
+    !f2py threadsafe
+    real(wp) :: angle
+    integer :: i
+
+    fault = 0
+    do i = 1, n
+      point = int(i, c_int)
+      angle = abs(phi(min(i, n_phi)))
+      if (.not. angle < 0.5_wp*pi) fault = 2
+      if (.not. (tau(i) >= 0.0_wp .and. tau(i) < 1.0_wp)) fault = 5
+      if (fault > 0) return
+      select case (form)
+      case (1)
+        x_rate(i) = first_power(angle, real(tau(i), wp))
+      case (2)
+        x_rate(i) = printed(angle, real(tau(i), wp))
+      case default
+        x_rate(i) = third_order(angle, real(tau(i), wp))
+      end select
+    end do
+  end subroutine creep_asymptotic
 
   function slider_from(values) result(slider)
     real(wp), intent(in) :: values(10)

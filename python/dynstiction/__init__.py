@@ -11,6 +11,7 @@ Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a
 
 from . import _native
 from ._run import run
+from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import jacobian, rhs
 from .errors import (
     ColumnError,
@@ -29,6 +30,7 @@ __version__ = _native.build_info().version
 
 __all__ = [
     "ColumnError",
+    "Creep",
     "DeckError",
     "Described",
     "Error",
@@ -38,6 +40,9 @@ __all__ = [
     "Scene",
     "SolverError",
     "UsageError",
+    "creep_asymptotic",
+    "creep_exact",
+    "creep_velocity",
     "jacobian",
     "open",
     "rhs",

@@ -14,7 +14,17 @@ from ._core import dst_python_api as _core
 from .errors import error_for
 from .record import Info
 
-__all__ = ["Advance", "BuildInfo", "Run", "build_info", "jacobian", "rhs", "text_from"]
+__all__ = [
+    "Advance",
+    "BuildInfo",
+    "Run",
+    "build_info",
+    "creep_asymptotic",
+    "creep_exact",
+    "jacobian",
+    "rhs",
+    "text_from",
+]
 
 RESOLVED_DECK, MESSAGE = 2, 3
 
@@ -125,6 +135,22 @@ def rhs(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.
 def jacobian(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
     """Jacobians (n, 4, 4) of the states (n, 4), C-contiguous: row = equation, column = unknown."""
     return np.ascontiguousarray(_core.jacobian(slider, states.T).transpose(2, 0, 1))
+
+
+def creep_exact(
+    tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], int, int]:
+    """Creep (8, n), and of the first point out of range its index and its fault (0 if there is none)."""
+    creep, point, fault = _core.creep_exact(tau, phi, kappa)
+    return creep.T, point - 1, fault
+
+
+def creep_asymptotic(
+    form: int, tau: NDArray[np.float64], phi: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], int, int]:
+    """X'/V (n), and index and fault as for `creep_exact`."""
+    x_rate, point, fault = _core.creep_asymptotic(form, tau, phi)
+    return x_rate, point - 1, fault
 
 
 def _described(

@@ -1,0 +1,204 @@
+"""Slow creep without inertia (Nakano & Popov 2020, Eqs. 6-8), for arrays; docs/theory.md derives it.
+
+Constant friction ``F_0 = mu_0 W``, ``l_x = F_0/k_x``, ``kappa = k_x/k_y``, ``tau = V t/l_x`` and ``u = 0`` at
+``t = 0``. While the object creeps it is under full friction, ``|K u| = F_0``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _native
+from .errors import UsageError
+
+__all__ = ["Creep", "creep_asymptotic", "creep_exact", "creep_velocity"]
+
+_Floats = NDArray[np.float64]
+Form = Literal["first_power", "printed", "third_order"]
+FORMS: dict[str, int] = {"first_power": 1, "printed": 2, "third_order": 3}
+RANGES = {
+    1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
+    2: "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad",
+    3: "kappa = {kappa:.17g}: kappa must be in [0, 1)",
+    4: "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips",
+    5: "tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)",
+}
+
+
+class Creep(NamedTuple):
+    """Creep at each point; all arrays have the broadcast shape of the arguments."""
+
+    alpha: _Floats
+    """Angle of the spring force [rad]: ``k_x u_x/F_0 = sin(alpha)``."""
+    theta: _Floats
+    """Angle of friction to the soft axis [rad], ``pi/2 - alpha`` with the sign of phi."""
+    psi: _Floats
+    """Angle of friction to the drive [rad], ``theta - phi``."""
+    v: _Floats
+    """Slip speed over V [-]."""
+    X_rate: _Floats
+    """Velocity along the drive over V [-]."""
+    Y_rate: _Floats
+    """Velocity across the drive over V [-], Eq. (6): ``Y' = -w_x sin(phi) + w_y cos(phi)``."""
+    X: _Floats
+    """Way along the drive over l_x [-]."""
+    deficit: _Floats
+    """``1 - X'/V`` [-], computed without cancellation."""
+
+
+def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep:
+    """Exact slow creep, the closed form of Eq. (7) and its extension to a finite stiffness k_y.
+
+    ``(cos^2 alpha + kappa sin^2 alpha) d(alpha)/d(tau) = cos(alpha + phi)``; for kappa = 0
+    ``v/V = sin phi/sin theta``, ``X'/V = sin phi cos psi/sin theta``, ``Y'/V = sin phi sin psi/sin theta``. With
+    kappa > 0 the object sticks (v = 0) up to ``tau = kappa/sqrt(kappa^2 cos^2 phi + sin^2 phi)``.
+
+    Parameters
+    ----------
+    tau : array_like
+        Time V t/l_x [-], at least 0.
+    phi : array_like
+        Misalignment [rad] in (-pi/2, pi/2). A negative one mirrors the motion: theta, psi and Y' change sign.
+        At 0, the limit from above, only tau < 1.
+    kappa : array_like
+        k_x/k_y [-] in [0, 1).
+
+    Returns
+    -------
+    Creep
+        Arrays (alpha, theta, psi, v, X_rate, Y_rate, X, deficit) of the broadcast shape, float64; ratios to V and l_x.
+
+    Raises
+    ------
+    UsageError
+        If a point is out of range; the message gives the range.
+
+    Notes
+    -----
+    With kappa = 0 all are good to 2e-14 of themselves for 1e-6 deg <= phi <= 89 deg. With kappa > 0 the rounding of the time
+    of release enters, and X keeps about 1e-16 absolute only.
+    """
+    shape = np.broadcast_shapes(np.shape(tau), np.shape(phi), np.shape(kappa))
+    taus, phis, kappas = _flat(tau, shape), _one_or_flat(phi, shape), _one_or_flat(kappa, shape)
+    if taus.size == 0:
+        return Creep(*(np.empty(shape) for _ in Creep._fields))
+    values, point, fault = _native.creep_exact(taus, phis, kappas)
+    _check(point, fault, tau=taus, phi=phis, kappa=kappas)
+    return Creep(*(column.reshape(shape) for column in values))
+
+
+def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power") -> _Floats:
+    """X'/V of slow creep for small misalignment, Eq. (8) and two relatives.
+
+    Parameters
+    ----------
+    tau : array_like
+        Time V t/l_x [-], in [0, 1). All forms fail once ``1 - tau`` comes down to about phi.
+    phi : array_like
+        Misalignment [rad] in (-pi/2, pi/2); the result is even in it.
+    form : {'first_power', 'printed', 'third_order'}
+        'first_power': ``phi (phi + tau/sqrt(1 - tau^2))``, Eq. (8) as Eqs. (6) and (7) give it, with an error of order
+        phi^2. 'printed': ``phi (phi + tau^2/sqrt(1 - tau^2))``, as in the preprint, wrong by order phi.
+        'third_order': ``phi tau/sqrt(1 - tau^2) + phi^2 [1 + 1/(1 - tau^2) - (1 - tau^2)^(-3/2)]``, with an error of order
+        phi^3.
+
+    Returns
+    -------
+    ndarray, float64
+        X'/V [-] in the broadcast shape.
+
+    Raises
+    ------
+    UsageError
+        If a point is out of range, or the form is none of these.
+    """
+    if form not in FORMS:
+        raise UsageError(f"form = {form!r}: one of {', '.join(map(repr, FORMS))}")
+    shape = np.broadcast_shapes(np.shape(tau), np.shape(phi))
+    taus, phis = _flat(tau, shape), _one_or_flat(phi, shape)
+    if taus.size == 0:
+        return np.empty(shape)
+    x_rate, point, fault = _native.creep_asymptotic(FORMS[form], taus, phis)
+    _check(point, fault, tau=taus, phi=phis)
+    return x_rate.reshape(shape)
+
+
+def creep_velocity(
+    t: ArrayLike,
+    *,
+    velocity: ArrayLike,
+    misalignment: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike | None = None,
+    mu_0: ArrayLike,
+    normal_load: ArrayLike,
+) -> _Floats:
+    """Velocity X' of slow creep along the drive, exact (`creep_exact`) and in SI units.
+
+    Parameters
+    ----------
+    t : array_like
+        Time [s] since the spring was relaxed, at least 0.
+    velocity : array_like
+        V [m/s] of the drive, positive.
+    misalignment : array_like
+        phi [rad] in (-pi/2, pi/2).
+    stiffness_x, stiffness_y : array_like
+        k_x < k_y [N/m] of the soft and the stiff principal axis; without `stiffness_y` the latter is rigid.
+    mu_0 : array_like
+        Friction coefficient [-], positive.
+    normal_load : array_like
+        W [N], positive.
+
+    Returns
+    -------
+    ndarray, float64
+        X' [m/s] in the broadcast shape of all arguments.
+
+    Raises
+    ------
+    UsageError
+        If an argument is out of range; the message gives the range.
+    """
+    speed = _positive("velocity", velocity, "m/s")
+    soft = _positive("stiffness_x", stiffness_x, "N/m")
+    friction = _positive("mu_0", mu_0, "") * _positive("normal_load", normal_load, "N")
+    times = np.asarray(t, dtype=np.float64)
+    _require("t", times, (times >= 0.0) & np.isfinite(times), "finite and in [0, inf) s")
+    kappa: _Floats = np.zeros(())
+    if stiffness_y is not None:
+        kappa = soft / _positive("stiffness_y", stiffness_y, "N/m")
+        _require("stiffness_x/stiffness_y", kappa, kappa < 1.0, "in [0, 1)")
+    return speed * creep_exact(times * (speed * soft / friction), misalignment, kappa).X_rate
+
+
+def _flat(values: ArrayLike, shape: tuple[int, ...]) -> _Floats:
+    return np.ascontiguousarray(np.broadcast_to(np.asarray(values, dtype=np.float64), shape)).reshape(-1)
+
+
+def _one_or_flat(values: ArrayLike, shape: tuple[int, ...]) -> _Floats:
+    """A single value stays single: the core then need not look at it again."""
+    array = np.asarray(values, dtype=np.float64)
+    return array.reshape(1) if array.size == 1 else _flat(array, shape)
+
+
+def _check(point: int, fault: int, **arguments: _Floats) -> None:
+    if fault != 0:
+        here = {name: float(values[min(point, values.size - 1)]) for name, values in arguments.items()}
+        raise UsageError(RANGES[fault].format(**here))
+
+
+def _positive(name: str, values: ArrayLike, units: str) -> _Floats:
+    array = np.asarray(values, dtype=np.float64)
+    _require(name, array, (array > 0.0) & (array < math.inf), f"finite and in (0, inf) {units}".rstrip())
+    return array
+
+
+def _require(name: str, array: _Floats, holds: NDArray[np.bool_] | np.bool_, valid: str) -> None:
+    if not np.all(holds):
+        worst = array.reshape(-1)[~np.reshape(holds, -1)][0]
+        raise UsageError(f"{name} = {worst:.17g}: {name} must be {valid}")

@@ -1,0 +1,325 @@
+!> Slow creep without inertia: Eq. (7) in closed form, its finite-k_y generalisation, and Eq. (8).
+!>
+!> Massless, constant friction F_0 = mu_0 W, kappa = k_x/k_y, l_x = F_0/k_x, tau = V t/l_x. While the
+!> object creeps, |K u| = F_0; with k_x u_x/F_0 = sin(alpha) and k_y u_y/F_0 = cos(alpha),
+!>
+!>     (cos^2 alpha + kappa sin^2 alpha) d(alpha)/d(tau) = cos(alpha + phi)
+!>
+!> (kappa = 0 is Eq. 7). Before, up to tau_1 = kappa/sqrt(kappa^2 c^2 + s^2), it truly sticks, and
+!> sin(alpha_1) = tau_1 c. With the angles theta = pi/2 - alpha and psi = theta - phi of friction to the
+!> soft axis and to the drive, and the path g = ln[tan(psi_1/2)/tan(psi/2)],
+!>
+!>     tau - tau_1 = (1 - kappa) [sin(alpha - phi) - sin(alpha_1 - phi) + g s^2] + kappa g.
+!>
+!> The unknown is g. tau rises with it and is concave: tau' = cos^2 alpha + kappa sin^2 alpha lies between 0 and 1
+!> and |tau''| <= 2 tau', so that iterations of high order converge from any start not far off, and Newton's
+!> from everywhere. What is small is computed as such (1 - exp(-g), psi, 1 - X'/V): nothing cancels for any phi.
+!>
+!> Source: Nakano & Popov (2020), Eqs. (6)-(8); docs/theory.md derives the closed form.
+module dst_creep
+  use dst_kinds, only: wp, pi
+  implicit none
+  private
+
+  public :: creep_t, creep_path_t, new_creep_path, creep_at, creep_exact
+  public :: creep_first_power, creep_printed, creep_third_order
+
+  !> The state of creep at one time; all ratios without unit.
+  type :: creep_t
+    real(wp) :: alpha = 0.0_wp       !! rad; sin(alpha) = k_x u_x/F_0
+    real(wp) :: psi = 0.0_wp         !! rad, friction to the drive; theta = phi + psi
+    real(wp) :: speed = 0.0_wp       !! v/V
+    real(wp) :: x_rate = 0.0_wp      !! X'/V
+    real(wp) :: y_rate = 0.0_wp      !! Y'/V
+    real(wp) :: position = 0.0_wp    !! X/l_x
+    real(wp) :: deficit = 0.0_wp     !! 1 - X'/V
+  end type creep_t
+
+  !> What depends on the misalignment and the stiffnesses only.
+  type :: creep_path_t
+    real(wp) :: phi = 0.0_wp                      !! rad
+    real(wp) :: kappa = 0.0_wp                    !! k_x/k_y
+    real(wp) :: s = 0.0_wp, c = 1.0_wp            !! sin(phi), cos(phi)
+    real(wp) :: cos_2 = 1.0_wp                    !! cos(2 phi)
+    real(wp) :: phi_minus_s = 0.0_wp              !! phi - sin(phi)
+    real(wp) :: tau_1 = 0.0_wp, alpha_1 = 0.0_wp  !! where creep begins; alpha_1 in rad
+    real(wp) :: psi_1 = 0.5_wp*pi                 !! rad, the same for psi
+    real(wp) :: q_1 = 1.0_wp                      !! tan(psi_1/2)
+    real(wp) :: sine_1 = 0.0_wp, cosine_1 = 1.0_wp  !! of alpha_1
+    real(wp) :: beta_sine = 0.0_wp, beta_cosine = 1.0_wp  !! of alpha_1 + phi
+    real(wp) :: log_ratio = 0.0_wp                !! ln(2 tan(psi_1/2)/s); 0 for s = 0
+  end type creep_path_t
+
+  !> A point of the path.
+  type :: point_t
+    real(wp) :: g, decay, turned   !! g, exp(-g) and 1 - exp(-g)
+    real(wp) :: tangent, q         !! tan((alpha - alpha_1)/2), tan(psi/2)
+    real(wp) :: sin_alpha, cos_alpha, sin_psi, cos_psi
+  end type point_t
+
+  integer, parameter :: max_iterations = 200
+  ! Below this elapsed tau alpha is small and differences are taken from the start, above it from tau = 1.
+  real(wp), parameter :: early = 0.3_wp
+  ! Steps up to this length keep exp(-g) current by a rational function.
+  real(wp), parameter :: longest_step = 0.4_wp
+  ! A step of the fourth order leaves an error below its fourth power.
+  real(wp), parameter :: last_step = 1.0e-4_wp
+  real(wp), parameter :: roundoff = 4.0_wp*epsilon(1.0_wp)
+
+contains
+
+  !> Exact creep at tau >= 0 for 0 < phi < pi/2 and 0 <= kappa < 1; for phi = 0 only before slip,
+  !> tau < 1 (the caller checks the ranges).
+  elemental function creep_exact(phi, kappa, tau) result(creep)
+    real(wp), intent(in) :: phi, kappa, tau
+    type(creep_t) :: creep
+
+    creep = creep_at(new_creep_path(phi, kappa), tau)
+  end function creep_exact
+
+  !> The constants of creep for phi [rad] in [0, pi/2) and kappa in [0, 1).
+  elemental function new_creep_path(phi, kappa) result(path)
+    real(wp), intent(in) :: phi, kappa
+    type(creep_path_t) :: path
+
+    path%phi = phi
+    path%kappa = kappa
+    path%s = sin(phi)
+    path%c = cos(phi)
+    path%cos_2 = (path%c - path%s)*(path%c + path%s)
+    path%phi_minus_s = phi_minus_sine(phi)
+    if (kappa > 0.0_wp) then
+      path%tau_1 = kappa/hypot(kappa*path%c, path%s)
+      path%alpha_1 = atan2(kappa*path%c, path%s)
+      path%sine_1 = sin(path%alpha_1)
+      path%cosine_1 = cos(path%alpha_1)
+    end if
+    path%psi_1 = (0.5_wp*pi - phi) - path%alpha_1
+    path%beta_sine = path%sine_1*path%c + path%cosine_1*path%s
+    path%beta_cosine = path%cosine_1*path%c - path%sine_1*path%s
+    path%q_1 = path%beta_cosine/(1.0_wp + path%beta_sine)
+    if (path%s > 0.0_wp) path%log_ratio = log(path%q_1) - log(0.5_wp*path%s)
+  end function new_creep_path
+
+  !> phi - sin(phi), also where phi is small.
+  elemental real(wp) function phi_minus_sine(phi)
+    real(wp), intent(in) :: phi
+    real(wp) :: x
+
+    if (phi > 0.5_wp) then
+      phi_minus_sine = phi - sin(phi)
+    else
+      x = phi**2
+      phi_minus_sine = phi*x/6.0_wp*(1.0_wp - x/20.0_wp*(1.0_wp - x/42.0_wp*(1.0_wp - x/72.0_wp*(1.0_wp - x/110.0_wp))))
+    end if
+  end function phi_minus_sine
+
+  !> Creep at tau >= 0.
+  elemental function creep_at(path, tau) result(creep)
+    type(creep_path_t), intent(in) :: path
+    real(wp), intent(in) :: tau
+    type(creep_t) :: creep
+    type(point_t) :: point
+    real(wp) :: denominator, half
+
+    if (tau < path%tau_1) then
+      creep = creep_t(alpha=path%alpha_1, psi=path%psi_1, deficit=1.0_wp)
+      return
+    end if
+    if (distance_of(path, tau) > 1000.0_wp*((1.0_wp - path%kappa)*path%s**2 + path%kappa)) then
+      ! g > 1000 and exp(-g) = 0: friction is along the drive.
+      creep = creep_t(alpha=0.5_wp*pi - path%phi, speed=1.0_wp, x_rate=1.0_wp, &
+        position=tau - path%tau_1 - path%c*(path%c - path%sine_1) - path%kappa*path%s*(path%s - path%cosine_1))
+      return
+    end if
+    point = point_at(path, tau)
+    associate (s => path%s, c => path%c, kappa => path%kappa, sine => point%sin_alpha, cosine => point%cos_alpha, &
+        t => point%tangent)
+      ! One arctangent, of the angle that is the smaller part of psi_1 = psi + (alpha - alpha_1).
+      half = 2.0_wp*atan(min(t, point%q))
+      if (t < point%q) then
+        creep%alpha = path%alpha_1 + half
+        creep%psi = path%psi_1 - half
+      else
+        creep%psi = half
+        creep%alpha = (0.5_wp*pi - path%phi) - half
+      end if
+      denominator = 1.0_wp/(cosine**2 + kappa*sine**2)
+      creep%speed = (cosine*s + kappa*sine*c)*denominator
+      creep%x_rate = creep%speed*point%cos_psi
+      creep%y_rate = creep%speed*point%sin_psi
+      creep%deficit = point%sin_psi*(cosine*c - kappa*sine*s)*denominator
+      ! X/l_x = (tau - tau_1) - c (sin alpha - sin alpha_1) - kappa s (cos alpha - cos alpha_1), with the solution
+      ! put in, so that nothing cancels for small phi.
+      creep%position = 2.0_wp*s*t*(path%sine_1 + path%cosine_1*t)/(1.0_wp + t**2) + (1.0_wp - kappa)*s**2*point%g &
+        + kappa*(point%g - 2.0_wp*c*t*(path%cosine_1 - path%sine_1*t)/(1.0_wp + t**2))
+    end associate
+  end function creep_at
+
+  !> tau - tau_1 - (1 - kappa) [1 - sin(alpha_1 - phi)]; for kappa = 0, tau - 1 - sin(phi) without rounding sin(phi).
+  elemental real(wp) function distance_of(path, tau) result(distance)
+    type(creep_path_t), intent(in) :: path
+    real(wp), intent(in) :: tau
+
+    if (path%kappa > 0.0_wp) then
+      distance = tau - path%tau_1 - (1.0_wp - path%kappa)*(1.0_wp - path%sine_1*path%c + path%cosine_1*path%s)
+    else
+      distance = ((tau - 1.0_wp) - path%phi) + path%phi_minus_s
+    end if
+  end function distance_of
+
+  !> Solve for the path g.
+  pure function point_at(path, tau) result(point)
+    type(creep_path_t), intent(in) :: path
+    real(wp), intent(in) :: tau
+    type(point_t) :: point
+    real(wp) :: elapsed, distance, residual, step, second, third, correction, one_minus_kappa, weight
+    real(wp) :: share, sin_psi, cos_psi, sin_alpha, cos_alpha, above, below
+    integer :: iteration
+
+    one_minus_kappa = 1.0_wp - path%kappa
+    weight = one_minus_kappa*path%s**2 + path%kappa
+    elapsed = tau - path%tau_1
+    distance = distance_of(path, tau)
+    call start(path, elapsed, distance, point)
+    associate (s => path%s, c => path%c, q => point%q)
+      do iteration = 1, max_iterations
+        q = path%q_1*point%decay
+        share = 1.0_wp/(1.0_wp + q**2)
+        sin_psi = 2.0_wp*q*share
+        cos_psi = (1.0_wp - q)*(1.0_wp + q)*share
+        cos_alpha = s*cos_psi + c*sin_psi
+        sin_alpha = c*cos_psi - s*sin_psi
+        if (elapsed < early) then
+          ! sin(alpha - phi) - sin(alpha_1 - phi) = 2 sin(half) cos(alpha_1 - phi + half), tan(half) = above/below
+          above = point%turned*path%beta_cosine
+          below = 1.0_wp + point%decay + point%turned*path%beta_sine
+          residual = elapsed - weight*point%g - one_minus_kappa*2.0_wp*above*(below*(path%cosine_1*c + path%sine_1*s) &
+            - above*(path%sine_1*c - path%cosine_1*s))/(below**2 + above**2)
+        else
+          ! 1 - sin(alpha - phi) = 2 sin^2(phi + psi/2)
+          residual = distance + one_minus_kappa*2.0_wp*(s + c*q)**2*share - weight*point%g
+        end if
+        ! 1/tau', tau''/(2 tau'), tau'''/(6 tau')
+        share = 1.0_wp/(cos_alpha**2 + path%kappa*sin_alpha**2)
+        step = residual*share
+        if (abs(step) > longest_step) then
+          if (abs(step) <= roundoff*point%g) exit
+          ! Newton's step ends on the left of the solution, wherever it starts.
+          call set_path(max(point%g + step, elapsed), point)
+          cycle
+        end if
+        share = one_minus_kappa*sin_psi*share
+        second = -share*sin_alpha*cos_alpha
+        third = share*((sin_alpha**2 - cos_alpha**2)*sin_psi + sin_alpha*cos_alpha*cos_psi)*(1.0_wp/3.0_wp)
+        correction = step*(1.0_wp - step*(second - step*(2.0_wp*second**2 - third)))
+        share = rise(correction)*point%decay
+        point%g = point%g + correction
+        point%turned = point%turned + share
+        point%decay = point%decay - share
+        if (abs(correction) <= max(last_step*min(1.0_wp, point%g), roundoff*point%g)) exit
+      end do
+    end associate
+    call complete(path, point)
+  end function point_at
+
+  !> A first guess of g: its series where tau is small; otherwise the root of the equation below without its
+  !> logarithm; and exponential decay towards psi = 0 beyond. With a = 2 tan(psi/2)/s and kappa = 0
+  !>
+  !>     ln a + [2 c a + cos(2 phi) a^2/2]/(1 + s^2 a^2/4) = ln(2 q_1/s) - 2 - (tau - 1 - s)/s^2 = w.
+  pure subroutine start(path, elapsed, distance, point)
+    type(creep_path_t), intent(in) :: path
+    real(wp), intent(in) :: elapsed, distance
+    type(point_t), intent(inout) :: point
+    real(wp) :: s2, level, root, x, half
+
+    if (elapsed < early .or. path%kappa > 0.0_wp) then
+      call set_path(elapsed*(1.0_wp + (path%beta_cosine*elapsed)**2/3.0_wp*(1.0_wp - path%kappa)), point)
+      return
+    end if
+    s2 = path%s**2
+    level = s2*(path%log_ratio - 2.0_wp) - distance
+    if (level > 1.2_wp*s2) then
+      half = 2.0_wp*path%s*path%c
+      root = sqrt(max(0.0_wp, half**2 + (2.0_wp*path%cos_2 - level)*level))
+      point%decay = min(level/((half + root)*path%q_1), 1.0_wp)
+      point%turned = 1.0_wp - point%decay
+      point%g = -log(point%decay)
+    else
+      x = exp(level/s2)
+      call set_path(max((distance + 2.0_wp*s2)/s2 + log(1.0_wp + 2.0_wp*path%c*x/sqrt(1.0_wp + 0.6_wp*x)), elapsed), point)
+    end if
+  end subroutine start
+
+  !> Set g and its exponentials.
+  pure subroutine set_path(g, point)
+    real(wp), intent(in) :: g
+    type(point_t), intent(inout) :: point
+
+    point%g = g
+    if (g < longest_step) then
+      point%turned = rise(g)
+      point%decay = 1.0_wp - point%turned
+    else
+      point%decay = exp(-g)
+      point%turned = 1.0_wp - point%decay
+    end if
+  end subroutine set_path
+
+  !> 1 - exp(-x) for |x| <= longest_step to full relative precision: 2 T/(1 + T), T = tanh(x/2) as a
+  !> continued fraction cut where it errs by 3e-18.
+  elemental real(wp) function rise(x)
+    real(wp), intent(in) :: x
+    real(wp) :: y2, above, below
+
+    y2 = 0.25_wp*x**2
+    above = 0.5_wp*x*(10395.0_wp + y2*(1260.0_wp + 21.0_wp*y2))
+    below = 10395.0_wp + y2*(4725.0_wp + y2*(210.0_wp + y2))
+    rise = 2.0_wp*above/(below + above)
+  end function rise
+
+  !> The angles of a point from its path.
+  pure subroutine complete(path, point)
+    type(creep_path_t), intent(in) :: path
+    type(point_t), intent(inout) :: point
+    real(wp) :: t, q, share, turn_sine, turn_cosine
+
+    ! tan((alpha - alpha_1)/2) = T cos(beta_1)/(1 + T sin(beta_1)), T = tanh(g/2)
+    t = point%turned*path%beta_cosine/(1.0_wp + point%decay + point%turned*path%beta_sine)
+    q = path%q_1*point%decay
+    share = 1.0_wp/(1.0_wp + q**2)
+    point%tangent = t
+    point%q = q
+    point%sin_psi = 2.0_wp*q*share
+    turn_cosine = 1.0_wp/(1.0_wp + t**2)
+    turn_sine = 2.0_wp*t*turn_cosine
+    turn_cosine = (1.0_wp - t**2)*turn_cosine
+    point%sin_alpha = path%sine_1*turn_cosine + path%cosine_1*turn_sine
+    ! cos(alpha) = sin(phi + psi), cos(psi) = sin(alpha + phi)
+    point%cos_alpha = path%s*(1.0_wp - q)*(1.0_wp + q)*share + path%c*point%sin_psi
+    point%cos_psi = path%c*point%sin_alpha + path%s*point%cos_alpha
+  end subroutine complete
+
+  !> Eq. (8) with the first power that Eqs. (6) and (7) give: X'/V = phi (phi + tau/sqrt(1 - tau^2)).
+  elemental real(wp) function creep_first_power(phi, tau) result(x_rate)
+    real(wp), intent(in) :: phi, tau
+
+    x_rate = phi*(phi + tau/sqrt((1.0_wp - tau)*(1.0_wp + tau)))
+  end function creep_first_power
+
+  !> Eq. (8) as the preprint prints it, with tau^2 in the numerator.
+  elemental real(wp) function creep_printed(phi, tau) result(x_rate)
+    real(wp), intent(in) :: phi, tau
+
+    x_rate = phi*(phi + tau**2/sqrt((1.0_wp - tau)*(1.0_wp + tau)))
+  end function creep_printed
+
+  !> The expansion of the exact creep through phi^2, with an error of order phi^3.
+  elemental real(wp) function creep_third_order(phi, tau) result(x_rate)
+    real(wp), intent(in) :: phi, tau
+    real(wp) :: q
+
+    q = (1.0_wp - tau)*(1.0_wp + tau)
+    x_rate = phi*tau/sqrt(q) + phi**2*(1.0_wp + 1.0_wp/q - 1.0_wp/(q*sqrt(q)))
+  end function creep_third_order
+end module dst_creep

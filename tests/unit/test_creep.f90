@@ -1,0 +1,280 @@
+!> Slow creep: the table of Eq. (8)'s errors, the closed form against integrations of Eq. (7) and against itself in
+!> quadruple precision, limits.
+!>
+!> Source: Nakano & Popov (2020), Eqs. (6)-(8); the table's values were computed in quadruple precision.
+program test_creep
+  use checks, only: check, check_close, check_order, finish
+  use dst_kinds, only: wp, pi, degree
+  use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, creep_exact, &
+    creep_first_power, creep_printed, creep_third_order
+  implicit none
+
+  integer, parameter :: qp = selected_real_kind(30)
+  real(wp), parameter :: eps = epsilon(1.0_wp)
+
+  call test_table()
+  call test_orders()
+  call test_integration()
+  call test_quadruple()
+  call test_stick()
+  call test_limits()
+  call finish()
+
+contains
+
+  !> Errors of the three forms at tau = 0.5, to every digit known.
+  subroutine test_table()
+    real(wp), parameter :: phi(6) = [4.0_wp, 2.0_wp, 1.0_wp, 0.5_wp, 0.25_wp, 0.125_wp]*degree
+    real(wp), parameter :: first_power(6) = &
+      [1.24194e-3_wp, 2.80997e-4_wp, 6.65453e-5_wp, 1.61725e-5_wp, 3.98509e-6_wp, 9.89017e-7_wp]
+    real(wp), parameter :: printed(6) = &
+      [1.89114e-2_wp, 9.79567e-3_wp, 4.97179e-3_wp, 2.50299e-3_wp, 1.2556e-3_wp, 6.28802e-4_wp]
+    real(wp), parameter :: third(6) = &
+      [2.36619e-4_wp, 2.96666e-5_wp, 3.7127e-6_wp, 4.64322e-7_wp, 5.80536e-8_wp, 7.25749e-9_wp]
+    type(creep_t) :: creep(6)
+
+    creep = creep_exact(phi, 0.0_wp, 0.5_wp)
+    call check_digits('Eq. (8), first power', abs(creep_first_power(phi, 0.5_wp) - creep%x_rate), first_power)
+    call check_digits('Eq. (8) as printed', abs(creep_printed(phi, 0.5_wp) - creep%x_rate), printed)
+    call check_digits('third order', abs(creep_third_order(phi, 0.5_wp) - creep%x_rate), third)
+  end subroutine test_table
+
+  !> Six digits: half a unit of the last one.
+  subroutine check_digits(name, actual, expected)
+    character(*), intent(in) :: name
+    real(wp), intent(in) :: actual(:), expected(:)
+    integer :: i
+
+    do i = 1, size(actual)
+      call check_close(name, actual(i), expected(i), 0.5_wp*10.0_wp**(floor(log10(expected(i))) - 5)*(1.0_wp + 1.0e-9_wp))
+    end do
+  end subroutine check_digits
+
+  subroutine test_orders()
+    real(wp), parameter :: phi(2) = [0.02_wp, 0.01_wp]*degree, tau(3) = [0.25_wp, 0.5_wp, 0.8_wp]
+    type(creep_t) :: creep(2)
+    real(wp) :: error(2)
+    integer :: i
+
+    do i = 1, 3
+      creep = creep_exact(phi, 0.0_wp, tau(i))
+      error = abs(creep_first_power(phi, tau(i)) - creep%x_rate)
+      call check_order('first power', error(1), error(2), 2.0_wp, 2.0_wp, 0.05_wp)
+      error = abs(creep_printed(phi, tau(i)) - creep%x_rate)
+      call check_order('printed', error(1), error(2), 2.0_wp, 1.0_wp, 0.05_wp)
+      error = abs(creep_third_order(phi, tau(i)) - creep%x_rate)
+      call check_order('third order', error(1), error(2), 2.0_wp, 3.0_wp, 0.05_wp)
+    end do
+  end subroutine test_orders
+
+  !> d(alpha)/d(tau) and dX/d(tau) integrated with order 20 in quadruple precision, against the closed form.
+  subroutine test_integration()
+    real(wp), parameter :: phi(4) = [5.0_wp, 10.0_wp, 45.0_wp, 80.0_wp]*degree, kappa(3) = [0.0_wp, 1.0e-2_wp, 0.6_wp]
+    real(wp), parameter :: tau(4) = [0.1_wp, 0.6_wp, 0.95_wp, 1.5_wp]
+    type(creep_t) :: creep
+    type(creep_path_t) :: path
+    real(qp) :: state(2), now, phi_q, kappa_q, next
+    integer :: i, j, k, n, piece
+
+    do i = 1, size(phi)
+      do j = 1, size(kappa)
+        path = new_creep_path(phi(i), kappa(j))
+        phi_q = real(phi(i), qp)
+        kappa_q = real(kappa(j), qp)
+        now = kappa_q/hypot(kappa_q*cos(phi_q), sin(phi_q))
+        state = [atan2(kappa_q*cos(phi_q), sin(phi_q)), 0.0_qp]
+        do k = 1, size(tau)
+          next = path%tau_1 + real(tau(k), qp)*merge(1.0_qp, 0.5_qp, j == 1)
+          next = real(real(next, wp), qp)
+          ! friction turns along the drive within about sin^2(phi) of tau
+          n = 60 + int(3.0_wp/path%s**2)
+          do piece = 1, n
+            call extrapolate(phi_q, kappa_q, (next - now)/real(n + 1 - piece, qp), state)
+            now = now + (next - now)/real(n + 1 - piece, qp)
+          end do
+          creep = creep_at(path, real(next, wp))
+          call check_close('alpha by integration', creep%alpha, real(state(1), wp), 1.0e-13_wp*max(1.0_wp, abs(creep%alpha)))
+          call check_close('X by quadrature', creep%position, real(state(2), wp), 1.0e-13_wp*max(1.0_wp, creep%position))
+          call check_close("1 - X'/V", creep%deficit, 1.0_wp - creep%x_rate, 4.0_wp*eps)
+          call check_close("X' by its definition", creep%x_rate, real(rate_x(phi_q, kappa_q, state(1)), wp), 1.0e-13_wp)
+        end do
+      end do
+    end do
+  end subroutine test_integration
+
+  !> Eq. (7), and its extension to a finite stiffness across.
+  pure function rate(phi, kappa, state)
+    real(qp), intent(in) :: phi, kappa, state(2)
+    real(qp) :: rate(2)
+
+    rate(1) = cos(state(1) + phi)/(cos(state(1))**2 + kappa*sin(state(1))**2)
+    rate(2) = rate_x(phi, kappa, state(1))
+  end function rate
+
+  !> X'/V = 1 - (u_x' cos(phi) + u_y' sin(phi))/V, straight from Eqs. (6) and (7).
+  pure real(qp) function rate_x(phi, kappa, alpha)
+    real(qp), intent(in) :: phi, kappa, alpha
+
+    rate_x = 1.0_qp - cos(alpha + phi)/(cos(alpha)**2 + kappa*sin(alpha)**2)*(cos(alpha)*cos(phi) - kappa*sin(alpha)*sin(phi))
+  end function rate_x
+
+  !> One step of Gragg, Bulirsch and Stoer with 10 columns, order 20.
+  subroutine extrapolate(phi, kappa, h, state)
+    real(qp), intent(in) :: phi, kappa, h
+    real(qp), intent(inout) :: state(2)
+    integer, parameter :: columns = 10
+    real(qp) :: table(2, columns), before(2), here(2), after(2), ratio
+    integer :: i, j, n
+
+    do i = 1, columns
+      n = 2*i
+      before = state
+      here = state + h/n*rate(phi, kappa, state)
+      do j = 2, n
+        after = before + 2.0_qp*h/n*rate(phi, kappa, here)
+        before = here
+        here = after
+      end do
+      table(:, i) = 0.5_qp*(here + before + h/n*rate(phi, kappa, here))
+      do j = i - 1, 1, -1
+        ratio = (real(i, qp)/real(j, qp))**2
+        table(:, j) = table(:, j + 1) + (table(:, j + 1) - table(:, j))/(ratio - 1.0_qp)
+      end do
+    end do
+    state = table(:, 1)
+  end subroutine extrapolate
+
+  !> From 1e-6 to 89 degrees and from tau = 1e-9 to where X'/V differs from 1 by 1e-14, against bisection of the
+  !> closed form in quadruple precision.
+  subroutine test_quadruple()
+    real(wp), parameter :: angle(9) = [1.0e-6_wp, 1.0e-4_wp, 1.0e-2_wp, 1.0_wp, 10.0_wp, 45.0_wp, 60.0_wp, 80.0_wp, 89.0_wp]
+    type(creep_path_t) :: path
+    type(creep_t) :: creep
+    real(wp) :: worst(5), tau
+    real(qp) :: phi, alpha, psi, g, low, high
+    integer :: i, j, k
+
+    do i = 1, size(angle)
+      path = new_creep_path(angle(i)*degree, 0.0_wp)
+      phi = real(path%phi, qp)
+      worst = 0.0_wp
+      do j = 0, 100
+        g = 10.0_qp**(-9.0_qp + 0.1_qp*j)
+        call position_of(phi, g, alpha, psi)
+        tau = real(tau_of(phi, g, alpha), wp)
+        low = 0.4_qp*g
+        high = 1.0_qp + 2.0_qp*g
+        do k = 1, 115
+          g = 0.5_qp*(low + high)
+          call position_of(phi, g, alpha, psi)
+          if (tau_of(phi, g, alpha) < tau) then
+            low = g
+          else
+            high = g
+          end if
+        end do
+        if (sin(psi)*cos(phi)/sin(phi + psi) < 1.0e-14_qp) exit
+        creep = creep_at(path, tau)
+        worst(1) = max(worst(1), off(creep%x_rate, sin(phi)*cos(psi)/sin(phi + psi)))
+        worst(2) = max(worst(2), off(creep%deficit, sin(psi)*cos(phi)/sin(phi + psi)))
+        worst(3) = max(worst(3), off(creep%speed, sin(phi)/sin(phi + psi)))
+        worst(4) = max(worst(4), off(creep%y_rate, sin(phi)*sin(psi)/sin(phi + psi)))
+        worst(5) = max(worst(5), off(creep%position, sin(phi)*(2.0_qp*sin(0.5_qp*alpha)**2 + sin(phi)*g)))
+      end do
+      call check_close("X'/V", worst(1), 0.0_wp, 1.0e-14_wp)
+      call check_close("1 - X'/V", worst(2), 0.0_wp, 1.0e-13_wp)
+      call check_close('v/V', worst(3), 0.0_wp, 1.0e-14_wp)
+      call check_close("Y'/V", worst(4), 0.0_wp, 1.0e-13_wp)
+      call check_close('X/l_x', worst(5), 0.0_wp, 1.0e-14_wp)
+    end do
+  end subroutine test_quadruple
+
+  pure subroutine position_of(phi, g, alpha, psi)
+    real(qp), intent(in) :: phi, g
+    real(qp), intent(out) :: alpha, psi
+
+    alpha = 2.0_qp*atan(tanh(0.5_qp*g)*cos(phi)/(1.0_qp + tanh(0.5_qp*g)*sin(phi)))
+    psi = 2.0_qp*atan(tan(0.25_qp*acos(-1.0_qp) - 0.5_qp*phi)*exp(-g))
+  end subroutine position_of
+
+  pure real(qp) function tau_of(phi, g, alpha)
+    real(qp), intent(in) :: phi, g, alpha
+
+    tau_of = 2.0_qp*sin(0.5_qp*alpha)*cos(0.5_qp*alpha - phi) + sin(phi)**2*g
+  end function tau_of
+
+  pure real(wp) function off(actual, expected)
+    real(wp), intent(in) :: actual
+    real(qp), intent(in) :: expected
+
+    off = real(abs(actual/expected - 1.0_qp), wp)
+  end function off
+
+  !> With a finite k_y nothing moves until |K u| = F_0; then creep starts from the direction of K u.
+  subroutine test_stick()
+    type(creep_path_t) :: path
+    type(creep_t) :: before, after
+    real(wp) :: u(2)
+
+    path = new_creep_path(5.0_wp*degree, 0.3_wp)
+    u = path%tau_1*[path%c, path%s]
+    call check_close('release at |K u| = F_0', hypot(u(1), u(2)/0.3_wp), 1.0_wp, 4.0_wp*eps)
+    before = creep_at(path, path%tau_1*(1.0_wp - 1.0e-9_wp))
+    after = creep_at(path, path%tau_1*(1.0_wp + 1.0e-9_wp))
+    call check('at rest before', before%speed <= 0.0_wp .and. before%position <= 0.0_wp .and. before%deficit >= 1.0_wp)
+    call check_close('direction of K u', before%alpha, atan2(u(1), u(2)/0.3_wp), 4.0_wp*eps)
+    call check_close('continuous direction', after%alpha, before%alpha, 1.0e-8_wp)
+    call check('moves after', after%speed > 0.1_wp)
+    after = creep_exact(5.0_wp*degree, 0.0_wp, 0.0_wp)
+    call check_close('rigid across: slides sideways from the start', after%speed, sin(5.0_wp*degree), eps)
+  end subroutine test_stick
+
+  subroutine test_limits()
+    type(creep_t) :: creep, other
+    real(wp), parameter :: tau(5) = [1.0e-300_wp, 1.0e-8_wp, 0.3_wp, 0.9_wp, 0.999999_wp]
+    real(wp), parameter :: misalignment(3) = [1.0e-10_wp, 0.02_wp, 1.5_wp]
+    real(wp) :: phi
+    integer :: i, j
+
+    do i = 1, size(tau)
+      creep = creep_exact(0.0_wp, 0.0_wp, tau(i))
+      call check_close('phi = 0: sin(alpha) = tau', creep%alpha, asin(tau(i)), 8.0_wp*eps*creep%alpha/(1.0_wp - tau(i)))
+      call check('phi = 0: no motion', abs(creep%x_rate) + creep%speed + creep%position <= 0.0_wp)
+    end do
+    creep = creep_exact(degree, 0.0_wp, 1.0e6_wp)
+    call check_close('late: friction along the drive', creep%psi, 0.0_wp, 0.0_wp)
+    call check_close('late: theta = phi', 0.5_wp*pi - creep%alpha, degree, 2.0_wp*eps)
+    call check_close("late: X' = V", creep%x_rate, 1.0_wp, 2.0_wp*eps)
+    do j = 1, size(misalignment)
+      phi = misalignment(j)
+      other = creep_exact(phi, 0.0_wp, 0.0_wp)
+      do i = 1, 4000
+        creep = creep_exact(phi, 0.0_wp, 5.0e-4_wp*i)
+        if (creep%x_rate < other%x_rate*(1.0_wp - 4.0_wp*eps) .or. abs(creep%x_rate + creep%deficit - 1.0_wp) > 8.0_wp*eps) exit
+        other = creep
+      end do
+      call check("X' rises, and 1 - X'/V is what its name says", i == 4001)
+    end do
+    creep = creep_exact(30.0_wp*degree, 0.3_wp, 600.0_wp)
+    other = creep_exact(30.0_wp*degree, 0.3_wp, 400.0_wp)
+    call check_close('X when saturated, finite k_y', creep%position - other%position, 200.0_wp, 1.0e-12_wp)
+    creep = creep_exact(1.0e-8_wp, 0.0_wp, huge(1.0_wp))
+    call check('the largest tau', creep%x_rate >= 1.0_wp .and. creep%position >= huge(1.0_wp)*(1.0_wp - eps))
+    do i = -3, 3
+      creep = creep_exact(1.0e-200_wp, 0.0_wp, 1.0_wp + i*eps)
+      call check_close('the smallest phi', creep%x_rate, merge(1.0_wp, 0.0_wp, i > 0), 1.0e-90_wp)
+      call check('the smallest phi: X', creep%position >= 0.0_wp .and. creep%position < 1.0e-15_wp)
+    end do
+    ! 1000 s^2 beyond tau = 1 + s the motion counts as saturated: no jump there.
+    creep = creep_exact(degree, 0.0_wp, 1.0_wp + sin(degree) + 999.0_wp*sin(degree)**2)
+    call check_close('X when saturated', creep%position, 999.0_wp*sin(degree)**2 + sin(degree) + sin(degree)**2, 4.0_wp*eps)
+    creep = creep_exact(degree, 0.0_wp, 1.0_wp + sin(degree) + 1001.0_wp*sin(degree)**2)
+    call check_close('X when saturated', creep%position, 1001.0_wp*sin(degree)**2 + sin(degree) + sin(degree)**2, 4.0_wp*eps)
+    creep = creep_exact(degree, 1.0e-9_wp, 0.7_wp)
+    other = creep_exact(degree, 0.0_wp, 0.7_wp)
+    call check_close('kappa to 0', creep%x_rate, other%x_rate, 1.0e-8_wp)
+    creep = creep_exact(degree, 0.0_wp, 0.5_wp)
+    call check_close("Eq. (6): Y' = -w_x s + w_y c", creep%y_rate, &
+      creep%speed*(-cos(0.5_wp*pi - creep%alpha)*sin(degree) + sin(0.5_wp*pi - creep%alpha)*cos(degree)), 4.0_wp*eps)
+  end subroutine test_limits
+end program test_creep
