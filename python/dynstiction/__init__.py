@@ -24,11 +24,18 @@ from .errors import (
 from .record import Described
 from .result import Result, open
 from .scene import Scene
+from .stability import (
+    CriticalMisalignment,
+    critical_misalignment,
+    damping_ratio,
+    steady_sliding_eigenvalues,
+)
 
 __version__ = _native.build_info().version
 
 __all__ = [
     "ColumnError",
+    "CriticalMisalignment",
     "DeckError",
     "Described",
     "Error",
@@ -38,8 +45,11 @@ __all__ = [
     "Scene",
     "SolverError",
     "UsageError",
+    "critical_misalignment",
+    "damping_ratio",
     "jacobian",
     "open",
     "rhs",
     "run",
+    "steady_sliding_eigenvalues",
 ]
