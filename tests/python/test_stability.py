@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -278,6 +279,20 @@ def test_shapes_broadcast(ds):
     assert ds.steady_sliding_eigenvalues(**{**FIG3, "velocity": []}).shape == (0, 4)
     assert ds.critical_misalignment(**{**FIG3, "velocity": []}).angle.shape == (0, 2)
     assert ds.damping_ratio(1.0, **FIG3).shape == ()
+
+
+def test_threads_and_contiguity(ds):
+    parameters = {**FIG3, "velocity": np.geomspace(1e-4, 1e-1, 5000)}
+
+    def both():
+        return ds.steady_sliding_eigenvalues(**parameters), *ds.critical_misalignment(**parameters)
+
+    expected = both()
+    assert all(array.flags.c_contiguous for array in expected)
+    with ThreadPoolExecutor(4) as pool:
+        for found in pool.map(lambda _: both(), range(8)):
+            for array, reference in zip(found, expected, strict=True):
+                np.testing.assert_array_equal(array, reference)
 
 
 def test_constant_friction_has_no_critical_angle(ds):
