@@ -21,14 +21,14 @@ TONES = {
 # room: (title, x, y, width, height, rooms it may use besides itself, modules)
 ROOMS = {
     "executable": ("the executable", 20, 66, 470, 130,
-                   "ground deck simulation writers", "main command_line run progress"),
+                   "ground deck simulation writers slider stability", "main command_line run progress stability_report"),
     "python": ("Python", 510, 66, 470, 130, "ground physics deck simulation writers", "python_api"),
     "simulation": ("the one run routine", 20, 220, 300, 110,
                    "ground physics numerics scene meeting", "simulation"),
     "writers": ("where results go", 340, 220, 320, 110, "ground", "hdf5_writer memory_writer hdf5_tools disk"),
     "meeting": ("where physics and numerics meet", 20, 354, 640, 82, "ground physics numerics",
                 "contact trajectory observables summary"),
-    "physics": ("physics", 20, 460, 200, 222, "ground", "full_model slider friction drive slip_system"),
+    "physics": ("physics", 20, 460, 200, 222, "ground", "full_model slider friction drive slip_system stability"),
     "numerics": ("numerics", 240, 460, 420, 222, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
                  "interpolation stepper"),
@@ -43,6 +43,7 @@ SAY = {
     "memory_writer": "arrays", "disk": "the system", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
     "full_model": "Eqs. 1–5", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
+    "stability": "linear theory", "stability_report": "its table",
     "slip_system": "a model, seen by a method", "radau": "implicit steps", "runge_kutta": "explicit steps",
     "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5 in few words", "bernstein": "first zero",
     "interpolation": "dense output", "stepper": "a method, seen by the trajectory",
@@ -107,7 +108,7 @@ def draw_room(room: str, title: str, x: int, y: int, width: int, height: int, _:
     ]
     chips = modules.split()
     wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {"executable": 2, "writers": 2, "numerics": 2, "meeting": 4, "ground": 3}.get(room, 1)
+    columns = {"executable": 3, "writers": 2, "physics": 2, "numerics": 2, "meeting": 4, "ground": 3}.get(room, 1)
     rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
     gap, top = 8, 28
     chip_width = (width - gap * (columns + 1)) / columns

@@ -12,7 +12,7 @@ module dst_command_line
   end type argument_t
 
   type :: command_t
-    character(:), allocatable :: name              !! run | check | template | version | help
+    character(:), allocatable :: name              !! run | check | template | stability | version | help
     character(:), allocatable :: output            !! of -o; '' = not given
     type(argument_t), allocatable :: operands(:)   !! decks, or the template's model
     type(argument_t), allocatable :: settings(:)   !! of --set
@@ -21,9 +21,9 @@ module dst_command_line
     logical :: help = .false.                      !! help on the command is wanted, not the command
   end type command_t
 
-  character(*), parameter :: commands = 'run check template'
+  character(*), parameter :: commands = 'run check template stability'
   !> Commands of the contract that this version does not have.
-  character(*), parameter :: later_commands = 'stability trade resume'
+  character(*), parameter :: later_commands = 'trade resume'
   character(*), parameter :: all_options = '-o --set --overwrite --quiet --help --version'
   character(*), parameter :: see_help = ', see dynstiction --help'
 
@@ -194,7 +194,7 @@ contains
     select case (command%name)
     case ('run')
       return
-    case ('check')
+    case ('check', 'stability')
       taken = '--set'
     case default
       taken = ''
@@ -287,12 +287,24 @@ contains
         'Example:'//n// &
         '  dynstiction template > my.nml'//n//n// &
         exit_codes(n)
+    case ('stability')
+      text = 'Usage: dynstiction stability DECK... [--set GROUP.KEY=VALUE]...'//n//n// &
+        'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment'//n// &
+        'angles, and the damping of the slow motion (Lambda, zeta, theta*). Of a drive with several velocities,'//n// &
+        'each one that is held and is not 0 is treated. Nothing runs, and no file is written.'//n//n// &
+        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
+        '  --set GROUP.KEY=       as if the deck did not set the key'//n//n// &
+        'Examples:'//n// &
+        '  dynstiction stability inputs/fig3.nml'//n// &
+        '  dynstiction stability inputs/fig3.nml --set system.misalignment_deg=10'//n//n// &
+        exit_codes(n)
     case default
       text = 'dynstiction: stick-slip of a spring-slider with misaligned anisotropic stiffness'//n//n// &
         'Usage:'//n// &
         '  dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n// &
         '  dynstiction check DECK... [--set GROUP.KEY=VALUE]...   print the deck as used, run nothing'//n// &
         '  dynstiction template [MODEL]                           print a deck with every key explained'//n// &
+        '  dynstiction stability DECK... [--set GROUP.KEY=VALUE]...   whether steady sliding is stable'//n// &
         '  dynstiction --version | --help | COMMAND --help'//n//n// &
         'A DECK is a Fortran namelist file; SI units, angles in degrees. Start from the template:'//n// &
         '  dynstiction template > my.nml'//n// &

@@ -8,6 +8,8 @@ program dynstiction
   use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_command_line, only: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
   use dst_run, only: run_deck
+  use dst_scene, only: scene_t, scene_from_deck
+  use dst_stability_report, only: stability_report
   use dst_build_info, only: version, git_revision, compiler
   implicit none
 
@@ -45,6 +47,8 @@ contains
       call print_template()
     case ('check')
       call check_decks()
+    case ('stability')
+      call report_stability()
     case ('run')
       call run_decks()
     end select
@@ -75,6 +79,28 @@ contains
       deallocate (deck)
     end do
   end subroutine check_decks
+
+  !> Print the linear theory of every deck that is sound, and all faults of the others.
+  subroutine report_stability()
+    type(error_t), allocatable :: error
+    type(deck_t), allocatable :: deck
+    type(scene_t) :: scene
+    character(:), allocatable :: text
+    integer :: i
+
+    do i = 1, command%operand_count
+      allocate (deck)
+      call read_deck(command%operands(i)%text, setting_list(command), deck, error)
+      if (.not. allocated(error)) then
+        call scene_from_deck(deck, scene)
+        call stability_report(scene, deck%name, text, error)
+        if (allocated(error)) error%text = deck%name//': '//error%text
+      end if
+      call complain(error)
+      if (.not. allocated(error)) call print_text(text)
+      deallocate (deck)
+    end do
+  end subroutine report_stability
 
   !> Nothing runs unless every deck is sound and every output file may be written.
   subroutine run_decks()

@@ -11,7 +11,7 @@ module dst_python_api
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
   use dst_deck, only: deck_t, parse_deck, resolved
-  use dst_errors, only: error_t
+  use dst_errors, only: error_t, raise, usage_error
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
   use dst_memory_writer, only: memory_writer_t
@@ -20,13 +20,15 @@ module dst_python_api
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: stage_terms_t, new_terms
+  use dst_stability, only: critical_t, steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, &
+                           damping_scale, damping_ratio, weakening_damping_ratio
   use dst_writer, only: quantity_t, outcome_t
   implicit none
   private
 
   public :: run_open, run_columns, column_info, run_advance, run_samples, run_events, run_outcome, run_counts
   public :: summary_info, statistics_info, parameter_info, parameter_text, run_text_length, run_text, run_close
-  public :: build_text, rhs, jacobian, creep_exact, creep_asymptotic
+  public :: build_text, rhs, jacobian, creep_exact, creep_asymptotic, eigenvalues, critical, slow_damping
 
   !> A run with everything that Python may ask of it.
   type :: session_t
@@ -376,6 +378,130 @@ contains
       end select
     end do
   end subroutine creep_asymptotic
+
+  !> Eigenvalues [1/s] of steady sliding for n sliders as in `rhs`: real and imaginary parts, by falling real part.
+  !> On failure `failed` is the first slider (from 1) that has none, and `message` says why.
+  subroutine eigenvalues(n, sliders, real_part, imaginary_part, failed, message)
+    integer(c_int), intent(in) :: n
+    real(c_double), intent(in) :: sliders(10, n)
+    real(c_double), intent(out) :: real_part(4, n), imaginary_part(4, n)
+    integer(c_int), intent(out) :: failed, message(256)
+    !f2py threadsafe
+    type(error_t), allocatable :: error
+    complex(wp) :: values(4)
+    integer :: i
+
+    call start_report(failed, message)
+    do i = 1, n
+      values = (0.0_wp, 0.0_wp)
+      call check_friction(real(sliders(5:8, i), wp), error)
+      if (.not. allocated(error)) &
+        call steady_sliding_eigenvalues(slider_from(real(sliders(:, i), wp)), real(sliders(9, i), wp), values, error)
+      real_part(:, i) = real(values, c_double)
+      imaginary_part(:, i) = real(aimag(values), c_double)
+      call report(i, error, failed, message)
+    end do
+  end subroutine eigenvalues
+
+  !> Critical misalignment for n sliders as in `rhs`, whose own misalignment has no effect: `exists` (0/1), angles [rad] and
+  !> frequencies [rad/s] of the low and the fast branch, stable window [rad], rigid limit of the low branch [rad].
+  subroutine critical(n, sliders, exists, angle, frequency, window, limit, failed, message)
+    integer(c_int), intent(in) :: n
+    real(c_double), intent(in) :: sliders(10, n)
+    integer(c_int), intent(out) :: exists(n)
+    real(c_double), intent(out) :: angle(2, n), frequency(2, n), window(2, n), limit(n)
+    integer(c_int), intent(out) :: failed, message(256)
+    !f2py threadsafe
+    type(error_t), allocatable :: error
+    type(critical_t) :: found
+    type(slider_t) :: slider
+    real(wp) :: low_limit
+    integer :: i
+
+    call start_report(failed, message)
+    do i = 1, n
+      found = critical_t()
+      low_limit = 0.0_wp
+      call check_friction(real(sliders(5:8, i), wp), error)
+      if (.not. allocated(error)) then
+        slider = slider_from(real(sliders(:, i), wp))
+        call critical_misalignment(slider, real(sliders(9, i), wp), found, error)
+      end if
+      if (.not. allocated(error)) call low_frequency_limit(slider, real(sliders(9, i), wp), low_limit, error)
+      exists(i) = merge(1_c_int, 0_c_int, found%exists)
+      angle(:, i) = real(found%angle, c_double)
+      frequency(:, i) = real(found%frequency, c_double)
+      window(:, i) = real(found%window, c_double)
+      limit(i) = real(low_limit, c_double)
+      call report(i, error, failed, message)
+    end do
+  end subroutine critical
+
+  !> Damping ratio of the slow motion at n angles theta [rad] for n sliders as in `rhs`: Eq. (10) with friction held at
+  !> mu_0 W, or with the law's own friction if `weakening` is 1.
+  subroutine slow_damping(n, sliders, theta, weakening, zeta, failed, message)
+    integer(c_int), intent(in) :: n, weakening
+    real(c_double), intent(in) :: sliders(10, n), theta(n)
+    real(c_double), intent(out) :: zeta(n)
+    integer(c_int), intent(out) :: failed, message(256)
+    !f2py threadsafe
+    type(error_t), allocatable :: error
+    real(wp) :: value
+    integer :: i
+
+    call start_report(failed, message)
+    do i = 1, n
+      call check_friction(real(sliders(5:8, i), wp), error)
+      if (.not. (allocated(error) .or. abs(theta(i)) <= huge(theta))) &
+        call raise(error, usage_error, 'theta is not a number or infinite: it must be finite')
+      value = 0.0_wp
+      if (.not. allocated(error)) call damping_of(slider_from(real(sliders(:, i), wp)), real(theta(i), wp))
+      zeta(i) = real(value, c_double)
+      call report(i, error, failed, message)
+    end do
+
+  contains
+
+    subroutine damping_of(slider, angle)
+      type(slider_t), intent(in) :: slider
+      real(wp), intent(in) :: angle
+
+      if (weakening == 1) then
+        call weakening_damping_ratio(slider, real(sliders(9, i), wp), angle, value, error)
+      else
+        call damping_scale(slider, real(sliders(9, i), wp), value, error)
+        value = damping_ratio(value, angle)
+      end if
+    end subroutine damping_of
+  end subroutine slow_damping
+
+  !> What a deck's reader would refuse: mu_0, mu_inf, v_f, W.
+  subroutine check_friction(values, error)
+    real(wp), intent(in) :: values(4)
+    type(error_t), allocatable, intent(out) :: error
+
+    if (.not. (all(values >= 0.0_wp) .and. all(values <= huge(values)) .and. values(3) > 0.0_wp)) &
+      call raise(error, usage_error, 'mu_0, mu_inf, v_f or normal_load is out of range: mu_0, mu_inf and normal_load must be '// &
+                 'finite and >= 0, v_f finite and > 0')
+  end subroutine check_friction
+
+  subroutine start_report(failed, message)
+    integer(c_int), intent(out) :: failed, message(256)
+
+    failed = 0
+    call put_text('', message)
+  end subroutine start_report
+
+  !> Keep the first error of a loop over sliders.
+  subroutine report(i, error, failed, message)
+    integer, intent(in) :: i
+    type(error_t), allocatable, intent(in) :: error
+    integer(c_int), intent(inout) :: failed, message(256)
+
+    if (.not. allocated(error) .or. failed > 0) return
+    failed = int(i, c_int)
+    call put_text(error%text, message)
+  end subroutine report
 
   function slider_from(values) result(slider)
     real(wp), intent(in) :: values(10)

@@ -13,14 +13,14 @@ module dst_simulation
   use dst_radau, only: new_radau
   use dst_runge_kutta, only: new_runge_kutta
   use dst_scene, only: scene_t
-  use dst_slider, only: cos_sin_degrees
+  use dst_slider, only: slider_t, cos_sin_degrees
   use dst_summary, only: summary_t, start_summary, follow, describe
   use dst_trajectory, only: trajectory_t, no_event
   use dst_writer, only: writer_t, quantity_t, outcome_t
   implicit none
   private
 
-  public :: simulation_t, wall_clock
+  public :: simulation_t, slider_from_scene, wall_clock
 
   integer, parameter :: buffer_rows = 512
   !> The clock is read once every so many advances.
@@ -68,24 +68,30 @@ contains
     type(scene_t), intent(in) :: scene
     type(trajectory_t), intent(out) :: trajectory
 
-    associate (slider => trajectory%slider)
-      slider%mass = scene%mass
-      slider%stiffness = [scene%stiffness_x, scene%stiffness_y]
-      slider%along = cos_sin_degrees(scene%misalignment_deg)
-      call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law)
-      trajectory%exact_contact = scene%contact == 'exact'
-      if (trajectory%exact_contact) then
-        trajectory%system = new_full_polar(slider)
-      else
-        slider%smoothing = scene%v_smooth**2
-        trajectory%system = new_full_smoothed(slider)
-      end if
-    end associate
+    call slider_from_scene(scene, trajectory%slider)
+    trajectory%exact_contact = scene%contact == 'exact'
+    if (trajectory%exact_contact) then
+      trajectory%system = new_full_polar(trajectory%slider)
+    else
+      trajectory%system = new_full_smoothed(trajectory%slider)
+    end if
     trajectory%drive = new_drive(scene%drive_time, scene%drive_velocity)
     trajectory%t_end = scene%t_end
     trajectory%step_max = scene%step_max
     call choose_method(scene, trajectory)
   end subroutine build_trajectory
+
+  !> The object and its contact.
+  subroutine slider_from_scene(scene, slider)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(out) :: slider
+
+    slider%mass = scene%mass
+    slider%stiffness = [scene%stiffness_x, scene%stiffness_y]
+    slider%along = cos_sin_degrees(scene%misalignment_deg)
+    call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law)
+    if (scene%contact /= 'exact') slider%smoothing = scene%v_smooth**2
+  end subroutine slider_from_scene
 
   !> The integrators by name.
   subroutine choose_method(scene, trajectory)

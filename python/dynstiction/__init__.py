@@ -25,12 +25,19 @@ from .errors import (
 from .record import Described
 from .result import Result, open
 from .scene import Scene
+from .stability import (
+    CriticalMisalignment,
+    critical_misalignment,
+    damping_ratio,
+    steady_sliding_eigenvalues,
+)
 
 __version__ = _native.build_info().version
 
 __all__ = [
     "ColumnError",
     "Creep",
+    "CriticalMisalignment",
     "DeckError",
     "Described",
     "Error",
@@ -43,8 +50,11 @@ __all__ = [
     "creep_asymptotic",
     "creep_exact",
     "creep_velocity",
+    "critical_misalignment",
+    "damping_ratio",
     "jacobian",
     "open",
     "rhs",
     "run",
+    "steady_sliding_eigenvalues",
 ]

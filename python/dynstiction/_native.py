@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._core import dst_python_api as _core
-from .errors import error_for
+from .errors import UsageError, error_for
 from .record import Info
 
 __all__ = [
@@ -21,8 +21,11 @@ __all__ = [
     "build_info",
     "creep_asymptotic",
     "creep_exact",
+    "critical",
+    "eigenvalues",
     "jacobian",
     "rhs",
+    "slow_damping",
     "text_from",
 ]
 
@@ -151,6 +154,46 @@ def creep_asymptotic(
     """X'/V (n), and index and fault as for `creep_exact`."""
     x_rate, point, fault = _core.creep_asymptotic(form, tau, phi)
     return x_rate, point - 1, fault
+
+
+def eigenvalues(sliders: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Eigenvalues (n, 4) of steady sliding for the parameter rows (n, 10)."""
+    if len(sliders) == 0:
+        return np.empty((0, 4), dtype=np.complex128)
+    real, imaginary, failed, message = _core.eigenvalues(sliders.T)
+    _refuse(failed, message, len(sliders))
+    return np.ascontiguousarray((real + 1j * imaginary).T)
+
+
+def critical(
+    sliders: NDArray[np.float64],
+) -> tuple[
+    NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
+]:
+    """Existence (n), angles (n, 2), frequencies (n, 2), stable windows (n, 2), limits (n)."""
+    if len(sliders) == 0:
+        pairs = np.empty((0, 2))
+        return np.empty(0, dtype=np.bool_), pairs, pairs, pairs, np.empty(0)
+    exists, angle, frequency, window, limit, failed, message = _core.critical(sliders.T)
+    _refuse(failed, message, len(sliders))
+    return exists == 1, angle.T, frequency.T, window.T, limit
+
+
+def slow_damping(
+    sliders: NDArray[np.float64], theta: NDArray[np.float64], weakening: bool
+) -> NDArray[np.float64]:
+    """Damping ratios (n) at the angles (n) for the parameter rows (n, 10)."""
+    if len(sliders) == 0:
+        return np.empty(0)
+    zeta, failed, message = _core.slow_damping(sliders.T, theta, int(weakening))
+    _refuse(failed, message, len(sliders))
+    return zeta
+
+
+def _refuse(failed: int, message: NDArray[np.int32], cases: int) -> None:
+    if failed > 0:
+        where = f"element {failed - 1} of {cases}: " if cases > 1 else ""
+        raise UsageError(where + _text(message))
 
 
 def _described(

@@ -580,7 +580,7 @@ def test_two_decks_cannot_share_an_output(call, tmp_path):
         (["check", "deck.nml", "--quiet"], "remove it"),
         (["template", "ful"], "nearest is 'full'"),
         (["template", "creep"], "not available in this version"),
-        (["stability", "deck.nml"], "not available in this version"),
+        (["trade", "deck.nml"], "not available in this version"),
     ],
 )
 def test_wrong_usage(arguments, remedy, call, tmp_path):
@@ -593,7 +593,8 @@ def test_wrong_usage(arguments, remedy, call, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], ["run", "--help"], ["check", "--help"], ["template", "-h"]]
+    "arguments",
+    [["--help"], ["run", "--help"], ["check", "--help"], ["template", "-h"], ["stability", "--help"]],
 )
 def test_help(arguments, call):
     result = call(*arguments)

@@ -1,0 +1,220 @@
+"""Linear theory of steady sliding, for arrays of parameters (docs/theory_stability.md).
+
+Every parameter may be a number or an array; arrays broadcast against each other as in numpy.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _native
+from .errors import UsageError
+
+__all__ = ["CriticalMisalignment", "critical_misalignment", "damping_ratio", "steady_sliding_eigenvalues"]
+
+
+class CriticalMisalignment(NamedTuple):
+    """Where steady sliding gains and loses its stability; ``...`` is the broadcast shape of the parameters.
+
+    The last dimension of `angle` and `frequency` is the branch: 0 the slow mode (a Hopf bifurcation near
+    the frequency of the soft axis), 1 the fast mode (near that of the stiff axis).
+    """
+
+    angle: NDArray[np.float64]
+    """Critical angles [rad] between 0 and pi/2, shape (..., 2); both NaN where there is none."""
+    frequency: NDArray[np.float64]
+    """Angular frequency [rad/s] of the oscillation at the critical angles, shape (..., 2)."""
+    window: NDArray[np.float64]
+    """Steady sliding is stable between these angles [rad], shape (..., 2); NaN where it is at none."""
+    limit: NDArray[np.float64]
+    """Critical angle [rad] of the slow mode for ``k_y`` to infinity, shape (...); 0 if friction does not weaken."""
+
+
+def steady_sliding_eigenvalues(
+    *,
+    mass: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike,
+    misalignment: ArrayLike,
+    mu_0: ArrayLike,
+    mu_inf: ArrayLike | None = None,
+    v_f: ArrayLike | None = None,
+    normal_load: ArrayLike,
+    velocity: ArrayLike,
+    v_smooth: ArrayLike = 0.0,
+) -> NDArray[np.complex128]:
+    """Eigenvalues of a perturbation of steady sliding.
+
+    ``m u'' + D u' + K u = 0`` with ``D = F'(V) s s^T + F(V)/V n n^T``, ``s = (cos phi, sin phi)``, n normal
+    to s, and ``F(v) = [mu_inf + (mu_0 - mu_inf) exp(-v/v_f)] W``. Steady sliding is stable if all real parts
+    are negative.
+
+    Parameters
+    ----------
+    mass : array_like
+        m [kg], > 0.
+    stiffness_x, stiffness_y : array_like
+        k_x, k_y [N/m], > 0.
+    misalignment : array_like
+        phi [rad], from the drive direction to the soft axis.
+    mu_0, mu_inf : array_like
+        Friction coefficients at rest and at high speed [-], >= 0. Without `mu_inf` friction is constant.
+    v_f : array_like
+        Velocity over which friction weakens [m/s], > 0, with `mu_inf`.
+    normal_load : array_like
+        W [N], >= 0.
+    velocity : array_like
+        V [m/s] of the drive, not 0.
+    v_smooth : array_like
+        Smoothing velocity [m/s] of the direction of friction; 0 for the exact law.
+
+    Returns
+    -------
+    ndarray, shape (..., 4), complex128, C-contiguous
+        Eigenvalues [1/s] by falling real part, the positive imaginary part of a pair first.
+
+    Raises
+    ------
+    UsageError
+        If a parameter is out of its range, the parameters do not broadcast, or only one of `mu_inf` and
+        `v_f` is given.
+
+    Notes
+    -----
+    Computed by LAPACK; the error is about 1e-16 times the largest eigenvalue, so the sign of a real part
+    far below that has no meaning. `critical_misalignment` has no such limit.
+    """
+    sliders, shape = _sliders(
+        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
+    )
+    return _native.eigenvalues(sliders).reshape(*shape, 4)
+
+
+def critical_misalignment(
+    *,
+    mass: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike,
+    misalignment: ArrayLike = 0.0,
+    mu_0: ArrayLike,
+    mu_inf: ArrayLike | None = None,
+    v_f: ArrayLike | None = None,
+    normal_load: ArrayLike,
+    velocity: ArrayLike,
+    v_smooth: ArrayLike = 0.0,
+) -> CriticalMisalignment:
+    """All misalignments between 0 and 90 degrees at which steady sliding changes its stability.
+
+    With weakening friction there are two, one for each branch, if ``|F'| < F/V`` and
+    ``|F'| F/V < m (sqrt(k_y) - sqrt(k_x))^2`` at V; otherwise none, and steady sliding is unstable at every angle.
+    With constant or strengthening friction there are none, and it is stable at every angle between.
+
+    Parameters
+    ----------
+    mass, stiffness_x, stiffness_y, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
+        As for `steady_sliding_eigenvalues`.
+    misalignment : array_like
+        Without effect but on the shape; taken so that the keywords of `steady_sliding_eigenvalues` serve here too.
+
+    Returns
+    -------
+    CriticalMisalignment
+        Angles [rad], frequencies [rad/s], window [rad] and rigid limit [rad], from closed forms.
+
+    Raises
+    ------
+    UsageError
+        As for `steady_sliding_eigenvalues`.
+    """
+    sliders, shape = _sliders(
+        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
+    )
+    exists, angle, frequency, window, limit = _native.critical(sliders)
+    somewhere = window[:, 1] > window[:, 0]
+    return CriticalMisalignment(
+        np.where(exists[:, np.newaxis], angle, np.nan).reshape(*shape, 2),
+        np.where(exists[:, np.newaxis], frequency, np.nan).reshape(*shape, 2),
+        np.where(somewhere[:, np.newaxis], window, np.nan).reshape(*shape, 2),
+        limit.reshape(shape),
+    )
+
+
+def damping_ratio(
+    theta: ArrayLike,
+    *,
+    mass: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike = 1.0,
+    misalignment: ArrayLike,
+    mu_0: ArrayLike,
+    mu_inf: ArrayLike | None = None,
+    v_f: ArrayLike | None = None,
+    normal_load: ArrayLike,
+    velocity: ArrayLike,
+) -> NDArray[np.float64]:
+    """Damping ratio of the slow motion while friction points along theta, Eq. (10).
+
+    Constant friction: ``zeta = Lambda |sin theta|^3``, ``Lambda = mu_0 W / (2 V sin(phi) sqrt(m k_x))``.
+    With `mu_inf` and `v_f`: ``zeta = [F'(v) cos^2 theta + F(v) |sin theta|^3 / (V sin phi)] / (2 sqrt(m k_x))``
+    at ``v = V sin(phi) / sin(theta)``.
+
+    Parameters
+    ----------
+    theta : array_like
+        Angle [rad] from the soft axis to the friction; broadcasts with the parameters.
+    mass, stiffness_x, misalignment, mu_0, mu_inf, v_f, normal_load, velocity : array_like
+        As for `steady_sliding_eigenvalues`; ``V sin(phi)`` must not be 0.
+    stiffness_y : array_like
+        Without effect but on the shape: the stiff axis is taken as rigid.
+
+    Returns
+    -------
+    ndarray, shape (...), float64
+        zeta [-]: above 1 the slow motion creeps, below 0 it grows.
+
+    Raises
+    ------
+    UsageError
+        As for `steady_sliding_eigenvalues`; also if ``V sin(phi) = 0``.
+    """
+    angles = np.asarray(theta, dtype=np.float64)
+    sliders, shape = _sliders(
+        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, 0.0, angles
+    )
+    every_angle = np.broadcast_to(angles, shape).reshape(-1)
+    return _native.slow_damping(sliders, every_angle, mu_inf is not None).reshape(shape)
+
+
+def _sliders(
+    mass: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike,
+    misalignment: ArrayLike,
+    mu_0: ArrayLike,
+    mu_inf: ArrayLike | None,
+    v_f: ArrayLike | None,
+    normal_load: ArrayLike,
+    velocity: ArrayLike,
+    v_smooth: ArrayLike,
+    *others: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], tuple[int, ...]]:
+    """Parameter rows (n, 10) of the core, and the shape that they and `others` broadcast to."""
+    if (mu_inf is None) != (v_f is None):
+        raise UsageError("mu_inf and v_f belong together: both for weakening friction, neither for constant")
+    if mu_inf is None or v_f is None:
+        mu_inf, v_f = mu_0, 1.0
+    parameters = [
+        np.asarray(value, dtype=np.float64)
+        for value in (
+            mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
+        )
+    ]  # fmt: skip
+    try:
+        shape = np.broadcast_shapes(*(array.shape for array in (*parameters, *others)))
+    except ValueError as error:
+        raise UsageError(f"parameters of shapes that do not broadcast: {error}") from None
+    rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in parameters], axis=1)
+    return np.ascontiguousarray(rows), shape

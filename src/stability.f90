@@ -1,0 +1,297 @@
+!> Linear theory of steady sliding.
+!>
+!> A perturbation u of sliding with the constant velocity V along s = (cos phi, sin phi) obeys
+!>
+!>     m u'' + D u' + K u = 0,     D = alpha s s^T + beta n n^T,     alpha = F'(V),  beta = F(V)/V,
+!>
+!> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact). Of its characteristic polynomial only one
+!> coefficient depends on phi, and linearly in sin^2(phi): the critical angles have a closed form, derived in
+!> docs/theory_stability.md. The damping ratio of the slow motion at any direction of friction is Eq. (10) of
+!> Nakano & Popov (2020). SI units, angles in radians.
+module dst_stability
+  use dst_kinds, only: wp, pi
+  use dst_errors, only: error_t, raise, usage_error, not_finite
+  use dst_slider, only: slider_t
+  implicit none
+  private
+
+  public :: critical_t, low_branch, fast_branch
+  public :: steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, is_stable
+  public :: damping_scale, overdamped_angle, damping_ratio, weakening_damping_ratio
+
+  integer, parameter :: low_branch = 1, fast_branch = 2
+
+  !> Where in 0 < phi < pi/2 the largest real part of the eigenvalues crosses zero. There are two such
+  !> angles, one for each branch, or none.
+  type :: critical_t
+    logical :: exists = .false.
+    real(wp) :: angle(2) = 0.0_wp        !! of the low-frequency and of the fast branch, rad
+    real(wp) :: frequency(2) = 0.0_wp    !! of the oscillation there, rad/s
+    !> Steady sliding is stable between these angles [rad]; equal when it is stable at none.
+    real(wp) :: window(2) = 0.0_wp
+  end type critical_t
+
+  interface
+    subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
+      import :: wp
+      character, intent(in) :: jobvl, jobvr
+      integer, intent(in) :: n, lda, ldvl, ldvr, lwork
+      real(wp), intent(inout) :: a(lda, *)
+      real(wp), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *), work(*)
+      integer, intent(out) :: info
+    end subroutine dgeev
+  end interface
+
+contains
+
+  !> The four eigenvalues [1/s], by falling real part; of a conjugate pair the positive imaginary part comes first.
+  subroutine steady_sliding_eigenvalues(slider, velocity, eigenvalues, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
+    complex(wp), intent(out) :: eigenvalues(4)
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: matrix(4, 4), real_part(4), imaginary_part(4), left(1, 1), right(1, 1), work(64)
+    real(wp) :: normal(2), frequency(2), alpha, beta
+    integer :: i, j, info
+
+    eigenvalues = (0.0_wp, 0.0_wp)
+    call resistance(slider, velocity, alpha, beta, error)
+    if (allocated(error)) return
+    ! Unknowns sqrt(k) u and sqrt(m) u': the elastic part is skew and the friction part symmetric.
+    normal = [-slider%along(2), slider%along(1)]
+    frequency = sqrt(slider%stiffness/slider%mass)
+    matrix = 0.0_wp
+    do i = 1, 2
+      matrix(i, i + 2) = frequency(i)
+      matrix(i + 2, i) = -frequency(i)
+      do j = 1, 2
+        matrix(i + 2, j + 2) = -(alpha*slider%along(i)*slider%along(j) + beta*normal(i)*normal(j))/slider%mass
+      end do
+    end do
+    call dgeev('N', 'N', 4, matrix, 4, real_part, imaginary_part, left, 1, right, 1, work, size(work), info)
+    if (info /= 0) then
+      call raise(error, not_finite, 'the eigenvalues of steady sliding were not found: '// &
+                 'bring the mass, the stiffnesses and the friction nearer to each other')
+      return
+    end if
+    do i = 1, 4
+      j = maxloc(real_part, 1)
+      eigenvalues(i) = cmplx(real_part(j), imaginary_part(j), wp)
+      real_part(j) = -huge(1.0_wp)
+    end do
+  end subroutine steady_sliding_eigenvalues
+
+  !> The critical angles for this slider, whatever its own misalignment. With p = m omega^2 they are
+  !> the solutions of (p - k_x)(p - k_y) = alpha beta p/m and
+  !> sin^2(phi) = [alpha (p - k_y) + beta (p - k_x)]/[(beta - alpha)(k_y - k_x)], written without cancellation.
+  subroutine critical_misalignment(slider, velocity, critical, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
+    type(critical_t), intent(out) :: critical
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: alpha, beta, coupling, root_sum, gap, p(2), below(2), above(2), soft(2), stiff(2)
+
+    call resistance(slider, velocity, alpha, beta, error)
+    if (allocated(error)) return
+    if (alpha > 0.0_wp .or. (alpha >= 0.0_wp .and. beta > 0.0_wp .and. differ(slider%stiffness))) &
+      critical%window = [0.0_wp, 0.5_wp*pi]
+    if (alpha >= 0.0_wp .or. alpha + beta <= 0.0_wp) return
+
+    associate (soft_stiffness => minval(slider%stiffness), stiff_stiffness => maxval(slider%stiffness))
+      ! p has two real positive values if gap > 0: the sum of the roots is beyond twice the root of their product.
+      coupling = -alpha*beta/slider%mass
+      root_sum = sqrt(soft_stiffness) + sqrt(stiff_stiffness)
+      gap = ((stiff_stiffness - soft_stiffness)/root_sum)**2 - coupling
+      if (.not. gap > 0.0_wp) return
+      critical%exists = .true.
+      p(2) = 0.5_wp*(soft_stiffness + stiff_stiffness - coupling + sqrt(gap)*sqrt(root_sum**2 - coupling))
+      p(1) = soft_stiffness*stiff_stiffness/p(2)
+      ! Distances of p from the two stiffnesses; their product is coupling*p.
+      above = [stiff_stiffness - p(1), coupling*p(2)/(p(2) - soft_stiffness)]
+      below = [coupling*p(1)/above(1), p(2) - soft_stiffness]
+    end associate
+    ! Squares of the sine and the cosine of the angle to the soft axis, but for a common factor.
+    soft = above + beta**2*p/(slider%mass*above)
+    stiff = below + beta**2*p/(slider%mass*below)
+    critical%frequency = sqrt(p/slider%mass)
+    if (slider%stiffness(1) <= slider%stiffness(2)) then
+      critical%angle = atan2(sqrt(soft), sqrt(stiff))
+      critical%window = critical%angle
+    else
+      critical%angle = atan2(sqrt(stiff), sqrt(soft))
+      critical%window = critical%angle([2, 1])
+    end if
+  end subroutine critical_misalignment
+
+  !> The critical angle [rad] in the limit of a rigid stiff axis, tan^2(phi) = -V F'(V)/F(V); stable above it.
+  !> 0 when friction does not weaken.
+  subroutine low_frequency_limit(slider, velocity, angle, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
+    real(wp), intent(out) :: angle
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: alpha, beta
+
+    angle = 0.0_wp
+    call resistance(slider, velocity, alpha, beta, error)
+    if (allocated(error)) return
+    if (alpha < 0.0_wp) angle = atan2(sqrt(-alpha), sqrt(beta))
+  end subroutine low_frequency_limit
+
+  !> Whether all eigenvalues have negative real parts, decided without computing them: a real part far below
+  !> the largest eigenvalue has no sign in working precision.
+  subroutine is_stable(slider, velocity, stable, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
+    logical, intent(out) :: stable
+    type(error_t), allocatable, intent(out) :: error
+    type(critical_t) :: critical
+    real(wp) :: alpha, beta, angle
+
+    stable = .false.
+    call resistance(slider, velocity, alpha, beta, error)
+    if (.not. allocated(error)) call critical_misalignment(slider, velocity, critical, error)
+    if (allocated(error)) return
+    angle = atan2(abs(slider%along(2)), abs(slider%along(1)))
+    ! Strengthening friction damps along the axes too.
+    stable = alpha > 0.0_wp .or. (angle > critical%window(1) .and. angle < critical%window(2))
+  end subroutine is_stable
+
+  !> Lambda = mu_0 W/(2 V sin(phi) sqrt(m k_x)), the damping ratio at theta = 90 degrees (Eq. 10).
+  subroutine damping_scale(slider, velocity, lambda, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity                     !! of the drive, m/s
+    real(wp), intent(out) :: lambda
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: drift
+
+    lambda = 0.0_wp
+    call check_slider(slider, error)
+    drift = abs(velocity*slider%along(2))
+    if (.not. allocated(error) .and. .not. (drift > 0.0_wp .and. drift <= huge(drift))) &
+      call raise(error, usage_error, 'V sin(phi) = '//shown(drift)//' m/s: Eq. (10) divides by it, '// &
+                 'so V and the misalignment must be finite and not 0')
+    if (.not. allocated(error)) lambda = slider%law%onset/(2.0_wp*drift*sqrt(slider%mass*slider%stiffness(1)))
+  end subroutine damping_scale
+
+  !> theta* = asin(Lambda^(-1/3)) [rad]: from there up to pi - theta* the slow motion is overdamped.
+  subroutine overdamped_angle(lambda, angle, error)
+    real(wp), intent(in) :: lambda
+    real(wp), intent(out) :: angle
+    type(error_t), allocatable, intent(out) :: error
+
+    angle = 0.0_wp
+    if (lambda >= 1.0_wp) then
+      angle = asin(lambda**(-1.0_wp/3.0_wp))
+    else
+      call raise(error, usage_error, 'Lambda = '//shown(lambda)// &
+                 ': the slow motion is overdamped at no angle; theta* exists for Lambda >= 1')
+    end if
+  end subroutine overdamped_angle
+
+  !> zeta = Lambda |sin(theta)|^3 of the slow motion with constant friction (Eq. 10).
+  elemental real(wp) function damping_ratio(lambda, theta)
+    real(wp), intent(in) :: lambda
+    real(wp), intent(in) :: theta                        !! from the soft axis to the friction, rad
+
+    damping_ratio = lambda*abs(sin(theta))**3
+  end function damping_ratio
+
+  !> The same with the slider's own law: [F'(v) cos^2(theta) + F(v) |sin(theta)|^3/(V sin(phi))]/(2 sqrt(m k_x)) at
+  !> the slip speed v = V sin(phi)/sin(theta) that the direction of friction stands for.
+  subroutine weakening_damping_ratio(slider, velocity, theta, zeta, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity                     !! of the drive, m/s
+    real(wp), intent(in) :: theta                        !! from the soft axis to the friction, rad
+    real(wp), intent(out) :: zeta
+    type(error_t), allocatable, intent(out) :: error
+    !> Below this sine the damping is 0 to working precision, and v no number.
+    real(wp), parameter :: smallest_sine = 1.0e-100_wp
+    real(wp) :: drift, sine, force(1), slope(1), lambda
+
+    zeta = 0.0_wp
+    call damping_scale(slider, velocity, lambda, error)
+    if (allocated(error)) return
+    drift = abs(velocity*slider%along(2))
+    sine = abs(sin(theta))
+    if (sine < smallest_sine) return
+    call slider%law%evaluate(1, [drift/sine], force, slope)
+    zeta = (slope(1)*cos(theta)**2 + force(1)*sine**3/drift)/(2.0_wp*sqrt(slider%mass*slider%stiffness(1)))
+  end subroutine weakening_damping_ratio
+
+  !> alpha = dG/dv and beta = G/v [N s/m] at v = |V|; G = F v/sqrt(v^2 + v_s^2) is the friction force.
+  subroutine resistance(slider, velocity, alpha, beta, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    real(wp), intent(out) :: alpha, beta
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: speed, force(1), slope(1), smoothed
+
+    alpha = 0.0_wp
+    beta = 0.0_wp
+    call check_slider(slider, error)
+    if (allocated(error)) return
+    speed = abs(velocity)
+    if (.not. (speed > 0.0_wp .and. speed <= huge(speed))) then
+      call raise(error, usage_error, 'V = '//shown(velocity)// &
+                 ' m/s: there is no steady sliding; the drive velocity must be finite and not 0')
+      return
+    end if
+    call slider%law%evaluate(1, [speed], force, slope)
+    if (slider%smoothing > 0.0_wp) then
+      smoothed = sqrt(speed**2 + slider%smoothing)
+      beta = force(1)/smoothed
+      alpha = slope(1)*speed/smoothed + beta*slider%smoothing/smoothed**2
+    else
+      beta = force(1)/speed
+      alpha = slope(1)
+    end if
+  end subroutine resistance
+
+  !> Decks are checked when they are read; other callers may bring anything.
+  subroutine check_slider(slider, error)
+    type(slider_t), intent(in) :: slider
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: force(1), slope(1)
+
+    call check('mass', slider%mass, 'kg')
+    call check('stiffness_x', slider%stiffness(1), 'N/m')
+    call check('stiffness_y', slider%stiffness(2), 'N/m')
+    if (allocated(error)) return
+    if (.not. sum(abs(slider%along)) <= 2.0_wp) then
+      call raise(error, usage_error, 'the misalignment is not a number: it must be finite')
+      return
+    end if
+    call slider%law%evaluate(1, [0.0_wp], force, slope)
+    if (.not. (slider%law%onset >= 0.0_wp .and. abs(slope(1)) <= huge(1.0_wp))) &
+      call raise(error, usage_error, 'the friction is negative or not a number: mu_0, mu_inf and normal_load '// &
+                 'must be finite and >= 0, v_f > 0')
+
+  contains
+
+    subroutine check(name, value, unit)
+      character(*), intent(in) :: name, unit
+      real(wp), intent(in) :: value
+
+      if (allocated(error)) return
+      if (.not. (value > 0.0_wp .and. value <= huge(value))) &
+        call raise(error, usage_error, name//' = '//shown(value)//' '//unit//': it must be finite and > 0')
+    end subroutine check
+  end subroutine check_slider
+
+  !> A number as a message shows it, finite or not.
+  pure function shown(value) result(text)
+    real(wp), intent(in) :: value
+    character(:), allocatable :: text
+    character(12) :: buffer
+
+    write (buffer, '(es12.4)') value
+    text = trim(adjustl(buffer))
+  end function shown
+
+  pure logical function differ(pair)
+    real(wp), intent(in) :: pair(2)
+
+    differ = abs(pair(1) - pair(2)) > 0.0_wp
+  end function differ
+end module dst_stability

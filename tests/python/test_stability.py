@@ -1,0 +1,405 @@
+"""Linear theory of steady sliding: the executable's table and the functions of the package."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+DEGREE = np.pi / 180
+FIG3 = {
+    "mass": 0.25,
+    "stiffness_x": 1.0e3,
+    "stiffness_y": 1.0e7,
+    "misalignment": DEGREE,
+    "mu_0": 0.20,
+    "mu_inf": 0.15,
+    "v_f": 0.010,
+    "normal_load": 10.0,
+    "velocity": 1.0e-3,
+}
+CONSTANT = {**FIG3, "mu_inf": None, "v_f": None}
+
+
+# The executable
+
+
+@pytest.fixture
+def stability(executable, fig3_text, tmp_path):
+    """Call `dynstiction stability` on the deck of Fig. 3, with --set for each argument."""
+    (tmp_path / "fig3.nml").write_text(fig3_text)
+
+    def call(*settings: str, deck: str = "fig3.nml") -> subprocess.CompletedProcess[str]:
+        options = [word for setting in settings for word in ("--set", setting)]
+        return subprocess.run(
+            [executable, "stability", deck, *options],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+
+    return call
+
+
+def value(table: str, label: str) -> float:
+    """The first number after a label at the beginning of a line."""
+    found = re.search(rf"^{re.escape(label)} +(-?[0-9.]+(?:E[+-][0-9]+)?)\b", table, re.MULTILINE)
+    assert found, f"no {label!r} in\n{table}"
+    return float(found[1])
+
+
+@pytest.mark.deck
+def test_table_of_fig3(stability):
+    result = stability()
+    assert (result.returncode, result.stderr) == (0, "")
+    table = result.stdout
+    assert value(table, "critical angle, slow mode") == pytest.approx(8.65603, abs=5e-6)
+    assert value(table, "critical angle, rigid stiff axis") == pytest.approx(8.65536, abs=5e-6)
+    assert value(table, "critical angle, fast mode") == pytest.approx(76.3, abs=0.05)
+    assert re.search(r"8\.656033 deg, at 6\.439\d+E\+01 rad/s = 1\.0248\d+E\+01 Hz", table)
+    assert re.search(r"^stable for +8\.656033 deg < \|phi\| < 76\.26\d+ deg$", table, re.MULTILINE)
+    assert value(table, "Lambda") == pytest.approx(3623.9, abs=0.05)
+    assert value(table, "zeta at theta = phi") == pytest.approx(0.01926, abs=5e-6)
+    assert value(table, "theta*") == pytest.approx(3.733, abs=5e-4)
+    assert "steady sliding is                 not stable" in table
+    rows = re.findall(r"^ +[1-4]((?: +[-+.E0-9]+){4})$", table, re.MULTILINE)
+    assert len(rows) == 4
+    growth, rate, frequency, damping = np.array([row.split() for row in rows], dtype=float).T
+    assert np.all(np.diff(growth) <= 0)
+    np.testing.assert_allclose(frequency, abs(rate) / (2 * np.pi), rtol=1e-8)
+    np.testing.assert_allclose(damping, -growth / np.hypot(growth, rate), rtol=1e-6)
+
+
+@pytest.mark.deck
+@pytest.mark.parametrize(
+    ("angle", "verdict"),
+    [(8.6560, "not stable"), (8.6561, "stable"), (76.26, "stable"), (76.27, "not stable"), (-10, "stable")],
+)
+def test_table_gives_the_verdict(angle, verdict, stability):
+    table = stability(f"system.misalignment_deg={angle}").stdout
+    assert re.search(rf"^steady sliding is +{verdict}$", table, re.MULTILINE)
+
+
+@pytest.mark.deck
+def test_table_of_ten_degrees(stability):
+    assert value(stability("system.misalignment_deg=10").stdout, "Lambda") == pytest.approx(364.2, abs=0.05)
+
+
+@pytest.mark.deck
+def test_table_without_critical_angle(stability):
+    constant = stability("friction.law=constant", "friction.mu_inf=", "friction.v_f=").stdout
+    assert re.search(r"^critical angle +none between 0 and 90 deg$", constant, re.MULTILINE)
+    assert re.search(r"^stable for +0\.0+ deg < \|phi\| < 90\.0+ deg$", constant, re.MULTILINE)
+    soft = stability("system.stiffness_y=3.9e5").stdout
+    assert re.search(r"^stable for +no angle$", soft, re.MULTILINE)
+
+
+@pytest.mark.deck
+def test_table_where_eq_10_has_no_value(stability):
+    result = stability("system.misalignment_deg=0")
+    assert result.returncode == 0
+    assert re.search(r"^Lambda, zeta, theta\* +no value: V sin\(phi\) = 0", result.stdout, re.MULTILINE)
+    light = stability("friction.normal_load=1e-3").stdout
+    assert re.search(r"^theta\* +no value: Lambda = 3\.6\d+E-01: .*Lambda >= 1", light, re.MULTILINE)
+
+
+@pytest.mark.deck
+def test_each_held_velocity_has_a_table(stability):
+    profile = ["drive.time=0,1,1,2,3,4", "drive.velocity=1e-3,1e-3,0,0,-1e-3,5e-3"]
+    table = stability(*profile).stdout
+    assert re.findall(r"steady sliding at V = (\S+) m/s", table) == ["1.000000E-03", "5.000000E-03"]
+    assert table.startswith(stability().stdout)
+
+
+@pytest.mark.deck
+def test_refusals(stability):
+    rest = stability("drive.velocity=0")
+    assert (rest.returncode, rest.stdout) == (2, "")
+    assert "fig3.nml: drive.velocity: the drive holds no velocity but 0" in rest.stderr
+    ramp = stability("drive.time=0,1,2", "drive.velocity=0,1e-3,0")
+    assert ramp.returncode == 2
+    missing = stability(deck="missing.nml")
+    assert missing.returncode == 2
+    assert "missing.nml: no such file" in missing.stderr
+    fault = stability("system.mass=-1")
+    assert fault.returncode == 2
+    assert "mass" in fault.stderr
+
+
+@pytest.mark.deck
+def test_usage(executable, tmp_path):
+    for arguments, remedy in (
+        ([], "stability DECK"),
+        (["fig3.nml", "--overwrite"], "takes no --overwrite"),
+        (["fig3.nml", "-o", "x"], "takes no -o"),
+    ):
+        result = subprocess.run(
+            [executable, "stability", *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert result.returncode == 1
+        assert remedy in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.deck
+def test_all_inputs_have_a_table(executable):
+    decks = sorted((Path(__file__).resolve().parents[2] / "inputs").glob("*.nml"))
+    assert decks
+    result = subprocess.run([executable, "stability", *decks], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.count("# ") >= len(decks)
+
+
+# The package
+
+
+@pytest.fixture(scope="module")
+def ds():
+    return pytest.importorskip("dynstiction")
+
+
+def friction(velocity, *, mu_0, mu_inf, v_f, normal_load, **_):
+    """F(V) and F'(V)."""
+    drop = (mu_0 - mu_inf) * np.exp(-velocity / v_f) * normal_load
+    return mu_inf * normal_load + drop, -drop / v_f
+
+
+def matrix(parameters):
+    """First-order matrix of m u'' + D u' + K u = 0, in plain SI unknowns u, u'."""
+    force, slope = friction(**parameters)
+    phi, mass = parameters["misalignment"], parameters["mass"]
+    along, across = np.array([np.cos(phi), np.sin(phi)]), np.array([-np.sin(phi), np.cos(phi)])
+    damping = slope * np.outer(along, along) + force / parameters["velocity"] * np.outer(across, across)
+    stiffness = np.diag([parameters["stiffness_x"], parameters["stiffness_y"]])
+    return np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness / mass, -damping / mass]])
+
+
+def by_falling_real_part(eigenvalues):
+    return eigenvalues[np.lexsort((-eigenvalues.imag, -np.round(eigenvalues.real, 9)))]
+
+
+def random_parameters(n):
+    random = np.random.default_rng(20)
+
+    def spread(low, high):
+        return 10 ** random.uniform(np.log10(low), np.log10(high), n)
+
+    return {
+        "mass": spread(1e-2, 10),
+        "stiffness_x": spread(1e2, 1e4),
+        "stiffness_y": spread(1e4, 1e7),
+        "misalignment": random.uniform(0.01, 1.5, n),
+        "mu_0": random.uniform(0.2, 1, n),
+        "mu_inf": random.uniform(0.05, 0.5, n),
+        "v_f": spread(1e-3, 1),
+        "normal_load": spread(0.1, 100),
+        "velocity": spread(1e-3, 1),
+    }
+
+
+def test_eigenvalues_against_numpy(ds):
+    parameters = random_parameters(200)
+    found = ds.steady_sliding_eigenvalues(**parameters)
+    assert found.shape == (200, 4)
+    assert found.dtype == np.complex128
+    assert found.flags.c_contiguous
+    assert np.all(np.diff(found.real, axis=1) <= 0)
+    for i, eigenvalues in enumerate(found):
+        expected = np.linalg.eigvals(matrix({name: values[i] for name, values in parameters.items()}))
+        # Compared as sets: each has its partner.
+        distance = abs(eigenvalues[:, np.newaxis] - expected)
+        assert np.max(np.min(distance, axis=1)) < 1e-11 * np.max(abs(expected))
+        assert np.max(np.min(distance, axis=0)) < 1e-11 * np.max(abs(expected))
+
+
+def test_eigenvalues_against_the_jacobian(ds):
+    """The derivative of the full model at steady sliding has the same eigenvalues."""
+    for smoothing in (0.0, 5e-4):
+        phi, velocity = FIG3["misalignment"], FIG3["velocity"]
+        state = [0.0, 0.0, velocity * np.cos(phi), velocity * np.sin(phi)]
+        jacobian = ds.jacobian(state, **FIG3, v_smooth=smoothing)
+        expected = by_falling_real_part(np.linalg.eigvals(jacobian))
+        found = ds.steady_sliding_eigenvalues(**FIG3, v_smooth=smoothing)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-8)
+
+
+def test_critical_angles_of_fig3(ds):
+    found = ds.critical_misalignment(**FIG3)
+    assert np.degrees(found.angle[0]) == pytest.approx(8.65603, abs=5e-6)
+    assert found.frequency[0] == pytest.approx(64.39, abs=5e-3)
+    assert np.degrees(found.angle[1]) == pytest.approx(76.3, abs=0.05)
+    assert np.degrees(found.limit) == pytest.approx(8.65536, abs=5e-6)
+    np.testing.assert_array_equal(found.window, found.angle)
+    at_critical = ds.steady_sliding_eigenvalues(**{**FIG3, "misalignment": found.angle})
+    np.testing.assert_allclose(at_critical[:, 0].real, 0, atol=1e-9)
+    np.testing.assert_allclose(at_critical[:, 0].imag, found.frequency, rtol=1e-12)
+
+
+def test_critical_angles_over_velocities(ds):
+    velocity = 1e-3 * np.array([0.1, 0.3, 1, 3, 10, 30, 50, 100])
+    found = ds.critical_misalignment(**{**FIG3, "velocity": velocity})
+    expected = [2.889, 4.899, 8.656, 13.698, 18.289, 12.479, 6.042, 0.705]
+    assert found.angle.shape == (8, 2)
+    np.testing.assert_allclose(np.degrees(found.angle[:, 0]), expected, atol=5e-4, rtol=0)
+
+
+def test_windows_over_stiffness(ds):
+    """Against sign changes of eigenvalues computed with 40 digits (mpmath), bisected."""
+    ratio = np.array([391.8, 392, 400, 500, 1e3, 1e4])
+    found = ds.critical_misalignment(**{**FIG3, "stiffness_y": 1e3 * ratio})
+    expected = [
+        [12.419841572245611, 19.216159069102179],
+        [9.5223349074520279, 33.000471027848673],
+        [8.7555808253331495, 53.080636878362375],
+        [8.6560331384295429, 76.263436095299451],
+    ]
+    np.testing.assert_allclose(np.degrees(found.window[2:]), expected, rtol=1e-13)
+    assert np.all(np.isnan(found.window[0]))
+    assert np.all(np.isnan(found.angle[0]))
+    assert found.window[1, 0] < found.window[1, 1]
+
+
+def test_shapes_broadcast(ds):
+    velocity = np.array([1e-3, 2e-3, 3e-3])
+    phi = np.array([[0.1], [0.2]])
+    parameters = {**FIG3, "velocity": velocity, "misalignment": phi}
+    eigenvalues = ds.steady_sliding_eigenvalues(**parameters)
+    assert eigenvalues.shape == (2, 3, 4)
+    one = ds.steady_sliding_eigenvalues(**{**FIG3, "velocity": 3e-3, "misalignment": 0.2})
+    np.testing.assert_array_equal(eigenvalues[1, 2], one)
+    assert ds.critical_misalignment(**parameters).limit.shape == (2, 3)
+    assert ds.damping_ratio(np.ones((4, 1, 1)), **parameters).shape == (4, 2, 3)
+    assert ds.damping_ratio([], **FIG3).shape == (0,)
+    assert ds.steady_sliding_eigenvalues(**{**FIG3, "velocity": []}).shape == (0, 4)
+    assert ds.critical_misalignment(**{**FIG3, "velocity": []}).angle.shape == (0, 2)
+    assert ds.damping_ratio(1.0, **FIG3).shape == ()
+
+
+def test_threads_and_contiguity(ds):
+    parameters = {**FIG3, "velocity": np.geomspace(1e-4, 1e-1, 5000)}
+
+    def both():
+        return ds.steady_sliding_eigenvalues(**parameters), *ds.critical_misalignment(**parameters)
+
+    expected = both()
+    assert all(array.flags.c_contiguous for array in expected)
+    with ThreadPoolExecutor(4) as pool:
+        for found in pool.map(lambda _: both(), range(8)):
+            for array, reference in zip(found, expected, strict=True):
+                np.testing.assert_array_equal(array, reference)
+
+
+def test_constant_friction_has_no_critical_angle(ds):
+    found = ds.critical_misalignment(**CONSTANT)
+    assert np.all(np.isnan(found.angle))
+    assert np.all(np.isnan(found.frequency))
+    np.testing.assert_array_equal(found.window, [0, np.pi / 2])
+    assert found.limit == 0
+
+
+def test_damping_ratio(ds):
+    assert ds.damping_ratio(np.pi / 2, **CONSTANT) == pytest.approx(3623.9, abs=0.05)
+    ten = {**CONSTANT, "misalignment": 10 * DEGREE}
+    assert ds.damping_ratio(np.pi / 2, **ten) == pytest.approx(364.2, abs=0.05)
+    assert ds.damping_ratio(DEGREE, **CONSTANT) == pytest.approx(0.01926, abs=5e-6)
+    assert ds.damping_ratio(3.733 * DEGREE, **CONSTANT) == pytest.approx(1, abs=5e-4)
+    theta = np.radians([1, 3, 4.316, 5.10, 20, 90, 170])
+    plain = ds.damping_ratio(theta, **CONSTANT)
+    np.testing.assert_allclose(plain, plain[5] * np.sin(theta) ** 3, rtol=1e-14)
+    weakening = ds.damping_ratio(theta, **FIG3)
+    speed = 1e-3 * np.sin(DEGREE) / np.sin(theta)
+    force, slope = friction(**{**FIG3, "velocity": speed})
+    across = force * np.sin(theta) ** 3 / (1e-3 * np.sin(DEGREE))
+    expected = (slope * np.cos(theta) ** 2 + across) / (2 * np.sqrt(250))
+    np.testing.assert_allclose(weakening, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("target", "angle", "digits"), [(1, 5.10, 5e-3), (0, 4.316, 5e-4)])
+def test_damping_ratio_with_weakening_crosses(target, angle, digits, ds):
+    theta = np.linspace(3, 10, 700001)
+    zeta = ds.damping_ratio(np.radians(theta), **FIG3)
+    crossing = np.flatnonzero(np.diff(np.sign(zeta - target)))
+    assert crossing.size == 1
+    assert theta[crossing[0]] == pytest.approx(angle, abs=digits)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"velocity": 0.0}, "finite and not 0"),
+        ({"velocity": np.nan}, "V = NaN"),
+        ({"velocity": np.inf}, "V = Infinity"),
+        ({"mass": 0.0}, r"mass = 0\.0000E\+00 kg: it must be finite and > 0"),
+        ({"stiffness_x": -1.0}, "stiffness_x"),
+        ({"stiffness_y": np.inf}, "stiffness_y = Infinity"),
+        ({"misalignment": np.nan}, "misalignment"),
+        ({"mu_0": -0.1}, "mu_0"),
+        ({"mu_inf": -0.1}, "mu_inf"),
+        ({"mu_inf": np.nan}, "mu_inf"),
+        ({"normal_load": -1.0}, "normal_load"),
+        ({"v_f": 0.0}, "v_f"),
+        ({"v_f": -1.0}, "v_f"),
+        ({"v_f": None}, "belong together"),
+        ({"mass": [1.0, 2.0], "velocity": [1.0, 2.0, 3.0]}, "broadcast"),
+        ({"velocity": [1.0, 0.0]}, "element 1 of 2"),
+    ],
+)
+def test_out_of_range(change, message, ds):
+    parameters = {**FIG3, **change}
+    with pytest.raises(ds.UsageError, match=message):
+        ds.steady_sliding_eigenvalues(**parameters)
+    with pytest.raises(ds.UsageError, match=message):
+        ds.critical_misalignment(**parameters)
+
+
+def test_damping_ratio_out_of_range(ds):
+    for change in ({"misalignment": 0.0}, {"velocity": 0.0}, {"velocity": np.nan}):
+        for law in (FIG3, CONSTANT):
+            with pytest.raises(ds.UsageError, match=r"V sin\(phi\)"):
+                ds.damping_ratio(0.1, **{**law, **change})
+    with pytest.raises(ds.UsageError, match="theta"):
+        ds.damping_ratio(np.nan, **FIG3)
+
+
+@pytest.mark.parametrize("angle", [5.0, 8.0, 10.0, 30.0, 77.0])
+def test_growth_rate_of_the_full_model(angle, ds, fig3):
+    """A run that starts beside steady sliding follows the leading eigenvalue."""
+    parameters = {**FIG3, "misalignment": angle * DEGREE}
+    force, _ = friction(**parameters)
+    along = np.array([np.cos(angle * DEGREE), np.sin(angle * DEGREE)])
+    steady = force * along / [1e3, 1e7]
+    result = ds.run(
+        fig3,
+        scene={"t_end": 0.04},
+        system={"misalignment_deg": angle},
+        initial={"velocity_ratio": 1.0, "elongation_x": steady[0] * (1 + 1e-6), "elongation_y": steady[1]},
+        integrator={"rtol": 1e-12, "method": "radau13"},
+        output={"interval": 1e-4},
+    )
+    perturbation = np.stack(
+        [
+            result["u_x"] - steady[0],
+            result["u_y"] - steady[1],
+            1e-3 * along[0] - result["w_x"],
+            1e-3 * along[1] - result["w_y"],
+        ]
+    )
+    values, left = np.linalg.eig(matrix(parameters).T)
+    leading = np.argmax(values.real + 1e-9 * values.imag)
+    # The left eigenvector picks the leading mode out of the motion.
+    amplitude = left[:, leading] @ perturbation
+    phase = np.unwrap(np.angle(amplitude))
+    after = result.time > 0.004
+    growth = np.polyfit(result.time[after], np.log(abs(amplitude[after])), 1)[0]
+    rate = np.polyfit(result.time[after], phase[after], 1)[0]
+    expected = ds.steady_sliding_eigenvalues(**parameters)[0]
+    assert np.max(abs(perturbation[2:])) < 1e-2 * 1e-3
+    # What is left is the quadratic part of the equations.
+    assert growth == pytest.approx(expected.real, rel=5e-3)
+    assert rate == pytest.approx(expected.imag, abs=1e-3 * abs(expected))
