@@ -205,6 +205,13 @@ contains
     distance = sqrt(sum(system%slider%stiffness*(a%u - b%u)**2) + system%slider%mass*sum((a%y - b%y)**2))
   end function distance
 
+  !> Kinetic and elastic energy [J].
+  real(wp) function energy(motion)
+    type(motion_t), intent(in) :: motion
+
+    energy = 0.5_wp*distance(motion, motion_t())**2
+  end function energy
+
   !> The error is the mean over several starts: at a single one the leading term may happen to vanish.
   subroutine test_orders(name, stage_count)
     character(*), intent(in) :: name
@@ -225,6 +232,8 @@ contains
     do trial = 1, starts
       start = motion_t(u=uniform(2, -3.0e-4_wp, 3.0e-4_wp), y=[4.0e-2_wp, 0.0_wp] + uniform(2, -1.0e-2_wp, 1.0e-2_wp))
       call integrate(7, 40, start, duration, exact, unused)
+      call check_close(name//': energy balance', exact%drive_work - exact%friction_work, energy(exact) - energy(start), &
+        1.0e-12_wp*exact%drive_work)
       do k = 1, 2
         call integrate(stage_count, k*steps, start, duration, found, unused)
         state(k) = state(k) + distance(found, exact)
