@@ -83,8 +83,8 @@ def assert_state(result: ds.Result, state: list[float], u_y_bound: float) -> Non
 def test_state_agrees_with_quadruple_precision(
     results: dict[str, ds.Result], name: str, state: list[float]
 ) -> None:
-    # At 2 s and 10 s the fast oscillation of u_y passes near zero: measured 1.4e-10 and 1.7e-10 of u_y.
-    assert_state(results[name], state, u_y_bound=5e-10 if state[0] in (2.0, 10.0) else 1e-10)
+    # At 10 s roundoff has grown: 3.4e-11 of u_y was measured, and other machines round otherwise.
+    assert_state(results[name], state, u_y_bound=3e-10 if state[0] == 10.0 else 1e-10)
 
 
 @pytest.mark.parametrize(("name", "state"), STATES)
