@@ -28,7 +28,7 @@ ROOMS = {
     "writers": ("where results go", 340, 220, 320, 110, "ground", "hdf5_writer memory_writer hdf5_tools disk"),
     "meeting": ("where physics and numerics meet", 20, 354, 640, 82, "ground physics numerics",
                 "contact trajectory observables summary"),
-    "physics": ("physics", 20, 460, 200, 222, "ground", "full_model slider friction drive slip_system stability"),
+    "physics": ("physics", 20, 460, 200, 222, "ground", "full_model slider friction drive slip_system stability creep"),
     "numerics": ("numerics", 240, 460, 420, 222, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
                  "interpolation stepper"),
@@ -43,7 +43,7 @@ SAY = {
     "memory_writer": "arrays", "disk": "the system", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
     "full_model": "Eqs. 1–5", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
-    "stability": "linear theory", "stability_report": "its table",
+    "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
     "slip_system": "a model, seen by a method", "radau": "implicit steps", "runge_kutta": "explicit steps",
     "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5 in few words", "bernstein": "first zero",
     "interpolation": "dense output", "stepper": "a method, seen by the trajectory",
