@@ -443,7 +443,9 @@ def test_other_threads_go_on_during_a_run(fig3: ds.Scene) -> None:
 
 def test_interrupt_ends_a_run_within_a_second(fig3_text: str) -> None:
     program = (
-        "import dynstiction as ds, sys\n"
+        "import dynstiction as ds, signal, sys\n"
+        # A shell that starts the tests in the background has interrupts ignored, and children inherit that.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "print('begun', flush=True)\n"
         "ds.run(sys.argv[1], scene={'t_end': 1e5}, output={'interval': 1.0})\n"
     )
