@@ -51,7 +51,8 @@ contains
     integer(c_int), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
     integer(c_long_long), intent(out) :: handle
     integer(c_int), intent(out) :: status
-    !f2py threadsafe
+    ! Not f2py threadsafe: gfortran keeps lengths of text results in static storage, so decks are read
+    ! one at a time, under the interpreter's lock.
     type(session_t), pointer :: session
     type(scene_t) :: scene
 
