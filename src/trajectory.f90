@@ -6,7 +6,7 @@
 !> at any instant in between.
 module dst_trajectory
   use dst_kinds, only: wp, pi
-  use dst_errors, only: error_t, raise, not_finite, too_many_rejections, chattering
+  use dst_errors, only: error_t, raise, too_many_rejections, chattering
   use dst_bernstein, only: first_zero
   use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
     release_t, release_series
