@@ -276,7 +276,7 @@ contains
     terms = new_terms(1, 2)
     do i = 1, n
       call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
-      call model%dynamics(1, real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
+      call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
       derivative(1:2, i) = slider(9)*model%along - w(1, :)
       derivative(3:4, i) = terms%force(1, :)
     end do
@@ -297,7 +297,7 @@ contains
     terms = new_terms(1, 2)
     do i = 1, n
       call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
-      call model%dynamics(1, real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
+      call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
       matrix(1:2, 1:2, i) = 0.0_c_double
       matrix(1:2, 3:4, i) = -gradient(1, :, :)
       matrix(3:4, 1:2, i) = terms%force_u(1, :, :)

@@ -37,7 +37,7 @@ contains
     call scene_from_deck(deck, scene)
     call simulation%start(scene, error)
     if (allocated(error)) return
-    call create_hdf5(writer, output_file, overwrite, metadata_of(deck, scene), simulation%output_columns(), error, &
+    call create_hdf5(writer, output_file, overwrite, metadata_of(deck, scene, simulation), simulation%output_columns(), error, &
       expected_rows(scene))
     if (allocated(error)) return
     call integrate(simulation, writer, new_progress(deck%name, quiet), error)
@@ -84,9 +84,10 @@ contains
   end function expected_rows
 
   !> What the file says about its run.
-  function metadata_of(deck, scene) result(metadata)
+  function metadata_of(deck, scene, simulation) result(metadata)
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(in) :: scene
+    type(simulation_t), intent(in) :: simulation
     type(run_metadata_t) :: metadata
     type(parameter_t), allocatable :: parameters(:)
     logical, allocatable :: is_text(:)
@@ -97,7 +98,7 @@ contains
     metadata%git_revision = git_revision
     metadata%compiler = compiler
     metadata%model = scene%model
-    metadata%method = scene%method
+    metadata%method = simulation%method_name()
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
     metadata%deck_sha256 = sha256(deck%text)
