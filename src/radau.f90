@@ -147,6 +147,7 @@ contains
       if (.not. outcome%solved) return
       call complete(self, system, drive, s, n, from, self%y, self%u, self%velocity, self%increment, to)
       call estimate_error(self, system, drive, s, n, from, outcome)
+      if (n == 1) call follow_growth(self, outcome)
     end associate
   end subroutine attempt
 
@@ -308,6 +309,21 @@ contains
     if (.not. outcome%error <= huge(outcome%error)) outcome%error = 1.0e6_wp
     outcome%factor = min(4.0_wp, max(0.2_wp, 0.9_wp*max(outcome%error, 1.0e-10_wp)**(-1.0_wp/real(s + 1, wp))))
   end subroutine estimate_error
+
+  !> A long implicit step damps what grows exponentially, and would stay on a motion that has become
+  !> unstable. With two components the fast oscillation keeps the steps short enough.
+  pure subroutine follow_growth(self, outcome)
+    class(radau_t), intent(in) :: self
+    type(attempt_t), intent(inout) :: outcome
+    !> Step times growth rate up to which the growth is followed.
+    real(wp), parameter :: longest = 2.0_wp
+    real(wp) :: growth
+
+    growth = self%step*maxval(self%terms%force_y(:, 1, 1))
+    if (growth <= longest) return
+    outcome%error = max(outcome%error, growth/longest)
+    outcome%factor = min(outcome%factor, max(0.2_wp, 0.9_wp*longest/growth))
+  end subroutine follow_growth
 
   !> Slip-velocity error at the end of the step from the defect g - B p' at (u, y), where
   !> `derivative` gives p' times the step from the nodal values.

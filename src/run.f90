@@ -4,6 +4,7 @@ module dst_run
   use dst_build_info, only: version, git_revision, compiler
   use dst_deck, only: deck_t, resolved
   use dst_errors, only: error_t, stopped_early
+  use dst_model_choice, only: settle_model
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, create_hdf5
   use dst_parameters, only: parameter_t, parameters_of
   use dst_progress, only: progress_t, new_progress
@@ -32,15 +33,20 @@ contains
     type(hdf5_writer_t) :: writer
     type(scene_t) :: scene
     type(outcome_t) :: outcome
+    type(progress_t) :: progress
     type(error_t), allocatable :: end_error
+    character(:), allocatable :: model_choice
 
     call scene_from_deck(deck, scene)
+    call settle_model(scene, model_choice)
     call simulation%start(scene, error)
     if (allocated(error)) return
-    call create_hdf5(writer, output_file, overwrite, metadata_of(deck, scene, simulation), simulation%output_columns(), error, &
-      expected_rows(scene))
+    call create_hdf5(writer, output_file, overwrite, metadata_of(deck, simulation, model_choice), &
+      simulation%output_columns(), error, expected_rows(scene))
     if (allocated(error)) return
-    call integrate(simulation, writer, new_progress(deck%name, quiet), error)
+    progress = new_progress(deck%name, quiet)
+    if (model_choice /= '') call progress%remark("model 'auto' is "//model_choice)
+    call integrate(simulation, writer, progress, error)
     call simulation%outcome(error, outcome)
     call writer%finish(outcome, end_error)
     if (.not. allocated(end_error)) return
@@ -84,10 +90,10 @@ contains
   end function expected_rows
 
   !> What the file says about its run.
-  function metadata_of(deck, scene, simulation) result(metadata)
+  function metadata_of(deck, simulation, model_choice) result(metadata)
     type(deck_t), intent(in) :: deck
-    type(scene_t), intent(in) :: scene
     type(simulation_t), intent(in) :: simulation
+    character(*), intent(in) :: model_choice
     type(run_metadata_t) :: metadata
     type(parameter_t), allocatable :: parameters(:)
     logical, allocatable :: is_text(:)
@@ -97,7 +103,8 @@ contains
     metadata%version = version
     metadata%git_revision = git_revision
     metadata%compiler = compiler
-    metadata%model = scene%model
+    metadata%model = simulation%scene%model
+    metadata%model_choice = model_choice
     metadata%method = simulation%method_name()
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)

@@ -12,6 +12,8 @@ module dst_scene
     character(:), allocatable :: title
     character(:), allocatable :: model, law, contact, method
     character(:), allocatable :: form                    !! of Eq. (8)
+    character(:), allocatable :: quantities              !! for which model 'auto' is settled, with this accuracy:
+    real(wp) :: accuracy = 0.0_wp
     character(:), allocatable :: output_file             !! '' = after the deck's name
     real(wp) :: t_end = 0.0_wp                           !! s
     real(wp) :: mass = 0.0_wp                            !! kg; 0 where the model has none
@@ -49,6 +51,8 @@ contains
     scene%title = deck%text_of('scene', 'title')
     scene%model = deck%text_of('scene', 'model')
     scene%form = deck%text_of('scene', 'form')
+    scene%quantities = deck%text_of('scene', 'quantities')
+    scene%accuracy = deck%real_of('scene', 'accuracy')
     scene%t_end = deck%real_of('scene', 't_end')
     call take_system(deck, scene)
     call take_friction(deck, scene)

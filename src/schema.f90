@@ -55,7 +55,7 @@ module dst_schema
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
     'friction theta psi sticking zeta'
   !> What of them this version can run.
-  character(*), parameter :: implemented_models = 'full low_frequency high_frequency creep creep_asymptotic'
+  character(*), parameter :: implemented_models = models
   character(*), parameter :: implemented_methods = 'radau5 radau9 radau13 rk4 dopri5 dop853'
 
   character(*), parameter :: dynamic = 'model=full|low_frequency|high_frequency|auto'
@@ -77,6 +77,10 @@ module dst_schema
           'the equations to integrate'), &
     key_t('scene', 'form', choice_kind, '', any_real, may, 'first_power', '', 'first_power printed third_order', asymptotic, &
           'of Eq. (8): as derived from Eq. (7), as printed in the preprint, or with the next order'), &
+    key_t('scene', 'quantities', choice_kind, '', any_real, may, 'stick_slip', '', 'stick_slip creep high_frequency', &
+          'model=auto', 'what the model is chosen for'), &
+    key_t('scene', 'accuracy', real_kind, '1', range_t(low=1.0e-12_wp, high=1.0_wp), may, '1.0e-3', '', '', 'model=auto', &
+          'error against the full model that is allowed in these quantities'), &
     key_t('scene', 't_end', real_kind, 's', positive, must, '', '10.0', '', '', &
           'end of the simulated time'), &
     key_t('system', 'mass', real_kind, 'kg', positive, must, '', '0.25', '', dynamic, &

@@ -21,7 +21,8 @@ module dst_trajectory
   public :: trajectory_t, no_event, stick_begins, slip_begins
 
   integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
-  integer, parameter :: max_rejections = 60, max_events_at_once = 100, max_steps_at_once = 10000
+  integer, parameter :: max_rejections = 60, timid_rejections = 8
+  integer, parameter :: max_events_at_once = 100, max_steps_at_once = 10000
 
   type :: trajectory_t
     type(slider_t) :: slider
@@ -315,7 +316,8 @@ contains
       end if
       if (outcome%solved .and. outcome%error <= 1.0_wp) exit
       self%stepper%count%rejected = self%stepper%count%rejected + 1
-      self%next_step = self%stepper%step*min(outcome%factor, 0.9_wp)
+      ! An initial layer shows the same error until it is resolved: there the estimate's advice is too timid.
+      self%next_step = self%stepper%step*min(outcome%factor, merge(0.25_wp, 0.9_wp, rejections >= timid_rejections))
     end do
     if (.not. (outcome%solved .and. outcome%error <= 1.0_wp)) then
       call raise(error, too_many_rejections, 'more than 60 steps in a row were rejected at '//at_time(self%from)// &
