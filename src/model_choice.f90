@@ -210,13 +210,17 @@ contains
     end do
   end function gives_fields
 
-  !> Way that the object makes in half a period of the fast oscillation at the velocity V sin(phi), over a distance [m].
+  !> What the fast oscillation does to the advance over a distance [m]: the way made in half a period at the velocity
+  !> V sin(phi), and the square of its force V sin(phi) sqrt(m k_y) over the static limit.
   pure real(wp) function ripple(scene, slider, distance)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: distance
+    real(wp) :: across
 
-    ripple = 3.0_wp*abs(scene%drive_velocity(1)*slider%along(2))*sqrt(slider%mass/slider%stiffness(2))/distance
+    across = abs(scene%drive_velocity(1)*slider%along(2))
+    ripple = 3.0_wp*across*sqrt(slider%mass/slider%stiffness(2))/distance &
+      + (across/slider%law%onset)**2*slider%mass*slider%stiffness(2)
   end function ripple
 
   !> How far weakening feeds the fast oscillation: F'^2/(m k_y), with the steepest F'.
