@@ -233,7 +233,6 @@ contains
     end do
     to%u = from%u
     to%y = from%y
-    if (n < max_components) call hold(self, from)
     forward = 0.0_wp
     do k = 1, n
       axis = system%axis + k - 1
@@ -265,18 +264,6 @@ contains
     to%drive_work = from%drive_work + self%step*drive_power
     to%friction_work = from%friction_work + self%step*friction_power
   end subroutine complete
-
-  !> What a model of one component does not change is constant over the step.
-  pure subroutine hold(self, from)
-    class(radau_t), intent(inout) :: self
-    type(motion_t), intent(in) :: from
-    integer :: k
-
-    do k = 1, max_components
-      self%nodal(:, column_u + k - 1) = from%u(k)
-      self%nodal(:, column_y + k - 1) = from%y(k)
-    end do
-  end subroutine hold
 
   !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end
   !> relative to the largest slip speed of the step. The defect is probed at the start and at one

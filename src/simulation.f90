@@ -423,7 +423,7 @@ contains
 
     if (.not. self%creep%onset > 0.0_wp) return
     self%summary%sticks = 1
-    self%summary%sticking_time = self%creep%onset
+    self%summary%sticking_time = min(self%creep%onset, self%scene%t_end)
     call writer%write_events([0.0_wp], [stick_begins], error)
     if (allocated(error) .or. self%creep%onset >= self%scene%t_end) return
     call writer%write_events([self%creep%onset], [slip_begins], error)

@@ -124,6 +124,11 @@ contains
       + drive%displacement(from%time, tau*self%step)*system%along
     motion%y = value(column_y:column_y + max_components - 1)
     motion%position = value(column_position)
+    if (system%components < max_components) then
+      ! What the model holds is not interpolated.
+      motion%u(max_components + 1 - system%axis) = from%u(max_components + 1 - system%axis)
+      motion%y(max_components) = from%y(max_components)
+    end if
   end function dense
 
   !> From now on `dense` gives the motion of an advance of length `step` [s] that is known by its

@@ -509,7 +509,9 @@ def test_inputs(deck, call, tmp_path):
 
 
 def test_there_are_inputs():
-    assert {"fig3", "fig3_constant", "phi10", "slide_hold_slide", "reversal"} <= {deck.stem for deck in DECKS}
+    figures = {"fig3", "fig3_constant", "phi10", "slide_hold_slide", "reversal"}
+    models = {"low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"}
+    assert figures | models <= {deck.stem for deck in DECKS}
 
 
 def same(ours: dict, theirs: dict) -> bool:
