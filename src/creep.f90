@@ -57,7 +57,7 @@ module dst_creep
   type :: point_t
     real(wp) :: g, decay, turned   !! g, exp(-g) and 1 - exp(-g)
     real(wp) :: tangent, q         !! tan((alpha - alpha_1)/2), tan(psi/2)
-    real(wp) :: turn_sine              !! sin(alpha - alpha_1)
+    real(wp) :: turn_sine          !! sin(alpha - alpha_1)
     real(wp) :: sin_alpha, cos_alpha, sin_psi, cos_psi
   end type point_t
 
@@ -123,7 +123,7 @@ contains
         path%anchor = 1.0_wp
         path%head = (1.0_wp - kappa)*(1.0_wp + kappa)*(s/r)*(s/(r + kappa))
       end if
-      excess = kappa*c*(kappa*c/(r + s))
+      excess = kappa*c*(kappa*c/(r + s))  ! r - s
       path%tail = path%tail + (kappa - excess)
       ! 1 - sin(alpha_1 - phi), which tau - tau_1 and the distance differ by
       path%turn = early*min(1.0_wp, 1.0_wp - (kappa*c*(c/r) - s*(s/r)))
