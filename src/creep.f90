@@ -64,6 +64,8 @@ module dst_creep
   integer, parameter :: max_iterations = 200
   ! Below this elapsed tau alpha is small and differences are taken from the start, above it from tau = 1.
   real(wp), parameter :: early = 0.3_wp
+  ! From this sin(phi) on the series in tau is near enough everywhere, and cheaper than an exponential and a logarithm.
+  real(wp), parameter :: wide = 0.3_wp
   ! Steps up to this length keep exp(-g) current by a rational function.
   real(wp), parameter :: longest_step = 0.4_wp
   ! A step of the fourth order leaves an error below its fourth power.
@@ -241,7 +243,7 @@ contains
     call complete(path, point)
   end function point_at
 
-  !> A first guess of g: its series where tau is small; otherwise the root of the equation below without its
+  !> A first guess of g: its series where tau is small or phi wide; otherwise the root of the equation below without its
   !> logarithm; and exponential decay towards psi = 0 beyond. With a = 2 tan(psi/2)/s and kappa = 0
   !>
   !>     ln a + [2 c a + cos(2 phi) a^2/2]/(1 + s^2 a^2/4) = ln(2 q_1/s) - 2 - (tau - 1 - s)/s^2 = w.
@@ -251,7 +253,7 @@ contains
     type(point_t), intent(inout) :: point
     real(wp) :: s2, level, root, x, half, ratio
 
-    if (elapsed < early .or. path%kappa > 0.0_wp) then
+    if (elapsed < early .or. path%s > wide .or. path%kappa > 0.0_wp) then
       x = (1.0_wp - path%kappa)*(path%beta_cosine*elapsed)**2
       call set_path(elapsed*(1.0_wp + x*(1.0_wp/3.0_wp - path%beta_sine*elapsed/4.0_wp &
         + (12.0_wp*path%beta_cosine**2 + 7.0_wp*path%beta_sine**2)*elapsed**2/60.0_wp)), point)
