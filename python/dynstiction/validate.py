@@ -1,6 +1,6 @@
 """Which exponent Eq. (8) has: its forms against the exact creep, and that against the full model.
 
-Nothing here prints or draws: `validate_creep` computes, `Validation` holds the numbers, its checks and its finding.
+Nothing here prints or draws: `validate_creep` computes, `Validation` holds the numbers, checks and finding.
 docs/creep_validation.md explains what is measured and why.
 """
 
@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
+from textwrap import fill
 from typing import TextIO
 
 import numpy as np
@@ -38,11 +39,14 @@ _Floats = NDArray[np.float64]
 Form = Callable[[ArrayLike, ArrayLike], _Floats]
 """X'/V [-] at tau [-] and phi [rad]."""
 
-LIBRARY_FORMS: Mapping[str, Form] = {name: partial(creep_asymptotic, form=name) for name in FORMS}  # type: ignore[arg-type]
+LIBRARY_FORMS: Mapping[str, Form] = {
+    name: partial(creep_asymptotic, form=name)  # type: ignore[arg-type]
+    for name in FORMS
+}
 ORDERS = {"first_power": 2.0, "printed": 1.0, "third_order": 3.0}
 """Order in phi of the error of each form, from docs/theory.md, section 3."""
 
-# Fig. 3 of the paper with constant friction. The fits need a small kappa: its share in X'/V is kappa tan^2(alpha).
+# Fig. 3 of the paper with constant friction. Its kappa adds kappa tan^2(alpha) to X'/V: too much for the fits.
 STIFFNESS_X = 1.0e3  # N/m
 STIFFNESS_Y = 1.0e7  # N/m
 STIFFNESS_Y_OF_FITS = 1.0e8  # N/m
@@ -110,7 +114,7 @@ class FormError:
 
 @dataclass(frozen=True)
 class Mean:
-    """X'/V averaged over whole high-frequency cycles about `time`, and the exact creep over the very same window."""
+    """X'/V over whole high-frequency cycles about `time`, and the exact creep over the very same window."""
 
     degrees: float
     velocity: float
@@ -144,7 +148,7 @@ class Mean:
 
     @property
     def at_time(self) -> float:
-        """X'/V of the full model at `time` itself [-]: the exact creep there, and the difference of the averages."""
+        """X'/V of the full model at `time` [-]: the exact creep there, and the difference of the averages."""
         exact = creep_exact(self.tau, self.phi, STIFFNESS_X / self.stiffness_y).X_rate
         return float(exact) + self.difference
 
@@ -253,7 +257,8 @@ class Validation:
 
     def report(self) -> str:
         """Tables and finding as plain text."""
-        return "\n".join([*self._tables(), "", *self.finding()])
+        wrapped = (fill(line, 100, subsequent_indent="   ") for line in self.finding())
+        return "\n".join([*self._tables(), "", *wrapped])
 
     def _tables(self) -> Iterator[str]:
         yield "1. Error of X'/V after Eq. (8) against the exact creep (rigid stiff axis), tau = 0.5"
@@ -266,7 +271,10 @@ class Validation:
             yield f"{f'order, {tau:g}':>12}{orders}"
         yield ""
         yield "2. X'/V of the full model, constant friction, averaged over whole high-frequency cycles about t"
-        yield f"{'phi [deg]':>12}{'t [s]':>7}{'mass [kg]':>11}{'cycles':>8}{'full model':>12}{'exact':>11}{'difference':>12}"
+        heads = ("phi [deg]", "t [s]", "mass [kg]", "cycles", "full model", "exact", "difference")
+        yield "".join(
+            f"{head:>{width}}" for head, width in zip(heads, (12, 7, 11, 8, 12, 11, 12), strict=True)
+        )
         for mean in (*self.by_phi, *self.by_mass, *self.late):
             yield (
                 f"{mean.degrees:12g}{mean.time:7g}{mean.mass:11g}{mean.cycles:8d}{mean.full:12.7f}{mean.exact:11.7f}"
@@ -299,18 +307,18 @@ class Validation:
         full, misprint = self.fits["full"], self.fits["printed"]
         (p, q), (m, n) = full.powers_of_phi, full.powers_of_velocity
         return (
-            "Finding: Eq. (8) holds with the first power of Vt/l_x, X' = V phi (phi + tau/sqrt(1 - tau^2)), tau = Vt/l_x.",
-            "The square of Vt/l_x in the numerator, as the preprint prints it, is a misprint. Evidence:",
-            "1. Against the exact creep, Eqs. (6) and (7), the first power errs by the second order in phi; the printed",
-            "   form errs by the first, that of the creep itself.",
-            f"2. The full model with inertia creeps at X'/V = {one.at_time:.7f} at t = {TIME:g} s, phi = 1 deg. The exact creep",
-            f"   gives {exact:.7f} ({rigid:.7f} with a rigid stiff axis), the first power {first:.7f}, the printed form",
-            f"   {printed:.7f}. What is left between full model and exact creep, {self.worst_difference:.1e} of it at most, is",
-            f"   inertia: it goes with the mass to the power {self.order_in_mass:.2f} and, late, with phi to the power "
-            f"{self.order_in_phi:.2f}.",
-            f"3. The full model's creep is the sum of phi^{p:.2f} V^{m:.2f} and phi^{q:.2f} V^{n:.2f} t/l_x. The paper's own sentence,",
-            "   linear in phi and of second order in V, says the same of the second contribution; the printed form",
-            f"   would have it with V^{misprint.powers_of_velocity[1]:.2f}.",
+            "Finding: Eq. (8) holds with the first power of Vt/l_x, X' = V phi (phi + tau/sqrt(1 - tau^2)), "
+            "tau = Vt/l_x. The square of Vt/l_x in the numerator, as the preprint prints it, is a misprint. Evidence:",
+            "1. Against the exact creep, Eqs. (6) and (7), the first power errs by the second order in phi; "
+            "the printed form errs by the first, that of the creep itself.",
+            f"2. The full model with inertia creeps at X'/V = {one.at_time:.7f} at t = {TIME:g} s, phi = 1 deg. "
+            f"The exact creep gives {exact:.7f} ({rigid:.7f} with a rigid stiff axis), the first power {first:.7f}, "
+            f"the printed form {printed:.7f}. What is left between full model and exact creep, "
+            f"{self.worst_difference:.1e} of it at most, is inertia: it goes with the mass to the power "
+            f"{self.order_in_mass:.2f} and, late, with phi to the power {self.order_in_phi:.2f}.",
+            f"3. The full model's creep is the sum of phi^{p:.2f} V^{m:.2f} and phi^{q:.2f} V^{n:.2f} t/l_x. The "
+            "paper's own sentence, linear in phi and of second order in V, says the same of the second contribution; "
+            f"the printed form would have it with V^{misprint.powers_of_velocity[1]:.2f}.",
             f"All {len(checks)} checks hold.",
         )
 
