@@ -114,6 +114,8 @@ contains
       text = 'the errors of the reduced models are known for 0 < |misalignment_deg| < 90'
     else if (slider%stiffness(2) < 1.0e3_wp*slider%stiffness(1)) then
       text = 'stiffness_y is below 1000 stiffness_x'
+    else if (abs(slider%along(2)/slider%along(1)) < 3.0_wp*slider%stiffness(1)/slider%stiffness(2)) then
+      text = 'the misalignment is not above stiffness_x/stiffness_y'
     else if (fast_growth(slider) > 0.03_wp) then
       text = 'weakening feeds the fast oscillation too strongly'
     end if
@@ -193,7 +195,7 @@ contains
     end do
     reached = elastic%position
     if (.not. reached > 0.0_wp) return
-    error = (2.0_wp*inertia + expansion)/reached + ripple(scene, slider, reached*length) + fast_growth(slider)
+    error = (3.0_wp*inertia + expansion)/reached + 2.0_wp*(ripple(scene, slider, reached*length) + fast_growth(slider))
   end function creep_error
 
   !> Whether the closed form gives the columns asked for.
