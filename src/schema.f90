@@ -44,7 +44,8 @@ module dst_schema
   type(range_t), parameter :: positive = range_t(low=0.0_wp, low_open=.true.)
   type(range_t), parameter :: non_negative = range_t(low=0.0_wp)
   type(range_t), parameter :: one_turn = range_t(low=-360.0_wp, high=360.0_wp)
-  type(range_t), parameter :: tolerances = range_t(low=1.0e-13_wp, high=1.0e-1_wp)
+  !> From 1e-13 on in double precision, from 1e-31 on in quadruple precision.
+  type(range_t), parameter :: tolerances = range_t(low=10.0_wp**(2 - precision(1.0_wp)), high=1.0e-1_wp)
 
   character(*), parameter :: group_names = 'scene system friction drive initial integrator output'
   !> Groups of the deck language that this version cannot run.

@@ -21,6 +21,9 @@ module dst_trajectory
   public :: trajectory_t, no_event, stick_begins, slip_begins
 
   integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
+  !> Slip speed at the end of a step, relative to the largest one in it: of a landing that has converged (1e-14 in double
+  !> precision), and of one that counts as a stop.
+  real(wp), parameter :: landed = 10.0_wp**(1 - precision(1.0_wp)), at_rest = 10.0_wp**(6 - precision(1.0_wp))
   integer, parameter :: max_rejections = 60, max_events_at_once = 100, max_steps_at_once = 10000
 
   type :: trajectory_t
@@ -335,7 +338,7 @@ contains
     end associate
     if (position > 1.0_wp) return
     call land(self, position, to, outcome)
-    stopped = outcome%solved .and. abs(to%y(1)) <= 1.0e-9_wp*self%stepper%speed_scale
+    stopped = outcome%solved .and. abs(to%y(1)) <= at_rest*self%stepper%speed_scale
     if (stopped .or. .not. outcome%solved) return
     ! A dip that does not reach zero after all; but v may not have passed through it either.
     associate (grid => self%stepper%grid)
@@ -384,7 +387,7 @@ contains
       call self%stepper%attempt(self%system, self%drive%segment(self%segment), self%from, step, to, outcome)
       if (.not. outcome%solved) exit
       associate (grid => self%stepper%grid)
-        if (abs(to%y(1)) <= 1.0e-14_wp*self%stepper%speed_scale) exit
+        if (abs(to%y(1)) <= landed*self%stepper%speed_scale) exit
         slope = dot_product(grid%derivative(grid%degree, 0:grid%degree), &
           self%stepper%nodal(0:grid%degree, column_y))/step
       end associate
