@@ -57,7 +57,7 @@ module dst_schema
     'friction theta psi sticking zeta'
   !> What of them this version can run.
   character(*), parameter :: implemented_models = 'full'
-  character(*), parameter :: implemented_methods = 'radau5 radau9 radau13 rk4 dopri5 dop853'
+  character(*), parameter :: implemented_methods = methods
 
   character(*), parameter :: dynamic = 'model=full|low_frequency|high_frequency|auto'
   character(*), parameter :: transverse = 'model=full|high_frequency|auto'
@@ -108,7 +108,7 @@ module dst_schema
     key_t('initial', 'elongation_y', real_kind, 'm', any_real, may, '0.0', '', '', transverse, &
           'initial elongation of the spring along the stiff axis'), &
     key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau9', '', methods, dynamic, &
-          'radau*: implicit, of that order; dopri5, dop853, rk4: explicit'), &
+          'radau*: implicit, of that order; dopri5, dop853, rk4: explicit; moreau_jean: nonsmooth'), &
     key_t('integrator', 'rtol', real_kind, '1', tolerances, may, '1.0e-8', '', '', adaptive, &
           'relative tolerance of a step'), &
     key_t('integrator', 'step', real_kind, 's', positive, must, '0.0', '', '', fixed_step, &

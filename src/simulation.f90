@@ -9,6 +9,7 @@ module dst_simulation
   use dst_drive, only: new_drive
   use dst_friction, only: new_friction_law
   use dst_full_model, only: new_full_polar, new_full_smoothed
+  use dst_moreau_jean, only: new_moreau_jean
   use dst_observables, only: columns, find_column, default_columns, damping_ratio_exists, observe, row_of
   use dst_radau, only: new_radau
   use dst_runge_kutta, only: new_runge_kutta
@@ -69,7 +70,8 @@ contains
     type(trajectory_t), intent(out) :: trajectory
 
     call slider_from_scene(scene, trajectory%slider)
-    trajectory%exact_contact = scene%contact == 'exact'
+    ! Moreau-Jean solves the exact contact in the slip velocity itself, with its own friction.
+    trajectory%exact_contact = scene%contact == 'exact' .and. scene%method /= 'moreau_jean'
     if (trajectory%exact_contact) then
       trajectory%system = new_full_polar(trajectory%slider)
     else
@@ -106,6 +108,9 @@ contains
         trajectory%stepper = new_radau(5, components, scene%rtol)
       case ('radau13')
         trajectory%stepper = new_radau(7, components, scene%rtol)
+      case ('moreau_jean')
+        trajectory%stepper = new_moreau_jean(trajectory%slider)
+        trajectory%fixed_step = scene%step
       case default
         trajectory%stepper = new_runge_kutta(scene%method, components, scene%rtol)
       end select

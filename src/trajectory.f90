@@ -31,7 +31,7 @@ module dst_trajectory
     type(drive_t) :: drive
     class(slip_system_t), allocatable :: system
     class(stepper_t), allocatable :: stepper
-    !> Whether rest is possible (exact contact in polar unknowns).
+    !> Whether the trajectory finds rest and release (exact contact in polar unknowns).
     logical :: exact_contact = .true.
     real(wp) :: t_end = 0.0_wp
     real(wp) :: step_max = 0.0_wp
@@ -82,6 +82,9 @@ contains
     self%next_step = self%release_step
     if (.not. self%exact_contact) then
       call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+      if (self%stepper%rests_itself .and. .not. any(abs(y) > 0.0_wp)) then
+        if (holds(self%slider, u, velocity_now(self))) call come_to_rest(self)
+      end if
     else if (y(1) > 0.0_wp) then
       self%next_step = min(self%next_step, y(1)*self%slider%mass/max(self%slider%law%onset, tiny(1.0_wp)))
       call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
@@ -127,7 +130,7 @@ contains
     horizon = min(self%t_end, self%drive%segment(self%segment)%end)
     self%from = self%now
     self%was_sticking = self%sticking
-    if (self%sticking) then
+    if (self%sticking .and. .not. self%stepper%rests_itself) then
       call stay_stuck(self, horizon)
     else
       passed = .false.
@@ -270,12 +273,30 @@ contains
     call self%stepper%accept()
     self%stepper%count%steps = self%stepper%count%steps + 1
     call choose_next_step(self, outcome%factor, truncated)
-    if (stopped) then
+    if (self%stepper%rests_itself) then
+      call note_rest(self)
+    else if (stopped) then
       call rest_or_turn(self)
     else if (self%exact_contact .and. .not. self%stepper%explicit .and. self%now%y(1) < cut_level(self)) then
       call finish_stop(self, horizon)
     end if
   end subroutine slide
+
+  !> Whether the object is at rest now, as the method has found it, and the event that this is.
+  subroutine note_rest(self)
+    class(trajectory_t), intent(inout) :: self
+    logical :: at_rest_now
+
+    at_rest_now = .not. any(abs(self%now%y) > 0.0_wp)
+    if (at_rest_now .and. .not. self%sticking) then
+      call come_to_rest(self)
+    else if (self%sticking .and. .not. at_rest_now) then
+      self%sticking = .false.
+      self%event = slip_begins
+      self%stepper%count%events = self%stepper%count%events + 1
+    end if
+    self%was_sticking = self%was_sticking .and. at_rest_now
+  end subroutine note_rest
 
   !> Slip speed [m/s] below which a stop is finished in closed form.
   pure real(wp) function cut_level(self)
