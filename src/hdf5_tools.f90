@@ -13,7 +13,7 @@ module dst_hdf5_tools
     h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, &
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, real64
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -284,11 +284,11 @@ contains
     integer, intent(inout) :: status
     integer(hid_t), intent(in), optional :: file_type
     integer(hid_t) :: stored_as
-    real(wp), target :: value
+    real(real64), target :: value
 
     stored_as = h5t_ieee_f64le
     if (present(file_type)) stored_as = file_type
-    value = number
+    value = real(number, real64)
     call write_scalar(group, quantity, stored_as, h5t_native_double, c_loc(value), status)
   end subroutine put_number
 
@@ -414,7 +414,7 @@ contains
   !> Append values to a column.
   subroutine append(column, values, status)
     type(column_t), intent(inout) :: column
-    real(wp), intent(in), contiguous, target :: values(:)
+    real(real64), intent(in), contiguous, target :: values(:)
     integer, intent(inout) :: status
     integer(hid_t) :: file_space, memory_space
     integer(hsize_t) :: count(1)

@@ -4,12 +4,15 @@
 !> so that memory does not grow with the run and a killed run leaves a file that opens. (The file is inconsistent only for
 !> the microseconds of a flush, so flushing more often would not be safer.) Before each write the disk space that it and
 !> the file's ending need is reserved: a full disk is met while the file is still sound, and what was written stays readable.
+!>
+!> Columns are doubles. In a build with more digits /remainder holds, under the same names, what rounding left over as doubles
+!> too: the sum of both has 32 digits, and the rest of the file is what every reader knows.
 module dst_hdf5_writer
   use, intrinsic :: iso_c_binding, only: c_int
   use hdf5, only: hid_t, hsize_t, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, &
     h5pcreate_f, h5pclose_f, h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, h5f_acc_rdwr_f, &
     h5f_acc_rdonly_f, h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t
   use dst_disk, only: prepare_file, reserve_space, set_file_size, move_file, delete_file, file_exists, is_folder, &
@@ -48,6 +51,8 @@ module dst_hdf5_writer
     integer(c_int) :: descriptor = -1
     type(column_t), allocatable :: columns(:)     !! of the time series
     type(column_t) :: event_time, event_kind
+    type(column_t), allocatable :: remainders(:)  !! of the columns; allocated only if doubles lose digits
+    type(column_t) :: event_remainder
     integer :: chunk_rows = 0
     real(wp), allocatable :: samples(:, :)        !! waiting: (row, column)
     real(wp), allocatable :: events(:, :)         !! waiting: (row, time and kind)
@@ -73,6 +78,7 @@ module dst_hdf5_writer
   !> Room a column's index may take when one chunk is added.
   integer(int64), parameter :: index_bytes = 4096
   real(wp), parameter :: flush_interval = 1.0_wp   ! s
+  logical, parameter :: doubles_lose_digits = digits(1.0_wp) > digits(1.0_real64)
 
   character(*), parameter :: hdf5_signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
 
@@ -220,10 +226,11 @@ contains
     if (.not. allocated(self%failure)) then
       status = 0
       do i = 1, size(self%columns)
-        call append(self%columns(i), self%samples(:self%waiting_samples, i), status)
+        call append(self%columns(i), real(self%samples(:self%waiting_samples, i), real64), status)
       end do
-      call append(self%event_time, self%events(:self%waiting_events, 1), status)
-      call append(self%event_kind, self%events(:self%waiting_events, 2), status)
+      call append(self%event_time, real(self%events(:self%waiting_events, 1), real64), status)
+      call append(self%event_kind, real(self%events(:self%waiting_events, 2), real64), status)
+      if (doubles_lose_digits) call append_remainders(self, status)
       due = flush_now
       if (.not. due) due = seconds_since(self%flushed_at) > flush_interval
       if (due) then
@@ -237,6 +244,24 @@ contains
     if (allocated(self%failure)) error = self%failure
   end subroutine write_waiting
 
+  subroutine append_remainders(self, status)
+    class(hdf5_writer_t), intent(inout) :: self
+    integer, intent(inout) :: status
+    integer :: i
+
+    do i = 1, size(self%remainders)
+      call append(self%remainders(i), remainder(self%samples(:self%waiting_samples, i)), status)
+    end do
+    call append(self%event_remainder, remainder(self%events(:self%waiting_events, 1)), status)
+  end subroutine append_remainders
+
+  !> What a double does not hold of a number.
+  elemental real(real64) function remainder(value)
+    real(wp), intent(in) :: value
+
+    remainder = real(value - real(real(value, real64), wp), real64)
+  end function remainder
+
   !> See that the disk has room for one chunk of everything and for the file's ending.
   subroutine reserve(self)
     class(hdf5_writer_t), intent(inout) :: self
@@ -248,6 +273,7 @@ contains
     call h5fget_filesize_f(self%file, present_size, status)
     if (status < 0) return
     needed = 2*(size(self%columns)*(8_int64*self%chunk_rows + index_bytes) + 2*(8_int64*event_chunk + index_bytes))
+    if (doubles_lose_digits) needed = 2*needed
     call reserve_space(self%descriptor, int(present_size, int64) + needed + ending_bytes, reason)
     if (allocated(reason)) call self%fail(reason, sound=.true.)
   end subroutine reserve
@@ -539,7 +565,30 @@ contains
     call make_scale(self%event_time, 'time', status)
     call attach_scale(self%event_kind, self%event_time, status)
     call close_group(group, status)
+    if (doubles_lose_digits) call create_remainders(self, columns, status)
   end subroutine create_columns
+
+  subroutine create_remainders(self, columns, status)
+    class(hdf5_writer_t), intent(inout) :: self
+    type(quantity_t), intent(in) :: columns(:)
+    integer, intent(inout) :: status
+    integer(hid_t) :: remainder_group, group
+    integer :: i
+
+    allocate (self%remainders(size(columns)))
+    call create_group(self%file, 'remainder', remainder_group, status)
+    call create_group(remainder_group, 'time_series', group, status)
+    do i = 1, size(columns)
+      call create_column(group, quantity_t(columns(i)%name, columns(i)%units, 'to be added to /time_series/'//columns(i)%name), &
+        h5t_ieee_f64le, self%chunk_rows, self%remainders(i), status)
+    end do
+    call close_group(group, status)
+    call create_group(remainder_group, 'events', group, status)
+    call create_column(group, quantity_t('time', 's', 'to be added to /events/time'), h5t_ieee_f64le, event_chunk, &
+      self%event_remainder, status)
+    call close_group(group, status)
+    call close_group(remainder_group, status)
+  end subroutine create_remainders
 
   subroutine reopen_columns(self, rows, events, columns, status)
     class(hdf5_writer_t), intent(inout) :: self
@@ -556,10 +605,27 @@ contains
     call cut_column(self%event_time, int(events, hsize_t), status)
     call open_column(self%file, 'events/kind', event_chunk, self%event_kind, status)
     call cut_column(self%event_kind, int(events, hsize_t), status)
+    if (doubles_lose_digits) call reopen_remainders(self, rows, events, columns, status)
     call put_attribute(self%file, 'result_code', -1, status)
     call put_attribute(self%file, 'result_text', 'running', status)
     call flush_file(self%file, status)
   end subroutine reopen_columns
+
+  subroutine reopen_remainders(self, rows, events, columns, status)
+    class(hdf5_writer_t), intent(inout) :: self
+    integer(int64), intent(in) :: rows, events
+    type(quantity_t), intent(in) :: columns(:)
+    integer, intent(inout) :: status
+    integer :: i
+
+    allocate (self%remainders(size(columns)))
+    do i = 1, size(columns)
+      call open_column(self%file, 'remainder/time_series/'//trim(columns(i)%name), self%chunk_rows, self%remainders(i), status)
+      call cut_column(self%remainders(i), int(rows, hsize_t), status)
+    end do
+    call open_column(self%file, 'remainder/events/time', event_chunk, self%event_remainder, status)
+    call cut_column(self%event_remainder, int(events, hsize_t), status)
+  end subroutine reopen_remainders
 
   subroutine allocate_waiting(self, columns, expected_rows)
     class(hdf5_writer_t), intent(inout) :: self

@@ -1,7 +1,7 @@
 !> Run a deck into a result file: what `dynstiction run` does.
 module dst_run
   use dst_kinds, only: wp
-  use dst_build_info, only: version, git_revision, compiler
+  use dst_build_info, only: program_name, version, git_revision, compiler
   use dst_deck, only: deck_t, resolved
   use dst_errors, only: error_t, stopped_early
   use dst_model_choice, only: settle_model
@@ -99,7 +99,7 @@ contains
     logical, allocatable :: is_text(:)
     integer :: i, numbers, texts
 
-    metadata%program = 'dynstiction'
+    metadata%program = program_name
     metadata%version = version
     metadata%git_revision = git_revision
     metadata%compiler = compiler

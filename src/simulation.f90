@@ -11,6 +11,7 @@ module dst_simulation
   use dst_friction, only: new_friction_law
   use dst_full_model, only: new_full_polar, new_full_smoothed
   use dst_low_frequency, only: new_low_frequency
+  use dst_moreau_jean, only: new_moreau_jean
   use dst_observables, only: columns, instant_t, find_column, default_columns, damping_ratio_exists, observe, row_of
   use dst_radau, only: new_radau
   use dst_runge_kutta, only: new_runge_kutta
@@ -105,7 +106,8 @@ contains
         end if
         trajectory%system = new_straight_slip(slider, 2, [scene%elongation_x, 0.0_wp])
       case default
-        trajectory%exact_contact = scene%contact == 'exact'
+        ! Moreau-Jean solves the exact contact in the slip velocity itself, with its own friction.
+        trajectory%exact_contact = scene%contact == 'exact' .and. scene%method /= 'moreau_jean'
         if (trajectory%exact_contact) then
           trajectory%system = new_full_polar(slider)
         else
@@ -181,6 +183,9 @@ contains
         trajectory%stepper = new_radau(5, components, scene%rtol)
       case ('radau13')
         trajectory%stepper = new_radau(7, components, scene%rtol)
+      case ('moreau_jean')
+        trajectory%stepper = new_moreau_jean(trajectory%slider)
+        trajectory%fixed_step = scene%step
       case default
         trajectory%stepper = new_runge_kutta(scene%method, components, scene%rtol)
       end select

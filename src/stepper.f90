@@ -50,6 +50,8 @@ module dst_stepper
     !> The trajectory then does it with series, to this relative accuracy.
     logical :: explicit = .false.
     real(wp) :: release_tolerance = 0.0_wp
+    !> Whether it solves for rest itself: its unknowns are the slip velocity, and a step may end with w = 0.
+    logical :: rests_itself = .false.
     !> Nodes on which the last attempt is known.
     type(grid_t) :: grid
     !> The method's own nodes, kept while `grid` describes an advance that it did not make.
