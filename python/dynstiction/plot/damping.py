@@ -56,10 +56,11 @@ def draw_damping_of(results: Sequence[Result], figure: Figure) -> None:
 def _slider(result: Result) -> dict[str, float]:
     parameters = slider(result)
     parameters["velocity"] = abs(parameters["velocity"])
-    if parameters["velocity"] * np.sin(parameters["misalignment"]) == 0.0:
+    turning = parameters["velocity"] * np.sin(parameters["misalignment"])
+    if turning * parameters["mu_0"] * parameters["normal_load"] == 0.0:
         raise UsageError(
-            "without misalignment, or without drive, nothing turns the friction vector and there is no damping ratio: "
-            "run with system.misalignment_deg and drive.velocity not 0"
+            "without misalignment, drive or friction nothing turns the friction vector and there is no damping ratio: "
+            "run with misalignment_deg, velocity, mu_0 and normal_load not 0"
         )
     return parameters
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from ..errors import UsageError
 from ..result import Result
 from ..spectrum import Spectrogram, oscillation_frequency, spectrogram
-from .samples import columns, first_release, thin
+from .samples import Floats, columns, first_release, thin
 from .style import COLUMN_WIDTH, MM, letter
 from .theory import creep, slider, stiff_frequency
 from .velocities import VELOCITIES
@@ -39,14 +39,14 @@ def draw_spectrogram(result: Result, figure: Figure) -> None:
     for i, (name, (label, colour)) in enumerate(VELOCITIES.items()):
         axes[2 * i].plot(*thin(result.time, 1e3 * needed[name]), color=colour)
         axes[2 * i].set_ylabel(label)
-        mesh = _draw_density(axes[2 * i + 1], spectra[name], 10.0 * np.log10(top), highest)
+        image = _draw_density(axes[2 * i + 1], spectra[name], 10.0 * np.log10(top), highest)
         _draw_ridge(axes[2 * i + 1], result)
         axes[2 * i + 1].set_ylabel(f"$f$ of ${name}$ [kHz]")
     axes[-1].set_xlim(result.time[0], result.time[-1])
     axes[-1].set_xlabel("$t$ [s]")
     figure.align_ylabels(axes)
     figure.colorbar(
-        mesh,
+        image,
         ax=axes,
         location="top",
         aspect=40,
@@ -56,7 +56,7 @@ def draw_spectrogram(result: Result, figure: Figure) -> None:
     )
 
 
-def predicted_ridge(result: Result) -> tuple[np.ndarray, np.ndarray]:
+def predicted_ridge(result: Result) -> tuple[Floats, Floats]:
     """Times [s] of the first creep and the frequency [Hz] that `creep_exact` predicts for them.
 
     Raises
@@ -72,23 +72,30 @@ def predicted_ridge(result: Result) -> tuple[np.ndarray, np.ndarray]:
     return times, oscillation_frequency(theta, **stiffness)
 
 
-def _draw_density(axis: Axes, spectrum: Spectrogram, top: float, highest: float) -> QuadMesh:
+def _draw_density(axis: Axes, spectrum: Spectrogram, top: float, highest: float) -> AxesImage:
     """Density in decibels below `top`, up to the frequency `highest` [Hz]."""
     shown = spectrum.frequency <= highest
+    frequency = 1e-3 * spectrum.frequency[shown]
     decibels = 10.0 * np.log10(np.maximum(spectrum.density[shown], np.finfo(np.float64).tiny))
-    mesh = axis.pcolormesh(
-        spectrum.time,
-        1e-3 * spectrum.frequency[shown],
+    image = axis.imshow(
         decibels,
         cmap="viridis",
         vmin=top - DECIBELS,
         vmax=top,
-        shading="nearest",
-        rasterized=True,
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+        extent=(*_edges(spectrum.time), *_edges(frequency)),
     )
     axis.set_facecolor("0.9")
-    axis.set_ylim(0.0, 1e-3 * spectrum.frequency[shown][-1])
-    return mesh
+    axis.set_ylim(0.0, frequency[-1])
+    return image
+
+
+def _edges(middles: Floats) -> tuple[float, float]:
+    """First and last edge of equal cells with these middles."""
+    half = 0.5 * (middles[1] - middles[0]) if middles.size > 1 else 0.5 * WINDOW
+    return float(middles[0] - half), float(middles[-1] + half)
 
 
 def _draw_ridge(axis: Axes, result: Result) -> None:
@@ -103,7 +110,7 @@ def _draw_ridge(axis: Axes, result: Result) -> None:
 
 def _refuse_aliases(result: Result) -> None:
     stiff = stiff_frequency(result)
-    step = float(np.max(np.diff(result.time)))
+    step = float(np.median(np.diff(result.time)))
     if stiff is not None and step * stiff > 0.5:
         raise UsageError(
             f"samples {step:.6g} s apart cannot show the oscillation of {stiff:.6g} Hz: "
