@@ -5,6 +5,7 @@ from __future__ import annotations
 import dynstiction as ds
 import numpy as np
 import pytest
+from dynstiction.plot.paper import deck
 
 FIG4 = {
     "mass": 0.25,
@@ -61,11 +62,11 @@ def test_ridge_above_a_drift_and_without_power() -> None:
 
 
 def test_a_short_last_interval_is_left_out() -> None:
-    time = np.append(TIME, TIME[-1] + 1e-5)
-    values = np.append(tone(1000.0), 1e9)
-    np.testing.assert_array_equal(
-        ds.spectrogram(time, values).density, ds.spectrogram(TIME, tone(1000.0)).density
-    )
+    # So short that every sample begins or ends a window.
+    time, values = TIME[:1101], tone(1000.0)[:1101]
+    expected = ds.spectrogram(time, values).density
+    longer = ds.spectrogram(np.append(time, time[-1] + 1e-5), np.append(values, 1e9))
+    np.testing.assert_array_equal(longer.density, expected)
 
 
 @pytest.mark.parametrize(
@@ -120,3 +121,11 @@ def test_ridge_of_fig4(fig4_result: ds.Result, column: str) -> None:
     between = (spectrum.time >= 0.1) & (spectrum.time <= 1.6)
     predicted = ds.creep_frequency(spectrum.time[between], **FIG4)
     np.testing.assert_allclose(found[between], predicted, rtol=0.01)
+
+
+def test_without_rests_the_ridge_is_the_prediction() -> None:
+    """Constant friction: the object rests only once, and the oscillation is the harmonic one that is predicted."""
+    result = ds.run(deck("fig3_constant"), scene={"t_end": 0.7}, output={"interval": 1e-4})
+    spectrum = ds.spectrogram(result.time, result["w_y"])
+    here = np.interp(TIMES[:3], spectrum.time, ds.ridge(spectrum, above=100.0))
+    np.testing.assert_allclose(here, ds.creep_frequency(TIMES[:3], **FIG4), rtol=5e-4)
