@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
@@ -18,10 +18,7 @@ from .damping import draw_damping_of
 from .schematics import draw_angles, draw_apparatus
 from .style import new_figure, write
 
-__all__ = ["FIGURES", "Format", "PaperFigure", "deck", "draw_paper"]
-
-Format = Literal["png", "pdf", "svg"]
-FORMATS: tuple[str, ...] = get_args(Format)
+__all__ = ["FIGURES", "PaperFigure", "deck", "draw_paper"]
 
 
 class PaperFigure(NamedTuple):
