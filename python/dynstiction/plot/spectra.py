@@ -105,7 +105,15 @@ def _draw_ridge(axis: Axes, result: Result) -> None:
         return  # the figure is good without the prediction, which needs more than the spectrogram does
     # Wide gaps: the ridge below must be seen.
     axis.plot(times, 1e-3 * frequency, color="white", linewidth=0.9, linestyle=(0, (4, 6)), label="predicted")
-    axis.legend(loc="lower left", labelcolor="white", handlelength=2.6, borderaxespad=0.8)
+    # Framed: a whole history has lines everywhere.
+    axis.legend(
+        loc="upper left",
+        labelcolor="white",
+        handlelength=2.6,
+        frameon=True,
+        facecolor="black",
+        edgecolor="none",
+    )
 
 
 def _refuse_aliases(result: Result) -> None:

@@ -23,7 +23,7 @@ def draw_velocities(result: Result, figure: Figure) -> None:
     """Both slip velocities: left the whole run, right five periods of the stiff axis in its middle."""
     needed = columns(result, *VELOCITIES)
     figure.set_size_inches(COLUMN_WIDTH, 80.0 * MM)
-    axes = figure.subplots(2, 2, sharex="col", sharey="row", width_ratios=(3.0, 2.0))
+    axes = figure.subplots(2, 2, sharex="col", width_ratios=(3.0, 2.0))
     detail = _detail(result)
     middle = result.time[detail][0]
     for row, (name, (label, colour)) in zip(axes, VELOCITIES.items(), strict=True):
