@@ -3,10 +3,9 @@
 import subprocess
 from pathlib import Path
 
+import dynstiction as ds
 import numpy as np
 import pytest
-
-import dynstiction as ds
 
 FIG3 = {
     "mass": 0.25,
@@ -24,7 +23,11 @@ ACCURACIES = (0.3, 0.1, 0.02, 1e-2, 1e-3, 1e-4, 1e-6)
 def deck(scene: dict[str, float], model: str, lengths: float, more: str = "") -> str:
     """A scene in which the drive moves by so many l_x."""
     t_end = lengths * scene["mu_0"] * 10.0 / scene["stiffness_x"] / scene["velocity"]
-    law = "law='constant'" if scene["mu_inf"] == scene["mu_0"] else f"mu_inf={scene['mu_inf']}, v_f={scene['v_f']}"
+    law = (
+        "law='constant'"
+        if scene["mu_inf"] == scene["mu_0"]
+        else f"mu_inf={scene['mu_inf']}, v_f={scene['v_f']}"
+    )
     return f"""
     &scene model='{model}', t_end={t_end!r} {more} /
     &system mass={scene["mass"]}, stiffness_x={scene["stiffness_x"]}, stiffness_y={scene["stiffness_y"]},
@@ -110,7 +113,9 @@ def test_error_stays_below_accuracy(change: dict[str, float]) -> None:
         ("high_frequency", 1e-1, 0.5, 1.0, "full"),
     ],
 )
-def test_the_cheapest_is_found(quantities: str, accuracy: float, lengths: float, angle: float, model: str) -> None:
+def test_the_cheapest_is_found(
+    quantities: str, accuracy: float, lengths: float, angle: float, model: str
+) -> None:
     more = f"quantities='{quantities}', accuracy={accuracy}"
     text = deck(FIG3 | {"misalignment_deg": angle}, "auto", lengths, more)
     assert ds.run(text).attributes["model"] == model

@@ -174,7 +174,7 @@ def test_rest_is_rest() -> None:
 
 
 def test_frequency_of_the_fast_oscillation() -> None:
-    """f = f_y sqrt(1 - (k_x u_x/F_0)^2) with constant friction, Eq. (9)."""
+    """F = f_y sqrt(1 - (k_x u_x/F_0)^2) with constant friction, Eq. (9)."""
     for load in (0.0, 0.5, 0.9):
         result = run(
             "high_frequency",
@@ -202,7 +202,9 @@ def test_fast_oscillation_sticks_and_slips(method: str) -> None:
     assert np.all(force[~slipping] <= 2.0 * (1.0 + 1e-12))
     assert abs(result.summary["energy_residual"]) < 1e-8
     # It saturates where the slip velocity touches zero.
-    assert (1e-3 * np.sin(np.radians(1.0)) - result["w_y"]).max() == pytest.approx(1e-3 * np.sin(np.radians(1.0)))
+    assert (1e-3 * np.sin(np.radians(1.0)) - result["w_y"]).max() == pytest.approx(
+        1e-3 * np.sin(np.radians(1.0))
+    )
 
 
 def test_fast_oscillation_without_load_is_that_of_the_full_model() -> None:
@@ -211,7 +213,9 @@ def test_fast_oscillation_without_load_is_that_of_the_full_model() -> None:
     full = run("fig3", initial={"velocity_ratio": 0.0}, scene=groups["scene"], output=groups["output"])
     assert alone.sticks() == full.sticks()
     late = alone.time > 0.02
-    assert np.ptp(alone["spring_force_y"][late]) == pytest.approx(np.ptp(full["spring_force_y"][late]), rel=2e-2)
+    assert np.ptp(alone["spring_force_y"][late]) == pytest.approx(
+        np.ptp(full["spring_force_y"][late]), rel=2e-2
+    )
 
 
 def test_mirrored_load_and_drive() -> None:
@@ -249,7 +253,9 @@ def test_creep_is_the_closed_form() -> None:
     assert "zeta" not in result
     # X = V t - u_x c - u_y s, Eq. (6).
     c, s = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
-    np.testing.assert_allclose(result["X"], 1e-3 * result.time - result["u_x"] * c - result["u_y"] * s, atol=1e-17)
+    np.testing.assert_allclose(
+        result["X"], 1e-3 * result.time - result["u_x"] * c - result["u_y"] * s, atol=1e-17
+    )
 
 
 def forces(result: ds.Result) -> tuple[np.ndarray, np.ndarray]:
@@ -274,7 +280,9 @@ def test_creep_in_other_quadrants(angle: float, velocity: float) -> None:
     sign = np.sign(velocity)
     np.testing.assert_allclose(other["X"], sign * result["X"], rtol=1e-9)
     e = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
-    np.testing.assert_allclose(other["X"], velocity * other.time - other["u_x"] * e[0] - other["u_y"] * e[1], atol=1e-16)
+    np.testing.assert_allclose(
+        other["X"], velocity * other.time - other["u_x"] * e[0] - other["u_y"] * e[1], atol=1e-16
+    )
     np.testing.assert_allclose(np.abs(other["w_y"]), np.abs(result["w_y"]), rtol=1e-9)
 
 
@@ -311,7 +319,11 @@ def test_forms_of_the_asymptotics(form: str) -> None:
         ("creep", {"friction": {"mu_inf": 0.1}}, "'mu_inf' is not used with model creep"),
         ("creep_asymptotic", {"system": {"stiffness_y": 1e7}}, "'stiffness_y' is not used"),
         ("creep", {"scene": {"form": "printed"}}, "'form' is not used with model creep"),
-        ("low_frequency", {"system": {"stiffness_y": 1e7}}, "'stiffness_y' is not used with model low_frequency"),
+        (
+            "low_frequency",
+            {"system": {"stiffness_y": 1e7}},
+            "'stiffness_y' is not used with model low_frequency",
+        ),
         ("low_frequency", {"initial": {"elongation_y": 1e-9}}, "'elongation_y' is not used"),
         ("low_frequency", {"friction": {"contact": "smoothed"}}, "'contact' is not used"),
         ("high_frequency", {"friction": {"contact": "smoothed"}}, "'contact' is not used"),
@@ -355,5 +367,7 @@ def test_executable_writes_what_python_returns(deck: str, executable: Path, tmp_
 @pytest.mark.deck
 @pytest.mark.parametrize("deck", ["low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"])
 def test_decks_run(deck: str, executable: Path, tmp_path: Path) -> None:
-    finished = subprocess.run([executable, "run", INPUTS / f"{deck}.nml"], cwd=tmp_path, capture_output=True, text=True)
+    finished = subprocess.run(
+        [executable, "run", INPUTS / f"{deck}.nml"], cwd=tmp_path, capture_output=True, text=True
+    )
     assert finished.returncode == 0, finished.stderr

@@ -153,7 +153,9 @@ def test_all_inputs_have_a_table(executable):
     without_theory = {"low_frequency", "creep", "creep_asymptotic"}
     with_theory = [deck for deck in decks if deck.stem not in without_theory]
     assert with_theory
-    result = subprocess.run([executable, "stability", *with_theory], capture_output=True, text=True, check=False)
+    result = subprocess.run(
+        [executable, "stability", *with_theory], capture_output=True, text=True, check=False
+    )
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.count("# ") >= len(with_theory)
     for name in without_theory:

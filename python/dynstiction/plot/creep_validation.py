@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from .creep import creep_exact
-from .errors import FileError
-from .plot import BLACK, BLUE, COLUMN_WIDTH, DOTS_PER_INCH, GREEN, MM, STYLE, VERMILION
-from .validate import ORDERS, TIME, Validation
+from ..creep import creep_exact
+from ..validate import ORDERS, TIME, Validation
+from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, VERMILION, letter
 
-__all__ = ["draw", "save"]
+__all__ = ["draw_creep_validation"]
 
 COLOURS = {"first_power": BLUE, "printed": VERMILION, "third_order": GREEN}
 NAMES = {"first_power": "first power", "printed": "as printed", "third_order": "third order"}
@@ -23,40 +19,16 @@ POWERS = {"first_power": r"$\varphi^2$", "printed": r"$\varphi$", "third_order":
 MARKS = {"first_power": "o", "printed": "s", "third_order": "^"}
 
 
-def draw(validation: Validation) -> Figure:
-    """Draw the three pieces of evidence: errors of the forms, creep of the full model, second contribution.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Not attached to any window.
-    """
-    with rc_context(STYLE):
-        figure = Figure(figsize=(COLUMN_WIDTH, 145.0 * MM), layout="constrained")
-        axes = figure.subplots(3, 1)
-        _draw_errors(axes[0], validation)
-        _draw_means(axes[1], validation)
-        _draw_second(axes[2], validation)
-        for letter, axis in zip("abc", axes, strict=True):
-            axis.text(-0.2, 1.0, f"({letter})", transform=axis.transAxes, va="top", fontweight="bold")
-        figure.align_ylabels(axes)
-    return figure
-
-
-def save(validation: Validation, path: str | os.PathLike[str], dots_per_inch: float = DOTS_PER_INCH) -> None:
-    """Draw into a file; its suffix names the format (PNG, PDF, SVG).
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
-    figure = draw(validation)
-    try:
-        with rc_context(STYLE):
-            figure.savefig(path, dpi=dots_per_inch)
-    except (OSError, ValueError) as error:  # matplotlib's ValueError: no such format
-        raise FileError(f"{os.fspath(path)}: cannot be written: {error}") from error
+def draw_creep_validation(validation: Validation, figure: Figure) -> None:
+    """Three pieces of evidence: errors of the forms, creep of the full model, second contribution."""
+    figure.set_size_inches(COLUMN_WIDTH, 145.0 * MM)
+    axes = figure.subplots(3, 1)
+    _draw_errors(axes[0], validation)
+    _draw_means(axes[1], validation)
+    _draw_second(axes[2], validation)
+    for name, axis in zip("abc", axes, strict=True):
+        letter(axis, name)
+    figure.align_ylabels(axes)
 
 
 def _draw_errors(axis: Axes, validation: Validation) -> None:
