@@ -6,7 +6,8 @@
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 source "$here/../../tools/setup.sh"
 
-debian_packages+=(g++ libsundials-dev libboost-dev)
+# cmake builds numbalsoda.
+debian_packages+=(g++ cmake libsundials-dev libboost-dev)
 work=$checkout/build/peers
 
 # peer_environment FOLDER 'PACKAGE...' [LATER PACKAGE]: the last one needs the others to build.
@@ -34,7 +35,7 @@ compile() {
 prepare
 build_release
 mkdir -p "$work"
-peer_environment venv "numpy scipy numba" numbalsoda
+peer_environment venv "numpy scipy numba numbalsoda"
 # pyradau13 0.5 does not compile against NumPy 2, whose headers define I.
 peer_environment venv_radau13 "numpy<2 setuptools<70 wheel" pyradau13
 compile g++ odeint

@@ -194,9 +194,7 @@ def stick(y, time_now, tolerance, states, taken):
 
 def compiled(njit):
     """Have Numba compile the functions above."""
-    names = (
-        "friction friction_slope cartesian_rhs polar_rhs rest_delay release release_at brake brake_at cartesian stick"
-    )
+    names = "friction friction_slope cartesian_rhs polar_rhs rest_delay release release_at brake brake_at cartesian stick"
     for name in names.split():
         globals()[name] = njit(globals()[name])
 
@@ -237,8 +235,11 @@ class Run:
         self.states[self.taken] = cartesian(y) if self.polar else y
         self.taken += 1
 
+    def over_time(self):
+        return time.process_time() - self.begun > self.limit
+
     def check_clock(self):
-        if time.process_time() - self.begun > self.limit:
+        if self.over_time():
             raise LimitReached("time limit")
 
     def initial(self):
