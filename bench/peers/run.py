@@ -177,6 +177,7 @@ def points():
     # Smoothed.
     yield from grid("odeint", "rosenbrock4", "smoothed", rtol="1e-4 1e-5 1e-6 1e-7", v_s="1e-9 1e-10 1e-11")
     yield from grid("odeint", "rosenbrock4", "smoothed", rtol="1e-8 1e-9", v_s="1e-11 1e-12 1e-13")
+    yield from grid("odeint", "rosenbrock4", "smoothed", rtol="1e-11", v_s="1e-13 1e-14")
     yield from grid("odeint", "dopri5", "smoothed", rtol="1e-5", v_s="1e-8 1e-9")
     yield from grid("CVODE", "bdf", "smoothed", rtol="1e-6 1e-7 1e-8 1e-9", v_s="1e-10 1e-11 1e-12")
     yield from grid("CVODE", "adams", "smoothed", rtol="1e-6 1e-8", v_s="1e-10")
@@ -184,6 +185,7 @@ def points():
     yield from grid("ARKODE", "dirk", "smoothed", order="5", rtol="1e-6", v_s="1e-10")
     yield from grid("ARKODE", "erk", "smoothed", order="5", rtol="1e-4", v_s="1e-8")
     yield from grid("numbalsoda", "lsoda", "smoothed", rtol="1e-6 1e-7 1e-8 1e-9", v_s="1e-10 1e-11 1e-12")
+    yield from grid("numbalsoda", "lsoda", "smoothed", rtol="1e-12", v_s="1e-13 1e-14")
     yield from grid("numbalsoda", "dop853", "smoothed", rtol="1e-4", v_s="1e-8")
     yield from grid("pyradau13", "radau13", "smoothed", 20.0, rtol="1e-6 1e-7", v_s="1e-10 1e-11")
     yield from grid("SciPy", "LSODA", "smoothed", 60.0, rtol="1e-6 1e-7", v_s="1e-10 1e-11")
