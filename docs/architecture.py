@@ -24,17 +24,18 @@ ROOMS = {
                    "ground deck simulation writers slider stability", "main command_line run progress stability_report"),
     "python": ("Python", 510, 66, 470, 130, "ground physics deck simulation writers", "python_api"),
     "simulation": ("the one run routine", 20, 220, 300, 110,
-                   "ground physics numerics scene meeting", "simulation"),
+                   "ground physics numerics scene meeting memory_writer",
+                   "simulation model_choice"),
     "writers": ("where results go", 340, 220, 320, 110, "ground", "hdf5_writer memory_writer hdf5_tools disk"),
     "meeting": ("where physics and numerics meet", 20, 354, 640, 82, "ground physics numerics",
-                "contact trajectory observables summary moreau_jean"),
-    "physics": ("physics", 20, 460, 200, 222, "ground", "full_model slider friction drive slip_system stability creep"),
+                "contact trajectory observables summary moreau_jean creep_motion"),
+    "physics": ("physics", 20, 460, 200, 222, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
     "numerics": ("numerics", 240, 460, 420, 222, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
                  "interpolation stepper"),
     "deck": ("the deck", 680, 220, 300, 462, "ground",
-             "scene parameters deck deck_text deck_values schema namelist faults sha256 text"),
-    "ground": ("ground", 20, 706, 960, 70, "", "kinds errors writer"),
+             "scene parameters deck deck_text deck_values schema namelist faults sha256"),
+    "ground": ("ground", 20, 706, 960, 70, "", "kinds errors text writer"),
 }
 
 SAY = {
@@ -42,7 +43,8 @@ SAY = {
     "python_api": "flat routines for f2py", "simulation": "builds, advances, records", "hdf5_writer": "the file",
     "memory_writer": "arrays", "disk": "the system", "contact": "rest, release, stop", "moreau_jean": "steps without events",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
-    "full_model": "Eqs. 1–5", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
+    "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
+    "model_choice": "what auto is", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
     "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
     "slip_system": "a model, seen by a method", "radau": "implicit steps", "runge_kutta": "explicit steps",
     "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5 in few words", "bernstein": "first zero",
