@@ -9,7 +9,7 @@ module dst_disk
   private
 
   public :: prepare_file, reserve_space, set_file_size, move_file, place_file, delete_file
-  public :: read_bytes, replace_file, make_durable, is_child, end_child, wait_seconds
+  public :: read_bytes, replace_file, make_durable, is_child, end_child, lock_file, unlock_file, wait_seconds
   public :: file_exists, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
 
   ! Error numbers that mean "no room" on Linux.
@@ -75,6 +75,15 @@ module dst_disk
     integer(c_int) function c_fork() bind(c, name='fork')
       import :: c_int
     end function c_fork
+
+    integer(c_int) function c_getppid() bind(c, name='getppid')
+      import :: c_int
+    end function c_getppid
+
+    integer(c_int) function c_flock(descriptor, operation) bind(c, name='flock')
+      import :: c_int
+      integer(c_int), value :: descriptor, operation
+    end function c_flock
 
     integer(c_int) function c_setsid() bind(c, name='setsid')
       import :: c_int
@@ -310,14 +319,17 @@ contains
 
   !> Whether this is a child process, a copy of the one that asked. The latter goes on, with `.false.`, when the child
   !> has called `end_child`. The child is out of reach of a signal to the parent or its group, so what it does to files
-  !> is done as a whole even if the parent is killed. Without a child the parent goes on at once.
+  !> is done as a whole even if the parent is killed; if that has happened already, it does nothing. Without a child the
+  !> parent goes on at once.
   logical function is_child()
-    integer(c_int) :: process, status, ignored
+    integer(c_int) :: parent, process, status, ignored
 
+    parent = c_getpid()
     process = c_fork()
     is_child = process == 0
     if (is_child) then
       ignored = c_setsid()
+      if (c_getppid() /= parent) call end_child()
     else if (process > 0) then
       ignored = c_waitpid(process, status, 0_c_int)
     end if
@@ -326,6 +338,32 @@ contains
   subroutine end_child()
     call c_exit_at_once(0_c_int)
   end subroutine end_child
+
+  !> Give up the lock that HDF5 has on an open file.
+  subroutine unlock_file(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    integer(c_int), parameter :: unlock = 8
+    integer(c_int) :: ignored
+
+    if (are_files_locked()) ignored = c_flock(descriptor, unlock)
+  end subroutine unlock_file
+
+  !> Take HDF5's lock again; if a reader has come in between, go on without it.
+  subroutine lock_file(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    integer(c_int), parameter :: exclusive_or_fail = 2 + 4
+    integer(c_int) :: ignored
+
+    if (are_files_locked()) ignored = c_flock(descriptor, exclusive_or_fail)
+  end subroutine lock_file
+
+  !> Whether HDF5 locks files, as its environment variable says.
+  logical function are_files_locked()
+    character(16) :: value
+
+    call get_environment_variable('HDF5_USE_FILE_LOCKING', value)
+    are_files_locked = value /= 'FALSE' .and. value /= '0'
+  end function are_files_locked
 
   subroutine wait_seconds(seconds)
     real(wp), intent(in) :: seconds   !! below 1

@@ -14,7 +14,7 @@ module dst_hdf5_writer
   use dst_writer, only: writer_t, quantity_t, outcome_t
   use dst_archive, only: archive_t
   use dst_disk, only: prepare_file, reserve_space, set_file_size, make_durable, move_file, place_file, delete_file, file_exists, &
-    is_folder, is_child, end_child, true_path, scratch_name, with_remedy, ignore_size_limit_signal
+    is_folder, is_child, end_child, lock_file, unlock_file, true_path, scratch_name, with_remedy, ignore_size_limit_signal
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, file_descriptor, put_attribute, get_attribute, put_text, &
     put_number, &
     create_group, delete_link, column_t, create_column, open_column, append, cut_column, column_checksum, make_scale, attach_scale
@@ -283,7 +283,7 @@ contains
       end do
       call append(self%event_time, self%events(:self%waiting_events, 1), status)
       call append(self%event_kind, self%events(:self%waiting_events, 2), status)
-      if (flush_now) call flush_file(self%file, status)
+      if (flush_now) call flush_file(self, status)
       if (status < 0) call self%fail(failure_reason(), sound=.false.)
     end if
     self%waiting_samples = 0
@@ -340,9 +340,9 @@ contains
     call put_numbers(self%file, 'statistics', outcome%statistics, outcome%statistics_value, .true., status)
     call put_attribute(self%file, 'result_code', result_code, status)
     call put_attribute(self%file, 'result_text', result_text, status)
-    call flush_file(self%file, status)
+    call flush_file(self, status)
     if (result_code == result_done) call put_attribute(self%file, 'complete', 1, status)
-    call flush_file(self%file, status)
+    call flush_file(self, status)
     if (status < 0) call self%fail(failure_reason(), sound=.false.)
   end subroutine write_ending
 
@@ -479,7 +479,7 @@ contains
       call put_deck(self%file, metadata, status)
       call put_parameters(self%file, metadata, status)
       call create_columns(self, columns, status)
-      call flush_file(self%file, status)
+      call flush_file(self, status)
       if (status < 0) call self%fail(failure_reason(), sound=.false.)
     end if
     if (allocated(self%failure)) error = self%failure
@@ -636,7 +636,7 @@ contains
     call put_attribute(self%file, 'result_code', -1, status)
     call put_attribute(self%file, 'result_text', 'running', status)
     ! Before the space that is now free is written to: until then the file still refers to it.
-    call flush_file(self%file, status)
+    call flush_file(self, status)
   end subroutine cut_columns
 
   subroutine allocate_waiting(self, columns, expected_rows)
@@ -670,16 +670,19 @@ contains
     call h5gclose_f(group, status)
   end subroutine close_group
 
-  subroutine flush_file(file, status)
-    integer(hid_t), intent(in) :: file
+  subroutine flush_file(self, status)
+    class(hdf5_writer_t), intent(in) :: self
     integer, intent(inout) :: status
 
     if (status < 0) return
-    ! What the child writes, this process writes again, so that a kill in between tears nothing.
+    ! What the child writes, this process writes again, so that a kill in between tears nothing. The child shares the
+    ! lock: without it, it does not keep a reader out of the file of a run that was killed.
+    call unlock_file(self%descriptor)
     if (is_child()) then
-      call h5fflush_f(file, h5f_scope_local_f, status)
+      call h5fflush_f(self%file, h5f_scope_local_f, status)
       call end_child()
     end if
-    call h5fflush_f(file, h5f_scope_local_f, status)
+    call lock_file(self%descriptor)
+    call h5fflush_f(self%file, h5f_scope_local_f, status)
   end subroutine flush_file
 end module dst_hdf5_writer
