@@ -80,16 +80,18 @@ contains
   pure subroutine check_format(bytes, reason)
     character(*), intent(in) :: bytes
     character(:), allocatable, intent(out) :: reason
-    integer :: line_end
     integer, parameter :: longest = len(signature) + 20
+    character(:), allocatable :: found
 
-    line_end = index(bytes(:min(len(bytes), longest)), n)
-    if (line_end <= len(signature)) then
-      reason = 'it does not begin like one'
-    else if (bytes(:len(signature)) /= signature) then
-      reason = 'it does not begin like one'
-    else if (bytes(len(signature) + 1:line_end - 1) /= format_version) then
-      reason = 'it is of format '//bytes(len(signature) + 1:line_end - 1)//', this program reads format '//format_version
+    found = bytes(:index(bytes(:min(len(bytes), longest)), n))
+    reason = 'it does not begin like one'
+    if (index(found, signature) /= 1 .or. len(found) <= len(signature) + 1) return
+    found = found(len(signature) + 1:len(found) - 1)
+    if (verify(found, '0123456789') > 0) return
+    if (found == format_version) then
+      deallocate (reason)
+    else
+      reason = 'it is of format '//found//', this program reads format '//format_version
     end if
   end subroutine check_format
 

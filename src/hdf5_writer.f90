@@ -72,6 +72,7 @@ module dst_hdf5_writer
     procedure :: flush => flush_all
     procedure :: finish
     procedure :: put_in_place
+    procedure :: discard
     procedure :: set_bookmark
     procedure, private :: write_waiting
     procedure, private :: reserve
@@ -136,11 +137,16 @@ contains
     end if
     if (placed) return
     call raise(error, file_error, final_name//': cannot create: another file has taken the name: use another name')
+  end subroutine put_in_place
+
+  !> Close and remove a file that has not got its name.
+  subroutine discard(self)
+    class(hdf5_writer_t), intent(inout) :: self
+
     call close_file(self)
     call delete_file(self%created_name)
-    self%failure = error
     self%sound = .false.
-  end subroutine put_in_place
+  end subroutine discard
 
   !> Open the file of an unfinished run to go on from `bookmark`; what the file has behind it is dropped. A file
   !> that does not hold what it held then is refused and left as it is.

@@ -60,8 +60,11 @@ contains
     run%checkpoint%created = metadata%created
     ! From its first moment on the file has a checkpoint. Another run's must not stay beside it.
     call save(run, .false., error)
-    call run%writer%put_in_place(overwrite, error)
-    if (allocated(error)) return
+    if (.not. allocated(error)) call run%writer%put_in_place(overwrite, error)
+    if (allocated(error)) then
+      call run%writer%discard()
+      return
+    end if
     call carry_out(run, new_progress(deck%name, quiet), error)
   end subroutine run_deck
 
