@@ -71,7 +71,7 @@ contains
     real(wp) :: pull(2), outward, force
 
     force = load(slider, u)
-    pull = slider%stiffness*slider%along*drive_velocity
+    pull = slider%stiffness*slider%pulled()*drive_velocity
     outward = dot_product(pull, slider%stiffness*u)
     if (.not. force > 0.0_wp) outward = dot_product(pull, pull)
     holds = force < slider%law%onset
@@ -87,7 +87,7 @@ contains
     real(wp) :: force(2), gain(2), a, b, c, root, forward, backward
 
     force = slider%stiffness*u
-    gain = slider%stiffness*slider%along
+    gain = slider%stiffness*slider%pulled()
     a = dot_product(gain, gain)
     b = dot_product(gain, force)
     ! F_0^2 - |K u|^2 as a product keeps its digits close to the limit.
@@ -141,7 +141,7 @@ contains
     type(onset_t) :: onset
     real(wp) :: force(2), growth(2), along, across, magnitude
 
-    growth = slider%stiffness*slider%along*drive_velocity
+    growth = slider%stiffness*slider%pulled()*drive_velocity
     force = slider%stiffness*u
     magnitude = load(slider, u)
     if (.not. magnitude > 0.0_wp) force = growth
@@ -153,7 +153,7 @@ contains
       onset%rate(1) = 0.0_wp
       if (magnitude > slider%law%onset*(1.0_wp + 16.0_wp*epsilon(m))) onset%rate(1) = (magnitude - slider%law%onset)/m
       onset%rate(2) = 0.0_wp
-      if (magnitude > 0.0_wp) onset%rate(2) = across/(magnitude + m*onset%rate(1))
+      if (magnitude > 0.0_wp .and. slider%turns) onset%rate(2) = across/(magnitude + m*onset%rate(1))
       onset%curvature(1) = along/m
     end associate
   end function onset_of_slip
@@ -168,10 +168,10 @@ contains
 
     associate (v => from%y(1), theta => from%y(2), k => slider%stiffness, m => slider%mass)
       direction = [cos(theta), sin(theta)]
-      driven = drive%velocity_at(from%time)*slider%along
+      driven = drive%velocity_at(from%time)*slider%pulled()
       call slider%law%evaluate(1, [v], friction, slope)
       course%acceleration = (dot_product(k*from%u, direction) - friction(1))/m
-      course%jerk = (dot_product(k*(driven - v*direction), direction) - slope(1)*course%acceleration)/m
+      course%jerk = (dot_product(k*(driven - v*slider%follows*direction), direction) - slope(1)*course%acceleration)/m
       discriminant = course%acceleration**2 - 2.0_wp*course%jerk*v
       course%falls = discriminant >= 0.0_wp
       if (course%falls) course%falls = sqrt(discriminant) > course%acceleration .and. &
@@ -199,11 +199,12 @@ contains
       slipped = delay*(v + delay*(0.5_wp*course%acceleration + delay*course%jerk/6.0_wp))
       travel = drive%displacement(from%time, delay)
       to%time = from%time + delay
-      to%u = from%u + travel*slider%along - slipped*direction
+      to%u = from%u + travel*slider%pulled() - slipped*slider%follows*direction
       to%y = 0.0_wp
       to%position = from%position + slipped*dot_product(slider%along, direction)
       to%friction_work = from%friction_work + friction(1)*slipped
-      to%drive_work = from%drive_work + travel*dot_product(k*slider%along, from%u)
+      to%drive_work = from%drive_work + travel*dot_product(k*slider%pulled(), from%u) &
+        + slipped*dot_product(slider%held_force(from%u), direction)
     end associate
   end function end_of_slip
 
@@ -241,12 +242,12 @@ contains
     type(motion_t), intent(in) :: from
     real(wp), intent(in) :: rate, tolerance
     type(release_t) :: release
-    real(wp) :: growth, v_range, law(0:5), discrepancy
+    real(wp) :: gain(2), growth, v_range, law(0:5), discrepancy
     integer :: attempt
 
     release%unit = sqrt(slider%mass/maxval(slider%stiffness))
-    growth = norm2(slider%stiffness*slider%along)*abs(drive%velocity_at(from%time)) &
-      + norm2(slider%stiffness*slider%along)*abs(drive%acceleration)*release%unit
+    gain = slider%stiffness*slider%pulled()
+    growth = norm2(gain)*(abs(drive%velocity_at(from%time)) + abs(drive%acceleration)*release%unit)
     v_range = release%unit*(rate + growth*release%unit/slider%mass)
     if (.not. load(slider, from%u) > 0.0_wp .or. .not. v_range > 0.0_wp) return
     do attempt = 1, 40
@@ -324,7 +325,7 @@ contains
       do k = 1, series_order
         slip(k, 1) = unit*convolution(v, cosine, k - 1)/real(k, wp)
         slip(k, 2) = unit*convolution(v, sine, k - 1)/real(k, wp)
-        force(k, :) = stiffness*(driven(k)*slider%along - slip(k, :))
+        force(k, :) = stiffness*slider%follows*(driven(k)*slider%along - slip(k, :))
         if (k > 1) v(k) = unit*(convolution(force(:, 1), cosine, k - 1) + convolution(force(:, 2), sine, k - 1) &
           - friction(k - 1))/(m*real(k, wp))
         cosine(k) = 0.0_wp
@@ -336,7 +337,7 @@ contains
           angle_part = angle_part + real(j, wp)*theta(j)*v(k + 1 - j)
         end do
         angle_part = unit*(convolution(force(:, 2), cosine, k) - convolution(force(:, 1), sine, k)) - m*angle_part
-        theta(k) = angle_part/(m*v(1)*real(k, wp) + unit*(force(0, 1)*cosine(0) + force(0, 2)*sine(0)))
+        if (slider%turns) theta(k) = angle_part/(m*v(1)*real(k, wp) + unit*(force(0, 1)*cosine(0) + force(0, 2)*sine(0)))
         cosine(k) = cosine(k) - theta(k)*sine(0)
         sine(k) = sine(k) + theta(k)*cosine(0)
         power(k, 1) = v(k)/v_range
@@ -346,13 +347,14 @@ contains
         friction(k) = dot_product(law(1:5), power(k, :))
       end do
       do k = 1, series_order
-        spring(k - 1) = dot_product(slider%along, force(k - 1, :))
+        spring(k - 1) = dot_product(slider%pulled(), force(k - 1, :))
       end do
       spring(series_order) = 0.0_wp
       release%drive_work = 0.0_wp
       release%friction_work = 0.0_wp
       do k = 1, series_order
-        release%drive_work(k) = unit*convolution(drive_speed, spring, k - 1)/real(k, wp)
+        release%drive_work(k) = unit*convolution(drive_speed, spring, k - 1)/real(k, wp) &
+          + dot_product(slider%held_force(from%u), slip(k, :))
         release%friction_work(k) = unit*convolution(friction, v, k - 1)/real(k, wp)
       end do
     end associate
@@ -435,7 +437,7 @@ contains
 
     slipped = [value(self%slipped(:, 1), tau), value(self%slipped(:, 2), tau)]
     motion%time = from%time + tau*self%unit
-    motion%u = from%u + drive%displacement(from%time, tau*self%unit)*slider%along - slipped
+    motion%u = from%u + drive%displacement(from%time, tau*self%unit)*slider%pulled() - slider%follows*slipped
     motion%y = [value(self%v, tau), value(self%theta, tau)]
     motion%position = from%position + dot_product(slider%along, slipped)
     motion%drive_work = from%drive_work + value(self%drive_work, tau)

@@ -23,6 +23,7 @@ module dst_creep
 
   public :: creep_t, creep_path_t, new_creep_path, creep_at, creep_exact
   public :: creep_first_power, creep_printed, creep_third_order
+  public :: position_first_power, position_printed, position_third_order
 
   !> The state of creep at one time; all ratios without unit.
   type :: creep_t
@@ -322,4 +323,40 @@ contains
     q = (1.0_wp - tau)*(1.0_wp + tau)
     x_rate = phi*tau/sqrt(q) + phi**2*(1.0_wp + 1.0_wp/q - 1.0_wp/(q*sqrt(q)))
   end function creep_third_order
+
+  !> X/l_x, the integral of `creep_first_power` over tau.
+  elemental real(wp) function position_first_power(phi, tau) result(position)
+    real(wp), intent(in) :: phi, tau
+
+    position = phi*(phi*tau + one_minus_root(tau))
+  end function position_first_power
+
+  !> X/l_x, the integral of `creep_printed` over tau.
+  elemental real(wp) function position_printed(phi, tau) result(position)
+    real(wp), intent(in) :: phi, tau
+    real(wp) :: half
+
+    if (tau < 0.1_wp) then
+      ! (asin tau - tau sqrt(1 - tau^2))/2, which cancels for small tau.
+      half = tau**3*(1.0_wp/3.0_wp + tau**2*(1.0_wp/10.0_wp + tau**2*(3.0_wp/56.0_wp + tau**2*(5.0_wp/144.0_wp &
+        + tau**2*(35.0_wp/1408.0_wp + tau**2*(63.0_wp/3328.0_wp + tau**2*(77.0_wp/5120.0_wp)))))))
+    else
+      half = 0.5_wp*(asin(tau) - tau*sqrt((1.0_wp - tau)*(1.0_wp + tau)))
+    end if
+    position = phi*(phi*tau + half)
+  end function position_printed
+
+  !> X/l_x, the integral of `creep_third_order` over tau.
+  elemental real(wp) function position_third_order(phi, tau) result(position)
+    real(wp), intent(in) :: phi, tau
+
+    position = phi*one_minus_root(tau) + phi**2*(tau + atanh(tau) - tau/sqrt((1.0_wp - tau)*(1.0_wp + tau)))
+  end function position_third_order
+
+  !> 1 - sqrt(1 - tau^2), also where tau is small.
+  elemental real(wp) function one_minus_root(tau)
+    real(wp), intent(in) :: tau
+
+    one_minus_root = tau**2/(1.0_wp + sqrt((1.0_wp - tau)*(1.0_wp + tau)))
+  end function one_minus_root
 end module dst_creep

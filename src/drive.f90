@@ -12,6 +12,7 @@ module dst_drive
     real(wp) :: end = huge(1.0_wp)      !! s
     real(wp) :: velocity = 0.0_wp       !! V at start, m/s
     real(wp) :: acceleration = 0.0_wp   !! m/s2
+    logical :: rests = .false.          !! the drive is taken to rest (see with_rests)
   contains
     procedure :: velocity_at
     procedure :: displacement
@@ -22,6 +23,9 @@ module dst_drive
     type(drive_segment_t), allocatable :: segment(:)
   contains
     procedure :: largest_speed
+    procedure :: never_reverses
+    procedure :: distance
+    procedure :: with_rests
   end type drive_t
 
 contains
@@ -58,6 +62,72 @@ contains
 
     displacement = duration*(self%velocity + self%acceleration*(time - self%start + 0.5_wp*duration))
   end function displacement
+
+  !> The same motion with those stretches marked in which the drive is taken to rest: V = 0, and of a ramp
+  !> through zero what is slower than `share` of its fastest.
+  pure function with_rests(self, share) result(marked)
+    class(drive_t), intent(in) :: self
+    real(wp), intent(in) :: share
+    type(drive_t) :: marked
+    type(drive_segment_t) :: part
+    real(wp) :: knot(4), last, slow
+    integer :: i, k
+
+    allocate (marked%segment(0))
+    do i = 1, size(self%segment)
+      associate (ramp => self%segment(i))
+        knot = [ramp%start, ramp%start, ramp%start, ramp%end]
+        slow = 0.0_wp
+        if (abs(ramp%acceleration) > 0.0_wp) then
+          last = ramp%velocity_at(ramp%end)
+          slow = share*max(abs(ramp%velocity), abs(last))
+          knot(2:3) = ramp%start + (sign(slow, ramp%acceleration)*[-1.0_wp, 1.0_wp] - ramp%velocity)/ramp%acceleration
+          knot(2:3) = min(ramp%end, max(ramp%start, knot(2:3)))
+        end if
+        do k = 1, 3
+          if (.not. knot(k + 1) > knot(k)) cycle
+          part = drive_segment_t(knot(k), knot(k + 1), ramp%velocity_at(knot(k)), ramp%acceleration)
+          part%rests = k == 2 .or. .not. (abs(ramp%velocity) > 0.0_wp .or. abs(ramp%acceleration) > 0.0_wp)
+          marked%segment = [marked%segment, part]
+        end do
+      end associate
+    end do
+  end function with_rests
+
+  !> Whether V keeps its sign.
+  pure logical function never_reverses(self)
+    class(drive_t), intent(in) :: self
+    real(wp) :: lowest, highest
+    integer :: i
+
+    lowest = 0.0_wp
+    highest = 0.0_wp
+    do i = 1, size(self%segment)
+      associate (segment => self%segment(i))
+        lowest = min(lowest, segment%velocity)
+        highest = max(highest, segment%velocity)
+        if (i == size(self%segment)) cycle
+        lowest = min(lowest, segment%velocity_at(segment%end))
+        highest = max(highest, segment%velocity_at(segment%end))
+      end associate
+    end do
+    never_reverses = .not. (lowest < 0.0_wp .and. highest > 0.0_wp)
+  end function never_reverses
+
+  !> Distance driven [m] up to a time [s].
+  pure real(wp) function distance(self, time)
+    class(drive_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    integer :: i
+
+    distance = 0.0_wp
+    do i = 1, size(self%segment)
+      associate (segment => self%segment(i))
+        if (segment%start >= time) exit
+        distance = distance + segment%displacement(segment%start, min(time, segment%end) - segment%start)
+      end associate
+    end do
+  end function distance
 
   !> Largest |V| of the profile [m/s]: it is reached at a knot.
   pure real(wp) function largest_speed(self)

@@ -9,7 +9,7 @@
 module dst_full_model
   use dst_kinds, only: wp
   use dst_slider, only: slider_t
-  use dst_slip_system, only: slip_system_t, stage_terms_t
+  use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
   implicit none
   private
 
@@ -20,6 +20,7 @@ module dst_full_model
   contains
     procedure :: kinematics => polar_kinematics
     procedure :: dynamics => polar_dynamics
+    procedure :: slip_velocity => polar_velocity
   end type full_polar_t
 
   type, extends(slip_system_t) :: full_smoothed_t
@@ -27,6 +28,7 @@ module dst_full_model
   contains
     procedure :: kinematics => smoothed_kinematics
     procedure :: dynamics => smoothed_dynamics
+    procedure :: slip_velocity => smoothed_velocity
   end type full_smoothed_t
 
 contains
@@ -37,6 +39,7 @@ contains
 
     model%slider = slider
     model%along = slider%along
+    model%forward = slider%along
     model%along_stiffness = slider%stiffness*slider%along
     model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
   end function new_full_polar
@@ -48,6 +51,7 @@ contains
 
     model%slider = slider
     model%along = slider%along
+    model%forward = slider%along
     model%along_stiffness = slider%stiffness*slider%along
     model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
   end function new_full_smoothed
@@ -70,15 +74,18 @@ contains
     velocity_y(:, 2, 2) = velocity(:, 1)
   end subroutine polar_kinematics
 
-  pure subroutine polar_dynamics(self, stages, u, y, velocity_y, terms)
+  pure subroutine polar_dynamics(self, stages, drive_velocity, u, y, velocity_y, terms)
     class(full_polar_t), intent(in) :: self
     integer, intent(in) :: stages
+    real(wp), intent(in) :: drive_velocity(stages)
     real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
     real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
     type(stage_terms_t), intent(inout) :: terms
     real(wp) :: friction(stages), slope(stages), accel_x, accel_y, per_mass
     integer :: i
 
+    associate (unused => drive_velocity)
+    end associate
     call self%slider%law%evaluate(stages, y(:, 1), friction, slope)
     per_mass = 1.0_wp/self%slider%mass
     associate (k => self%slider%stiffness)
@@ -110,6 +117,16 @@ contains
     end associate
   end subroutine polar_dynamics
 
+  pure function polar_velocity(self, y, drive_velocity) result(velocity)
+    class(full_polar_t), intent(in) :: self
+    real(wp), intent(in) :: y(max_components), drive_velocity
+    real(wp) :: velocity(2)
+
+    associate (unused => [self%guided, drive_velocity])
+    end associate
+    velocity = y(1)*[cos(y(2)), sin(y(2))]
+  end function polar_velocity
+
   pure subroutine smoothed_kinematics(self, stages, y, velocity, velocity_y)
     class(full_smoothed_t), intent(in) :: self
     integer, intent(in) :: stages
@@ -124,9 +141,10 @@ contains
     velocity_y(:, 2, 2) = 1.0_wp
   end subroutine smoothed_kinematics
 
-  pure subroutine smoothed_dynamics(self, stages, u, y, velocity_y, terms)
+  pure subroutine smoothed_dynamics(self, stages, drive_velocity, u, y, velocity_y, terms)
     class(full_smoothed_t), intent(in) :: self
     integer, intent(in) :: stages
+    real(wp), intent(in) :: drive_velocity(stages)
     real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
     real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
     type(stage_terms_t), intent(inout) :: terms
@@ -134,6 +152,8 @@ contains
     real(wp) :: per_mass, smooth, viscosity, curvature
     integer :: i, j, k
 
+    associate (unused => drive_velocity)
+    end associate
     per_mass = 1.0_wp/self%slider%mass
     speed = sqrt(y(:, 1)**2 + y(:, 2)**2)
     call self%slider%law%evaluate(stages, speed, friction, slope)
@@ -158,4 +178,14 @@ contains
       terms%dissipation_y(i, :) = (2.0_wp*viscosity + curvature*speed(i)**2)*y(i, :)
     end do
   end subroutine smoothed_dynamics
+
+  pure function smoothed_velocity(self, y, drive_velocity) result(velocity)
+    class(full_smoothed_t), intent(in) :: self
+    real(wp), intent(in) :: y(max_components), drive_velocity
+    real(wp) :: velocity(2)
+
+    associate (unused => [self%guided, drive_velocity])
+    end associate
+    velocity = y
+  end function smoothed_velocity
 end module dst_full_model

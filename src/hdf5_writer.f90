@@ -35,6 +35,7 @@ module dst_hdf5_writer
     character(:), allocatable :: program, version, git_revision, compiler
     character(:), allocatable :: created         !! ISO 8601, UTC
     character(:), allocatable :: model, method
+    character(:), allocatable :: model_choice    !! why 'auto' is this model; '' if it was not asked
     character(:), allocatable :: deck_text       !! the deck as read
     character(:), allocatable :: deck_resolved   !! every key as used
     character(:), allocatable :: deck_sha256
@@ -504,6 +505,9 @@ contains
     call put_attribute(file, 'deck_sha256', metadata%deck_sha256, status)
     call put_attribute(file, 'model', metadata%model, status)
     call put_attribute(file, 'method', metadata%method, status)
+    if (allocated(metadata%model_choice)) then
+      if (metadata%model_choice /= '') call put_attribute(file, 'model_choice', metadata%model_choice, status)
+    end if
     call put_attribute(file, 'result_code', -1, status)
     call put_attribute(file, 'result_text', 'running', status)
     call put_attribute(file, 'complete', 0, status)

@@ -4,7 +4,6 @@
 !> Source of the formulas: Nakano & Popov (2020), Eqs. (4)-(6) and (10).
 module dst_observables
   use dst_kinds, only: wp, pi
-  use dst_slip_system, only: slip_system_t
   use dst_stepper, only: motion_t
   use dst_trajectory, only: trajectory_t
   use dst_writer, only: quantity_t
@@ -12,7 +11,7 @@ module dst_observables
   private
 
   public :: columns, find_column, default_columns, damping_ratio_exists
-  public :: instant_t, observe, row_of, slip_velocity
+  public :: instant_t, observe, row_of, slip_velocity, drive_velocity, direction_of
 
   type(quantity_t), parameter :: columns(16) = [ &
     quantity_t('time', 's', 'time'), &
@@ -39,6 +38,7 @@ module dst_observables
     real(wp) :: drive_velocity = 0.0_wp     !! m/s
     real(wp) :: friction = 0.0_wp           !! N
     real(wp) :: theta = 0.0_wp              !! rad
+    real(wp) :: spring_force(2) = 0.0_wp    !! N
     logical :: sticking = .false.
   end type instant_t
 
@@ -79,16 +79,22 @@ contains
     end associate
   end function damping_ratio_exists
 
-  !> Slip velocity (w_x, w_y) [m/s].
-  pure function slip_velocity(system, y) result(velocity)
-    class(slip_system_t), intent(in) :: system
-    real(wp), intent(in) :: y(2)
+  !> Slip velocity (w_x, w_y) [m/s] of a sliding object in the last advance.
+  pure function slip_velocity(trajectory, motion) result(velocity)
+    type(trajectory_t), intent(in) :: trajectory
+    type(motion_t), intent(in) :: motion
     real(wp) :: velocity(2)
-    real(wp) :: gradient(1, 2, 2), w(1, 2)
 
-    call system%kinematics(1, y, w, gradient)
-    velocity = w(1, :)
+    velocity = trajectory%system%slip_velocity(motion%y, drive_velocity(trajectory, motion%time))
   end function slip_velocity
+
+  !> V [m/s] at a time in the last advance.
+  pure real(wp) function drive_velocity(trajectory, time)
+    type(trajectory_t), intent(in) :: trajectory
+    real(wp), intent(in) :: time
+
+    drive_velocity = trajectory%drive%segment(trajectory%segment)%velocity_at(time)
+  end function drive_velocity
 
   !> The motion in plain quantities; `sticking` says in which state it was there.
   pure function observe(trajectory, motion, sticking) result(instant)
@@ -100,14 +106,15 @@ contains
 
     instant%motion = motion
     instant%sticking = sticking
-    instant%drive_velocity = trajectory%drive%segment(trajectory%segment)%velocity_at(motion%time)
+    instant%drive_velocity = drive_velocity(trajectory, motion%time)
     force = trajectory%slider%stiffness*motion%u
+    instant%spring_force = force
     if (sticking) then
       instant%friction = hypot(force(1), force(2))
       instant%theta = direction_of(force)
       return
     end if
-    instant%velocity = slip_velocity(trajectory%system, motion%y)
+    instant%velocity = slip_velocity(trajectory, motion)
     speed = hypot(instant%velocity(1), instant%velocity(2))
     call trajectory%slider%law%evaluate(1, [speed], magnitude, slope)
     instant%friction = magnitude(1)
@@ -117,6 +124,11 @@ contains
       instant%friction = magnitude(1)*speed/sqrt(speed**2 + trajectory%slider%smoothing)
       instant%theta = direction_of(instant%velocity)
     end if
+    ! A rigid spring has the force that guides the object.
+    associate (guided => trajectory%system%guided)
+      if (abs(guided) > 0.0_wp) instant%spring_force(2) = instant%friction*sin(instant%theta) &
+        + trajectory%slider%mass*guided*trajectory%drive%segment(trajectory%segment)%acceleration
+    end associate
   end function observe
 
   !> Angle of a vector to the x-axis [rad], 0 for the zero vector.
@@ -166,9 +178,9 @@ contains
       case ('Y_rate')
         value = w(2)*e(1) - w(1)*e(2)
       case ('spring_force_x')
-        value = slider%stiffness(1)*u(1)
+        value = instant%spring_force(1)
       case ('spring_force_y')
-        value = slider%stiffness(2)*u(2)
+        value = instant%spring_force(2)
       case ('friction')
         value = instant%friction
       case ('theta')

@@ -19,6 +19,7 @@ module dst_progress
     real(wp) :: next = 0.0_wp      !! wall time of the next line, s
   contains
     procedure :: show
+    procedure :: remark
     procedure :: close
   end type progress_t
 
@@ -63,6 +64,14 @@ contains
     end if
     self%shown = .true.
   end subroutine show
+
+  !> One line that stays.
+  subroutine remark(self, text)
+    class(progress_t), intent(in) :: self
+    character(*), intent(in) :: text
+
+    if (.not. self%quiet) write (error_unit, '(a)') self%label//': '//text
+  end subroutine remark
 
   !> Wipe the line on a terminal.
   subroutine close(self)

@@ -15,6 +15,7 @@ module dst_python_api
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
   use dst_memory_writer, only: memory_writer_t
+  use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
   use dst_scene, only: scene_t, scene_from_deck
   use dst_simulation, only: simulation_t
@@ -40,6 +41,7 @@ module dst_python_api
     type(quantity_t), allocatable :: columns(:)
     type(parameter_t), allocatable :: parameters(:)
     character(:), allocatable :: resolved
+    character(:), allocatable :: model_choice
   end type session_t
 
 contains
@@ -61,6 +63,7 @@ contains
     call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
     if (.not. allocated(session%error)) then
       call scene_from_deck(session%deck, scene)
+      call settle_model(scene, session%model_choice)
       call session%simulation%start(scene, session%error)
     end if
     status = 0
@@ -217,7 +220,7 @@ contains
     call put_text(session%parameters(i)%text, text)
   end subroutine parameter_text
 
-  !> Bytes of text `which`: 1 deck as read, 2 resolved deck, 3 error message.
+  !> Bytes of text `which`: 1 deck as read, 2 resolved deck, 3 error message, 4 model, 5 method, 6 why model 'auto' is that.
   subroutine run_text_length(handle, which, n)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: which
@@ -276,7 +279,7 @@ contains
     terms = new_terms(1, 2)
     do i = 1, n
       call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
-      call model%dynamics(1, real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
+      call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
       derivative(1:2, i) = slider(9)*model%along - w(1, :)
       derivative(3:4, i) = terms%force(1, :)
     end do
@@ -297,7 +300,7 @@ contains
     terms = new_terms(1, 2)
     do i = 1, n
       call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
-      call model%dynamics(1, real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
+      call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
       matrix(1:2, 1:2, i) = 0.0_c_double
       matrix(1:2, 3:4, i) = -gradient(1, :, :)
       matrix(3:4, 1:2, i) = terms%force_u(1, :, :)
@@ -537,8 +540,14 @@ contains
       if (allocated(session%deck%text)) text = session%deck%text
     case (2)
       if (allocated(session%resolved)) text = session%resolved
-    case default
+    case (3)
       if (allocated(session%error)) text = session%error%text
+    case (4)
+      text = session%simulation%scene%model
+    case (5)
+      text = session%simulation%method_name()
+    case default
+      text = session%model_choice
     end select
   end function chosen_text
 

@@ -51,6 +51,7 @@ module dst_radau
     real(wp) :: velocity_y(max_unknowns*max_components) = 0.0_wp
     real(wp) :: increment(max_unknowns) = 0.0_wp
     real(wp) :: driven(max_unknowns) = 0.0_wp
+    real(wp) :: drive_velocity(max_stages) = 0.0_wp
     type(stage_terms_t) :: terms
     type(stage_terms_t) :: point_terms
     !> Interpolation to the point inside the step where the defect is probed, and its weight.
@@ -141,14 +142,15 @@ contains
     associate (s => self%method%stages, n => system%components)
       call predict(self, s, n, from, self%y)
       call drive_elongation(self, system, drive, s, n, from, self%driven)
-      call solve_stages(s, n, system, self%method, step, self%rtol, self%driven, from%y, self%y, self%u, &
-        self%velocity, self%velocity_y, self%terms, self%increment, self%speed_scale, iterations, outcome%solved)
+      call solve_stages(s, n, system, self%method, step, self%rtol, self%drive_velocity, self%driven, from%y, self%y, &
+        self%u, self%velocity, self%velocity_y, self%terms, self%increment, self%speed_scale, iterations, outcome%solved)
       call count_work(self%count, s, iterations)
       self%retry = outcome%solved
       self%attempted_step = step
       if (.not. outcome%solved) return
       call complete(self, system, drive, s, n, from, self%y, self%u, self%velocity, self%increment, to)
       call estimate_error(self, system, drive, s, n, from, outcome)
+      if (n == 1) call follow_growth(self, outcome)
     end associate
   end subroutine attempt
 
@@ -163,19 +165,24 @@ contains
     count%rhs = count%rhs + stages*iterations
   end subroutine count_work
 
-  !> u_0 + D_i e: the elongation if the object stayed where it is.
+  !> u_0 + D_i e: the elongation if the object stayed where it is; and the velocity of the drive.
   pure subroutine drive_elongation(self, system, drive, s, n, from, driven)
-    class(radau_t), intent(in) :: self
+    class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     integer, intent(in) :: s, n
     type(motion_t), intent(in) :: from
     real(wp), intent(out) :: driven(s, n)
+    real(wp) :: elapsed
     integer :: i
 
-    do i = 1, s
-      driven(i, :) = from%u(:n) + drive%displacement(from%time, self%grid%node(i)*self%step)*system%along(:n)
-    end do
+    associate (first => system%axis, last => system%axis + n - 1)
+      do i = 1, s
+        elapsed = self%grid%node(i)*self%step
+        driven(i, :) = from%u(first:last) + drive%displacement(from%time, elapsed)*system%along(first:last)
+        self%drive_velocity(i) = drive%velocity_at(from%time + elapsed)
+      end do
+    end associate
   end subroutine drive_elongation
 
   !> First guess of the stage values: from the last attempt if it began at the same point, else from
@@ -221,32 +228,37 @@ contains
     type(motion_t), intent(in) :: from
     real(wp), intent(in) :: y(s, n), u(s, n), velocity(s, n), increment(s, n)
     type(motion_t), intent(out) :: to
-    real(wp) :: forward(s), drive_power, friction_power
-    integer :: i, k
+    real(wp) :: forward(s), displacement(s), drive_power, friction_power
+    integer :: i, k, axis
 
+    do i = 1, s
+      displacement(i) = drive%displacement(from%time, self%grid%node(i)*self%step)
+    end do
+    to%u = from%u
+    to%y = from%y
+    if (n < max_components) call hold(self, from)
     forward = 0.0_wp
     do k = 1, n
-      forward = forward + system%along(k)*velocity(:, k)
-      self%nodal(0, column_u + k - 1) = from%u(k)
+      axis = system%axis + k - 1
+      forward = forward + system%forward(axis)*velocity(:, k)
+      self%nodal(0, column_u + axis - 1) = from%u(axis)
       self%nodal(0, column_y + k - 1) = from%y(k)
       self%nodal(1:s, column_y + k - 1) = y(:, k)
-      do i = 1, s
-        self%nodal(i, column_u + k - 1) = u(i, k) &
-          - drive%displacement(from%time, self%grid%node(i)*self%step)*system%along(k)
-      end do
-      to%u(k) = u(s, k)
+      self%nodal(1:s, column_u + axis - 1) = u(:, k) - displacement*system%along(axis)
+      to%u(axis) = u(s, k)
       to%y(k) = y(s, k)
     end do
     self%nodal(0, column_position) = from%position
     do i = 1, s
-      self%nodal(i, column_position) = from%position + self%step*dot_product(self%method%integral(i, 1:s), forward)
+      self%nodal(i, column_position) = from%position + system%carried*displacement(i) &
+        + self%step*dot_product(self%method%integral(i, 1:s), forward)
     end do
     drive_power = 0.0_wp
     friction_power = 0.0_wp
     do i = 1, s
       associate (b => self%method%weight(i))
-        drive_power = drive_power + b*drive%velocity_at(from%time + self%grid%node(i)*self%step) &
-          *dot_product(system%along_stiffness(1:n), u(i, :))
+        drive_power = drive_power + b*(self%terms%supply(i) + dot_product(self%terms%supply_y(i, :), increment(i, :)) &
+          + self%drive_velocity(i)*dot_product(system%along_stiffness(system%axis:system%axis + n - 1), u(i, :)))
         friction_power = friction_power + b*(self%terms%dissipation(i) &
           + dot_product(self%terms%dissipation_y(i, :), increment(i, :)))
       end associate
@@ -256,6 +268,18 @@ contains
     to%drive_work = from%drive_work + self%step*drive_power
     to%friction_work = from%friction_work + self%step*friction_power
   end subroutine complete
+
+  !> What a model of one component does not change is constant over the step.
+  pure subroutine hold(self, from)
+    class(radau_t), intent(inout) :: self
+    type(motion_t), intent(in) :: from
+    integer :: k
+
+    do k = 1, max_components
+      self%nodal(:, column_u + k - 1) = from%u(k)
+      self%nodal(:, column_y + k - 1) = from%y(k)
+    end do
+  end subroutine hold
 
   !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end
   !> relative to the largest slip speed of the step. The defect is probed at the start and at one
@@ -267,39 +291,59 @@ contains
     integer, intent(in) :: s, n
     type(motion_t), intent(in) :: from
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: u(n), y(n), start_error, probe_error
-    integer :: k
+    real(wp) :: u(n), y(n), start_error, probe_error, elapsed
+    integer :: k, axis
 
-    call defect_error(self, system, s, n, from%u(1:n), from%y(1:n), self%start_derivative(0:s), &
-      self%method%gamma, start_error)
+    associate (first => system%axis, last => system%axis + n - 1)
+      call defect_error(self, system, s, n, drive%velocity_at(from%time), from%u(first:last), from%y(1:n), &
+        self%start_derivative(0:s), self%method%gamma, start_error)
+    end associate
+    elapsed = self%probe_position*self%step
     do k = 1, n
-      u(k) = dot_product(self%probe(0:s), self%nodal(0:s, column_u + k - 1)) &
-        + system%along(k)*drive%displacement(from%time, self%probe_position*self%step)
+      axis = system%axis + k - 1
+      u(k) = dot_product(self%probe(0:s), self%nodal(0:s, column_u + axis - 1)) &
+        + system%along(axis)*drive%displacement(from%time, elapsed)
       y(k) = dot_product(self%probe(0:s), self%nodal(0:s, column_y + k - 1))
     end do
-    call defect_error(self, system, s, n, u, y, self%probe_derivative(0:s), self%probe_weight, probe_error)
+    call defect_error(self, system, s, n, drive%velocity_at(from%time + elapsed), u, y, self%probe_derivative(0:s), &
+      self%probe_weight, probe_error)
     outcome%error = max(start_error, probe_error) &
       /(self%speed_scale*self%estimate_tolerance + self%step*system%acceleration_noise)
     if (.not. outcome%error <= huge(outcome%error)) outcome%error = 1.0e6_wp
     outcome%factor = min(4.0_wp, max(0.2_wp, 0.9_wp*max(outcome%error, 1.0e-10_wp)**(-1.0_wp/real(s + 1, wp))))
   end subroutine estimate_error
 
+  !> A long implicit step damps what grows exponentially, and would stay on a motion that has become
+  !> unstable. With two components the fast oscillation keeps the steps short enough.
+  pure subroutine follow_growth(self, outcome)
+    class(radau_t), intent(in) :: self
+    type(attempt_t), intent(inout) :: outcome
+    !> Step times growth rate up to which the growth is followed.
+    real(wp), parameter :: longest = 2.0_wp
+    real(wp) :: growth
+
+    growth = self%step*maxval(self%terms%force_y(:, 1, 1))
+    if (growth <= longest) return
+    outcome%error = max(outcome%error, growth/longest)
+    outcome%factor = min(outcome%factor, max(0.2_wp, 0.9_wp*longest/growth))
+  end subroutine follow_growth
+
   !> Slip-velocity error at the end of the step from the defect g - B p' at (u, y), where
   !> `derivative` gives p' times the step from the nodal values.
-  subroutine defect_error(self, system, s, n, u, y, derivative, weight, error)
+  subroutine defect_error(self, system, s, n, drive_velocity, u, y, derivative, weight, error)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     integer, intent(in) :: s, n
-    real(wp), intent(in) :: u(n), y(n), derivative(0:s), weight
+    real(wp), intent(in) :: drive_velocity, u(n), y(n), derivative(0:s), weight
     real(wp), intent(out) :: error
     real(wp) :: velocity(1, n), velocity_yy(1, n, n), filter(n, n), defect(n), reach, speed(n)
     logical :: singular
     integer :: k, l, m
 
     call system%kinematics(1, y, velocity, velocity_yy)
-    call system%dynamics(1, u, y, velocity_yy, self%point_terms)
+    call system%dynamics(1, [drive_velocity], u, y, velocity_yy, self%point_terms)
     self%count%rhs = self%count%rhs + 1
-    self%speed_scale = max(self%speed_scale, sqrt(sum(velocity**2)))
+    self%speed_scale = max(self%speed_scale, sqrt(sum(velocity**2) + (system%guided*drive_velocity)**2))
     associate (terms => self%point_terms)
       reach = self%method%gamma*self%step
       do k = 1, n

@@ -9,6 +9,7 @@ module dst_run
   use dst_errors, only: error_t, raise, file_error, stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5
+  use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
   use dst_progress, only: progress_t, new_progress
   use dst_scene, only: scene_t, scene_from_deck
@@ -45,11 +46,14 @@ contains
     type(run_t) :: run
     type(scene_t) :: scene
     type(run_metadata_t) :: metadata
+    type(progress_t) :: progress
+    character(:), allocatable :: model_choice
 
     call scene_from_deck(deck, scene)
+    call settle_model(scene, model_choice)
     call run%simulation%start(scene, error)
     if (allocated(error)) return
-    call describe_run(deck, scene, metadata)
+    call describe_run(deck, run%simulation, model_choice, metadata)
     call create_hdf5(run%writer, result_file, overwrite, metadata, run%simulation%output_columns(), error, &
       expected_rows(scene))
     if (allocated(error)) return
@@ -65,7 +69,9 @@ contains
       call run%writer%discard()
       return
     end if
-    call carry_out(run, new_progress(deck%name, quiet), error)
+    progress = new_progress(deck%name, quiet)
+    if (model_choice /= '') call progress%remark("model 'auto' is "//model_choice)
+    call carry_out(run, progress, error)
   end subroutine run_deck
 
   !> Go on with the run that wrote `result_file`, from its last checkpoint.
@@ -78,6 +84,7 @@ contains
     type(deck_t), allocatable :: deck
     type(scene_t) :: scene
     type(bookmark_t) :: bookmark
+    character(:), allocatable :: model_choice
     character(1) :: no_settings(0)
 
     run%result_file = result_file
@@ -93,6 +100,7 @@ contains
     call parse_deck(origin%deck_resolved, result_file, no_settings, deck, error)
     if (allocated(error)) return
     call scene_from_deck(deck, scene)
+    call settle_model(scene, model_choice)
     call run%simulation%start(scene, error)
     if (allocated(error)) return
     call load(run, bookmark, error)
@@ -267,9 +275,10 @@ contains
   end function expected_rows
 
   !> What the file says about its run.
-  subroutine describe_run(deck, scene, metadata)
+  subroutine describe_run(deck, simulation, model_choice, metadata)
     type(deck_t), intent(in) :: deck
-    type(scene_t), intent(in) :: scene
+    type(simulation_t), intent(in) :: simulation
+    character(*), intent(in) :: model_choice
     type(run_metadata_t), intent(out) :: metadata
     type(parameter_t), allocatable :: parameters(:)
     logical, allocatable :: is_text(:)
@@ -280,8 +289,9 @@ contains
     metadata%git_revision = git_revision
     metadata%compiler = compiler
     metadata%created = utc_now()
-    metadata%model = scene%model
-    metadata%method = scene%method
+    metadata%model = simulation%scene%model
+    metadata%model_choice = model_choice
+    metadata%method = simulation%method_name()
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
     metadata%deck_sha256 = sha256(deck%text)

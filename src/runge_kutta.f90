@@ -4,8 +4,10 @@
 !>
 !>     U' = -w(y),      y' = g(u, y)/B(y).
 !>
-!> Thus any piecewise-linear V(t) is exact and the position is X = X_0 - (U - U_0) . e. The two
+!> Thus any piecewise-linear V(t) is exact for Hooke's springs. The two
 !> works are quadratures with the weights of the method.
+!>
+!> With the displacement D(t), X' = forward . w + carried V. Elongations that a model holds do not change.
 !>
 !> At rest in polar unknowns B vanishes. A stage that gets there makes the attempt fail; it is the
 !> trajectory that leads the motion past a rest.
@@ -45,9 +47,9 @@ module dst_runge_kutta
     type(stage_terms_t) :: terms
     !> dw/dy at the stage evaluated last, (component, component).
     real(wp) :: velocity_y(max_components**2) = 0.0_wp
-    !> The states (u, y) whose slopes are the first and the one at the end of the step: an attempt
+    !> The states (u, y, V) whose slopes are the first and the one at the end of the step: an attempt
     !> starts where the last one did, if that was rejected, or where it ended.
-    real(wp) :: start(n_values) = 0.0_wp, end(n_values) = 0.0_wp
+    real(wp) :: start(n_values + 1) = 0.0_wp, end(n_values + 1) = 0.0_wp
     logical :: start_known = .false., end_known = .false.
     !> Whether this attempt repeats a rejected one; then the next step is not longer.
     logical :: repeated = .false.
@@ -93,6 +95,9 @@ contains
     associate (unused => [rate, curvature])
     end associate
     self%peak_speed = 0.0_wp
+    ! The equations may be others from now on.
+    self%start_known = .false.
+    self%end_known = .false.
     self%error = least_error
     self%last_error = least_error
   end subroutine restart
@@ -113,7 +118,7 @@ contains
     if (outcome%solved) call judge(self, system, outcome)
     if (outcome%solved .and. outcome%error <= 1.0_wp) call dense_stages(self, system, drive, from, outcome)
     if (outcome%solved .and. outcome%error <= 1.0_wp) call judge_dense(self, system, outcome)
-    if (outcome%solved .and. outcome%error <= 1.0_wp) call set_nodal(self, system, from)
+    if (outcome%solved .and. outcome%error <= 1.0_wp) call set_nodal(self, system, drive, from)
   end subroutine attempt
 
   !> The stages that make the step, its end and the slope there.
@@ -134,13 +139,14 @@ contains
         call stage_state(self, system, drive, from, i, state)
         call evaluate(self, system, drive, from, i, state, outcome)
       end do
-      self%end = state
+      self%end = [state, drive%velocity_at(from%time + self%step)]
       self%end_known = outcome%solved
       associate (b => self%method%b(1:s))
         to%time = from%time + self%step
         to%u = state(1:max_components)
         to%y = state(first_y:)
-        to%position = from%position - self%step*dot_product(system%along, matmul(self%slope(1:max_components, 1:s), b))
+        to%position = from%position + system%carried*drive%displacement(from%time, self%step) &
+          - self%step*dot_product(system%forward, matmul(self%slope(1:max_components, 1:s), b))
         to%drive_work = from%drive_work + self%step*dot_product(b, self%drive_power(1:s))
         to%friction_work = from%friction_work + self%step*dot_product(b, self%friction_power(1:s))
       end associate
@@ -154,19 +160,20 @@ contains
     type(drive_segment_t), intent(in) :: drive
     type(motion_t), intent(in) :: from
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: state(n_values)
+    real(wp) :: state(n_values + 1)
 
-    state = [from%u, from%y]
+    state = [from%u, from%y, drive%velocity_at(from%time)]
     outcome%solved = .true.
     self%repeated = self%start_known .and. same(state, self%start)
     if (self%end_known .and. same(state, self%end)) then
       self%slope(:, 1) = self%slope(:, self%method%stages + 1)
       self%friction_power(1) = self%friction_power(self%method%stages + 1)
+      self%drive_power(1) = self%drive_power(self%method%stages + 1)
     else if (.not. self%repeated) then
-      call evaluate(self, system, drive, from, 1, state, outcome)
+      call evaluate(self, system, drive, from, 1, state(:n_values), outcome)
     end if
-    self%drive_power(1) = drive%velocity_at(from%time)*dot_product(system%along_stiffness, from%u)
-    self%speed_scale = max(self%speed_scale, norm2(self%slope(1:max_components, 1)))
+    self%speed_scale = max(self%speed_scale, hypot(norm2(self%slope(1:max_components, 1)), &
+      system%guided*state(n_values + 1)))
     self%start = state
     ! The guard of the fixed step lies in the evaluation, so a failed one has to be repeated.
     self%start_known = outcome%solved .and. self%method%errors > 0
@@ -174,7 +181,7 @@ contains
   end subroutine begin
 
   pure logical function same(a, b)
-    real(wp), intent(in) :: a(n_values), b(n_values)
+    real(wp), intent(in) :: a(:), b(:)
 
     same = .not. any(abs(a - b) > 0.0_wp)
   end function same
@@ -209,23 +216,23 @@ contains
     integer, intent(in) :: i
     real(wp), intent(in) :: state(n_values)
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: velocity(max_components), reach
+    real(wp) :: drive_velocity, velocity(max_components), reach
 
     outcome%solved = .false.
     if (.not. all(abs(state) <= huge(1.0_wp))) return
     self%count%rhs = self%count%rhs + 1
-    velocity = 0.0_wp
-    call system%kinematics(1, state(first_y:), velocity, self%velocity_y)
-    call system%dynamics(1, state(1:max_components), state(first_y:), self%velocity_y, self%terms)
-    associate (n => system%components, terms => self%terms)
+    drive_velocity = drive%velocity_at(from%time + self%method%c(i)*self%step)
+    associate (n => system%components, first => system%axis, last => system%axis + system%components - 1, &
+        terms => self%terms)
+      call system%kinematics(1, state(first_y:), velocity, self%velocity_y)
+      call system%dynamics(1, [drive_velocity], state(first:last), state(first_y:), self%velocity_y, terms)
       if (any(terms%inertia(1, :) <= 0.0_wp)) return
-      self%slope(1:max_components, i) = -velocity
-      self%slope(first_y:, i) = 0.0_wp
+      self%slope(:, i) = 0.0_wp
+      self%slope(first:last, i) = -velocity(1:n)
       self%slope(first_y:max_components + n, i) = terms%force(1, :)/terms%inertia(1, :)
       self%friction_power(i) = terms%dissipation(1)
-      self%drive_power(i) = drive%velocity_at(from%time + self%method%c(i)*self%step) &
-        *dot_product(system%along_stiffness, state(1:max_components))
-      self%speed_scale = max(self%speed_scale, norm2(velocity))
+      self%drive_power(i) = drive_velocity*dot_product(system%along_stiffness, state(1:max_components)) + terms%supply(1)
+      self%speed_scale = max(self%speed_scale, hypot(norm2(velocity(1:n)), system%guided*drive_velocity))
       outcome%solved = .true.
       if (self%method%errors > 0) return
       reach = self%step*fastest_rate(n, terms, self%velocity_y)
@@ -266,9 +273,9 @@ contains
     outcome%error = 0.0_wp
     outcome%factor = 1.0_wp
     if (self%method%errors == 0) return
-    size = error_size(self, system%components, self%method%error(:, 1), self%velocity_y)
+    size = error_size(self, system, system%components, self%method%error(:, 1), self%velocity_y)
     if (self%method%errors == 2) then
-      stretch = 0.1_wp*error_size(self, system%components, self%method%error(:, 2), self%velocity_y)
+      stretch = 0.1_wp*error_size(self, system, system%components, self%method%error(:, 2), self%velocity_y)
       if (size > 0.0_wp) size = size*(size/hypot(size, stretch))
     end if
     outcome%error = size/tolerance(self, system)
@@ -289,12 +296,13 @@ contains
 
   !> An error estimate as a slip velocity [m/s]: that of y, and that of u times the frequency at
   !> which the springs make velocity of it.
-  pure real(wp) function error_size(self, n, weight, velocity_y) result(size)
+  pure real(wp) function error_size(self, system, n, weight, velocity_y) result(size)
     class(runge_kutta_t), intent(in) :: self
+    class(slip_system_t), intent(in) :: system
     integer, intent(in) :: n
     real(wp), intent(in) :: weight(max_stages), velocity_y(n, n)
     real(wp) :: error(n_values), square, frequency_square
-    integer :: j, k, l
+    integer :: j, k, l, axis
 
     error = 0.0_wp
     do j = 1, self%method%all_stages
@@ -303,12 +311,13 @@ contains
     error = self%step*error
     square = 0.0_wp
     do k = 1, n
+      axis = system%axis + k - 1
       frequency_square = 0.0_wp
       do l = 1, n
         frequency_square = frequency_square + velocity_y(k, l)*self%terms%force_u(1, l, k)/self%terms%inertia(1, l)
       end do
       square = square + dot_product(velocity_y(k, :), error(first_y:max_components + n))**2 &
-        + abs(frequency_square)*error(k)**2
+        + abs(frequency_square)*error(axis)**2
     end do
     size = sqrt(square)
   end function error_size
@@ -342,16 +351,17 @@ contains
     real(wp) :: error
 
     if (self%method%errors < 2) return
-    error = error_size(self, system%components, self%method%dense_error, self%velocity_y) &
+    error = error_size(self, system, system%components, self%method%dense_error, self%velocity_y) &
       /(dense_allowance*tolerance(self, system))
     outcome%error = max(outcome%error, error)
     outcome%factor = min(outcome%factor, max(0.2_wp, 0.9_wp*max(error, 1.0e-10_wp)**(-1.0_wp/7.0_wp)))
   end subroutine judge_dense
 
   !> Node values of the dense output.
-  pure subroutine set_nodal(self, system, from)
+  pure subroutine set_nodal(self, system, drive, from)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
     type(motion_t), intent(in) :: from
     real(wp) :: change(n_values)
     integer :: i, j
@@ -364,7 +374,8 @@ contains
       change = self%step*change
       self%nodal(i, column_u:column_u + max_components - 1) = from%u + change(1:max_components)
       self%nodal(i, column_y:column_y + max_components - 1) = from%y + change(first_y:)
-      self%nodal(i, column_position) = from%position - dot_product(system%along, change(1:max_components))
+      self%nodal(i, column_position) = from%position - dot_product(system%forward, change(1:max_components)) &
+        + system%carried*drive%displacement(from%time, self%grid%node(i)*self%step)
     end do
   end subroutine set_nodal
 

@@ -11,11 +11,14 @@ module dst_scene
   type :: scene_t
     character(:), allocatable :: title
     character(:), allocatable :: model, law, contact, method
+    character(:), allocatable :: form                    !! of Eq. (8)
+    character(:), allocatable :: quantities              !! for which model 'auto' is settled, with this accuracy:
+    real(wp) :: accuracy = 0.0_wp
     character(:), allocatable :: output_file             !! '' = after the deck's name
     real(wp) :: t_end = 0.0_wp                           !! s
-    real(wp) :: mass = 0.0_wp                            !! kg
+    real(wp) :: mass = 0.0_wp                            !! kg; 0 where the model has none
     real(wp) :: stiffness_x = 0.0_wp                     !! N/m
-    real(wp) :: stiffness_y = 0.0_wp                     !! N/m
+    real(wp) :: stiffness_y = 0.0_wp                     !! N/m; 0 where the model has none
     real(wp) :: misalignment_deg = 0.0_wp                !! deg
     real(wp) :: mu_0 = 0.0_wp                            !! friction coefficient at rest
     real(wp) :: mu_inf = 0.0_wp                          !! at high slip velocity; mu_0 for the constant law
@@ -47,6 +50,9 @@ contains
 
     scene%title = deck%text_of('scene', 'title')
     scene%model = deck%text_of('scene', 'model')
+    scene%form = deck%text_of('scene', 'form')
+    scene%quantities = deck%text_of('scene', 'quantities')
+    scene%accuracy = deck%real_of('scene', 'accuracy')
     scene%t_end = deck%real_of('scene', 't_end')
     call take_system(deck, scene)
     call take_friction(deck, scene)
@@ -63,9 +69,9 @@ contains
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(inout) :: scene
 
-    scene%mass = deck%real_of('system', 'mass')
+    if (deck%is_used('system', 'mass')) scene%mass = deck%real_of('system', 'mass')
     scene%stiffness_x = deck%real_of('system', 'stiffness_x')
-    scene%stiffness_y = deck%real_of('system', 'stiffness_y')
+    if (deck%is_used('system', 'stiffness_y')) scene%stiffness_y = deck%real_of('system', 'stiffness_y')
     scene%misalignment_deg = deck%real_of('system', 'misalignment_deg')
   end subroutine take_system
 

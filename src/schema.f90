@@ -55,11 +55,14 @@ module dst_schema
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
     'friction theta psi sticking zeta'
   !> What of them this version can run.
-  character(*), parameter :: implemented_models = 'full'
+  character(*), parameter :: implemented_models = models
   character(*), parameter :: implemented_methods = 'radau5 radau9 radau13 rk4 dopri5 dop853'
 
   character(*), parameter :: dynamic = 'model=full|low_frequency|high_frequency|auto'
+  character(*), parameter :: elastic = 'model=full|high_frequency|creep|auto'
   character(*), parameter :: transverse = 'model=full|high_frequency|auto'
+  character(*), parameter :: contacts = 'model=full|auto'
+  character(*), parameter :: asymptotic = 'model=creep_asymptotic'
   character(*), parameter :: fixed_step = 'method=rk4|moreau_jean'
   character(*), parameter :: adaptive = 'method=radau5|radau9|radau13|dopri5|dop853'
   character(*), parameter :: explicit_exact = 'method=dopri5|dop853 contact=exact'
@@ -72,13 +75,19 @@ module dst_schema
           'what the scene shows; kept in the results'), &
     key_t('scene', 'model', choice_kind, '', any_real, may, 'full', '', models, '', &
           'the equations to integrate'), &
+    key_t('scene', 'form', choice_kind, '', any_real, may, 'first_power', '', 'first_power printed third_order', asymptotic, &
+          'of Eq. (8): as derived from Eq. (7), as printed in the preprint, or with the next order'), &
+    key_t('scene', 'quantities', choice_kind, '', any_real, may, 'stick_slip', '', 'stick_slip creep high_frequency', &
+          'model=auto', 'what the model is chosen for'), &
+    key_t('scene', 'accuracy', real_kind, '1', range_t(low=1.0e-12_wp, high=1.0_wp), may, '1.0e-3', '', '', 'model=auto', &
+          'error against the full model that is allowed in these quantities'), &
     key_t('scene', 't_end', real_kind, 's', positive, must, '', '10.0', '', '', &
           'end of the simulated time'), &
     key_t('system', 'mass', real_kind, 'kg', positive, must, '', '0.25', '', dynamic, &
           'mass of the object'), &
     key_t('system', 'stiffness_x', real_kind, 'N/m', positive, must, '', '1.0e3', '', '', &
           'stiffness along the soft principal axis'), &
-    key_t('system', 'stiffness_y', real_kind, 'N/m', positive, must, '', '1.0e7', '', transverse, &
+    key_t('system', 'stiffness_y', real_kind, 'N/m', positive, must, '', '1.0e7', '', elastic, &
           'stiffness along the stiff principal axis'), &
     key_t('system', 'misalignment_deg', real_kind, 'deg', one_turn, must, '', '1.0', '', '', &
           'angle phi from the drive direction to the soft axis'), &
@@ -92,7 +101,7 @@ module dst_schema
           'slip velocity over which friction weakens'), &
     key_t('friction', 'normal_load', real_kind, 'N', non_negative, must, '', '10.0', '', '', &
           'normal load W'), &
-    key_t('friction', 'contact', choice_kind, '', any_real, may, 'exact', '', 'exact smoothed', transverse, &
+    key_t('friction', 'contact', choice_kind, '', any_real, may, 'exact', '', 'exact smoothed', contacts, &
           'exact: set-valued at rest, with events; smoothed: w/sqrt(|w|^2 + v_smooth^2)'), &
     key_t('friction', 'v_smooth', real_kind, 'm/s', positive, must, '0.0', '', '', 'contact=smoothed', &
           'smoothing velocity, to be far below V sin(phi)'), &
@@ -102,8 +111,8 @@ module dst_schema
           'corners of a piecewise-linear velocity, from 0 on; a time given twice is a jump'), &
     key_t('initial', 'velocity_ratio', real_kind, '1', any_real, may, '0.0', '1.0e-6', '', dynamic, &
           'initial velocity along the drive over the drive velocity, X''(0)/V'), &
-    key_t('initial', 'elongation_x', real_kind, 'm', any_real, may, '0.0', '', '', '', &
-          'initial elongation of the spring along the soft axis'), &
+    key_t('initial', 'elongation_x', real_kind, 'm', any_real, may, '0.0', '', '', dynamic, &
+          'initial elongation of the spring along the soft axis; high_frequency holds it'), &
     key_t('initial', 'elongation_y', real_kind, 'm', any_real, may, '0.0', '', '', transverse, &
           'initial elongation of the spring along the stiff axis'), &
     key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau9', '', methods, dynamic, &

@@ -4,19 +4,23 @@
 module dst_simulation
   use, intrinsic :: iso_fortran_env, only: int64
   use dst_archive, only: archive_t
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, result_done, deck_error, too_many_steps, not_finite, stopped_early
   use dst_contact, only: default_cut_speed
+  use dst_creep_motion, only: creep_motion_t, new_creep_motion
   use dst_drive, only: new_drive
   use dst_friction, only: new_friction_law
   use dst_full_model, only: new_full_polar, new_full_smoothed
-  use dst_observables, only: columns, find_column, default_columns, damping_ratio_exists, observe, row_of
+  use dst_low_frequency, only: new_low_frequency
+  use dst_observables, only: columns, instant_t, find_column, default_columns, damping_ratio_exists, observe, row_of
   use dst_radau, only: new_radau
   use dst_runge_kutta, only: new_runge_kutta
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t, cos_sin_degrees
+  use dst_straight_slip, only: new_straight_slip
   use dst_summary, only: summary_t, start_summary, follow, describe
-  use dst_trajectory, only: trajectory_t, no_event, at_time
+  use dst_text, only: real_text
+  use dst_trajectory, only: trajectory_t, no_event, stick_begins, slip_begins, at_time
   use dst_writer, only: writer_t, quantity_t, outcome_t
   implicit none
   private
@@ -30,6 +34,8 @@ module dst_simulation
   type :: simulation_t
     type(scene_t) :: scene
     type(trajectory_t) :: trajectory
+    !> The motion in closed form, of the models that have one; the trajectory then only tells the time.
+    type(creep_motion_t), allocatable :: creep
     type(summary_t) :: summary
     !> Numbers of the output columns; the first is time.
     integer, allocatable :: selected(:)
@@ -49,6 +55,7 @@ module dst_simulation
     procedure :: proceed
     procedure :: outcome
     procedure :: output_columns
+    procedure :: method_name
     procedure :: exchange
   end type simulation_t
 
@@ -61,30 +68,91 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     self%scene = scene
-    call build_trajectory(scene, self%trajectory)
-    call select_columns(self, error)
-    if (allocated(error)) return
-    call start_motion(self%trajectory, scene)
-    call start_summary(self%summary, self%trajectory)
+    associate (trajectory => self%trajectory)
+      call slider_from_scene(scene, trajectory%slider)
+      trajectory%drive = new_drive(scene%drive_time, scene%drive_velocity)
+      trajectory%t_end = scene%t_end
+      if (scene%model == 'creep' .or. scene%model == 'creep_asymptotic') then
+        call start_creep(self, error)
+      else
+        call choose_equations(scene, trajectory, error)
+        if (.not. allocated(error)) call choose_method(scene, trajectory, error)
+      end if
+      if (.not. allocated(error)) call select_columns(self, error)
+      if (allocated(error)) return
+      if (.not. allocated(self%creep)) then
+        call start_motion(trajectory, scene)
+        call start_summary(self%summary, trajectory)
+      end if
+    end associate
     allocate (self%rows(size(self%selected), buffer_rows))
   end subroutine start
 
-  subroutine build_trajectory(scene, trajectory)
+  !> The equations of motion by name, for a trajectory with slider and drive.
+  subroutine choose_equations(scene, trajectory, error)
     type(scene_t), intent(in) :: scene
-    type(trajectory_t), intent(out) :: trajectory
+    type(trajectory_t), intent(inout) :: trajectory
+    type(error_t), allocatable, intent(out) :: error
 
-    call slider_from_scene(scene, trajectory%slider)
-    trajectory%exact_contact = scene%contact == 'exact'
-    if (trajectory%exact_contact) then
-      trajectory%system = new_full_polar(trajectory%slider)
-    else
-      trajectory%system = new_full_smoothed(trajectory%slider)
+    associate (slider => trajectory%slider)
+      select case (scene%model)
+      case ('low_frequency')
+        slider%follows = [1.0_wp, 0.0_wp]
+        slider%turns = .false.
+        call choose_low_frequency(scene, trajectory)
+      case ('high_frequency')
+        slider%follows = [0.0_wp, 1.0_wp]
+        slider%turns = .false.
+        if (abs(slider%stiffness(1)*scene%elongation_x) >= slider%law%onset) then
+          call raise(error, deck_error, 'high_frequency holds for a longitudinal load below the static limit: '// &
+            '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//real_text(slider%law%onset)//' N')
+          return
+        end if
+        trajectory%system = new_straight_slip(slider, 2, [scene%elongation_x, 0.0_wp])
+      case default
+        trajectory%exact_contact = scene%contact == 'exact'
+        if (trajectory%exact_contact) then
+          trajectory%system = new_full_polar(slider)
+        else
+          trajectory%system = new_full_smoothed(slider)
+        end if
+      end select
+    end associate
+  end subroutine choose_equations
+
+  !> The guided motion while the drive has a velocity across the soft axis, straight slip with rest while not.
+  subroutine choose_low_frequency(scene, trajectory)
+    type(scene_t), intent(in) :: scene
+    type(trajectory_t), intent(inout) :: trajectory
+    real(wp) :: slow
+
+    associate (drive => trajectory%drive, slider => trajectory%slider)
+      trajectory%system = new_straight_slip(slider, 1, [0.0_wp, 0.0_wp])
+      if (.not. abs(slider%along(2)) > 0.0_wp) return
+      ! The way driven while a ramp passes through zero goes with the square of this share of its velocity.
+      slow = max(3.0e-6_wp, 0.1_wp*sqrt(scene%rtol))
+      drive = drive%with_rests(slow)
+      trajectory%other_system = new_low_frequency(slider)
+    end associate
+    if (.not. trajectory%drive%segment(1)%rests) call trajectory%exchange_systems()
+  end subroutine choose_low_frequency
+
+  !> Slow creep in closed form.
+  subroutine start_creep(self, error)
+    class(simulation_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: form
+
+    if (.not. self%scene%interval > 0.0_wp) then
+      call raise(error, deck_error, "output.interval must be > 0 with model = '"//self%scene%model// &
+        "': a closed form has no steps")
+      return
     end if
-    trajectory%drive = new_drive(scene%drive_time, scene%drive_velocity)
-    trajectory%t_end = scene%t_end
-    trajectory%step_max = scene%step_max
-    call choose_method(scene, trajectory)
-  end subroutine build_trajectory
+    form = ''
+    if (self%scene%model == 'creep_asymptotic') form = self%scene%form
+    allocate (self%creep)
+    call new_creep_motion(self%trajectory%slider, self%trajectory%drive, form, self%scene%t_end, self%creep, error)
+  end subroutine start_creep
 
   !> The object and its contact.
   subroutine slider_from_scene(scene, slider)
@@ -99,10 +167,17 @@ contains
   end subroutine slider_from_scene
 
   !> The integrators by name.
-  subroutine choose_method(scene, trajectory)
+  subroutine choose_method(scene, trajectory, error)
     type(scene_t), intent(in) :: scene
     type(trajectory_t), intent(inout) :: trajectory
+    type(error_t), allocatable, intent(out) :: error
 
+    if (scene%method == 'rk4' .and. trajectory%may_rest()) then
+      call raise(error, deck_error, "method 'rk4' cannot follow the exact contact, and here the object may come to rest: "// &
+        'use radau5 | radau9 | radau13 | dopri5 | dop853')
+      return
+    end if
+    trajectory%step_max = scene%step_max
     associate (components => trajectory%system%components)
       select case (scene%method)
       case ('radau5')
@@ -133,10 +208,31 @@ contains
 
     u = [scene%elongation_x, scene%elongation_y]
     w = scene%velocity_ratio*scene%drive_velocity(1)*trajectory%slider%along
-    y = w
-    if (trajectory%exact_contact) y = [hypot(w(1), w(2)), atan2(w(2), w(1))]
+    select case (scene%model)
+    case ('low_frequency')
+      y = [w(1), 0.0_wp]
+      if (trajectory%exact_contact) y = [abs(w(1)), merge(pi, 0.0_wp, w(1) < 0.0_wp)]
+    case ('high_frequency')
+      y = straight_slip_from(trajectory, w, u)
+    case default
+      y = w
+      if (trajectory%exact_contact) y = [hypot(w(1), w(2)), atan2(w(2), w(1))]
+    end select
     call trajectory%start(u, y, -dot_product(u, trajectory%slider%along))
   end subroutine start_motion
+
+  !> (v, theta) of a slip that the longitudinal load faces, F_0 cos(theta) = k_x u_x, towards the side of u_y or
+  !> of the drive, as fast as the velocity w in that direction.
+  pure function straight_slip_from(trajectory, w, u) result(y)
+    type(trajectory_t), intent(in) :: trajectory
+    real(wp), intent(in) :: w(2), u(2)
+    real(wp) :: y(2), side
+
+    side = u(2)
+    if (.not. abs(side) > 0.0_wp) side = w(2)
+    y(2) = sign(acos(trajectory%slider%stiffness(1)*u(1)/trajectory%slider%law%onset), side)
+    y(1) = max(0.0_wp, dot_product(w, [cos(y(2)), sin(y(2))]))
+  end function straight_slip_from
 
   !> Which columns are written.
   subroutine select_columns(self, error)
@@ -146,6 +242,8 @@ contains
 
     if (self%scene%fields(1) == 'default') then
       self%selected = default_columns(self%trajectory)
+      if (allocated(self%creep)) self%selected = pack(self%selected, [(self%creep%gives(trim(columns(i)%name)), &
+        i=1, size(self%selected))])
       return
     end if
     self%selected = [1]
@@ -157,6 +255,12 @@ contains
       else if (columns(column)%name == 'zeta' .and. .not. damping_ratio_exists(self%trajectory)) then
         call raise(error, deck_error, 'output.fields: zeta has no value where V sin(phi) = 0: leave zeta out')
         return
+      else if (allocated(self%creep)) then
+        if (.not. self%creep%gives(trim(columns(column)%name))) then
+          call raise(error, deck_error, "output.fields: model = '"//self%scene%model//"' does not give "// &
+            trim(columns(column)%name)//': leave it out')
+          return
+        end if
       end if
       if (all(self%selected /= column)) self%selected = [self%selected, column]
     end do
@@ -170,6 +274,15 @@ contains
     descriptions = columns(self%selected)
   end function output_columns
 
+  !> The method, for the record.
+  pure function method_name(self) result(name)
+    class(simulation_t), intent(in) :: self
+    character(:), allocatable :: name
+
+    name = self%scene%method
+    if (allocated(self%creep)) name = 'closed form'
+  end function method_name
+
   !> Go on for at most `seconds` of wall time [s], or to the end. An error of the solver ends the
   !> run: it is then finished, and all up to the error has been written.
   subroutine proceed(self, seconds, writer, error)
@@ -182,6 +295,10 @@ contains
     integer :: looks_left
 
     begun = wall_clock()
+    if (allocated(self%creep)) then
+      call proceed_in_closed_form(self, seconds, writer, error)
+      return
+    end if
     passed = 0.0_wp
     looks_left = advances_between_looks
     do while (.not. (allocated(error) .or. at_end(self)))
@@ -198,8 +315,7 @@ contains
     call flush_rows(self, writer, disk_error)
     if (allocated(disk_error) .and. .not. allocated(error)) call move_alloc(disk_error, error)
     passed = wall_clock() - begun
-    if (.not. (allocated(error) .or. at_end(self)) .and. over_time(self, passed)) &
-      call raise(error, stopped_early, 'stopped at the wall-time limit: raise output.wall_limit')
+    if (.not. (allocated(error) .or. at_end(self)) .and. over_time(self, passed)) call raise_over_time(error)
     self%elapsed = self%elapsed + passed
     self%finished = allocated(error) .or. at_end(self)
   end subroutine proceed
@@ -209,6 +325,12 @@ contains
 
     at_end = self%recorded .and. self%trajectory%finished()
   end function at_end
+
+  subroutine raise_over_time(error)
+    type(error_t), allocatable, intent(out) :: error
+
+    call raise(error, stopped_early, 'stopped at the wall-time limit: raise output.wall_limit')
+  end subroutine raise_over_time
 
   pure logical function over_time(self, passed)
     class(simulation_t), intent(in) :: self
@@ -283,15 +405,65 @@ contains
 
     all_taken = .true.
     do i = 1, buffer_rows
-      time = real(self%samples, wp)*self%scene%interval
-      ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
-      if (time >= self%scene%t_end*(1.0_wp - 4.0_wp*epsilon(time))) time = self%scene%t_end
+      time = sample_time(self)
       if (time > self%trajectory%now%time) return
       call take_sample(self, writer, time, error)
       if (allocated(error) .or. time >= self%scene%t_end) return
     end do
     all_taken = .false.
   end subroutine take_samples
+
+  !> Time of the next sample [s] at equal distances.
+  pure real(wp) function sample_time(self)
+    class(simulation_t), intent(in) :: self
+
+    sample_time = real(self%samples, wp)*self%scene%interval
+    ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
+    if (sample_time >= self%scene%t_end*(1.0_wp - 4.0_wp*epsilon(sample_time))) sample_time = self%scene%t_end
+  end function sample_time
+
+  !> As `proceed`, where the motion is known at any time.
+  subroutine proceed_in_closed_form(self, seconds, writer, error)
+    class(simulation_t), intent(inout) :: self
+    real(wp), intent(in) :: seconds
+    class(writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(out) :: error
+    type(instant_t) :: instant
+    real(wp) :: begun, passed
+
+    begun = wall_clock()
+    passed = 0.0_wp
+    associate (now => self%trajectory%now%time)
+      if (self%samples == 0) call record_creep_events(self, writer, error)
+      do while (.not. (allocated(error) .or. passed >= seconds .or. over_time(self, passed) .or. self%finished))
+        now = sample_time(self)
+        instant = self%creep%at(now)
+        self%summary%largest_rate = max(self%summary%largest_rate, dot_product(instant%velocity, self%creep%slider%along))
+        call add_row(self, instant, writer, error)
+        self%finished = now >= self%scene%t_end
+        if (modulo(self%samples, int(advances_between_looks, int64)) == 0) passed = wall_clock() - begun
+      end do
+    end associate
+    if (.not. allocated(error)) call flush_rows(self, writer, error)
+    passed = wall_clock() - begun
+    if (.not. (allocated(error) .or. self%finished) .and. over_time(self, passed)) call raise_over_time(error)
+    self%elapsed = self%elapsed + passed
+    self%finished = self%finished .or. allocated(error)
+  end subroutine proceed_in_closed_form
+
+  !> Slow creep begins after a true stick.
+  subroutine record_creep_events(self, writer, error)
+    class(simulation_t), intent(inout) :: self
+    class(writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(out) :: error
+
+    if (.not. self%creep%onset > 0.0_wp) return
+    self%summary%sticks = 1
+    self%summary%sticking_time = self%creep%onset
+    call writer%write_events([0.0_wp], [stick_begins], error)
+    if (allocated(error) .or. self%creep%onset >= self%scene%t_end) return
+    call writer%write_events([self%creep%onset], [slip_begins], error)
+  end subroutine record_creep_events
 
   !> One row of output at a time inside the last advance.
   subroutine take_sample(self, writer, time, error)
@@ -300,25 +472,34 @@ contains
     real(wp), intent(in) :: time
     type(error_t), allocatable, intent(out) :: error
     logical :: sticking
-    integer :: column
 
     associate (trajectory => self%trajectory)
       sticking = trajectory%was_sticking
       if (time >= trajectory%now%time) sticking = trajectory%sticking
-      if (self%waiting == buffer_rows) call flush_rows(self, writer, error)
-      if (allocated(error)) return
-      self%waiting = self%waiting + 1
-      self%samples = self%samples + 1
-      associate (row => self%rows(:, self%waiting))
-        call row_of(trajectory, observe(trajectory, trajectory%at(time), sticking), self%selected, row)
-        if (all(abs(row) <= huge(row))) return
-        self%waiting = self%waiting - 1
-        column = self%selected(findloc(abs(row) <= huge(row), .false., dim=1))
-        call raise(error, not_finite, trim(columns(column)%name)//' is not finite in the advance after '// &
-          at_time(trajectory%from)//': leave it out of output.fields, or scale the parameters')
-      end associate
+      call add_row(self, observe(trajectory, trajectory%at(time), sticking), writer, error)
     end associate
   end subroutine take_sample
+
+  subroutine add_row(self, instant, writer, error)
+    class(simulation_t), intent(inout) :: self
+    type(instant_t), intent(in) :: instant
+    class(writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(out) :: error
+    integer :: column
+
+    if (self%waiting == buffer_rows) call flush_rows(self, writer, error)
+    if (allocated(error)) return
+    self%waiting = self%waiting + 1
+    self%samples = self%samples + 1
+    associate (row => self%rows(:, self%waiting))
+      call row_of(self%trajectory, instant, self%selected, row)
+      if (all(abs(row) <= huge(row))) return
+      self%waiting = self%waiting - 1
+      column = self%selected(findloc(abs(row) <= huge(row), .false., dim=1))
+      call raise(error, not_finite, trim(columns(column)%name)//' is not finite at '//at_time(instant%motion)// &
+        ': leave it out of output.fields, or scale the parameters')
+    end associate
+  end subroutine add_row
 
   !> Hand the waiting rows to the writer.
   subroutine flush_rows(self, writer, error)
@@ -350,7 +531,11 @@ contains
     class(simulation_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%trajectory%exchange(archive)
+    if (allocated(self%creep)) then
+      call self%trajectory%now%exchange(archive)
+    else
+      call self%trajectory%exchange(archive)
+    end if
     call self%summary%exchange(archive)
     call archive%exchange(self%elapsed)
     call archive%exchange(self%advances)

@@ -12,12 +12,36 @@ module dst_slider
     real(wp) :: mass = 1.0_wp                              !! kg
     real(wp) :: stiffness(2) = 1.0_wp                      !! k_x, k_y, N/m
     real(wp) :: along(2) = [1.0_wp, 0.0_wp]                !! drive direction (cos phi, sin phi)
+    !> What a model holds: along a principal axis with `follows` = 0 the elongation is constant, and a
+    !> slip that does not turn keeps the direction in which it began.
+    real(wp) :: follows(2) = 1.0_wp
+    logical :: turns = .true.
     class(friction_law_t), allocatable :: law
     !> Square of the smoothing velocity [m2/s2]; 0 = exact contact.
     real(wp) :: smoothing = 0.0_wp
+  contains
+    procedure :: pulled
+    procedure :: held_force
   end type slider_t
 
 contains
+
+  !> Elongation of the springs per displacement of the drive.
+  pure function pulled(self)
+    class(slider_t), intent(in) :: self
+    real(wp) :: pulled(2)
+
+    pulled = self%follows*self%along
+  end function pulled
+
+  !> Force of the held springs [N] at elongation `u` [m].
+  pure function held_force(self, u) result(force)
+    class(slider_t), intent(in) :: self
+    real(wp), intent(in) :: u(2)
+    real(wp) :: force(2)
+
+    force = (1.0_wp - self%follows)*self%stiffness*u
+  end function held_force
 
   !> (cos, sin) of an angle in degrees, exact at multiples of 90 and odd/even to the last bit.
   pure function cos_sin_degrees(angle) result(direction)

@@ -3,11 +3,15 @@
 !> A model has n spring elongations u and n slip unknowns y (n = 1 or 2). With the slip velocity
 !> w(y), the drive velocity V(t) and its direction e,
 !>
-!>     u' = V(t) e - w(y),      B(y) y' = g(u, y),      B diagonal.
+!>     u' = V(t) e - w(y),      B(y) y' = g(u, y, V),      B diagonal.
 !>
 !> The second equation is kept in its implicit form, because B may vanish (polar slip velocity at
 !> rest). All stages of a step are evaluated in one call: arrays are (stage, component).
+!>
+!> A model of one component follows one principal axis. The elongation along the other is held, and
+!> the slip velocity along it is a function of y and V.
 module dst_slip_system
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   implicit none
   private
@@ -25,15 +29,25 @@ module dst_slip_system
     real(wp), allocatable :: inertia_y(:, :, :)  !! dB/dy
     real(wp), allocatable :: dissipation(:)      !! power of the friction force, W
     real(wp), allocatable :: dissipation_y(:, :) !! its derivative
+    !> Power that enters other than through the springs that the drive stretches, W.
+    real(wp), allocatable :: supply(:)
+    real(wp), allocatable :: supply_y(:, :)      !! its derivative
   end type stage_terms_t
 
   type, abstract :: slip_system_t
     !> Number of components n.
     integer :: components = max_components
-    !> Direction of the drive in the principal axes, (cos phi, sin phi).
+    !> Principal axis of the first component.
+    integer :: axis = 1
+    !> Direction of the drive in the principal axes as the elongations feel it: 0 for a held one.
     real(wp) :: along(max_components) = 0.0_wp
-    !> The spring's force along the drive [N] is `along_stiffness . u`.
+    !> The drive's power through the springs that it stretches [W] is V `along_stiffness . u`.
     real(wp) :: along_stiffness(max_components) = 0.0_wp
+    !> X' = `forward . w` (w of the components, by axis) + `carried` V.
+    real(wp) :: forward(max_components) = 0.0_wp
+    real(wp) :: carried = 0.0_wp
+    !> w_y/V where the motion across follows the drive without being a component.
+    real(wp) :: guided = 0.0_wp
     !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced.
     real(wp) :: acceleration_noise = 0.0_wp
   contains
@@ -41,6 +55,12 @@ module dst_slip_system
     procedure(kinematics), deferred :: kinematics
     !> The terms of the second equation at the stages; `velocity_y` is dw/dy from `kinematics`.
     procedure(dynamics), deferred :: dynamics
+    !> Slip velocity (w_x, w_y) [m/s] at one point.
+    procedure(slip_velocity), deferred :: slip_velocity
+    !> Slip begins, with friction at this angle to the x-axis [rad].
+    procedure :: face
+    !> Save or load what `face` sets.
+    procedure :: exchange
   end type slip_system_t
 
   abstract interface
@@ -53,14 +73,22 @@ module dst_slip_system
       real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
     end subroutine kinematics
 
-    pure subroutine dynamics(self, stages, u, y, velocity_y, terms)
+    pure subroutine dynamics(self, stages, drive_velocity, u, y, velocity_y, terms)
       import :: slip_system_t, stage_terms_t, wp
       class(slip_system_t), intent(in) :: self
       integer, intent(in) :: stages
+      real(wp), intent(in) :: drive_velocity(stages)
       real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
       real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
       type(stage_terms_t), intent(inout) :: terms
     end subroutine dynamics
+
+    pure function slip_velocity(self, y, drive_velocity) result(velocity)
+      import :: slip_system_t, wp, max_components
+      class(slip_system_t), intent(in) :: self
+      real(wp), intent(in) :: y(max_components), drive_velocity
+      real(wp) :: velocity(2)
+    end function slip_velocity
   end interface
 
 contains
@@ -74,5 +102,22 @@ contains
     allocate (terms%force_u(stages, components, components), terms%force_y(stages, components, components))
     allocate (terms%inertia_y(stages, components, components))
     allocate (terms%dissipation(stages), terms%dissipation_y(stages, components))
+    allocate (terms%supply(stages), terms%supply_y(stages, components), source=0.0_wp)
   end function new_terms
+
+  !> Most models have the direction among their unknowns.
+  pure subroutine face(self, theta)
+    class(slip_system_t), intent(inout) :: self
+    real(wp), intent(in) :: theta
+
+    associate (unused => [self%guided, theta])
+    end associate
+  end subroutine face
+
+  subroutine exchange(self, archive)
+    class(slip_system_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%forward)
+  end subroutine exchange
 end module dst_slip_system

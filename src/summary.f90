@@ -6,8 +6,8 @@
 module dst_summary
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
-  use dst_observables, only: slip_velocity
-  use dst_stepper, only: motion_t
+  use dst_observables, only: slip_velocity, drive_velocity
+  use dst_stepper, only: motion_t, work_count_t
   use dst_trajectory, only: trajectory_t, stick_begins
   use dst_writer, only: quantity_t, outcome_t
   implicit none
@@ -84,7 +84,7 @@ contains
     real(wp) :: velocity(2)
 
     velocity = 0.0_wp
-    if (.not. sticking) velocity = slip_velocity(trajectory%system, motion%y)
+    if (.not. sticking) velocity = slip_velocity(trajectory, motion)
   end function velocity_of
 
   !> u_x' [m/s].
@@ -92,16 +92,21 @@ contains
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(in) :: time, slip
 
-    elongation_rate = trajectory%drive%segment(trajectory%segment)%velocity_at(time)*trajectory%slider%along(1) - slip
+    elongation_rate = drive_velocity(trajectory, time)*trajectory%slider%along(1) - slip
+    ! High frequency: the longitudinal load is given.
+    if (.not. trajectory%slider%follows(1) > 0.0_wp) elongation_rate = 0.0_wp
   end function elongation_rate
 
-  !> Kinetic and elastic energy [J].
+  !> Kinetic and elastic energy [J], without that of a motion which the drive guides.
   pure real(wp) function energy(trajectory, velocity)
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(in) :: velocity(2)
 
-    energy = 0.5_wp*(trajectory%slider%mass*sum(velocity**2) &
-      + sum(trajectory%slider%stiffness*trajectory%now%u**2))
+    real(wp) :: own(2)
+
+    own = velocity
+    if (abs(trajectory%system%guided) > 0.0_wp) own(2) = 0.0_wp
+    energy = 0.5_wp*(trajectory%slider%mass*sum(own**2) + sum(trajectory%slider%stiffness*trajectory%now%u**2))
   end function energy
 
   !> If u_x passes inside the advance through an extreme that may count, take it in at its own time.
@@ -122,7 +127,7 @@ contains
     do iteration = 1, 40
       middle = 0.5_wp*(low + high)
       motion = trajectory%at(middle)
-      velocity = slip_velocity(trajectory%system, motion%y)
+      velocity = slip_velocity(trajectory, motion)
       slope = side*elongation_rate(trajectory, middle, velocity(1))
       if (slope > 0.0_wp) then
         low = middle
@@ -229,7 +234,7 @@ contains
     type(motion_t) :: motion
 
     motion = trajectory%at(trajectory%from%time + tau*(trajectory%now%time - trajectory%from%time))
-    rate_at = dot_product(slip_velocity(trajectory%system, motion%y), trajectory%slider%along)
+    rate_at = dot_product(slip_velocity(trajectory, motion), trajectory%slider%along)
   end function rate_at
 
   !> Largest X' between two positions of the last advance, by golden-section search.
@@ -270,10 +275,13 @@ contains
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(in) :: wall_time
     type(outcome_t), intent(inout) :: outcome
-    real(wp) :: change, exchanged
+    type(work_count_t) :: work
 
     allocate (outcome%summary(0), outcome%summary_value(0), outcome%statistics(0), outcome%statistics_value(0))
-    call put('cycles', '1', 'completed stick-slip cycles, peak to peak', real(self%period%count, wp))
+    if (allocated(trajectory%stepper)) then
+      work = trajectory%stepper%count
+      call put('cycles', '1', 'completed stick-slip cycles, peak to peak', real(self%period%count, wp))
+    end if
     call put_mean('period', 's', 'mean time from peak to peak of k_x u_x', self%period)
     call put_mean('peak_force', 'N', 'mean peak of k_x u_x', self%peak)
     call put_mean('valley_force', 'N', 'mean valley of k_x u_x', self%valley)
@@ -283,25 +291,29 @@ contains
     call put('max_X_rate', 'm s-1', 'largest slip velocity along the drive', self%largest_rate)
     call put('sticks', '1', 'times that the object came to rest, the start included', real(self%sticks, wp))
     call put('sticking_time', 's', 'time at rest', self%sticking_time)
-    change = energy(trajectory, self%velocity) - self%first_energy
-    exchanged = abs(trajectory%now%drive_work) + abs(trajectory%now%friction_work) + self%first_energy
-    call put('drive_work', 'J', 'work of the drive on the spring', trajectory%now%drive_work)
-    call put('friction_work', 'J', 'work done against friction', trajectory%now%friction_work)
-    if (exchanged > 0.0_wp) exchanged = (trajectory%now%drive_work - trajectory%now%friction_work - change)/exchanged
-    call put('energy_residual', '1', 'open energy balance over all energy exchanged', exchanged)
-    associate (count => trajectory%stepper%count)
-      call put_count('steps', 'accepted steps', count%steps)
-      call put_count('rejected', 'rejected steps', count%rejected)
-      call put_count('rhs', 'evaluations of the equations of motion', count%rhs)
-      call put_count('jacobians', 'evaluations of the Jacobian of a step', count%jacobians)
-      call put_count('factorisations', 'factorised linear systems', count%factorisations)
-      call put_count('newton', 'Newton iterations', count%newton)
-      call put_count('events', 'stick and slip events', count%events)
-    end associate
+    if (allocated(trajectory%stepper)) call put_energy()
+    call put_count('steps', 'accepted steps', work%steps)
+    call put_count('rejected', 'rejected steps', work%rejected)
+    call put_count('rhs', 'evaluations of the equations of motion', work%rhs)
+    call put_count('jacobians', 'evaluations of the Jacobian of a step', work%jacobians)
+    call put_count('factorisations', 'factorised linear systems', work%factorisations)
+    call put_count('newton', 'Newton iterations', work%newton)
+    call put_count('events', 'stick and slip events', work%events)
     outcome%statistics = [outcome%statistics, quantity_t('wall_time', 's', 'wall time of the run')]
     outcome%statistics_value = [outcome%statistics_value, wall_time]
 
   contains
+
+    subroutine put_energy()
+      real(wp) :: change, exchanged
+
+      change = energy(trajectory, self%velocity) - self%first_energy
+      exchanged = abs(trajectory%now%drive_work) + abs(trajectory%now%friction_work) + self%first_energy
+      call put('drive_work', 'J', 'work of the drive on the spring', trajectory%now%drive_work)
+      call put('friction_work', 'J', 'work done against friction', trajectory%now%friction_work)
+      if (exchanged > 0.0_wp) exchanged = (trajectory%now%drive_work - trajectory%now%friction_work - change)/exchanged
+      call put('energy_residual', '1', 'open energy balance over all energy exchanged', exchanged)
+    end subroutine put_energy
 
     subroutine put(name, units, long_name, value)
       character(*), intent(in) :: name, units, long_name

@@ -22,14 +22,18 @@ module dst_trajectory
   public :: trajectory_t, no_event, stick_begins, slip_begins, at_time
 
   integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
-  integer, parameter :: max_rejections = 60, max_events_at_once = 100, max_steps_at_once = 10000
+  integer, parameter :: max_rejections = 60, timid_rejections = 8
+  integer, parameter :: max_events_at_once = 100, max_steps_at_once = 10000
 
   type :: trajectory_t
     type(slider_t) :: slider
     type(drive_t) :: drive
     class(slip_system_t), allocatable :: system
+    !> Of a model whose motion across follows the drive: the system for while the drive moves, or that for
+    !> while it rests; the one in use is `system`.
+    class(slip_system_t), allocatable :: other_system
     class(stepper_t), allocatable :: stepper
-    !> Whether rest is possible (exact contact in polar unknowns).
+    !> Whether rest is possible (exact contact, y = (v, theta)).
     logical :: exact_contact = .true.
     real(wp) :: t_end = 0.0_wp
     real(wp) :: step_max = 0.0_wp
@@ -62,6 +66,8 @@ module dst_trajectory
     procedure :: at
     procedure :: finished
     procedure :: drive_segment
+    procedure :: may_rest
+    procedure :: exchange_systems
     procedure :: exchange
   end type trajectory_t
 
@@ -71,7 +77,6 @@ contains
   subroutine start(self, u, y, position)
     class(trajectory_t), intent(inout) :: self
     real(wp), intent(in) :: u(2), y(2), position
-    type(onset_t) :: onset
 
     self%now = motion_t(u=u, y=y, position=position)
     self%from = self%now
@@ -79,18 +84,23 @@ contains
     if (self%fixed_step > 0.0_wp) self%release_step = self%fixed_step
     if (self%stepper%explicit) self%closed_form_grid = closed_form_grid()
     self%next_step = self%release_step
-    if (.not. self%exact_contact) then
-      call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
-    else if (y(1) > 0.0_wp) then
-      self%next_step = min(self%next_step, y(1)*self%slider%mass/max(self%slider%law%onset, tiny(1.0_wp)))
-      call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
-    else if (holds(self%slider, u, velocity_now(self))) then
-      call come_to_rest(self)
-    else
-      onset = onset_of_slip(self%slider, u, velocity_now(self))
-      call set_off(self, onset)
-    end if
+    call begin_motion(self)
   end subroutine start
+
+  !> Begin with what `now` holds, at rest or in motion.
+  subroutine begin_motion(self)
+    class(trajectory_t), intent(inout) :: self
+
+    if (self%exact_contact .and. .not. self%now%y(1) > 0.0_wp) then
+      call rest_or_turn(self)
+      return
+    end if
+    if (self%exact_contact) then
+      self%next_step = min(self%next_step, self%now%y(1)*self%slider%mass/max(self%slider%law%onset, tiny(1.0_wp)))
+      call self%system%face(self%now%y(2))
+    end if
+    call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+  end subroutine begin_motion
 
   pure logical function finished(self)
     class(trajectory_t), intent(in) :: self
@@ -120,9 +130,10 @@ contains
     logical :: passed
 
     self%event = no_event
-    do while (self%now%time >= self%drive%segment(self%segment)%end)
-      self%segment = self%segment + 1
-    end do
+    if (self%now%time >= self%drive%segment(self%segment)%end) then
+      call enter_segment(self)
+      if (self%event /= no_event) return
+    end if
     horizon = min(self%t_end, self%drive%segment(self%segment)%end)
     self%from = self%now
     self%was_sticking = self%sticking
@@ -137,6 +148,56 @@ contains
     if (allocated(error)) return
     call watch_progress(self, error)
   end subroutine advance
+
+  !> Past a knot of the drive. If the motion across follows the drive, it may begin there or end; a
+  !> beginning that ends a rest is an event, and this the advance.
+  subroutine enter_segment(self)
+    class(trajectory_t), intent(inout) :: self
+
+    do while (self%now%time >= self%drive%segment(self%segment)%end)
+      self%segment = self%segment + 1
+    end do
+    if (.not. allocated(self%other_system)) return
+    if (self%exact_contact .eqv. self%drive%segment(self%segment)%rests) return
+    self%from = self%now
+    self%was_sticking = self%sticking
+    call self%exchange_systems()
+    associate (y => self%now%y)
+      if (self%exact_contact) then
+        y = [abs(y(1)), merge(pi, 0.0_wp, y(1) < 0.0_wp)]
+      else
+        y = [y(1)*cos(y(2)), 0.0_wp]
+      end if
+    end associate
+    if (self%sticking .and. .not. self%exact_contact) self%event = slip_begins
+    self%sticking = .false.
+    call begin_motion(self)
+  end subroutine enter_segment
+
+  !> Between the system in which the drive guides the motion across, and the one that can rest.
+  pure subroutine exchange_systems(self)
+    class(trajectory_t), intent(inout) :: self
+    class(slip_system_t), allocatable :: kept
+
+    call move_alloc(self%system, kept)
+    call move_alloc(self%other_system, self%system)
+    call move_alloc(kept, self%other_system)
+    self%exact_contact = .not. self%exact_contact
+  end subroutine exchange_systems
+
+  !> Whether the object may come to rest before t_end.
+  pure logical function may_rest(self)
+    class(trajectory_t), intent(in) :: self
+    integer :: i
+
+    may_rest = self%exact_contact
+    if (.not. allocated(self%other_system)) return
+    do i = 1, size(self%drive%segment)
+      associate (segment => self%drive%segment(i))
+        may_rest = may_rest .or. segment%start < self%t_end .and. segment%rests
+      end associate
+    end do
+  end function may_rest
 
   !> Steps shorter than the resolution of the time are legitimate where the mass is small, but not
   !> without end; nor are events.
@@ -216,6 +277,7 @@ contains
     self%next_step = self%release_step
     self%release_rate = onset%rate(1)
     self%now%y = onset%y
+    call self%system%face(onset%y(2))
     call self%stepper%restart(onset%rate, onset%curvature)
   end subroutine set_off
 
@@ -257,7 +319,8 @@ contains
       end if
       if (outcome%solved .and. outcome%error <= 1.0_wp) exit
       self%stepper%count%rejected = self%stepper%count%rejected + 1
-      self%next_step = self%stepper%step*min(outcome%factor, 0.9_wp)
+      ! An initial layer shows the same error until it is resolved: there the estimate's advice is too timid.
+      self%next_step = self%stepper%step*min(outcome%factor, merge(0.25_wp, 0.9_wp, rejections >= timid_rejections))
       longest = max(longest, step)
       if (self%next_step <= epsilon(step)*longest) exit
     end do
@@ -485,7 +548,7 @@ contains
         tau = grid%node(i)*(duration/release%unit)
         motion = release%at(self%slider, drive, self%from, tau)
         nodal(i, column_u:column_u + 1) = motion%u &
-          - drive%displacement(self%from%time, tau*release%unit)*self%slider%along
+          - drive%displacement(self%from%time, tau*release%unit)*self%slider%pulled()
         nodal(i, column_y:column_y + 1) = motion%y
         nodal(i, column_position) = motion%position
       end do
@@ -515,7 +578,7 @@ contains
       do i = 0, grid%degree
         time = grid%node(i)*course%delay
         slipped = time*(v + time*(0.5_wp*course%acceleration + time*course%jerk/6.0_wp))
-        nodal(i, column_u:column_u + 1) = self%from%u - slipped*direction
+        nodal(i, column_u:column_u + 1) = self%from%u - slipped*self%slider%follows*direction
         nodal(i, column_y) = max(0.0_wp, v + time*(course%acceleration + 0.5_wp*time*course%jerk))
         nodal(i, column_y + 1) = theta
         nodal(i, column_position) = self%from%position + slipped*dot_product(self%slider%along, direction)
@@ -525,7 +588,8 @@ contains
       to%friction_work = self%from%friction_work + self%slider%law%onset*slipped + slope(1)*v**2*course%delay/3.0_wp
       to%drive_work = self%from%drive_work &
         + self%drive%segment(self%segment)%displacement(self%from%time, course%delay) &
-        *dot_product(self%system%along_stiffness, 0.5_wp*(self%from%u + to%u))
+        *dot_product(self%system%along_stiffness, 0.5_wp*(self%from%u + to%u)) &
+        + slipped*dot_product(self%slider%held_force(self%from%u), direction)
     end associate
     self%stepper%count%steps = self%stepper%count%steps + 1
   end subroutine describe_braking
@@ -568,7 +632,12 @@ contains
   subroutine exchange(self, archive)
     class(trajectory_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
+    logical :: exact_contact
 
+    exact_contact = self%exact_contact
+    call archive%exchange(exact_contact)
+    if (allocated(self%other_system) .and. (exact_contact .neqv. self%exact_contact)) call self%exchange_systems()
+    call self%system%exchange(archive)
     call self%stepper%exchange(archive)
     call self%from%exchange(archive)
     call self%now%exchange(archive)

@@ -29,7 +29,7 @@ __all__ = [
     "text_from",
 ]
 
-RESOLVED_DECK, MESSAGE = 2, 3
+RESOLVED_DECK, MESSAGE, MODEL, METHOD, MODEL_CHOICE = 2, 3, 4, 5, 6
 
 
 class Advance(NamedTuple):
@@ -118,6 +118,18 @@ class Run:
     def resolved_deck(self) -> str:
         """Every key as used."""
         return self._text(RESOLVED_DECK)
+
+    def model(self) -> str:
+        """The model integrated."""
+        return self._text(MODEL)
+
+    def method(self) -> str:
+        """The method, or that there is none."""
+        return self._text(METHOD)
+
+    def model_choice(self) -> str:
+        """Why the model 'auto' is the one integrated; empty if the deck names another."""
+        return self._text(MODEL_CHOICE)
 
     def _text(self, which: int) -> str:
         length = _core.run_text_length(self._handle, which)

@@ -78,7 +78,6 @@ def run(deck: DeckLike, *, progress: bool = False, **groups: Group) -> Result:
             if rows.size:
                 show(rows[-1, 0])
         code, text = core.outcome()
-        parameters = Described(core.parameters())
         result = Result(
             columns=Described(
                 (info, np.concatenate([rows[:, i] for rows in samples]))
@@ -87,8 +86,8 @@ def run(deck: DeckLike, *, progress: bool = False, **groups: Group) -> Result:
             events=np.concatenate(events),
             summary=Described(core.summary()),
             statistics=Described(map(_counted, core.statistics())),
-            parameters=parameters,
-            attributes=_attributes(scene, parameters, code, text),
+            parameters=Described(core.parameters()),
+            attributes=_attributes(scene, core, code, text),
             deck=scene.text,
             resolved_deck=core.resolved_deck(),
         )
@@ -107,16 +106,16 @@ def _counted(entry: tuple[Info, float]) -> tuple[Info, float]:
     return info, int(value) if info.units == "1" else value
 
 
-def _attributes(
-    scene: Scene, parameters: Described[float | str], code: int, text: str
-) -> dict[str, str | int]:
+def _attributes(scene: Scene, core: _native.Run, code: int, text: str) -> dict[str, str | int]:
+    choice = core.model_choice()
     return {
         "program": "dynstiction",
         **_native.build_info()._asdict(),
         "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "deck_sha256": hashlib.sha256(scene.text.encode("utf-8", "surrogateescape")).hexdigest(),
-        "model": str(parameters["model"]),
-        "method": str(parameters["method"]),
+        "model": core.model(),
+        "method": core.method(),
+        **({"model_choice": choice} if choice else {}),
         "result_code": code,
         "result_text": text,
         "complete": int(code == 0),

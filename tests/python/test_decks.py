@@ -202,7 +202,6 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "empty": ("", 0, "is empty", "&scene"),
     "unknown model": (with_line("title", " model = 'ful'"), 3, "'ful'", "nearest is 'full'"),
     "model in capitals": (with_line("title", " model = 'FULL'"), 3, "'FULL'", "nearest is 'full'"),
-    "later model": (with_line("title", " model = 'creep'"), 3, "'creep'", "not available in this version"),
     "unknown law": (with_line("v_f", " law = 'weakenning'"), 14, "'weakenning'", "nearest is 'weakening'"),
     "unknown contact": (with_line("v_f", " contact = 'smooth'"), 14, "'smooth'", "nearest is 'smoothed'"),
     "unknown method": (GOOD + "&integrator method = 'radau7' /\n", 19, "'radau7'", "nearest is 'radau5'"),
@@ -581,7 +580,6 @@ def test_two_decks_cannot_share_an_output(call, tmp_path):
         (["resume"], "resume FILE.h5"),
         (["resume", "x.h5", "--overwrite"], "remove it"),
         (["template", "ful"], "nearest is 'full'"),
-        (["template", "creep"], "not available in this version"),
         (["trade", "deck.nml"], "not available in this version"),
     ],
 )

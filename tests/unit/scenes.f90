@@ -108,7 +108,7 @@ contains
 
     velocity = 0.0_wp
     if (.not. simulation%trajectory%sticking) &
-      velocity = slip_velocity(simulation%trajectory%system, simulation%trajectory%now%y)
+      velocity = slip_velocity(simulation%trajectory, simulation%trajectory%now)
   end function velocity
 
   !> Kinetic and elastic energy [J] at the end of the last advance.

@@ -308,7 +308,8 @@ contains
     call refuse_once('sweep', whole//'&sweep count = 3 /', 'bad.nml:5: group &sweep is not available in this version')
     call refuse_once('repeated group', whole//scene_group(:6)//'/', 'bad.nml:5: group &scene given again: it began in line 1')
     call refuse_once('unknown key', s//" titel='x' /"//n//rest, "bad.nml:2: unknown key 'titel' in &scene: the nearest is 'title'")
-    call refuse_once('far key', s//' zz=1 /'//n//rest, "unknown key 'zz' in &scene: its keys are title model t_end")
+    call refuse_once('far key', s//' zz=1 /'//n//rest, &
+                     "unknown key 'zz' in &scene: its keys are title model form quantities accuracy t_end")
     call refuse_once('nearest in another group', s//' velocty=1 /'//n//rest, "the nearest is 'velocity' in &drive")
     call refuse_once('wrong group', s//' rtol=1e-6 /'//n//rest, &
                      "bad.nml:2: 'rtol' does not belong to &scene: put it in &integrator")
@@ -370,7 +371,6 @@ contains
     character(*), parameter :: s = '&scene t_end = 1'//n
 
     call refuse_once('unknown model', s//"model='ful' /"//n//rest, "unknown model 'ful': the nearest is 'full'")
-    call refuse_once('later model', s//"model='creep' /"//n//rest, "model 'creep' is not available in this version")
     call refuse_once('later method', whole//"&integrator method='moreau_jean' /", "method 'moreau_jean' is not available")
     call refuse_once('unknown field', whole//"&output fields='ux' /", "unknown fields 'ux': the nearest is 'u_x'")
     call refuse_once('field in the next line', whole//"&output fields='u_x'"//n//' 3 /', "bad.nml:6: '3' is not text")
@@ -590,18 +590,31 @@ contains
   subroutine test_template()
     type(deck_t) :: deck
     type(error_t), allocatable :: error
+    character(*), parameter :: models = 'full low_frequency high_frequency creep creep_asymptotic auto'
     character(:), allocatable :: text
-    integer :: i
+    logical :: found(key_count)
+    integer :: i, k
 
-    call template('full', text, error)
-    call check('template', .not. allocated(error))
-    call accept('the template is a deck', text, deck)
-    do i = 1, key_count
-      call check('in the template: '//schema(i)%name, index(text, n//'  '//trim(schema(i)%name)//' = ') > 0)
+    found = .false.
+    do k = 1, word_count(models)
+      call template(word(models, k), text, error)
+      call check('template', .not. allocated(error))
+      call accept('the template is a deck: '//word(models, k), text, deck)
+      do i = 1, key_count
+        associate (stands => index(text, n//'  '//trim(schema(i)%name)//' = ') > 0)
+          found(i) = found(i) .or. stands
+          if (deck%is_used(trim(schema(i)%group), trim(schema(i)%name))) &
+            call check(word(models, k)//': in the template: '//schema(i)%name, stands)
+        end associate
+      end do
+      call check('model '//word(models, k), deck%text_of('scene', 'model') == word(models, k))
     end do
+    do i = 1, key_count
+      call check('in some template: '//schema(i)%name, found(i))
+    end do
+    call template('full', text, error)
+    call accept('full', text, deck)
     call check('Fig. 3', same_bits(deck%real_of('friction', 'v_f'), 0.01_wp))
-    call template('creep', text, error)
-    call check('later model', error%code == usage_error .and. index(error%text, 'not available') > 0)
     call template('ful', text, error)
     call check('nearest model', index(error%text, "the nearest is 'full'") > 0)
   end subroutine test_template

@@ -15,6 +15,8 @@ program test_models
   implicit none
 
   real(wp), parameter :: eps = epsilon(1.0_wp)
+  !> Drive velocities, which the full model does not look at.
+  real(wp), parameter :: still(3) = 0.0_wp
 
   call start_random(2)
   call test_friction_laws()
@@ -209,24 +211,24 @@ contains
     above = new_terms(s, 2)
     below = new_terms(s, 2)
     call system%kinematics(s, y, velocity, velocity_y)
-    call system%dynamics(s, u, y, velocity_y, terms)
+    call system%dynamics(s, still, u, y, velocity_y, terms)
     force = slider%law%onset/slider%mass
     worst = 0.0_wp
     do l = 1, 2
       h = 1.0e-4_wp*slider%law%onset/slider%stiffness(l)
       shift = 0.0_wp
       shift(:, l) = h
-      call system%dynamics(s, u + shift, y, velocity_y, above)
-      call system%dynamics(s, u - shift, y, velocity_y, below)
+      call system%dynamics(s, still, u + shift, y, velocity_y, above)
+      call system%dynamics(s, still, u - shift, y, velocity_y, below)
       worst(1) = max(worst(1), maxval(abs((above%force - below%force)/2.0_wp - terms%force_u(:, :, l)*h))/(force*1.0e-4_wp))
       scale = [0.01_wp, merge(1.0_wp, 0.01_wp, polar)]
       if (.not. polar) scale = min(scale, sqrt(slider%smoothing))
       h = 1.0e-4_wp*scale(l)
       shift(:, l) = h
       call system%kinematics(s, y + shift, velocity_above, unused)
-      call system%dynamics(s, u, y + shift, unused, above)
+      call system%dynamics(s, still, u, y + shift, unused, above)
       call system%kinematics(s, y - shift, velocity_below, unused)
-      call system%dynamics(s, u, y - shift, unused, below)
+      call system%dynamics(s, still, u, y - shift, unused, below)
       worst(2) = max(worst(2), maxval(abs((above%force - below%force)/2.0_wp - terms%force_y(:, :, l)*h))/(force*1.0e-4_wp))
       worst(3) = max(worst(3), maxval(abs((above%inertia - below%inertia)/2.0_wp - terms%inertia_y(:, :, l)*h))/h)
       worst(4) = max(worst(4), maxval(abs((velocity_above - velocity_below)/2.0_wp - velocity_y(:, :, l)*h)) &
@@ -258,7 +260,7 @@ contains
       y(:, 1) = v
       y(:, 2) = uniform(s, -pi, pi)
       call polar%kinematics(s, y, w, w_y)
-      call polar%dynamics(s, u, y, w_y, terms)
+      call polar%dynamics(s, still, u, y, w_y, terms)
       worst(1) = max(worst(1), maxval(abs(sqrt(w(:, 1)**2 + w(:, 2)**2) - v)/v), maxval(abs(atan2(w(:, 2), w(:, 1)) - y(:, 2))))
       call slider%law%evaluate(s, v, friction, slope)
       do i = 1, s
@@ -274,7 +276,7 @@ contains
       smoothed = new_full_smoothed(slider)
       y = w
       call smoothed%kinematics(s, y, w, w_y)
-      call smoothed%dynamics(s, u, y, w_y, terms)
+      call smoothed%dynamics(s, still, u, y, w_y, terms)
       do i = 1, s
         right(i, :) = slider%stiffness*u(i, :) - friction(i)*w(i, :)/hypot(v(i), 1.0e-3_wp)
         worst(4) = max(worst(4), abs(terms%dissipation(i) - dot_product(slider%stiffness*u(i, :) - right(i, :), w(i, :))) &
@@ -291,7 +293,7 @@ contains
       .and. all(abs(smoothed%along - slider%along) <= 0.0_wp))
     call check('force along the drive', all(abs(polar%along_stiffness - slider%stiffness*slider%along) <= 0.0_wp))
     y = 0.0_wp
-    call smoothed%dynamics(s, u, y, w_y, terms)
+    call smoothed%dynamics(s, still, u, y, w_y, terms)
     call check('smoothed: finite at rest', all(abs(terms%force) <= huge(1.0_wp)) .and. all(abs(terms%force_y) <= huge(1.0_wp)) &
       .and. all(abs(terms%dissipation_y) <= 0.0_wp))
   end subroutine test_equations

@@ -467,7 +467,7 @@ contains
         if (trajectory%event == stick_begins) stick_count = stick_count + 1
         do k = 0, 8
           motion = trajectory%at(trajectory%from%time + real(k, wp)/8.0_wp*(trajectory%now%time - trajectory%from%time))
-          w = slip_velocity(trajectory%system, motion%y)
+          w = slip_velocity(trajectory, motion)
           largest = max(largest, side - w(2))
         end do
       end do

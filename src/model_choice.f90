@@ -1,0 +1,267 @@
+!> `model = 'auto'`: the cheapest model whose error against the full one stays below scene.accuracy.
+!>
+!> The closed forms are compared with the low-frequency motion, which costs below a millisecond. What that leaves
+!> out, the elasticity across, is bounded by formulas that were calibrated on some thousand random scenes
+!> (bench/model_choice.py, docs/models.md). Where the calibration does not reach, it is the full model.
+module dst_model_choice
+  use dst_kinds, only: wp
+  use dst_creep, only: creep_t, creep_exact, position_third_order
+  use dst_errors, only: error_t
+  use dst_memory_writer, only: memory_writer_t
+  use dst_scene, only: scene_t
+  use dst_simulation, only: simulation_t, slider_from_scene
+  use dst_slider, only: slider_t
+  use dst_text, only: real_text
+  use dst_writer, only: outcome_t
+  implicit none
+  private
+
+  public :: settle_model
+
+  !> The low-frequency motion of a scene: X [m] at equal times, and its stick-slip.
+  type :: slow_motion_t
+    logical :: known = .false.
+    real(wp), allocatable :: time(:), position(:)
+    real(wp) :: cycles = 0.0_wp
+    real(wp) :: swing = 0.0_wp     !! mean fall of k_x u_x over the static limit
+  end type slow_motion_t
+
+  integer, parameter :: samples = 64
+  !> Most steps that the choice may cost.
+  integer, parameter :: affordable_steps = 100000
+  real(wp), parameter :: excluded = huge(1.0_wp)
+
+contains
+
+  !> Replace the model 'auto' by a model, and say why; other models are left alone, with no reason.
+  subroutine settle_model(scene, reason)
+    type(scene_t), intent(inout) :: scene
+    character(:), allocatable, intent(out) :: reason
+    type(slow_motion_t) :: slow
+    type(slider_t) :: slider
+    character(:), allocatable :: obstacle
+    real(wp) :: error
+
+    reason = ''
+    if (scene%model /= 'auto') return
+    scene%model = 'full'
+    call slider_from_scene(scene, slider)
+    obstacle = obstacle_to_reduction(scene, slider)
+    if (obstacle /= '') then
+      reason = 'full: '//obstacle
+      return
+    end if
+    call follow_slow_motion(scene, slider, slow)
+    if (scene%quantities == 'creep') then
+      error = creep_error(scene, slider, slow, asymptotic=.true.)
+      if (accept('creep_asymptotic')) then
+        scene%form = 'third_order'
+        return
+      end if
+      error = creep_error(scene, slider, slow, asymptotic=.false.)
+      if (accept('creep')) return
+    end if
+    error = elasticity_error(scene, slider, slow)
+    if (accept('low_frequency')) return
+    reason = 'full: low_frequency is not known to be that accurate here'
+    if (error < excluded) reason = 'full: low_frequency may err by '//short(error)
+    reason = reason//', more than accuracy = '//short(scene%accuracy)
+
+  contains
+
+    logical function accept(model)
+      character(*), intent(in) :: model
+
+      accept = error <= scene%accuracy
+      if (.not. accept) return
+      scene%model = model
+      reason = model//': for '//trim(scene%quantities)//' it errs by at most '//short(error)//' (estimated), accuracy = '// &
+        short(scene%accuracy)
+    end function accept
+  end subroutine settle_model
+
+  pure function short(value) result(text)
+    real(wp), intent(in) :: value
+    character(:), allocatable :: text
+    character(16) :: buffer
+
+    write (buffer, '(es8.1)') value
+    text = trim(adjustl(buffer))
+  end function short
+
+  !> Why no reduced model may be considered; '' if one may.
+  function obstacle_to_reduction(scene, slider) result(text)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    character(:), allocatable :: text
+
+    text = ''
+    if (scene%quantities == 'high_frequency') then
+      text = 'the high-frequency motion alone costs as much'
+    else if (scene%contact /= 'exact') then
+      text = 'the reduced models have the exact contact'
+    else if (scene%method == 'rk4' .or. scene%method == 'moreau_jean') then
+      text = 'the method has a fixed step, and so no error estimate'
+    else if (size(scene%drive_velocity) > 1 .or. .not. abs(scene%drive_velocity(1)) > 0.0_wp) then
+      text = 'the errors of the reduced models are known for a constant drive velocity'
+    else if (abs(scene%elongation_x) + abs(scene%elongation_y) > 0.0_wp) then
+      text = 'the errors of the reduced models are known for unstretched springs at the start'
+    else if (abs(scene%velocity_ratio) > 1.0_wp) then
+      text = 'the errors of the reduced models are known for a slow start'
+    else if (.not. slider%law%onset > 0.0_wp) then
+      text = 'without friction there is nothing to reduce'
+    else if (.not. slider%along(1) > 0.0_wp .or. .not. abs(slider%along(2)) > 0.0_wp) then
+      text = 'the errors of the reduced models are known for 0 < |misalignment_deg| < 90'
+    else if (slider%stiffness(2) < 1.0e3_wp*slider%stiffness(1)) then
+      text = 'stiffness_y is below 1000 stiffness_x'
+    else if (fast_growth(slider) > 0.03_wp) then
+      text = 'weakening feeds the fast oscillation too strongly'
+    end if
+  end function obstacle_to_reduction
+
+  !> Integrate the low-frequency motion.
+  subroutine follow_slow_motion(scene, slider, slow)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(slow_motion_t), intent(out) :: slow
+    type(scene_t) :: sketch
+    type(simulation_t) :: simulation
+    type(memory_writer_t) :: writer
+    type(outcome_t) :: outcome
+    type(error_t), allocatable :: error
+
+    sketch = scene
+    sketch%model = 'low_frequency'
+    sketch%method = 'radau9'
+    sketch%rtol = 1.0e-8_wp
+    sketch%step_max = 0.0_wp
+    sketch%max_steps = affordable_steps
+    sketch%interval = scene%t_end/real(samples, wp)
+    sketch%wall_limit = 0.0_wp
+    deallocate (sketch%fields)
+    allocate (sketch%fields(1))
+    sketch%fields(1) = 'X'
+    call simulation%start(sketch, error)
+    if (allocated(error)) return
+    call simulation%proceed(huge(1.0_wp), writer, error)
+    if (allocated(error)) return
+    call simulation%outcome(error, outcome)
+    slow%known = .true.
+    slow%time = writer%samples(1, :writer%rows)
+    slow%position = writer%samples(2, :writer%rows)
+    slow%cycles = summary_value('cycles')
+    slow%swing = abs(summary_value('peak_force') - summary_value('valley_force'))/slider%law%onset
+
+  contains
+
+    pure real(wp) function summary_value(name)
+      character(*), intent(in) :: name
+      integer :: i
+
+      summary_value = 0.0_wp
+      do i = 1, size(outcome%summary)
+        if (outcome%summary(i)%name == name) summary_value = outcome%summary_value(i)
+      end do
+    end function summary_value
+  end subroutine follow_slow_motion
+
+  !> Largest error of X(t) over X(t_end) that a closed form makes: what it differs from the low-frequency motion where
+  !> both have a rigid k_y, what the asymptotics differ from the exact creep, and the ripple of the fast oscillation.
+  pure real(wp) function creep_error(scene, slider, slow, asymptotic) result(error)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(slow_motion_t), intent(in) :: slow
+    logical, intent(in) :: asymptotic
+    real(wp) :: phi, length, velocity, tau, reached, inertia, expansion
+    type(creep_t) :: rigid, elastic
+    integer :: i
+
+    error = excluded
+    length = slider%law%onset/slider%stiffness(1)
+    velocity = abs(scene%drive_velocity(1))
+    if (.not. slow%known .or. .not. gives_fields(scene, asymptotic)) return
+    if (asymptotic .and. velocity*scene%t_end >= length) return
+    phi = atan2(abs(slider%along(2)), slider%along(1))
+    inertia = 0.0_wp
+    expansion = 0.0_wp
+    do i = 1, size(slow%time)
+      tau = velocity*slow%time(i)/length
+      rigid = creep_exact(phi, 0.0_wp, tau)
+      elastic = creep_exact(phi, slider%stiffness(1)/slider%stiffness(2), tau)
+      inertia = max(inertia, abs(abs(slow%position(i))/length - rigid%position))
+      if (asymptotic) expansion = max(expansion, abs(position_third_order(phi, tau) - elastic%position))
+    end do
+    reached = elastic%position
+    if (.not. reached > 0.0_wp) return
+    error = (2.0_wp*inertia + expansion)/reached + ripple(scene, slider, reached*length) + fast_growth(slider)
+  end function creep_error
+
+  !> Whether the closed form gives the columns asked for.
+  pure logical function gives_fields(scene, asymptotic)
+    type(scene_t), intent(in) :: scene
+    logical, intent(in) :: asymptotic
+    integer :: i
+
+    gives_fields = scene%interval > 0.0_wp
+    if (scene%fields(1) == 'default') return
+    do i = 1, size(scene%fields)
+      gives_fields = gives_fields .and. scene%fields(i) /= 'zeta'
+      if (asymptotic) gives_fields = gives_fields .and. any(scene%fields(i) == [character(6) :: 'X', 'X_rate'])
+    end do
+  end function gives_fields
+
+  !> What the fast oscillation does to the advance over a distance [m]: the way made in half a period at the velocity
+  !> V sin(phi), and the square of its force V sin(phi) sqrt(m k_y) over the static limit.
+  pure real(wp) function ripple(scene, slider, distance)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: distance
+    real(wp) :: across
+
+    across = abs(scene%drive_velocity(1)*slider%along(2))
+    ripple = 3.0_wp*across*sqrt(slider%mass/slider%stiffness(2))/distance &
+      + (across/slider%law%onset)**2*slider%mass*slider%stiffness(2)
+  end function ripple
+
+  !> How far weakening feeds the fast oscillation: F'^2/(m k_y), with the steepest F'.
+  pure real(wp) function fast_growth(slider)
+    type(slider_t), intent(in) :: slider
+    real(wp) :: friction(1), slope(1)
+
+    call slider%law%evaluate(1, [0.0_wp], friction, slope)
+    fast_growth = min(slope(1), 0.0_wp)**2/(slider%mass*slider%stiffness(2))
+  end function fast_growth
+
+  !> Error of the low-frequency model for want of k_y: largest relative error of period, peak force and slip length, for
+  !> creep that of the advance. With F' the steepest weakening, m k_y against F'^2 and k_y/k_x count; small cycles are sensitive.
+  real(wp) function elasticity_error(scene, slider, slow) result(error)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(slow_motion_t), intent(in) :: slow
+    real(wp) :: anisotropy, speed, friction(1), slope(1), tangent
+    type(creep_t) :: rigid, elastic
+
+    error = excluded
+    if (.not. slow%known) return
+    speed = abs(scene%drive_velocity(1))
+    call slider%law%evaluate(1, [0.0_wp], friction, slope)
+    anisotropy = slider%stiffness(1)/slider%stiffness(2)
+    tangent = abs(slider%along(2))/slider%along(1)
+    if (scene%quantities == 'creep' .and. .not. slow%cycles > 0.0_wp) then
+      rigid = creep_exact(atan(tangent), 0.0_wp, speed*scene%t_end*slider%stiffness(1)/slider%law%onset)
+      elastic = creep_exact(atan(tangent), anisotropy, speed*scene%t_end*slider%stiffness(1)/slider%law%onset)
+      if (.not. elastic%position > 0.0_wp) return
+      error = 2.0_wp*abs(elastic%position - rigid%position)/elastic%position + 2.0_wp*fast_growth(slider) &
+        + ripple(scene, slider, elastic%position*slider%law%onset/slider%stiffness(1))
+    else if (slope(1) < 0.0_wp) then
+      if (slow%cycles < 2.0_wp) return
+      if (-slope(1) < 2.5_wp*sqrt(slider%mass*slider%stiffness(1))) return
+      call slider%law%evaluate(1, [speed], friction, slope)
+      ! Well inside the range of stick-slip, tan(phi)^2 < -V F'(V)/F(V), and where friction has not weakened at V.
+      if (tangent**2 > -0.6_wp*speed*slope(1)/friction(1) .or. speed > 0.5_wp*scene%v_f) return
+      error = 5.0_wp*max(fast_growth(slider), 30.0_wp*anisotropy)*(max(1.0_wp, 0.45_wp/slow%swing))**1.5_wp
+    else
+      error = 30.0_wp*anisotropy
+    end if
+  end function elasticity_error
+end module dst_model_choice

@@ -1,0 +1,124 @@
+!> Slip that keeps the direction n = (cos theta, sin theta) in which it began, with one elongation that
+!> follows it. One unknown, y = v >= 0; along the axis i of that elongation
+!>
+!>     u_i' = V e_i - v n_i,      v' = (K u . n - F(v))/m,
+!>
+!> the other elongation is constant. Rest and release are those of the exact contact.
+!>
+!> It is two models. `high_frequency` (Eq. 9 of Nakano & Popov 2020; i = 2): the longitudinal load
+!> k_x u_x = F_0 cos theta is given, and the object oscillates on the stiff spring with the mass m/sin^2 theta
+!> that friction in this direction gives it. `low_frequency` where the drive guides nothing across,
+!> V sin(phi) = 0 (i = 1): u_y = 0, theta = 0 or pi.
+module dst_straight_slip
+  use dst_archive, only: archive_t
+  use dst_kinds, only: wp
+  use dst_slider, only: slider_t
+  use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
+  implicit none
+  private
+
+  public :: straight_slip_t, new_straight_slip
+
+  type, extends(slip_system_t) :: straight_slip_t
+    type(slider_t) :: slider
+    !> Direction n of the slip, and the force of the held spring in that direction [N].
+    real(wp) :: direction(2) = [1.0_wp, 0.0_wp]
+    real(wp) :: held_force = 0.0_wp
+    !> Elongations of which the held one counts [m].
+    real(wp) :: held(2) = 0.0_wp
+  contains
+    procedure :: kinematics
+    procedure :: dynamics
+    procedure :: slip_velocity
+    procedure :: face
+    procedure :: exchange
+  end type straight_slip_t
+
+contains
+
+  !> The model that follows principal axis `axis`, the elongation along the other being held at its value
+  !> in `held` [m]; slider%follows and slider%turns say the same to the contact.
+  pure function new_straight_slip(slider, axis, held) result(model)
+    type(slider_t), intent(in) :: slider
+    integer, intent(in) :: axis
+    real(wp), intent(in) :: held(2)
+    type(straight_slip_t) :: model
+
+    model%slider = slider
+    model%components = 1
+    model%axis = axis
+    model%held = held
+    model%along = slider%pulled()
+    model%along_stiffness = slider%stiffness*model%along
+    model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
+    call model%face(0.0_wp)
+  end function new_straight_slip
+
+  pure subroutine face(self, theta)
+    class(straight_slip_t), intent(inout) :: self
+    real(wp), intent(in) :: theta
+
+    self%direction = [cos(theta), sin(theta)]
+    if (self%axis == 1) self%direction = [sign(1.0_wp, cos(theta)), 0.0_wp]
+    self%held_force = dot_product(self%slider%held_force(self%held), self%direction)
+    self%forward = 0.0_wp
+    ! X' = v n . e, expressed by the component w_i = v n_i.
+    if (abs(self%direction(self%axis)) > 0.0_wp) &
+      self%forward(self%axis) = dot_product(self%direction, self%slider%along)/self%direction(self%axis)
+  end subroutine face
+
+  pure subroutine kinematics(self, stages, y, velocity, velocity_y)
+    class(straight_slip_t), intent(in) :: self
+    integer, intent(in) :: stages
+    real(wp), intent(in) :: y(stages, self%components)
+    real(wp), intent(out) :: velocity(stages, self%components)
+    real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+
+    velocity = self%direction(self%axis)*y
+    velocity_y = self%direction(self%axis)
+  end subroutine kinematics
+
+  pure subroutine dynamics(self, stages, drive_velocity, u, y, velocity_y, terms)
+    class(straight_slip_t), intent(in) :: self
+    integer, intent(in) :: stages
+    real(wp), intent(in) :: drive_velocity(stages)
+    real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
+    real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
+    type(stage_terms_t), intent(inout) :: terms
+    real(wp) :: friction(stages), slope(stages), per_mass, stiffness
+
+    associate (unused => drive_velocity)
+    end associate
+    per_mass = 1.0_wp/self%slider%mass
+    stiffness = self%slider%stiffness(self%axis)
+    call self%slider%law%evaluate(stages, y(:, 1), friction, slope)
+    terms%force_u(:, 1, 1) = per_mass*stiffness*velocity_y(:, 1, 1)
+    terms%force(:, 1) = terms%force_u(:, 1, 1)*u(:, 1) + per_mass*(self%held_force - friction)
+    terms%force_y(:, 1, 1) = -per_mass*slope
+    terms%inertia(:, 1) = 1.0_wp
+    terms%inertia_y(:, 1, 1) = 0.0_wp
+    terms%dissipation = friction*y(:, 1)
+    terms%dissipation_y(:, 1) = friction + slope*y(:, 1)
+    terms%supply = self%held_force*y(:, 1)
+    terms%supply_y(:, 1) = self%held_force
+  end subroutine dynamics
+
+  pure function slip_velocity(self, y, drive_velocity) result(velocity)
+    class(straight_slip_t), intent(in) :: self
+    real(wp), intent(in) :: y(max_components), drive_velocity
+    real(wp) :: velocity(2)
+
+    associate (unused => drive_velocity)
+    end associate
+    velocity = y(1)*self%direction
+  end function slip_velocity
+
+  subroutine exchange(self, archive)
+    class(straight_slip_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%direction)
+    call archive%exchange(self%held_force)
+    call archive%exchange(self%forward)
+  end subroutine exchange
+end module dst_straight_slip

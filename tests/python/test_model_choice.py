@@ -1,0 +1,169 @@
+"""`model = 'auto'`: which model it is, why, and that its error stays below `accuracy`."""
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dynstiction as ds
+
+FIG3 = {
+    "mass": 0.25,
+    "stiffness_x": 1e3,
+    "stiffness_y": 1e7,
+    "misalignment_deg": 1.0,
+    "mu_0": 0.20,
+    "mu_inf": 0.15,
+    "v_f": 0.01,
+    "velocity": 1e-3,
+}
+ACCURACIES = (0.3, 0.1, 0.02, 1e-2, 1e-3, 1e-4, 1e-6)
+
+
+def deck(scene: dict[str, float], model: str, lengths: float, more: str = "") -> str:
+    """A scene in which the drive moves by so many l_x."""
+    t_end = lengths * scene["mu_0"] * 10.0 / scene["stiffness_x"] / scene["velocity"]
+    law = "law='constant'" if scene["mu_inf"] == scene["mu_0"] else f"mu_inf={scene['mu_inf']}, v_f={scene['v_f']}"
+    return f"""
+    &scene model='{model}', t_end={t_end!r} {more} /
+    &system mass={scene["mass"]}, stiffness_x={scene["stiffness_x"]}, stiffness_y={scene["stiffness_y"]},
+        misalignment_deg={scene["misalignment_deg"]} /
+    &friction {law}, mu_0={scene["mu_0"]}, normal_load=10.0 /
+    &drive velocity={scene["velocity"]} /
+    &integrator rtol=1e-7 /
+    &output interval={t_end / 200!r} /
+    """
+
+
+def error_in_creep(result: ds.Result, full: ds.Result) -> float:
+    return float(np.abs(result["X"] - full["X"]).max() / full["X"][-1])
+
+
+def error_in_stick_slip(result: ds.Result, full: ds.Result) -> float:
+    names = [name for name in ("period", "peak_force", "slip_length") if name in full.summary]
+    if not names:
+        scale = np.abs(full["friction"]).max()
+        return float(np.abs(result["spring_force_x"] - full["spring_force_x"]).max() / scale)
+    return max(abs(result.summary.get(name, 0.0) / full.summary[name] - 1.0) for name in names)
+
+
+SCENES = {
+    "Fig. 3": {},
+    "Fig. 3, constant": {"mu_inf": 0.20},
+    "phi = 1e-3": {"misalignment_deg": 1e-3},
+    "phi = 0.2": {"misalignment_deg": 0.2},
+    "phi = -3": {"misalignment_deg": -3.0},
+    "phi = 8": {"misalignment_deg": 8.0},
+    "phi = 10": {"misalignment_deg": 10.0},
+    "phi = 30, constant": {"misalignment_deg": 30.0, "mu_inf": 0.20},
+    "phi = 85, constant": {"misalignment_deg": 85.0, "mu_inf": 0.20},
+    "k_y/k_x = 1e2": {"stiffness_y": 1e5},
+    "k_y/k_x = 1e3": {"stiffness_y": 1e6},
+    "k_y/k_x = 1e6": {"stiffness_y": 1e9},
+    "k_y/k_x = 1e6, constant": {"stiffness_y": 1e9, "mu_inf": 0.20},
+    "m = 1e-3": {"mass": 3e-3},
+    "m = 25": {"mass": 25.0},
+    "m = 25, constant": {"mass": 25.0, "mu_inf": 0.20},
+    "V = 1e-5, where the fast oscillation sets off slip": {"velocity": 1e-5, "stiffness_y": 1e6, "mass": 1.0},
+    "V = 1e-4": {"velocity": 1e-4, "stiffness_y": 3e6},
+    "V = 2e-2": {"velocity": 2e-2},
+    "V = 0.5": {"velocity": 0.5},
+    "v_f = 1e-3": {"v_f": 1e-3},
+    "v_f = 1e-6": {"v_f": 1e-6},
+    "v_f = 0.1": {"v_f": 0.1},
+    "mu_inf = 0.19": {"mu_inf": 0.19},
+    "mu_inf = 0.02": {"mu_inf": 0.02},
+    "strengthening": {"mu_inf": 0.25},
+}
+
+
+@pytest.mark.parametrize("change", SCENES.values(), ids=SCENES.keys())
+def test_error_stays_below_accuracy(change: dict[str, float]) -> None:
+    scene = FIG3 | change
+    checks = {"creep": (0.3, 0.95, error_in_creep), "stick_slip": (2.6, error_in_stick_slip)}
+    for quantities, (*spans, error_of) in checks.items():
+        for lengths in spans:
+            full = ds.run(deck(scene, "full", lengths))
+            errors: dict[str, float] = {}
+            for accuracy in ACCURACIES:
+                more = f"quantities='{quantities}', accuracy={accuracy}"
+                chosen = ds.run(deck(scene, "auto", lengths, more))
+                model = str(chosen.attributes["model"])
+                assert str(chosen.attributes["model_choice"]).startswith(f"{model}: ")
+                if model == "full":
+                    continue
+                errors.setdefault(model, error_of(chosen, full))
+                assert errors[model] <= accuracy, (quantities, lengths, model)
+
+
+@pytest.mark.parametrize(
+    ("quantities", "accuracy", "lengths", "angle", "model"),
+    [
+        ("creep", 1e-2, 0.5, 1.0, "creep_asymptotic"),
+        ("creep", 1e-1, 0.9, 1.0, "creep_asymptotic"),
+        ("creep", 2e-2, 0.95, 2.5, "creep"),
+        ("creep", 1e-2, 0.95, 5.0, "low_frequency"),
+        ("creep", 1e-9, 0.5, 1.0, "full"),
+        ("stick_slip", 3e-2, 5.0, 1.0, "low_frequency"),
+        ("stick_slip", 1e-3, 5.0, 1.0, "full"),
+        ("high_frequency", 1e-1, 0.5, 1.0, "full"),
+    ],
+)
+def test_the_cheapest_is_found(quantities: str, accuracy: float, lengths: float, angle: float, model: str) -> None:
+    more = f"quantities='{quantities}', accuracy={accuracy}"
+    text = deck(FIG3 | {"misalignment_deg": angle}, "auto", lengths, more)
+    assert ds.run(text).attributes["model"] == model
+
+
+def test_stiffer_springs_need_less() -> None:
+    scene = FIG3 | {"stiffness_y": 1e9}
+    assert ds.run(deck(scene, "auto", 2.6, "accuracy=1e-2")).attributes["model"] == "low_frequency"
+
+
+@pytest.mark.parametrize(
+    "groups",
+    [
+        {"friction": {"contact": "smoothed", "v_smooth": 1e-7}},
+        {"drive": {"time": [0.0, 1.0], "velocity": [1e-3, 2e-3]}},
+        {"drive": {"velocity": 0.0}},
+        {"initial": {"elongation_x": 1e-4}},
+        {"initial": {"elongation_y": 1e-9}},
+        {"initial": {"velocity_ratio": 10.0}},
+        {"system": {"misalignment_deg": 0.0}},
+        {"system": {"misalignment_deg": 90.0}},
+        {"system": {"stiffness_y": 1e3}},
+        {"friction": {"normal_load": 0.0}},
+        {"friction": {"v_f": 1e-3}},
+    ],
+    ids=str,
+)
+def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object]]) -> None:
+    text = deck(FIG3, "auto", 0.05, "quantities='creep', accuracy=1.0")
+    assert ds.run(text, **groups).attributes["model"] == "full"
+
+
+def test_a_column_that_a_model_lacks_rules_it_out() -> None:
+    text = deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=1e-2")
+    assert ds.run(text, output={"fields": ["X", "theta"]}).attributes["model"] == "creep"
+    assert ds.run(text, output={"fields": ["X", "X_rate"]}).attributes["model"] == "creep_asymptotic"
+
+
+@pytest.mark.deck
+def test_the_choice_is_in_the_file_and_on_the_terminal(executable: Path, tmp_path: Path) -> None:
+    def run(*options: str) -> str:
+        command = [executable, "run", "auto.nml", *options]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stderr
+
+    path = tmp_path / "auto.nml"
+    path.write_text(deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=1e-2"))
+    assert "auto.nml: model 'auto' is creep_asymptotic: " in run()
+    attributes = ds.open(tmp_path / "auto.h5").attributes
+    assert attributes["model"] == "creep_asymptotic"
+    assert attributes["method"] == "closed form"
+    assert str(attributes["model_choice"]).startswith("creep_asymptotic: ")
+    assert run("--quiet", "--overwrite") == ""
+
+
+def test_other_models_have_no_choice() -> None:
+    assert "model_choice" not in ds.run(deck(FIG3, "full", 0.05)).attributes
