@@ -322,7 +322,7 @@ contains
       ! An initial layer shows the same error until it is resolved: there the estimate's advice is too timid.
       self%next_step = self%stepper%step*min(outcome%factor, merge(0.25_wp, 0.9_wp, rejections >= timid_rejections))
       longest = max(longest, step)
-      if (self%next_step <= epsilon(step)*longest) exit
+      if (underflows(self, longest)) exit
     end do
     if (.not. (outcome%solved .and. outcome%error <= 1.0_wp)) then
       call give_up(self, rejections, error)
@@ -341,7 +341,16 @@ contains
     end if
   end subroutine slide
 
-  !> No step was good enough: after so many rejections, or down to the roundoff of the first one's length.
+  !> Whether the next step is so much shorter than the `longest` [s] that was tried that it is none, and does not move
+  !> the time either.
+  pure logical function underflows(self, longest)
+    class(trajectory_t), intent(in) :: self
+    real(wp), intent(in) :: longest
+
+    underflows = self%next_step <= epsilon(longest)*longest .and. .not. self%from%time + self%next_step > self%from%time
+  end function underflows
+
+  !> No step was good enough, after so many rejections or down to a step that is none.
   pure subroutine give_up(self, rejections, error)
     class(trajectory_t), intent(in) :: self
     integer, intent(in) :: rejections

@@ -25,6 +25,8 @@ FILE_ERROR, STOPPED = 3, 75
 
 pytestmark = pytest.mark.deck
 
+# What the closed forms do not use.
+ABSENT = ("system.mass=", "friction.law=", "initial.velocity_ratio=", "integrator.method=", "integrator.rtol=")
 SMOOTHED = ("friction.contact=smoothed", "friction.v_smooth=1.0e-5")
 # Every method, and what a state may be in: a knot of the drive, a long rest with many samples, every step written.
 SCENES: dict[str, tuple[str, ...]] = {
@@ -36,6 +38,16 @@ SCENES: dict[str, tuple[str, ...]] = {
     "rk4": ("fig3", "integrator.method=rk4", "integrator.step=2e-6", "integrator.rtol=", *SMOOTHED, "scene.t_end=0.3"),
     "dopri5, smoothed": ("fig3", "integrator.method=dopri5", *SMOOTHED, "scene.t_end=0.4"),
     "radau9, smoothed": ("fig3", "integrator.method=radau9", *SMOOTHED, "scene.t_end=5.0"),
+    "low_frequency": ("slide_hold_slide", "scene.model=low_frequency", "system.stiffness_y=", "output.interval=4e-5",
+                      "output.fields=u_x,w_y,sticking", "scene.t_end=8.6"),
+    "low_frequency, dopri5": ("reversal", "scene.model=low_frequency", "system.stiffness_y=", "integrator.method=dopri5",
+                              "output.interval=1e-4", "output.fields=u_x,w_y", "scene.t_end=4.2"),
+    "high_frequency": ("slide_hold_slide", "scene.model=high_frequency", "output.interval=4e-5", "output.fields=u_y,X",
+                       "scene.t_end=5.2"),
+    "creep": ("fig3_constant", "scene.model=creep", *ABSENT, "output.interval=1e-6", "output.fields=u_x,X_rate", "scene.t_end=1.0"),
+    "creep_asymptotic": ("fig3_constant", "scene.model=creep_asymptotic", *ABSENT, "system.stiffness_y=",
+                         "output.interval=1e-6", "output.fields=X,X_rate", "scene.t_end=1.0"),
+    "auto": ("fig3", "scene.model=auto", "scene.t_end=4.0"),
     "every step": ("fig3", "output.interval=0.0", "scene.t_end=2.2"),
     "knots": ("slide_hold_slide", "scene.t_end=8.6"),
     "reversal": ("reversal", "integrator.method=radau13", "scene.t_end=8.5"),
