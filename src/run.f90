@@ -16,7 +16,6 @@ module dst_run
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal
   use dst_simulation, only: simulation_t
-  use dst_trajectory, only: at_time
   use dst_writer, only: outcome_t
   implicit none
   private
@@ -190,7 +189,7 @@ contains
 
     text = 'stopped at output.wall_limit'
     if (stop_signal() /= '') text = 'stopped by '//stop_signal()
-    text = text//' at '//at_time(run%simulation%trajectory%now)//': go on with dynstiction resume '//run%result_file
+    text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%result_file
   end function stop_text
 
   pure logical function is_stopped(error)

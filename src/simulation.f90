@@ -56,6 +56,7 @@ module dst_simulation
     procedure :: outcome
     procedure :: output_columns
     procedure :: method_name
+    procedure :: state_text
     procedure :: exchange
   end type simulation_t
 
@@ -525,6 +526,14 @@ contains
     end if
     call describe(self%summary, self%trajectory, self%elapsed, result)
   end subroutine outcome
+
+  !> Time and state, for messages.
+  pure function state_text(self) result(text)
+    class(simulation_t), intent(in) :: self
+    character(:), allocatable :: text
+
+    text = at_time(self%trajectory%now)
+  end function state_text
 
   !> Save or load, between two calls of `proceed`. A simulation is loaded after it has been started.
   subroutine exchange(self, archive)
