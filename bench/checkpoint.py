@@ -45,9 +45,9 @@ def main() -> None:
         print(f"{kind:14} {of_wall:8.3f} {more_wall:9.2%} {of_processor:12.3f} {more_processor:9.2%}")
     often = statistics.median(wall["every 0.05 s"])
     each = (often - statistics.median(wall["none"])) / (often / 0.05)
-    each_processor = (
-        statistics.median(processor["every 0.05 s"]) - statistics.median(processor["none"])
-    ) / (often / 0.05)
+    each_processor = (statistics.median(processor["every 0.05 s"]) - statistics.median(processor["none"])) / (
+        often / 0.05
+    )
     print(f"one checkpoint: {1e3 * each:.2f} ms, of that {1e3 * each_processor:.2f} ms of processor time")
 
 

@@ -26,7 +26,13 @@ FILE_ERROR, STOPPED = 3, 75
 pytestmark = pytest.mark.deck
 
 # What the closed forms do not use.
-ABSENT = ("system.mass=", "friction.law=", "initial.velocity_ratio=", "integrator.method=", "integrator.rtol=")
+ABSENT = (
+    "system.mass=",
+    "friction.law=",
+    "initial.velocity_ratio=",
+    "integrator.method=",
+    "integrator.rtol=",
+)
 SMOOTHED = ("friction.contact=smoothed", "friction.v_smooth=1.0e-5")
 # Every method, and what a state may be in: a knot of the drive, a long rest with many samples, every step written.
 SCENES: dict[str, tuple[str, ...]] = {
@@ -94,7 +100,9 @@ def content(file: Path) -> dict[str, object]:
     found: dict[str, object] = {}
 
     def visit(name: str, item: object) -> None:
-        if isinstance(item, h5py.Dataset) and not name.startswith(("deck", "parameters", "statistics/wall_time")):
+        if isinstance(item, h5py.Dataset) and not name.startswith(
+            ("deck", "parameters", "statistics/wall_time")
+        ):
             found[name] = (item.shape, str(item.dtype), item[()].tobytes())
 
     with h5py.File(file) as data:
@@ -105,7 +113,9 @@ def content(file: Path) -> dict[str, object]:
 
 def assert_same(file: Path, expected: dict[str, object]) -> None:
     actual = content(file)
-    assert [name for name in sorted(actual.keys() | expected.keys()) if actual.get(name) != expected.get(name)] == []
+    assert [
+        name for name in sorted(actual.keys() | expected.keys()) if actual.get(name) != expected.get(name)
+    ] == []
 
 
 def assert_readable(file: Path) -> int:
@@ -266,7 +276,9 @@ def test_without_an_interval_only_a_stop_writes_a_checkpoint(program, tmp_path):
     assert checkpoint_of(file).read_bytes() != first
 
 
-def kill_and_resume(program: Program, name: str, file: Path, expected: dict[str, object], delays: list[float]) -> int:
+def kill_and_resume(
+    program: Program, name: str, file: Path, expected: dict[str, object], delays: list[float]
+) -> int:
     """Start, kill after each delay, resume, until the run ends. Returns the number of kills of an unfinished run."""
     often = ("output.checkpoint_interval=0.05", "output.flush_seconds=0.02")
     command = program.command(SCENES[name], file, *often)
@@ -315,7 +327,9 @@ def random_kills(program: Program, references, folder: Path, least: int, seed: i
             break
         name = names[i % len(names)]
         file = folder / f"{i}.h5"
-        kills += kill_and_resume(program, name, file, references(name), [chance.uniform(0.0, 0.3) for _ in range(3)])
+        kills += kill_and_resume(
+            program, name, file, references(name), [chance.uniform(0.0, 0.3) for _ in range(3)]
+        )
         for left in folder.glob(f"{i}.h5*"):
             left.unlink()
     return kills
@@ -439,7 +453,11 @@ def test_a_checkpoint_of_another_format_version_deck_or_run_says_both(program, c
         "another format": ("format 2", "format 1"),
         "another version": ("version 9.9", "this program is version"),
         "another run": ("run begun at 1999", "that begun at 20"),
-        "another deck": ("another deck", "SHA-256 0000", original[after(original, b"deck_sha256") :][:64].decode()),
+        "another deck": (
+            "another deck",
+            "SHA-256 0000",
+            original[after(original, b"deck_sha256") :][:64].decode(),
+        ),
     }.items():
         checkpoint_of(copied).write_bytes(DAMAGED_CHECKPOINTS[damage](original))
         assert_refused(program.resume(copied), *words)
@@ -507,9 +525,7 @@ DAMAGED_RESULTS: dict[str, Callable[[Path], None]] = {
     "length in the superblock": lambda file: changed(file, lambda data: flipped(data, 43)),
     "root group": lambda file: changed(file, lambda data: flipped(data, 65, 5)),
     "first block of zeros": lambda file: changed(file, lambda data: bytes(4096) + data[4096:]),
-    "bit in the deck": lambda file: changed(
-        file, lambda data: flipped(data, data.index(b"&scene") + 3)
-    ),
+    "bit in the deck": lambda file: changed(file, lambda data: flipped(data, data.index(b"&scene") + 3)),
     "bit in a column": lambda file: changed(
         file, lambda data: flipped(data, first_chunk(file, "time_series/w_y") + 800)
     ),
@@ -567,7 +583,9 @@ def test_a_solver_that_gave_up_is_refused(program, tmp_path):
     assert_refused(program.resume(file), "gave up", "max_steps = 100")
 
 
-@pytest.mark.skipif(os.environ.get("HDF5_USE_FILE_LOCKING", "TRUE") != "TRUE", reason="HDF5 does not lock files")
+@pytest.mark.skipif(
+    os.environ.get("HDF5_USE_FILE_LOCKING", "TRUE") != "TRUE", reason="HDF5 does not lock files"
+)
 def test_a_locked_file_is_refused(program, copied):
     before = copied.read_bytes()
     with copied.open("rb") as held:
@@ -658,7 +676,9 @@ def test_a_disk_that_was_full(program, references, tmp_path):
 def test_a_folder_that_vanishes(program, tmp_path):
     folder = tmp_path / "vanishing"
     folder.mkdir()
-    process = program.start(SCENES["radau9"], folder / "x.h5", "scene.t_end=1e6", "output.checkpoint_interval=0.1")
+    process = program.start(
+        SCENES["radau9"], folder / "x.h5", "scene.t_end=1e6", "output.checkpoint_interval=0.1"
+    )
     wait_for((folder / "x.h5").exists, "x.h5")
     shutil.rmtree(folder)
     _, errors = process.communicate(timeout=60)

@@ -97,14 +97,22 @@ program test_giving_up
 
   call expect('collapsing', step_underflow, 'step size fell to')
   call expect('stubborn', too_many_rejections, 'more than 60 steps in a row were rejected')
-  call expect('nan', not_finite, 'the motion is not finite')
-  call expect('nan work', not_finite, 'the motion is not finite')
   call expect('standing', chattering, 'time stands still')
-  call expect('huge force', not_finite, 'spring_force_x is not finite')
+  if (.not. traps()) then
+    call expect('nan', not_finite, 'the motion is not finite')
+    call expect('nan work', not_finite, 'the motion is not finite')
+    call expect('huge force', not_finite, 'spring_force_x is not finite')
+  end if
   call expect('', too_many_steps, 'integrator.max_steps = 20')
   call finish()
 
 contains
+
+  !> Whether this build ends at a NaN or an overflow by itself.
+  logical function traps()
+    use, intrinsic :: ieee_exceptions, only: ieee_get_halting_mode, ieee_invalid
+    call ieee_get_halting_mode(ieee_invalid, traps)
+  end function traps
 
   !> A smoothed scene with a method that goes well for some steps and then fails in this manner.
   subroutine expect(manner, code, words)
