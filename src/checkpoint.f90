@@ -17,6 +17,7 @@ module dst_checkpoint
     character(:), allocatable :: deck_sha256       !! of the deck as read
     character(:), allocatable :: resolved_sha256   !! of the deck as used: --set makes another one
     character(:), allocatable :: created           !! when the run began
+    character(:), allocatable :: result_checksum   !! of the result file of a run that was stopped; '-' while it goes on
     integer(int64), allocatable :: words(:)        !! the state
   end type checkpoint_t
 
@@ -49,6 +50,7 @@ contains
     state = transfer(checkpoint%words, state)
     bytes = signature//format_version//n//'version '//checkpoint%version//n//'deck_sha256 '//checkpoint%deck_sha256//n// &
       'resolved_sha256 '//checkpoint%resolved_sha256//n//'created '//checkpoint%created//n// &
+      'result_checksum '//checkpoint%result_checksum//n// &
       'words '//trim(word_count)//n//state//n
     bytes = bytes//'sha256 '//sha256(bytes)//n
     call replace_file(checkpoint_name(result_file), bytes, durable, reason)
@@ -120,6 +122,7 @@ contains
     call take_line('deck_sha256', checkpoint%deck_sha256)
     call take_line('resolved_sha256', checkpoint%resolved_sha256)
     call take_line('created', checkpoint%created)
+    call take_line('result_checksum', checkpoint%result_checksum)
     call take_line('words', word_count)
     if (allocated(reason)) return
     read (word_count, *, iostat=io_status) words

@@ -9,7 +9,7 @@ module dst_disk
   private
 
   public :: prepare_file, reserve_space, set_file_size, move_file, place_file, delete_file
-  public :: read_bytes, replace_file, make_durable, is_child, end_child, lock_file, unlock_file, wait_seconds
+  public :: read_bytes, checksum_of_file, replace_file, make_durable, is_child, end_child, lock_file, unlock_file, wait_seconds
   public :: file_exists, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
 
   ! Error numbers that mean "no room" on Linux.
@@ -316,6 +316,43 @@ contains
     end if
     if (io_status /= 0) reason = with_remedy(after_last(trim(message), ': '))
   end subroutine read_bytes
+
+  !> A checksum of a file's bytes and their number, as 16 hexadecimal digits; '-' if it cannot be read. A single bit
+  !> that changes always changes it.
+  function checksum_of_file(file_name) result(text)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: text
+    integer, parameter :: block_words = 32768, word_bytes = 8, places = 5
+    integer(int64), allocatable :: words(:)
+    integer(int64) :: length, left, checksum
+    character(16) :: digits
+    character :: byte
+    integer :: unit, io_status, i
+
+    text = '-'
+    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
+    if (io_status /= 0) return
+    inquire (unit, size=length)
+    checksum = length
+    left = length
+    do while (left >= word_bytes .and. io_status == 0)
+      allocate (words(min(int(block_words, int64), left/word_bytes)))
+      read (unit, iostat=io_status) words
+      do i = 1, size(words)
+        checksum = ieor(ishftc(checksum, places), words(i))
+      end do
+      left = left - word_bytes*size(words)
+      deallocate (words)
+    end do
+    do i = 1, int(left)
+      if (io_status == 0) read (unit, iostat=io_status) byte
+      checksum = ieor(ishftc(checksum, places), int(ichar(byte), int64))
+    end do
+    close (unit)
+    if (io_status /= 0) return
+    write (digits, '(z16.16)') checksum
+    text = digits
+  end function checksum_of_file
 
   !> Whether this is a child process, a copy of the one that asked. The latter goes on, with `.false.`, when the child
   !> has called `end_child`. The child is out of reach of a signal to the parent or its group, so what it does to files

@@ -5,7 +5,7 @@ module dst_run
   use dst_build_info, only: version, git_revision, compiler
   use dst_checkpoint, only: checkpoint_t, write_checkpoint, read_checkpoint, delete_checkpoint
   use dst_deck, only: deck_t, parse_deck, resolved
-  use dst_disk, only: utc_now
+  use dst_disk, only: checksum_of_file, utc_now
   use dst_errors, only: error_t, raise, file_error, stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5
@@ -79,6 +79,7 @@ contains
     logical, intent(in) :: quiet
     type(error_t), allocatable, intent(out) :: error
     type(run_t) :: run
+    type(error_t), allocatable :: no_checkpoint
     type(origin_t) :: origin
     type(deck_t), allocatable :: deck
     type(scene_t) :: scene
@@ -87,12 +88,18 @@ contains
     character(1) :: no_settings(0)
 
     run%result_file = result_file
+    call read_checkpoint(result_file, run%checkpoint, no_checkpoint)
+    if (.not. allocated(no_checkpoint)) call check_untouched(result_file, run%checkpoint, error)
+    if (allocated(error)) return
     call read_origin(result_file, origin, error)
     if (allocated(error)) return
     call check_unfinished(result_file, origin, error)
     if (allocated(error)) return
-    call read_checkpoint(result_file, run%checkpoint, error)
-    if (allocated(error)) return
+    ! Only now: a run that has ended has no checkpoint.
+    if (allocated(no_checkpoint)) then
+      call move_alloc(no_checkpoint, error)
+      return
+    end if
     call check_same_run(result_file, run%checkpoint, origin, error)
     if (allocated(error)) return
     allocate (deck)
@@ -108,6 +115,18 @@ contains
     if (allocated(error)) return
     call carry_out(run, new_progress(result_file, quiet), error)
   end subroutine resume_run
+
+  !> The file of a run that was stopped, not killed, must be as it was left: then HDF5 need not meet what is damaged.
+  subroutine check_untouched(result_file, checkpoint, error)
+    character(*), intent(in) :: result_file
+    type(checkpoint_t), intent(in) :: checkpoint
+    type(error_t), allocatable, intent(out) :: error
+
+    if (checkpoint%result_checksum == '-') return
+    if (checkpoint%result_checksum == checksum_of_file(result_file)) return
+    call raise(error, file_error, result_file//': cannot resume: the file is missing, or was changed or damaged since the '// &
+      'run was stopped: put it back, or run the deck again')
+  end subroutine check_untouched
 
   !> A run that ended by itself has nothing to go on with.
   subroutine check_unfinished(result_file, origin, error)
@@ -173,7 +192,11 @@ contains
     ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
     if (allocated(end_error) .and. (is_stopped(error) .or. .not. allocated(error))) call move_alloc(end_error, error)
     ! A run that ended by itself is not gone on with.
-    if (.not. is_stopped(error)) then
+    if (is_stopped(error)) then
+      run%checkpoint%result_checksum = checksum_of_file(run%result_file)
+      call write_checkpoint(run%result_file, run%checkpoint, .true., save_error)
+      if (allocated(save_error)) call move_alloc(save_error, error)
+    else
       if (.not. allocated(error)) then
         call delete_checkpoint(run%result_file)
       else if (error%code /= file_error) then
@@ -246,6 +269,7 @@ contains
     call bookmark%exchange(archive)
     call run%simulation%exchange(archive)
     run%checkpoint%words = archive%words()
+    run%checkpoint%result_checksum = '-'
     call write_checkpoint(run%result_file, run%checkpoint, durable, error)
   end subroutine save
 

@@ -362,11 +362,15 @@ def stopped(program, tmp_path_factory) -> Path:
     return file
 
 
-@pytest.fixture
-def copied(stopped, tmp_path) -> Path:
+@pytest.fixture(params=["stopped", "killed"])
+def copied(stopped, tmp_path, request) -> Path:
+    """A copy with its checkpoint; that of a killed run does not know the whole file."""
     for path in (stopped, checkpoint_of(stopped)):
         shutil.copy(path, tmp_path)
-    return tmp_path / stopped.name
+    file = tmp_path / stopped.name
+    if request.param == "killed":
+        changed(checkpoint_of(file), replaced(rb"result_checksum \S+", b"result_checksum -"))
+    return file
 
 
 def assert_refused(done: subprocess.CompletedProcess[str], *words: str) -> None:
@@ -550,6 +554,19 @@ DAMAGED_RESULTS: dict[str, Callable[[Path], None]] = {
 
 def zeroed(data: bytes, place: int) -> bytes:
     return data[:place] + bytes(2000) + data[place + 2000 :]
+
+
+def test_any_bit_of_a_stopped_run_counts(program, stopped, tmp_path):
+    chance = random.Random(3)
+    for path in (stopped, checkpoint_of(stopped)):
+        shutil.copy(path, tmp_path)
+    file = tmp_path / stopped.name
+    whole = file.read_bytes()
+    for _ in range(50):
+        file.write_bytes(flipped(whole, chance.randrange(len(whole)), chance.randrange(8)))
+        assert_refused(program.resume(file), "changed or damaged")
+    file.write_bytes(whole)
+    assert program.resume(file).returncode in (0, STOPPED)
 
 
 @pytest.mark.parametrize("damage", DAMAGED_RESULTS)
