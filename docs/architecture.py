@@ -28,7 +28,7 @@ ROOMS = {
     "writers": ("where results go", 340, 220, 320, 110, "ground sha256",
                 "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint disk"),
     "meeting": ("where physics and numerics meet", 20, 354, 640, 82, "ground physics numerics",
-                "contact trajectory observables summary"),
+                "contact trajectory observables summary moreau_jean"),
     "physics": ("physics", 20, 460, 200, 222, "ground", "full_model slider friction drive slip_system stability creep"),
     "numerics": ("numerics", 240, 460, 420, 222, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
@@ -42,7 +42,8 @@ SAY = {
     "main": "prints, exits", "command_line": "words, --help", "run": "deck → file", "progress": "one line",
     "python_api": "flat routines for f2py", "simulation": "builds, advances, records", "hdf5_writer": "the file",
     "memory_writer": "arrays", "hdf5_origin": "whose file it is", "checkpoint": "state on disk",
-    "archive": "state as words", "signals": "stop, please", "disk": "the system", "contact": "rest, release, stop",
+    "archive": "state as words", "signals": "stop, please", "moreau_jean": "steps without events",
+    "disk": "the system", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
     "full_model": "Eqs. 1–5", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
     "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
@@ -84,7 +85,7 @@ def complaints(room_of: dict[str, str]) -> list[str]:
         allowed = {room_of[module], module, *ROOMS[room_of[module]][5].split()}
         for line in file.read_text(encoding="utf-8").splitlines():
             used = re.match(r"\s*use\s*(?:::)?\s*dst_(\w+)", line)
-            if not used or used[1] == "build_info":
+            if not used or used[1] in ("build_info", "precision"):
                 continue
             if used[1] not in room_of:
                 found.append(f"{file.name}: uses {used[1]}, which has no room")
@@ -110,7 +111,7 @@ def draw_room(room: str, title: str, x: int, y: int, width: int, height: int, _:
     ]
     chips = modules.split()
     wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {"executable": 3, "writers": 3, "physics": 2, "numerics": 2, "meeting": 4, "ground": 4}.get(room, 1)
+    columns = {"executable": 3, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 4}.get(room, 1)
     rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
     gap, top = 8, 28
     chip_width = (width - gap * (columns + 1)) / columns

@@ -28,6 +28,7 @@ module dst_archive
   end type archive_t
 
   integer, parameter :: real_kind = 1, integer_kind = 2, logical_kind = 3
+  integer, parameter :: words_per_real = storage_size(1.0_wp)/storage_size(1_int64)
 
 contains
 
@@ -64,17 +65,17 @@ contains
   subroutine exchange_real(self, value)
     class(archive_t), intent(inout) :: self
     real(wp), intent(inout) :: value
-    integer(int64) :: item(1)
+    integer(int64) :: item(words_per_real)
 
     item = transfer(value, item)
     call self%exchange_words(real_kind, item)
-    value = transfer(item(1), value)
+    value = transfer(item, value)
   end subroutine exchange_real
 
   subroutine exchange_reals(self, values)
     class(archive_t), intent(inout) :: self
     real(wp), intent(inout) :: values(:)
-    integer(int64) :: items(size(values))
+    integer(int64) :: items(words_per_real*size(values))
 
     items = transfer(values, items)
     call self%exchange_words(real_kind, items)

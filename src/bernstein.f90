@@ -26,7 +26,8 @@ contains
     real(wp), intent(in) :: coefficient(0:degree)
     real(wp) :: position
     real(wp) :: left(0:degree), right(0:degree)
-    integer, parameter :: max_depth = 60
+    ! 60 in double precision: halving is over when an interval has no digits left.
+    integer, parameter :: max_depth = digits(1.0_wp) + 7
 
     position = 2.0_wp
     if (all(coefficient(1:) > 0.0_wp)) return

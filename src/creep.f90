@@ -42,8 +42,11 @@ module dst_creep
     real(wp) :: kappa = 0.0_wp                    !! k_x/k_y
     real(wp) :: s = 0.0_wp, c = 1.0_wp            !! sin(phi), cos(phi)
     real(wp) :: cos_2 = 1.0_wp                    !! cos(2 phi)
-    real(wp) :: phi_minus_s = 0.0_wp              !! phi - sin(phi)
     real(wp) :: tau_1 = 0.0_wp, alpha_1 = 0.0_wp  !! where creep begins; alpha_1 in rad
+    real(wp) :: anchor = 0.0_wp, head = 0.0_wp    !! tau - tau_1 = (tau - anchor) + head; anchor is 0 or 1
+    real(wp) :: tail = 0.0_wp                     !! distance = (tau - 1) - phi + tail
+    real(wp) :: weight = 0.0_wp                   !! s^2 + kappa c^2, the least tau' of all
+    real(wp) :: turn = 1.0_wp                     !! up to here differences are taken from the start
     real(wp) :: psi_1 = 0.5_wp*pi                 !! rad, the same for psi
     real(wp) :: q_1 = 1.0_wp                      !! tan(psi_1/2)
     real(wp) :: sine_1 = 0.0_wp, cosine_1 = 1.0_wp  !! of alpha_1
@@ -55,12 +58,15 @@ module dst_creep
   type :: point_t
     real(wp) :: g, decay, turned   !! g, exp(-g) and 1 - exp(-g)
     real(wp) :: tangent, q         !! tan((alpha - alpha_1)/2), tan(psi/2)
+    real(wp) :: turn_sine          !! sin(alpha - alpha_1)
     real(wp) :: sin_alpha, cos_alpha, sin_psi, cos_psi
   end type point_t
 
   integer, parameter :: max_iterations = 200
   ! Below this elapsed tau alpha is small and differences are taken from the start, above it from tau = 1.
   real(wp), parameter :: early = 0.3_wp
+  ! From this sin(phi) on the series in tau is near enough everywhere, and cheaper than an exponential and a logarithm.
+  real(wp), parameter :: wide = 0.3_wp
   ! Steps up to this length keep exp(-g) current by a rational function.
   real(wp), parameter :: longest_step = 0.4_wp
   ! A step of the fourth order leaves an error below its fourth power.
@@ -88,19 +94,44 @@ contains
     path%s = sin(phi)
     path%c = cos(phi)
     path%cos_2 = (path%c - path%s)*(path%c + path%s)
-    path%phi_minus_s = phi_minus_sine(phi)
-    if (kappa > 0.0_wp) then
-      path%tau_1 = kappa/hypot(kappa*path%c, path%s)
-      path%alpha_1 = atan2(kappa*path%c, path%s)
-      path%sine_1 = sin(path%alpha_1)
-      path%cosine_1 = cos(path%alpha_1)
-    end if
-    path%psi_1 = (0.5_wp*pi - phi) - path%alpha_1
-    path%beta_sine = path%sine_1*path%c + path%cosine_1*path%s
-    path%beta_cosine = path%cosine_1*path%c - path%sine_1*path%s
+    path%beta_sine = path%s
+    path%beta_cosine = path%c
+    path%psi_1 = 0.5_wp*pi - phi
+    path%tail = phi_minus_sine(phi)
+    path%weight = (1.0_wp - kappa)*path%s**2 + kappa
+    path%turn = early
+    if (kappa > 0.0_wp) call delay(path)
     path%q_1 = path%beta_cosine/(1.0_wp + path%beta_sine)
     if (path%s > 0.0_wp) path%log_ratio = log(path%q_1) - log(0.5_wp*path%s)
   end function new_creep_path
+
+  !> The stick before creep that a finite k_y makes. With r = sqrt(kappa^2 c^2 + s^2) all is a ratio to r, and
+  !> 1 - tau_1 and r - s are written as such: late in the motion tau counts in parts of kappa or s^2.
+  elemental subroutine delay(path)
+    type(creep_path_t), intent(inout) :: path
+    real(wp) :: r, excess
+
+    associate (s => path%s, c => path%c, kappa => path%kappa)
+      r = hypot(kappa*c, s)
+      path%tau_1 = kappa/r
+      path%alpha_1 = atan2(kappa*c, s)
+      path%sine_1 = kappa*c/r
+      path%cosine_1 = s/r
+      path%beta_sine = kappa*c*(c/r) + s*(s/r)
+      path%beta_cosine = (1.0_wp - kappa)*c*(s/r)
+      path%psi_1 = atan2(path%beta_cosine, path%beta_sine)
+      if (path%tau_1 < 0.5_wp) then
+        path%head = -path%tau_1
+      else
+        path%anchor = 1.0_wp
+        path%head = (1.0_wp - kappa)*(1.0_wp + kappa)*(s/r)*(s/(r + kappa))
+      end if
+      excess = kappa*c*(kappa*c/(r + s))  ! r - s
+      path%tail = path%tail + (kappa - excess)
+      ! 1 - sin(alpha_1 - phi), which tau - tau_1 and the distance differ by
+      path%turn = early*min(1.0_wp, 1.0_wp - (kappa*c*(c/r) - s*(s/r)))
+    end associate
+  end subroutine delay
 
   !> phi - sin(phi), also where phi is small.
   elemental real(wp) function phi_minus_sine(phi)
@@ -121,19 +152,22 @@ contains
     real(wp), intent(in) :: tau
     type(creep_t) :: creep
     type(point_t) :: point
-    real(wp) :: denominator, half
+    real(wp) :: elapsed, distance, denominator, half
 
-    if (tau < path%tau_1) then
+    elapsed = (tau - path%anchor) + path%head
+    if (elapsed < 0.0_wp) then
       creep = creep_t(alpha=path%alpha_1, psi=path%psi_1, deficit=1.0_wp)
       return
     end if
-    if (distance_of(path, tau) > 1000.0_wp*((1.0_wp - path%kappa)*path%s**2 + path%kappa)) then
+    ! tau - tau_1 - (1 - kappa) [1 - sin(alpha_1 - phi)] = tau - 1 - s + kappa - (r - s), without rounding s
+    distance = ((tau - 1.0_wp) - path%phi) + path%tail
+    if (distance > 1000.0_wp*path%weight) then
       ! g > 1000 and exp(-g) = 0: friction is along the drive.
       creep = creep_t(alpha=0.5_wp*pi - path%phi, speed=1.0_wp, x_rate=1.0_wp, &
-        position=tau - path%tau_1 - path%c*(path%c - path%sine_1) - path%kappa*path%s*(path%s - path%cosine_1))
+        position=elapsed - path%c*(path%c - path%sine_1) - path%kappa*path%s*(path%s - path%cosine_1))
       return
     end if
-    point = point_at(path, tau)
+    point = point_at(path, elapsed, distance)
     associate (s => path%s, c => path%c, kappa => path%kappa, sine => point%sin_alpha, cosine => point%cos_alpha, &
         t => point%tangent)
       ! One arctangent, of the angle that is the smaller part of psi_1 = psi + (alpha - alpha_1).
@@ -152,79 +186,65 @@ contains
       creep%deficit = point%sin_psi*(cosine*c - kappa*sine*s)*denominator
       ! X/l_x = (tau - tau_1) - c (sin alpha - sin alpha_1) - kappa s (cos alpha - cos alpha_1), with the solution
       ! put in, so that nothing cancels for small phi.
-      creep%position = 2.0_wp*s*t*(path%sine_1 + path%cosine_1*t)/(1.0_wp + t**2) + (1.0_wp - kappa)*s**2*point%g &
-        + kappa*(point%g - 2.0_wp*c*t*(path%cosine_1 - path%sine_1*t)/(1.0_wp + t**2))
+      creep%position = s*point%turn_sine*(path%sine_1 + path%cosine_1*t) + (1.0_wp - kappa)*s**2*point%g &
+        + kappa*(point%g - c*point%turn_sine*(path%cosine_1 - path%sine_1*t))
     end associate
   end function creep_at
 
-  !> tau - tau_1 - (1 - kappa) [1 - sin(alpha_1 - phi)]; for kappa = 0, tau - 1 - sin(phi) without rounding sin(phi).
-  elemental real(wp) function distance_of(path, tau) result(distance)
+  !> Solve for the path g at tau - tau_1 = elapsed, and `distance` past the end of the turning of friction.
+  pure function point_at(path, elapsed, distance) result(point)
     type(creep_path_t), intent(in) :: path
-    real(wp), intent(in) :: tau
-
-    if (path%kappa > 0.0_wp) then
-      distance = tau - path%tau_1 - (1.0_wp - path%kappa)*(1.0_wp - path%sine_1*path%c + path%cosine_1*path%s)
-    else
-      distance = ((tau - 1.0_wp) - path%phi) + path%phi_minus_s
-    end if
-  end function distance_of
-
-  !> Solve for the path g.
-  pure function point_at(path, tau) result(point)
-    type(creep_path_t), intent(in) :: path
-    real(wp), intent(in) :: tau
+    real(wp), intent(in) :: elapsed, distance
     type(point_t) :: point
-    real(wp) :: elapsed, distance, residual, step, second, third, correction, one_minus_kappa, weight
-    real(wp) :: share, sin_psi, cos_psi, sin_alpha, cos_alpha, above, below
+    real(wp) :: residual, step, second, third, correction, one_minus_kappa
+    real(wp) :: share, inverse, sin_psi, cos_psi, sin_alpha, cos_alpha, above, below
     integer :: iteration
 
     one_minus_kappa = 1.0_wp - path%kappa
-    weight = one_minus_kappa*path%s**2 + path%kappa
-    elapsed = tau - path%tau_1
-    distance = distance_of(path, tau)
     call start(path, elapsed, distance, point)
     associate (s => path%s, c => path%c, q => point%q)
       do iteration = 1, max_iterations
         q = path%q_1*point%decay
-        share = 1.0_wp/(1.0_wp + q**2)
-        sin_psi = 2.0_wp*q*share
-        cos_psi = (1.0_wp - q)*(1.0_wp + q)*share
+        ! Everything over 1 + q^2 at first, so that the two divisions need not wait for each other.
+        cos_psi = (1.0_wp - q)*(1.0_wp + q)
+        sin_psi = 2.0_wp*q
         cos_alpha = s*cos_psi + c*sin_psi
         sin_alpha = c*cos_psi - s*sin_psi
-        if (elapsed < early) then
+        inverse = (1.0_wp + q**2)**2/(cos_alpha**2 + path%kappa*sin_alpha**2)
+        share = 1.0_wp/(1.0_wp + q**2)
+        cos_psi = cos_psi*share
+        sin_psi = sin_psi*share
+        cos_alpha = cos_alpha*share
+        sin_alpha = sin_alpha*share
+        if (elapsed < path%turn) then
           ! sin(alpha - phi) - sin(alpha_1 - phi) = 2 sin(half) cos(alpha_1 - phi + half), tan(half) = above/below
           above = point%turned*path%beta_cosine
           below = 1.0_wp + point%decay + point%turned*path%beta_sine
-          residual = elapsed - weight*point%g - one_minus_kappa*2.0_wp*above*(below*(path%cosine_1*c + path%sine_1*s) &
+          residual = elapsed - path%weight*point%g - one_minus_kappa*2.0_wp*above*(below*(path%cosine_1*c + path%sine_1*s) &
             - above*(path%sine_1*c - path%cosine_1*s))/(below**2 + above**2)
         else
           ! 1 - sin(alpha - phi) = 2 sin^2(phi + psi/2)
-          residual = distance + one_minus_kappa*2.0_wp*(s + c*q)**2*share - weight*point%g
+          residual = (distance - path%weight*point%g) + share*(one_minus_kappa*2.0_wp*(s + c*q)**2)
         end if
-        ! 1/tau', tau''/(2 tau'), tau'''/(6 tau')
-        share = 1.0_wp/(cos_alpha**2 + path%kappa*sin_alpha**2)
-        step = residual*share
+        step = residual*inverse
         if (abs(step) > longest_step) then
           if (abs(step) <= roundoff*point%g) exit
           ! Newton's step ends on the left of the solution, wherever it starts.
           call set_path(max(point%g + step, elapsed), point)
           cycle
         end if
-        share = one_minus_kappa*sin_psi*share
+        share = one_minus_kappa*sin_psi*inverse
         second = -share*sin_alpha*cos_alpha
         third = share*((sin_alpha**2 - cos_alpha**2)*sin_psi + sin_alpha*cos_alpha*cos_psi)*(1.0_wp/3.0_wp)
-        correction = step*(1.0_wp - step*(second - step*(2.0_wp*second**2 - third)))
-        share = rise(correction)*point%decay
-        point%g = point%g + correction
-        point%turned = point%turned + share
-        point%decay = point%decay - share
+        correction = step - step**2*(second - step*(2.0_wp*second**2 - third))
+        call move(correction, point)
         if (abs(correction) <= max(last_step*min(1.0_wp, point%g), roundoff*point%g)) exit
       end do
     end associate
     call complete(path, point)
   end function point_at
 
-  !> A first guess of g: its series where tau is small; otherwise the root of the equation below without its
+  !> A first guess of g: its series where tau is small or phi wide; otherwise the root of the equation below without its
   !> logarithm; and exponential decay towards psi = 0 beyond. With a = 2 tan(psi/2)/s and kappa = 0
   !>
   !>     ln a + [2 c a + cos(2 phi) a^2/2]/(1 + s^2 a^2/4) = ln(2 q_1/s) - 2 - (tau - 1 - s)/s^2 = w.
@@ -232,10 +252,12 @@ contains
     type(creep_path_t), intent(in) :: path
     real(wp), intent(in) :: elapsed, distance
     type(point_t), intent(inout) :: point
-    real(wp) :: s2, level, root, x, half
+    real(wp) :: s2, level, root, x, half, ratio
 
-    if (elapsed < early .or. path%kappa > 0.0_wp) then
-      call set_path(elapsed*(1.0_wp + (path%beta_cosine*elapsed)**2/3.0_wp*(1.0_wp - path%kappa)), point)
+    if (elapsed < early .or. path%s > wide .or. path%kappa > 0.0_wp) then
+      x = (1.0_wp - path%kappa)*(path%beta_cosine*elapsed)**2
+      call set_path(elapsed*(1.0_wp + x*(1.0_wp/3.0_wp - path%beta_sine*elapsed/4.0_wp &
+        + (12.0_wp*path%beta_cosine**2 + 7.0_wp*path%beta_sine**2)*elapsed**2/60.0_wp)), point)
       return
     end if
     s2 = path%s**2
@@ -244,12 +266,18 @@ contains
       half = 2.0_wp*path%s*path%c
       root = sqrt(max(0.0_wp, half**2 + (2.0_wp*path%cos_2 - level)*level))
       point%decay = min(level/((half + root)*path%q_1), 1.0_wp)
-      point%turned = 1.0_wp - point%decay
       point%g = -log(point%decay)
     else
-      x = exp(level/s2)
-      call set_path(max((distance + 2.0_wp*s2)/s2 + log(1.0_wp + 2.0_wp*path%c*x/sqrt(1.0_wp + 0.6_wp*x)), elapsed), point)
+      x = distance/s2
+      ratio = exp((path%log_ratio - 2.0_wp) - x)
+      root = 1.0_wp + 2.0_wp*path%c*ratio/sqrt(1.0_wp + 0.6_wp*ratio)
+      point%g = x + 2.0_wp + log(root)
+      ! exp(-g), with exp(log_ratio) = 2 q_1/s
+      point%decay = 0.5_wp*path%s*ratio/(root*path%q_1)
     end if
+    point%turned = 1.0_wp - point%decay
+    ! The solution lies beyond `elapsed`, for tau' < 1.
+    if (point%g < elapsed) call set_path(elapsed, point)
   end subroutine start
 
   !> Set g and its exponentials.
@@ -267,6 +295,22 @@ contains
     end if
   end subroutine set_path
 
+  !> Add to g, up to about longest_step, and keep its exponentials current.
+  pure subroutine move(x, point)
+    real(wp), intent(in) :: x
+    type(point_t), intent(inout) :: point
+    real(wp) :: fall
+
+    if (abs(x) <= last_step) then
+      fall = x*(1.0_wp - x*(0.5_wp - x*(1.0_wp/6.0_wp - x/24.0_wp)))*point%decay
+    else
+      fall = rise(x)*point%decay
+    end if
+    point%g = point%g + x
+    point%turned = point%turned + fall
+    point%decay = point%decay - fall
+  end subroutine move
+
   !> 1 - exp(-x) for |x| <= longest_step to full relative precision: 2 T/(1 + T), T = tanh(x/2) as a
   !> continued fraction cut where it errs by 3e-18.
   elemental real(wp) function rise(x)
@@ -283,7 +327,7 @@ contains
   pure subroutine complete(path, point)
     type(creep_path_t), intent(in) :: path
     type(point_t), intent(inout) :: point
-    real(wp) :: t, q, share, turn_sine, turn_cosine
+    real(wp) :: t, q, share, turn_cosine
 
     ! tan((alpha - alpha_1)/2) = T cos(beta_1)/(1 + T sin(beta_1)), T = tanh(g/2)
     t = point%turned*path%beta_cosine/(1.0_wp + point%decay + point%turned*path%beta_sine)
@@ -293,9 +337,9 @@ contains
     point%q = q
     point%sin_psi = 2.0_wp*q*share
     turn_cosine = 1.0_wp/(1.0_wp + t**2)
-    turn_sine = 2.0_wp*t*turn_cosine
+    point%turn_sine = 2.0_wp*t*turn_cosine
     turn_cosine = (1.0_wp - t**2)*turn_cosine
-    point%sin_alpha = path%sine_1*turn_cosine + path%cosine_1*turn_sine
+    point%sin_alpha = path%sine_1*turn_cosine + path%cosine_1*point%turn_sine
     ! cos(alpha) = sin(phi + psi), cos(psi) = sin(alpha + phi)
     point%cos_alpha = path%s*(1.0_wp - q)*(1.0_wp + q)*share + path%c*point%sin_psi
     point%cos_psi = path%c*point%sin_alpha + path%s*point%cos_alpha

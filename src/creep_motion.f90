@@ -31,7 +31,7 @@ module dst_creep_motion
     !> l_x = F_0/k_x [m].
     real(wp) :: length = 0.0_wp
     type(creep_path_t) :: path
-    !> End of the true stick at the start [s].
+    !> End of the true stick at the start [s]; huge if that is beyond the motion.
     real(wp) :: onset = 0.0_wp
   contains
     procedure :: at
@@ -104,14 +104,14 @@ contains
       text = text//', t_end < '//real_text(motion%length/motion%drive%largest_speed())//' s'
   end function reach
 
-  !> When the spring force reaches the static limit [s], t_end at the latest.
+  !> When the spring force reaches the static limit [s]; huge if not before t_end.
   pure real(wp) function stick_time(motion, t_end)
     type(creep_motion_t), intent(in) :: motion
     real(wp), intent(in) :: t_end
     real(wp) :: u(2), delay
     integer :: i
 
-    stick_time = t_end
+    stick_time = huge(stick_time)
     do i = 1, size(motion%drive%segment)
       associate (segment => motion%drive%segment(i))
         u = motion%drive%distance(segment%start)*motion%slider%along

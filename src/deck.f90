@@ -615,7 +615,7 @@ contains
     text = text//', the '//trim(key%meaning)
   end function missing_text
 
-  !> A fixed step cannot hit the events of the exact contact.
+  !> The fixed step of rk4 cannot hit the events of the exact contact; moreau_jean knows no other contact.
   subroutine check_contact(deck, faults)
     type(deck_t), intent(in) :: deck
     type(faults_t), intent(inout) :: faults
@@ -623,10 +623,17 @@ contains
     associate (method => deck%value(find_key('integrator', 'method')), contact => deck%value(find_key('friction', 'contact')), &
                model => deck%value(find_key('scene', 'model')))
       if (.not. (method%valid .and. contact%valid .and. model%valid)) return
-      if (deck%text_of('scene', 'model') /= 'full' .or. deck%text_of('friction', 'contact') /= 'exact') return
-      if (deck%text_of('integrator', 'method') /= 'rk4') return
+      if (usage(deck, find_key('integrator', 'method')) /= used) return
+      if (deck%text_of('integrator', 'method') == 'moreau_jean' .and. .not. &
+          has_word('full auto', deck%text_of('scene', 'model'))) &
+        call note(faults, source_of(method), "method 'moreau_jean' works on model 'full' only: choose another method")
+      if (deck%text_of('scene', 'model') /= 'full') return
+      if (deck%text_of('integrator', 'method') == 'moreau_jean' .and. deck%text_of('friction', 'contact') == 'smoothed') &
+        call note(faults, source_of(method), "method 'moreau_jean' knows only the exact contact: "// &
+                  "choose contact = 'exact', or method radau5 | radau9 | radau13 | dopri5 | dop853 | rk4")
+      if (deck%text_of('friction', 'contact') /= 'exact' .or. deck%text_of('integrator', 'method') /= 'rk4') return
       call note(faults, source_of(method), "method 'rk4' cannot follow the exact contact of model 'full': "// &
-                "choose contact = 'smoothed', or method radau5 | radau9 | radau13 | dopri5 | dop853")
+                "choose contact = 'smoothed', or method radau5 | radau9 | radau13 | dopri5 | dop853 | moreau_jean")
     end associate
   end subroutine check_contact
 

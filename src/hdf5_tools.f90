@@ -17,7 +17,7 @@ module dst_hdf5_tools
     h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, &
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp, real64, int64
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -359,11 +359,11 @@ contains
     integer, intent(inout) :: status
     integer(hid_t), intent(in), optional :: file_type
     integer(hid_t) :: stored_as
-    real(wp), target :: value
+    real(real64), target :: value
 
     stored_as = h5t_ieee_f64le
     if (present(file_type)) stored_as = file_type
-    value = number
+    value = real(number, real64)
     call write_scalar(group, quantity, stored_as, h5t_native_double, c_loc(value), status)
   end subroutine put_number
 
@@ -492,7 +492,7 @@ contains
   !> Append values to a column.
   subroutine append(column, values, status)
     type(column_t), intent(inout) :: column
-    real(wp), intent(in), contiguous, target :: values(:)
+    real(real64), intent(in), contiguous, target :: values(:)
     integer, intent(inout) :: status
     integer(hid_t) :: file_space, memory_space
     integer(hsize_t) :: count(1)
@@ -519,7 +519,7 @@ contains
   !> Rotate and add without carry: no damage to a single value goes unnoticed.
   pure subroutine add_to_checksum(checksum, values)
     integer(int64), intent(inout) :: checksum
-    real(wp), intent(in) :: values(:)
+    real(real64), intent(in) :: values(:)
     integer, parameter :: places = 5
     integer :: i
 
@@ -535,7 +535,7 @@ contains
     integer(int64), intent(out) :: checksum
     integer, intent(inout) :: status
     integer(hsize_t), parameter :: most = 65536
-    real(wp), allocatable, target :: values(:)
+    real(real64), allocatable, target :: values(:)
     type(c_ptr) :: buffer
     integer(hid_t) :: file_space, memory_space
     integer(hsize_t) :: first, count(1)

@@ -5,11 +5,14 @@
 !> since new rows go where nothing is; during the microseconds of a flush it would be torn, so a child process writes first,
 !> which survives when this one is killed. Before each write the disk space that it and the file's ending need is reserved:
 !> a full disk is met while the file is still sound, and what was written stays readable.
+!>
+!> Columns are doubles. In a build with more digits /remainder holds, under the same names, what rounding left over as doubles
+!> too: the sum of both has 32 digits, and the rest of the file is what every reader knows.
 module dst_hdf5_writer
   use, intrinsic :: iso_c_binding, only: c_int
   use hdf5, only: hid_t, hsize_t, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, h5f_acc_trunc_f, h5f_acc_rdwr_f, &
     h5f_acc_rdonly_f, h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t
   use dst_archive, only: archive_t
@@ -60,6 +63,8 @@ module dst_hdf5_writer
     integer(c_int) :: descriptor = -1
     type(column_t), allocatable :: columns(:)     !! of the time series
     type(column_t) :: event_time, event_kind
+    type(column_t), allocatable :: remainders(:)  !! of the columns; allocated only if doubles lose digits
+    type(column_t) :: event_remainder
     integer :: chunk_rows = 0
     real(wp), allocatable :: samples(:, :)        !! waiting: (row, column)
     real(wp), allocatable :: events(:, :)         !! waiting: (row, time and kind)
@@ -86,6 +91,7 @@ module dst_hdf5_writer
   integer(int64), parameter :: ending_bytes = 131072
   !> Room a column's index may take when one chunk is added.
   integer(int64), parameter :: index_bytes = 4096
+  logical, parameter :: doubles_lose_digits = digits(1.0_wp) > digits(1.0_real64)
 
   character(*), parameter :: hdf5_signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
 
@@ -286,10 +292,11 @@ contains
     if (.not. allocated(self%failure)) then
       status = 0
       do i = 1, size(self%columns)
-        call append(self%columns(i), self%samples(:self%waiting_samples, i), status)
+        call append(self%columns(i), real(self%samples(:self%waiting_samples, i), real64), status)
       end do
-      call append(self%event_time, self%events(:self%waiting_events, 1), status)
-      call append(self%event_kind, self%events(:self%waiting_events, 2), status)
+      call append(self%event_time, real(self%events(:self%waiting_events, 1), real64), status)
+      call append(self%event_kind, real(self%events(:self%waiting_events, 2), real64), status)
+      if (doubles_lose_digits) call append_remainders(self, status)
       if (flush_now) call flush_file(self, status)
       if (status < 0) call self%fail(failure_reason(), sound=.false.)
     end if
@@ -297,6 +304,24 @@ contains
     self%waiting_events = 0
     if (allocated(self%failure)) error = self%failure
   end subroutine write_waiting
+
+  subroutine append_remainders(self, status)
+    class(hdf5_writer_t), intent(inout) :: self
+    integer, intent(inout) :: status
+    integer :: i
+
+    do i = 1, size(self%remainders)
+      call append(self%remainders(i), remainder(self%samples(:self%waiting_samples, i)), status)
+    end do
+    call append(self%event_remainder, remainder(self%events(:self%waiting_events, 1)), status)
+  end subroutine append_remainders
+
+  !> What a double does not hold of a number.
+  elemental real(real64) function remainder(value)
+    real(wp), intent(in) :: value
+
+    remainder = real(value - real(real(value, real64), wp), real64)
+  end function remainder
 
   !> See that the disk has room for one chunk of everything and for the file's ending.
   subroutine reserve(self)
@@ -309,6 +334,7 @@ contains
     call h5fget_filesize_f(self%file, present_size, status)
     if (status < 0) return
     needed = 2*(size(self%columns)*(8_int64*self%chunk_rows + index_bytes) + 2*(8_int64*event_chunk + index_bytes))
+    if (doubles_lose_digits) needed = 2*needed
     call reserve_space(self%descriptor, int(present_size, int64) + needed + ending_bytes, reason)
     if (allocated(reason)) call self%fail(reason, sound=.true.)
   end subroutine reserve
@@ -577,7 +603,30 @@ contains
     call make_scale(self%event_time, 'time', status)
     call attach_scale(self%event_kind, self%event_time, status)
     call close_group(group, status)
+    if (doubles_lose_digits) call create_remainders(self, columns, status)
   end subroutine create_columns
+
+  subroutine create_remainders(self, columns, status)
+    class(hdf5_writer_t), intent(inout) :: self
+    type(quantity_t), intent(in) :: columns(:)
+    integer, intent(inout) :: status
+    integer(hid_t) :: remainder_group, group
+    integer :: i
+
+    allocate (self%remainders(size(columns)))
+    call create_group(self%file, 'remainder', remainder_group, status)
+    call create_group(remainder_group, 'time_series', group, status)
+    do i = 1, size(columns)
+      call create_column(group, quantity_t(columns(i)%name, columns(i)%units, 'to be added to /time_series/'//columns(i)%name), &
+        h5t_ieee_f64le, self%chunk_rows, self%remainders(i), status)
+    end do
+    call close_group(group, status)
+    call create_group(remainder_group, 'events', group, status)
+    call create_column(group, quantity_t('time', 's', 'to be added to /events/time'), h5t_ieee_f64le, event_chunk, &
+      self%event_remainder, status)
+    call close_group(group, status)
+    call close_group(remainder_group, status)
+  end subroutine create_remainders
 
   subroutine open_columns(self, columns, status)
     class(hdf5_writer_t), intent(inout) :: self
@@ -590,6 +639,7 @@ contains
     end do
     call open_column(self%file, 'events/time', event_chunk, self%event_time, status)
     call open_column(self%file, 'events/kind', event_chunk, self%event_kind, status)
+    if (doubles_lose_digits) call open_remainders(self, columns, status)
   end subroutine open_columns
 
   !> Whether every column holds up to the bookmark what it held then; `reason` says which does not.
@@ -641,6 +691,7 @@ contains
     call cut_column(self%event_kind, int(bookmark%events, hsize_t), status)
     self%event_time%checksum = bookmark%checksum(i)
     self%event_kind%checksum = bookmark%checksum(i + 1)
+    if (doubles_lose_digits) call cut_remainders(self, bookmark, status)
     call delete_link(self%file, 'summary', status)
     call delete_link(self%file, 'statistics', status)
     call put_attribute(self%file, 'result_code', -1, status)
@@ -648,6 +699,31 @@ contains
     ! Before the space that is now free is written to: until then the file still refers to it.
     call flush_file(self, status)
   end subroutine cut_columns
+
+  subroutine open_remainders(self, columns, status)
+    class(hdf5_writer_t), intent(inout) :: self
+    type(quantity_t), intent(in) :: columns(:)
+    integer, intent(inout) :: status
+    integer :: i
+
+    if (.not. allocated(self%remainders)) allocate (self%remainders(size(columns)))
+    do i = 1, size(columns)
+      call open_column(self%file, 'remainder/time_series/'//trim(columns(i)%name), self%chunk_rows, self%remainders(i), status)
+    end do
+    call open_column(self%file, 'remainder/events/time', event_chunk, self%event_remainder, status)
+  end subroutine open_remainders
+
+  subroutine cut_remainders(self, bookmark, status)
+    class(hdf5_writer_t), intent(inout) :: self
+    type(bookmark_t), intent(in) :: bookmark
+    integer, intent(inout) :: status
+    integer :: i
+
+    do i = 1, size(self%remainders)
+      call cut_column(self%remainders(i), int(bookmark%rows, hsize_t), status)
+    end do
+    call cut_column(self%event_remainder, int(bookmark%events, hsize_t), status)
+  end subroutine cut_remainders
 
   subroutine allocate_waiting(self, columns, expected_rows)
     class(hdf5_writer_t), intent(inout) :: self

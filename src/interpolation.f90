@@ -20,8 +20,11 @@ module dst_interpolation
     real(wp) :: derivative(0:max_degree, 0:max_degree) = 0.0_wp
     !> Bernstein coefficients on [0, 1] from nodal values.
     real(wp) :: bernstein(0:max_degree, 0:max_degree) = 0.0_wp
+    !> reciprocal(j, k) = 1/(node(j) - node(j - k)), for divided differences.
+    real(wp) :: reciprocal(0:max_degree, max_degree) = 0.0_wp
   contains
     procedure :: lagrange
+    procedure :: values_at
     procedure :: bernstein_coefficients
     procedure :: exchange
   end type grid_t
@@ -32,18 +35,49 @@ contains
   pure function new_grid(nodes) result(grid)
     real(wp), intent(in) :: nodes(0:)
     type(grid_t) :: grid
+    integer :: j, k
 
     grid%degree = size(nodes) - 1
     grid%node(0:grid%degree) = nodes
     call set_differentiation(grid)
     call set_bernstein(grid)
+    do k = 1, grid%degree
+      do j = k, grid%degree
+        grid%reciprocal(j, k) = 1.0_wp/(grid%node(j) - grid%node(j - k))
+      end do
+    end do
   end function new_grid
+
+  !> Values at n positions `tau` (which may lie outside [0, 1]) of the polynomial through `nodal`, in Newton's form:
+  !> for several positions the cheapest, and good enough for a first guess.
+  pure subroutine values_at(self, nodal, n, tau, values)
+    class(grid_t), intent(in) :: self
+    real(wp), intent(in) :: nodal(0:max_degree)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: tau(n)
+    real(wp), intent(out) :: values(n)
+    real(wp) :: difference(0:max_degree)
+    integer :: j, k
+
+    associate (s => self%degree)
+      difference = nodal
+      do k = 1, s
+        do j = s, k, -1
+          difference(j) = (difference(j) - difference(j - 1))*self%reciprocal(j, k)
+        end do
+      end do
+      values = difference(s)
+      do j = s - 1, 0, -1
+        values = values*(tau - self%node(j)) + difference(j)
+      end do
+    end associate
+  end subroutine values_at
 
   !> Lagrange basis on the nodes 0..degree at position `tau` (which may lie outside [0, 1]).
   pure subroutine lagrange(self, tau, basis)
     class(grid_t), intent(in) :: self
     real(wp), intent(in) :: tau
-    real(wp), intent(out) :: basis(0:)
+    real(wp), intent(out) :: basis(0:max_degree)
     real(wp) :: distance(0:max_degree), product
     integer :: j
 

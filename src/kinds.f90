@@ -1,13 +1,11 @@
-!> The one working precision of the code and the constants that depend on it.
+!> The one working precision of the code (chosen in the build) and the constants that depend on it.
 module dst_kinds
   use, intrinsic :: iso_fortran_env, only: real64, int64
+  use dst_precision, only: wp
   implicit none
   private
 
-  public :: wp, int64, pi, degree
-
-  !> Working precision of every real number in the core.
-  integer, parameter :: wp = real64
+  public :: wp, real64, int64, pi, degree
 
   real(wp), parameter :: pi = acos(-1.0_wp)
   !> One degree in radians.

@@ -17,6 +17,19 @@ contains
     integer, intent(in) :: order
     real(wp), intent(inout) :: a(order, order), b(order)
     logical, intent(out) :: zero_pivot
-    include 'gauss_jordan.inc'
+
+    if (order == 1) then
+      zero_pivot = .not. abs(a(1, 1)) > 0.0_wp
+      if (.not. zero_pivot) b(1) = b(1)/a(1, 1)
+      return
+    end if
+    call eliminate(order, a, b, zero_pivot)
   end subroutine solve_in_place
+
+  pure subroutine eliminate(order, a, b, zero_pivot)
+    integer, intent(in) :: order
+    real(wp), intent(inout) :: a(order, order), b(order)
+    logical, intent(out) :: zero_pivot
+    include 'gauss_jordan.inc'
+  end subroutine eliminate
 end module dst_linear_solve

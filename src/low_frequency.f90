@@ -49,9 +49,12 @@ contains
     real(wp), intent(in) :: y(stages, self%components)
     real(wp), intent(out) :: velocity(stages, self%components)
     real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+    integer :: i
 
-    velocity = y
-    velocity_y = 1.0_wp
+    do i = 1, stages
+      velocity(i, 1) = y(i, 1)
+      velocity_y(i, 1, 1) = 1.0_wp
+    end do
   end subroutine kinematics
 
   pure subroutine dynamics(self, stages, drive_velocity, u, y, velocity_y, terms)
@@ -61,24 +64,30 @@ contains
     real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
     real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
     type(stage_terms_t), intent(inout) :: terms
-    real(wp), dimension(stages) :: across, speed, friction, slope, along_share, across_share
-    real(wp) :: per_mass
+    real(wp), dimension(stages) :: across, speed, friction, slope
+    real(wp) :: per_mass, stiffness, along_share, across_share
+    integer :: i
 
     per_mass = 1.0_wp/self%slider%mass
-    across = self%guided*drive_velocity
-    speed = sqrt(y(:, 1)**2 + across**2)
+    stiffness = self%slider%stiffness(1)
+    do i = 1, stages
+      across(i) = self%guided*drive_velocity(i)
+      speed(i) = sqrt(y(i, 1)**2 + across(i)**2)
+    end do
     call self%slider%law%evaluate(stages, speed, friction, slope)
-    along_share = y(:, 1)/speed
-    across_share = across/speed
-    terms%force(:, 1) = per_mass*(self%slider%stiffness(1)*u(:, 1) - friction*along_share)
-    terms%force_u(:, 1, 1) = per_mass*self%slider%stiffness(1)*velocity_y(:, 1, 1)
-    terms%force_y(:, 1, 1) = -per_mass*(slope*along_share**2 + friction*across_share**2/speed)
-    terms%inertia(:, 1) = 1.0_wp
-    terms%inertia_y(:, 1, 1) = 0.0_wp
-    terms%dissipation = friction*speed
-    terms%dissipation_y(:, 1) = (friction + slope*speed)*along_share
-    terms%supply = friction*across*across_share
-    terms%supply_y(:, 1) = (slope*speed - friction)*across_share**2*along_share
+    do i = 1, stages
+      along_share = y(i, 1)/speed(i)
+      across_share = across(i)/speed(i)
+      terms%force(i, 1) = per_mass*(stiffness*u(i, 1) - friction(i)*along_share)
+      terms%force_u(i, 1, 1) = per_mass*stiffness*velocity_y(i, 1, 1)
+      terms%force_y(i, 1, 1) = -per_mass*(slope(i)*along_share**2 + friction(i)*across_share**2/speed(i))
+      terms%inertia(i, 1) = 1.0_wp
+      terms%inertia_y(i, 1, 1) = 0.0_wp
+      terms%dissipation(i) = friction(i)*speed(i)
+      terms%dissipation_y(i, 1) = (friction(i) + slope(i)*speed(i))*along_share
+      terms%supply(i) = friction(i)*across(i)*across_share
+      terms%supply_y(i, 1) = (slope(i)*speed(i) - friction(i))*across_share**2*along_share
+    end do
   end subroutine dynamics
 
   pure function slip_velocity(self, y, drive_velocity) result(velocity)

@@ -11,7 +11,7 @@ program dynstiction
   use dst_scene, only: scene_t, scene_from_deck
   use dst_signals, only: listen_to_signals
   use dst_stability_report, only: stability_report
-  use dst_build_info, only: version, git_revision, compiler
+  use dst_build_info, only: program_name, version, git_revision, compiler
   implicit none
 
   interface
@@ -43,7 +43,7 @@ contains
     end if
     select case (command%name)
     case ('version')
-      call print_text('dynstiction '//version//' ('//git_revision//', '//compiler//')'//new_line('a'))
+      call print_text(program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a'))
     case ('template')
       call print_template()
     case ('check')

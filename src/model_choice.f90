@@ -114,6 +114,8 @@ contains
       text = 'the errors of the reduced models are known for 0 < |misalignment_deg| < 90'
     else if (slider%stiffness(2) < 1.0e3_wp*slider%stiffness(1)) then
       text = 'stiffness_y is below 1000 stiffness_x'
+    else if (abs(slider%along(2)/slider%along(1)) < 3.0_wp*slider%stiffness(1)/slider%stiffness(2)) then
+      text = 'the misalignment is not above stiffness_x/stiffness_y'
     else if (fast_growth(slider) > 0.03_wp) then
       text = 'weakening feeds the fast oscillation too strongly'
     end if
@@ -193,7 +195,7 @@ contains
     end do
     reached = elastic%position
     if (.not. reached > 0.0_wp) return
-    error = (2.0_wp*inertia + expansion)/reached + ripple(scene, slider, reached*length) + fast_growth(slider)
+    error = (3.0_wp*inertia + expansion)/reached + 2.0_wp*(ripple(scene, slider, reached*length) + fast_growth(slider))
   end function creep_error
 
   !> Whether the closed form gives the columns asked for.
@@ -219,8 +221,8 @@ contains
     real(wp) :: across
 
     across = abs(scene%drive_velocity(1)*slider%along(2))
-    ripple = 3.0_wp*across*sqrt(slider%mass/slider%stiffness(2))/distance &
-      + (across/slider%law%onset)**2*slider%mass*slider%stiffness(2)
+    ripple = 6.0_wp*across*sqrt(slider%mass/slider%stiffness(2))/distance &
+      + 2.0_wp*(across/slider%law%onset)**2*slider%mass*slider%stiffness(2)
   end function ripple
 
   !> How far weakening feeds the fast oscillation: F'^2/(m k_y), with the steepest F'.
@@ -232,36 +234,57 @@ contains
     fast_growth = min(slope(1), 0.0_wp)**2/(slider%mass*slider%stiffness(2))
   end function fast_growth
 
-  !> Error of the low-frequency model for want of k_y: largest relative error of period, peak force and slip length, for
-  !> creep that of the advance. With F' the steepest weakening, m k_y against F'^2 and k_y/k_x count; small cycles are sensitive.
+  !> Error of the low-frequency model for want of k_y.
   real(wp) function elasticity_error(scene, slider, slow) result(error)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     type(slow_motion_t), intent(in) :: slow
-    real(wp) :: anisotropy, speed, friction(1), slope(1), tangent
-    type(creep_t) :: rigid, elastic
 
     error = excluded
     if (.not. slow%known) return
-    speed = abs(scene%drive_velocity(1))
-    call slider%law%evaluate(1, [0.0_wp], friction, slope)
-    anisotropy = slider%stiffness(1)/slider%stiffness(2)
-    tangent = abs(slider%along(2))/slider%along(1)
-    if (scene%quantities == 'creep' .and. .not. slow%cycles > 0.0_wp) then
-      rigid = creep_exact(atan(tangent), 0.0_wp, speed*scene%t_end*slider%stiffness(1)/slider%law%onset)
-      elastic = creep_exact(atan(tangent), anisotropy, speed*scene%t_end*slider%stiffness(1)/slider%law%onset)
-      if (.not. elastic%position > 0.0_wp) return
-      error = 2.0_wp*abs(elastic%position - rigid%position)/elastic%position + 2.0_wp*fast_growth(slider) &
-        + ripple(scene, slider, elastic%position*slider%law%onset/slider%stiffness(1))
-    else if (slope(1) < 0.0_wp) then
-      if (slow%cycles < 2.0_wp) return
-      if (-slope(1) < 2.5_wp*sqrt(slider%mass*slider%stiffness(1))) return
-      call slider%law%evaluate(1, [speed], friction, slope)
-      ! Well inside the range of stick-slip, tan(phi)^2 < -V F'(V)/F(V), and where friction has not weakened at V.
-      if (tangent**2 > -0.6_wp*speed*slope(1)/friction(1) .or. speed > 0.5_wp*scene%v_f) return
-      error = 5.0_wp*max(fast_growth(slider), 30.0_wp*anisotropy)*(max(1.0_wp, 0.45_wp/slow%swing))**1.5_wp
+    if (scene%quantities == 'creep') then
+      error = elasticity_error_in_creep(scene, slider, slow)
     else
-      error = 30.0_wp*anisotropy
+      error = elasticity_error_in_stick_slip(scene, slider, slow)
     end if
   end function elasticity_error
+
+  !> Of the advance X(t_end), before slip: what a finite k_y changes in the exact creep, and the fast oscillation.
+  pure real(wp) function elasticity_error_in_creep(scene, slider, slow) result(error)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(slow_motion_t), intent(in) :: slow
+    real(wp) :: length, phi, tau
+    type(creep_t) :: rigid, elastic
+
+    error = excluded
+    length = slider%law%onset/slider%stiffness(1)
+    tau = abs(scene%drive_velocity(1))*scene%t_end/length
+    if (tau >= 1.0_wp .or. slow%cycles > 0.0_wp) return
+    phi = atan2(abs(slider%along(2)), slider%along(1))
+    rigid = creep_exact(phi, 0.0_wp, tau)
+    elastic = creep_exact(phi, slider%stiffness(1)/slider%stiffness(2), tau)
+    if (.not. elastic%position > 0.0_wp) return
+    error = 2.0_wp*abs(elastic%position - rigid%position)/elastic%position + 2.0_wp*fast_growth(slider) &
+      + ripple(scene, slider, elastic%position*length)
+  end function elasticity_error_in_creep
+
+  !> Largest relative error of period, peak force and slip length. With F' the steepest weakening, F'^2 against m k_y
+  !> and k_x against k_y count; small cycles are sensitive. Only for stick-slip that weakening drives strongly.
+  pure real(wp) function elasticity_error_in_stick_slip(scene, slider, slow) result(error)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(slow_motion_t), intent(in) :: slow
+    real(wp) :: speed, friction(2), slope(2)
+
+    error = excluded
+    if (slow%cycles < 2.0_wp) return
+    speed = abs(scene%drive_velocity(1))
+    call slider%law%evaluate(2, [0.0_wp, speed], friction, slope)
+    if (-slope(1) < 2.5_wp*sqrt(slider%mass*slider%stiffness(1))) return
+    ! Well inside the range of stick-slip, tan(phi)^2 < -V F'(V)/F(V), and where friction has not weakened at V.
+    if ((slider%along(2)/slider%along(1))**2 > -0.6_wp*speed*slope(2)/friction(2) .or. speed > 0.5_wp*scene%v_f) return
+    error = 5.0_wp*max(fast_growth(slider), 30.0_wp*slider%stiffness(1)/slider%stiffness(2)) &
+      *max(1.0_wp, 0.45_wp/slow%swing)**1.5_wp
+  end function elasticity_error_in_stick_slip
 end module dst_model_choice

@@ -29,6 +29,8 @@ module dst_radau
   public :: radau_t, new_radau
 
   integer, parameter :: max_unknowns = max_stages*max_components
+  !> The controller sees no error below this share of the tolerance.
+  real(wp), parameter :: least_error = 1.0e-10_wp
 
   type, extends(stepper_t) :: radau_t
     type(collocation_t) :: method
@@ -43,6 +45,10 @@ module dst_radau
     real(wp) :: rate(max_components) = 0.0_wp
     real(wp) :: curvature(max_components) = 0.0_wp
     real(wp) :: last_step = 0.0_wp
+    !> Errors over tolerance of this attempt and of the last accepted step, 0 if there is none; and whether this
+    !> attempt is a second one.
+    real(wp) :: error = 0.0_wp, last_error = 0.0_wp
+    logical :: repeated = .false.
     real(wp) :: last_nodal(0:max_degree, max_components) = 0.0_wp
     !> Stage values of the current attempt (stage, component), contiguous.
     real(wp) :: y(max_unknowns) = 0.0_wp
@@ -123,6 +129,8 @@ contains
 
     self%restarted = .true.
     self%retry = .false.
+    self%repeated = .false.
+    self%last_error = 0.0_wp
     self%peak_speed = 0.0_wp
     self%rate = rate
     self%curvature = curvature
@@ -147,10 +155,12 @@ contains
       call count_work(self%count, s, iterations)
       self%retry = outcome%solved
       self%attempted_step = step
+      if (.not. outcome%solved) self%repeated = .true.
       if (.not. outcome%solved) return
       call complete(self, system, drive, s, n, from, self%y, self%u, self%velocity, self%increment, to)
       call estimate_error(self, system, drive, s, n, from, outcome)
       if (n == 1) call follow_growth(self, outcome)
+      self%repeated = .true.
     end associate
   end subroutine attempt
 
@@ -192,16 +202,13 @@ contains
     integer, intent(in) :: s, n
     type(motion_t), intent(in) :: from
     real(wp), intent(out) :: y(s, n)
-    real(wp) :: basis(0:max_degree), elapsed
+    real(wp) :: elapsed
     integer :: i, k
 
-    associate (c => self%grid%node)
+    associate (c => self%grid%node(1:s))
       if (self%retry) then
-        do i = 1, s
-          call self%grid%lagrange(c(i)*self%step/self%attempted_step, basis)
-          do k = 1, n
-            y(i, k) = dot_product(basis(0:s), self%nodal(0:s, column_y + k - 1))
-          end do
+        do k = 1, n
+          call self%grid%values_at(self%nodal(:, column_y + k - 1), s, c*(self%step/self%attempted_step), y(:, k))
         end do
       else if (self%restarted) then
         do i = 1, s
@@ -209,11 +216,8 @@ contains
           y(i, :) = from%y(:n) + elapsed*(self%rate(:n) + 0.5_wp*elapsed*self%curvature(:n))
         end do
       else
-        do i = 1, s
-          call self%grid%lagrange(1.0_wp + c(i)*self%step/self%last_step, basis)
-          do k = 1, n
-            y(i, k) = dot_product(basis(0:s), self%last_nodal(0:s, k))
-          end do
+        do k = 1, n
+          call self%grid%values_at(self%last_nodal(:, k), s, 1.0_wp + c*(self%step/self%last_step), y(:, k))
         end do
       end if
     end associate
@@ -228,7 +232,7 @@ contains
     type(motion_t), intent(in) :: from
     real(wp), intent(in) :: y(s, n), u(s, n), velocity(s, n), increment(s, n)
     type(motion_t), intent(out) :: to
-    real(wp) :: forward(s), displacement(s), drive_power, friction_power
+    real(wp) :: forward(s), displacement(s), advanced(s), drive_power, friction_power
     integer :: i, k, axis
 
     do i = 1, s
@@ -236,7 +240,6 @@ contains
     end do
     to%u = from%u
     to%y = from%y
-    if (n < max_components) call hold(self, from)
     forward = 0.0_wp
     do k = 1, n
       axis = system%axis + k - 1
@@ -249,18 +252,23 @@ contains
       to%y(k) = y(s, k)
     end do
     self%nodal(0, column_position) = from%position
+    advanced = 0.0_wp
     do i = 1, s
-      self%nodal(i, column_position) = from%position + system%carried*displacement(i) &
-        + self%step*dot_product(self%method%integral(i, 1:s), forward)
+      advanced = advanced + self%method%integral(1:s, i)*forward(i)
     end do
+    self%nodal(1:s, column_position) = from%position + system%carried*displacement + self%step*advanced
     drive_power = 0.0_wp
     friction_power = 0.0_wp
     do i = 1, s
-      associate (b => self%method%weight(i))
-        drive_power = drive_power + b*(self%terms%supply(i) + dot_product(self%terms%supply_y(i, :), increment(i, :)) &
-          + self%drive_velocity(i)*dot_product(system%along_stiffness(system%axis:system%axis + n - 1), u(i, :)))
-        friction_power = friction_power + b*(self%terms%dissipation(i) &
-          + dot_product(self%terms%dissipation_y(i, :), increment(i, :)))
+      associate (b => self%method%weight(i), terms => self%terms)
+        drive_power = drive_power + b*terms%supply(i)
+        friction_power = friction_power + b*terms%dissipation(i)
+        do k = 1, n
+          axis = system%axis + k - 1
+          drive_power = drive_power + b*(terms%supply_y(i, k)*increment(i, k) &
+            + self%drive_velocity(i)*system%along_stiffness(axis)*u(i, k))
+          friction_power = friction_power + b*terms%dissipation_y(i, k)*increment(i, k)
+        end do
       end associate
     end do
     to%time = from%time + self%step
@@ -268,18 +276,6 @@ contains
     to%drive_work = from%drive_work + self%step*drive_power
     to%friction_work = from%friction_work + self%step*friction_power
   end subroutine complete
-
-  !> What a model of one component does not change is constant over the step.
-  pure subroutine hold(self, from)
-    class(radau_t), intent(inout) :: self
-    type(motion_t), intent(in) :: from
-    integer :: k
-
-    do k = 1, max_components
-      self%nodal(:, column_u + k - 1) = from%u(k)
-      self%nodal(:, column_y + k - 1) = from%y(k)
-    end do
-  end subroutine hold
 
   !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end
   !> relative to the largest slip speed of the step. The defect is probed at the start and at one
@@ -310,8 +306,29 @@ contains
     outcome%error = max(start_error, probe_error) &
       /(self%speed_scale*self%estimate_tolerance + self%step*system%acceleration_noise)
     if (.not. outcome%error <= huge(outcome%error)) outcome%error = 1.0e6_wp
-    outcome%factor = min(4.0_wp, max(0.2_wp, 0.9_wp*max(outcome%error, 1.0e-10_wp)**(-1.0_wp/real(s + 1, wp))))
+    call advise_step(self, s, n, outcome)
   end subroutine estimate_error
+
+  !> Factor for the next step: from the error; for slow motion also from how the error has changed since the last step
+  !> (Gustafsson's predictive controller; Hairer & Wanner II, Sec. IV.8), and no growth just after a rejection. In the
+  !> fast oscillation of two components the error changes with the phase, and looking back misleads.
+  pure subroutine advise_step(self, s, n, outcome)
+    class(radau_t), intent(inout) :: self
+    integer, intent(in) :: s, n
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: error, predicted, exponent
+
+    exponent = -1.0_wp/real(s + 1, wp)
+    error = max(outcome%error, least_error)
+    outcome%factor = 0.9_wp*error**exponent
+    if (n == 1 .and. self%last_error > 0.0_wp .and. outcome%error <= 1.0_wp) then
+      predicted = outcome%factor*(self%step/self%last_step)*(error/self%last_error)**exponent
+      outcome%factor = min(outcome%factor, predicted)
+    end if
+    outcome%factor = min(4.0_wp, max(0.2_wp, outcome%factor))
+    if (n == 1 .and. self%repeated .and. outcome%error <= 1.0_wp) outcome%factor = min(1.0_wp, outcome%factor)
+    self%error = error
+  end subroutine advise_step
 
   !> A long implicit step damps what grows exponentially, and would stay on a motion that has become
   !> unstable. With two components the fast oscillation keeps the steps short enough.
@@ -371,6 +388,8 @@ contains
 
     self%restarted = .false.
     self%retry = .false.
+    self%repeated = .false.
+    self%last_error = self%error
     self%peak_speed = max(self%peak_speed, self%speed_scale)
     self%last_step = self%step
     self%last_nodal = self%nodal(:, column_y:column_y + max_components - 1)
@@ -389,5 +408,8 @@ contains
     call archive%exchange(self%curvature)
     call archive%exchange(self%last_step)
     call archive%exchange(self%last_nodal)
+    call archive%exchange(self%error)
+    call archive%exchange(self%last_error)
+    call archive%exchange(self%repeated)
   end subroutine exchange
 end module dst_radau

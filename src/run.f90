@@ -2,7 +2,7 @@
 module dst_run
   use dst_kinds, only: wp, int64
   use dst_archive, only: archive_t, archive_of
-  use dst_build_info, only: version, git_revision, compiler
+  use dst_build_info, only: program_name, version, git_revision, compiler
   use dst_checkpoint, only: checkpoint_t, write_checkpoint, read_checkpoint, delete_checkpoint
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_disk, only: checksum_of_file, utc_now
@@ -307,7 +307,7 @@ contains
     logical, allocatable :: is_text(:)
     integer :: i, numbers, texts
 
-    metadata%program = 'dynstiction'
+    metadata%program = program_name
     metadata%version = version
     metadata%git_revision = git_revision
     metadata%compiler = compiler

@@ -44,7 +44,8 @@ module dst_schema
   type(range_t), parameter :: positive = range_t(low=0.0_wp, low_open=.true.)
   type(range_t), parameter :: non_negative = range_t(low=0.0_wp)
   type(range_t), parameter :: one_turn = range_t(low=-360.0_wp, high=360.0_wp)
-  type(range_t), parameter :: tolerances = range_t(low=1.0e-13_wp, high=1.0e-1_wp)
+  !> From 1e-13 on in double precision, from 1e-31 on in quadruple precision.
+  type(range_t), parameter :: tolerances = range_t(low=10.0_wp**(2 - precision(1.0_wp)), high=1.0e-1_wp)
 
   character(*), parameter :: group_names = 'scene system friction drive initial integrator output'
   !> Groups of the deck language that this version cannot run.
@@ -56,7 +57,7 @@ module dst_schema
     'friction theta psi sticking zeta'
   !> What of them this version can run.
   character(*), parameter :: implemented_models = models
-  character(*), parameter :: implemented_methods = 'radau5 radau9 radau13 rk4 dopri5 dop853'
+  character(*), parameter :: implemented_methods = methods
 
   character(*), parameter :: dynamic = 'model=full|low_frequency|high_frequency|auto'
   character(*), parameter :: elastic = 'model=full|high_frequency|creep|auto'
@@ -116,7 +117,7 @@ module dst_schema
     key_t('initial', 'elongation_y', real_kind, 'm', any_real, may, '0.0', '', '', transverse, &
           'initial elongation of the spring along the stiff axis'), &
     key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau9', '', methods, dynamic, &
-          'radau*: implicit, of that order; dopri5, dop853, rk4: explicit'), &
+          'radau*: implicit, of that order; dopri5, dop853, rk4: explicit; moreau_jean: nonsmooth'), &
     key_t('integrator', 'rtol', real_kind, '1', tolerances, may, '1.0e-8', '', '', adaptive, &
           'relative tolerance of a step'), &
     key_t('integrator', 'step', real_kind, 's', positive, must, '0.0', '', '', fixed_step, &

@@ -12,6 +12,7 @@ module dst_simulation
   use dst_friction, only: new_friction_law
   use dst_full_model, only: new_full_polar, new_full_smoothed
   use dst_low_frequency, only: new_low_frequency
+  use dst_moreau_jean, only: new_moreau_jean
   use dst_observables, only: columns, instant_t, find_column, default_columns, damping_ratio_exists, observe, row_of
   use dst_radau, only: new_radau
   use dst_runge_kutta, only: new_runge_kutta
@@ -111,7 +112,8 @@ contains
         end if
         trajectory%system = new_straight_slip(slider, 2, [scene%elongation_x, 0.0_wp])
       case default
-        trajectory%exact_contact = scene%contact == 'exact'
+        ! Moreau-Jean solves the exact contact in the slip velocity itself, with its own friction.
+        trajectory%exact_contact = scene%contact == 'exact' .and. scene%method /= 'moreau_jean'
         if (trajectory%exact_contact) then
           trajectory%system = new_full_polar(slider)
         else
@@ -187,6 +189,9 @@ contains
         trajectory%stepper = new_radau(5, components, scene%rtol)
       case ('radau13')
         trajectory%stepper = new_radau(7, components, scene%rtol)
+      case ('moreau_jean')
+        trajectory%stepper = new_moreau_jean(trajectory%slider)
+        trajectory%fixed_step = scene%step
       case default
         trajectory%stepper = new_runge_kutta(scene%method, components, scene%rtol)
       end select
@@ -460,7 +465,7 @@ contains
 
     if (.not. self%creep%onset > 0.0_wp) return
     self%summary%sticks = 1
-    self%summary%sticking_time = self%creep%onset
+    self%summary%sticking_time = min(self%creep%onset, self%scene%t_end)
     call writer%write_events([0.0_wp], [stick_begins], error)
     if (allocated(error) .or. self%creep%onset >= self%scene%t_end) return
     call writer%write_events([self%creep%onset], [slip_begins], error)

@@ -9,7 +9,7 @@
 !> docs/theory_stability.md. The damping ratio of the slow motion at any direction of friction is Eq. (10) of
 !> Nakano & Popov (2020). SI units, angles in radians.
 module dst_stability
-  use dst_kinds, only: wp, pi
+  use dst_kinds, only: wp, real64, pi
   use dst_errors, only: error_t, raise, usage_error, not_finite
   use dst_slider, only: slider_t
   implicit none
@@ -33,11 +33,11 @@ module dst_stability
 
   interface
     subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
-      import :: wp
+      import :: real64
       character, intent(in) :: jobvl, jobvr
       integer, intent(in) :: n, lda, ldvl, ldvr, lwork
-      real(wp), intent(inout) :: a(lda, *)
-      real(wp), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *), work(*)
+      real(real64), intent(inout) :: a(lda, *)
+      real(real64), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *), work(*)
       integer, intent(out) :: info
     end subroutine dgeev
   end interface
@@ -45,13 +45,14 @@ module dst_stability
 contains
 
   !> The four eigenvalues [1/s], by falling real part; of a conjugate pair the positive imaginary part comes first.
+  !> LAPACK finds them in double precision, whatever the working precision is.
   subroutine steady_sliding_eigenvalues(slider, velocity, eigenvalues, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
     complex(wp), intent(out) :: eigenvalues(4)
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: matrix(4, 4), real_part(4), imaginary_part(4), left(1, 1), right(1, 1), work(64)
-    real(wp) :: normal(2), frequency(2), alpha, beta
+    real(wp) :: normal(2), frequency(2), alpha, beta, matrix(4, 4)
+    real(real64) :: double_matrix(4, 4), real_part(4), imaginary_part(4), left(1, 1), right(1, 1), work(64)
     integer :: i, j, info
 
     eigenvalues = (0.0_wp, 0.0_wp)
@@ -68,7 +69,8 @@ contains
         matrix(i + 2, j + 2) = -(alpha*slider%along(i)*slider%along(j) + beta*normal(i)*normal(j))/slider%mass
       end do
     end do
-    call dgeev('N', 'N', 4, matrix, 4, real_part, imaginary_part, left, 1, right, 1, work, size(work), info)
+    double_matrix = real(matrix, real64)
+    call dgeev('N', 'N', 4, double_matrix, 4, real_part, imaginary_part, left, 1, right, 1, work, size(work), info)
     if (info /= 0) then
       call raise(error, not_finite, 'the eigenvalues of steady sliding were not found: '// &
                  'bring the mass, the stiffnesses and the friction nearer to each other')
@@ -77,7 +79,7 @@ contains
     do i = 1, 4
       j = maxloc(real_part, 1)
       eigenvalues(i) = cmplx(real_part(j), imaginary_part(j), wp)
-      real_part(j) = -huge(1.0_wp)
+      real_part(j) = -huge(1.0_real64)
     end do
   end subroutine steady_sliding_eigenvalues
 

@@ -28,6 +28,11 @@ contains
     integer :: i
 
     text = ''
+    if (.not. (scene%mass > 0.0_wp .and. scene%stiffness_y > 0.0_wp)) then
+      call raise(error, deck_error, "scene.model: the linear theory of steady sliding needs a mass and both stiffnesses, "// &
+                 "which model '"//scene%model//"' does not have: give a deck of model 'full'")
+      return
+    end if
     allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
     if (size(velocities) == 0) then
       call raise(error, deck_error, 'drive.velocity: the drive holds no velocity but 0, so there is no steady sliding: '// &

@@ -56,6 +56,8 @@ module dst_stepper
     !> The trajectory then does it with series, to this relative accuracy.
     logical :: explicit = .false.
     real(wp) :: release_tolerance = 0.0_wp
+    !> Whether it solves for rest itself: its unknowns are the slip velocity, and a step may end with w = 0.
+    logical :: rests_itself = .false.
     !> Nodes on which the last attempt is known.
     type(grid_t) :: grid
     !> The method's own nodes, kept while `grid` describes an advance that it did not make.
@@ -138,6 +140,11 @@ contains
       + drive%displacement(from%time, tau*self%step)*system%along
     motion%y = value(column_y:column_y + max_components - 1)
     motion%position = value(column_position)
+    if (system%components < max_components) then
+      ! What the model holds is not interpolated.
+      motion%u(max_components + 1 - system%axis) = from%u(max_components + 1 - system%axis)
+      motion%y(max_components) = from%y(max_components)
+    end if
   end function dense
 
   !> From now on `dense` gives the motion of an advance of length `step` [s] that is known by its

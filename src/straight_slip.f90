@@ -73,9 +73,12 @@ contains
     real(wp), intent(in) :: y(stages, self%components)
     real(wp), intent(out) :: velocity(stages, self%components)
     real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+    integer :: i
 
-    velocity = self%direction(self%axis)*y
-    velocity_y = self%direction(self%axis)
+    do i = 1, stages
+      velocity(i, 1) = self%direction(self%axis)*y(i, 1)
+      velocity_y(i, 1, 1) = self%direction(self%axis)
+    end do
   end subroutine kinematics
 
   pure subroutine dynamics(self, stages, drive_velocity, u, y, velocity_y, terms)
@@ -86,21 +89,24 @@ contains
     real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
     type(stage_terms_t), intent(inout) :: terms
     real(wp) :: friction(stages), slope(stages), per_mass, stiffness
+    integer :: i
 
     associate (unused => drive_velocity)
     end associate
     per_mass = 1.0_wp/self%slider%mass
     stiffness = self%slider%stiffness(self%axis)
     call self%slider%law%evaluate(stages, y(:, 1), friction, slope)
-    terms%force_u(:, 1, 1) = per_mass*stiffness*velocity_y(:, 1, 1)
-    terms%force(:, 1) = terms%force_u(:, 1, 1)*u(:, 1) + per_mass*(self%held_force - friction)
-    terms%force_y(:, 1, 1) = -per_mass*slope
-    terms%inertia(:, 1) = 1.0_wp
-    terms%inertia_y(:, 1, 1) = 0.0_wp
-    terms%dissipation = friction*y(:, 1)
-    terms%dissipation_y(:, 1) = friction + slope*y(:, 1)
-    terms%supply = self%held_force*y(:, 1)
-    terms%supply_y(:, 1) = self%held_force
+    do i = 1, stages
+      terms%force_u(i, 1, 1) = per_mass*stiffness*velocity_y(i, 1, 1)
+      terms%force(i, 1) = terms%force_u(i, 1, 1)*u(i, 1) + per_mass*(self%held_force - friction(i))
+      terms%force_y(i, 1, 1) = -per_mass*slope(i)
+      terms%inertia(i, 1) = 1.0_wp
+      terms%inertia_y(i, 1, 1) = 0.0_wp
+      terms%dissipation(i) = friction(i)*y(i, 1)
+      terms%dissipation_y(i, 1) = friction(i) + slope(i)*y(i, 1)
+      terms%supply(i) = self%held_force*y(i, 1)
+      terms%supply_y(i, 1) = self%held_force
+    end do
   end subroutine dynamics
 
   pure function slip_velocity(self, y, drive_velocity) result(velocity)

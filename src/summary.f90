@@ -115,26 +115,36 @@ contains
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(in) :: rate(2)
     type(motion_t) :: motion
-    real(wp) :: low, high, middle, slope, velocity(2), reach, side
-    integer :: iteration
+    real(wp) :: time(2), slope(2), middle, found, velocity(2), reach, side
+    integer :: iteration, replaced
 
     side = merge(1.0_wp, -1.0_wp, self%rising)
     if (side*rate(1) < 0.0_wp) return
-    low = trajectory%from%time
-    high = trajectory%now%time
-    reach = side*trajectory%from%u(1) + 0.5_wp*(high - low)*side*rate(1)
+    time = [trajectory%from%time, trajectory%now%time]
+    slope = rate
+    reach = side*trajectory%from%u(1) + 0.5_wp*(time(2) - time(1))*side*rate(1)
     if (trajectory%slider%stiffness(1)*reach < side*self%extreme_force) return
+    ! False position after Illinois: the end that stays loses half its weight.
+    replaced = 0
     do iteration = 1, 40
-      middle = 0.5_wp*(low + high)
+      middle = (time(1)*slope(2) - time(2)*slope(1))/(slope(2) - slope(1))
+      middle = min(time(2), max(time(1), middle))
       motion = trajectory%at(middle)
       velocity = slip_velocity(trajectory, motion)
-      slope = side*elongation_rate(trajectory, middle, velocity(1))
-      if (slope > 0.0_wp) then
-        low = middle
+      found = elongation_rate(trajectory, middle, velocity(1))
+      if (abs(found) <= 1.0e-7_wp*maxval(abs(rate))) exit
+      if (found*slope(1) > 0.0_wp) then
+        time(1) = middle
+        slope(1) = found
+        if (replaced == 1) slope(2) = 0.5_wp*slope(2)
+        replaced = 1
       else
-        high = middle
+        time(2) = middle
+        slope(2) = found
+        if (replaced == 2) slope(1) = 0.5_wp*slope(1)
+        replaced = 2
       end if
-      if (high - low <= 1.0e-8_wp*trajectory%stepper%step) exit
+      if (time(2) - time(1) <= 1.0e-8_wp*trajectory%stepper%step) exit
     end do
     call consider(self, trajectory, motion)
   end subroutine refine_extreme

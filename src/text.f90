@@ -1,6 +1,6 @@
 !> Text as the deck and the command line need it: words, numbers, the nearest valid name.
 module dst_text
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp, real64, int64
   implicit none
   private
 
@@ -201,13 +201,15 @@ contains
   function real_text(value) result(text)
     real(wp), intent(in) :: value
     character(:), allocatable :: text
-    character(40) :: buffer, form
+    character(48) :: buffer, form
     character(:), allocatable :: mantissa
     integer :: figures, exponent, ios
     real(wp) :: again
+    ! Needed are at most 17 in double precision and 36 in quadruple precision.
+    integer, parameter :: most_figures = precision(1.0_wp) + 3
 
-    do figures = 1, 17
-      write (form, '(a, i0, a)') '(es40.', figures - 1, 'e3)'
+    do figures = 1, most_figures
+      write (form, '(a, i0, a)') '(es48.', figures - 1, 'e4)'
       write (buffer, form) abs(value)
       read (buffer, *, iostat=ios) again
       if (ios == 0 .and. again <= abs(value) .and. again >= abs(value)) exit
@@ -267,8 +269,8 @@ contains
     character(*), intent(in) :: text
     real(wp), intent(out) :: value
     character(:), allocatable, intent(out) :: problem
-    ! Beyond these powers of ten the conversion itself could overflow, or lose digits.
-    integer, parameter :: highest = range(1.0_wp), lowest = -highest
+    ! Beyond these powers of ten the conversion itself could overflow, or lose digits. A result file holds doubles.
+    integer, parameter :: highest = range(1.0_real64), lowest = -highest
 
     value = 0.0_wp
     problem = ''

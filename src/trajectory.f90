@@ -22,6 +22,9 @@ module dst_trajectory
   public :: trajectory_t, no_event, stick_begins, slip_begins, at_time
 
   integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
+  !> Slip speed at the end of a step, relative to the largest one in it: of a landing that has converged (1e-14 in double
+  !> precision), and of one that counts as a stop.
+  real(wp), parameter :: landed = 10.0_wp**(1 - precision(1.0_wp)), at_rest = 10.0_wp**(6 - precision(1.0_wp))
   integer, parameter :: max_rejections = 60, timid_rejections = 8
   integer, parameter :: max_events_at_once = 100, max_steps_at_once = 10000
 
@@ -33,7 +36,7 @@ module dst_trajectory
     !> while it rests; the one in use is `system`.
     class(slip_system_t), allocatable :: other_system
     class(stepper_t), allocatable :: stepper
-    !> Whether rest is possible (exact contact, y = (v, theta)).
+    !> Whether the trajectory finds rest and release (exact contact, y = (v, theta)).
     logical :: exact_contact = .true.
     real(wp) :: t_end = 0.0_wp
     real(wp) :: step_max = 0.0_wp
@@ -100,6 +103,8 @@ contains
       call self%system%face(self%now%y(2))
     end if
     call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    if (.not. self%stepper%rests_itself .or. any(abs(self%now%y) > 0.0_wp)) return
+    if (holds(self%slider, self%now%u, velocity_now(self))) call come_to_rest(self)
   end subroutine begin_motion
 
   pure logical function finished(self)
@@ -137,7 +142,7 @@ contains
     horizon = min(self%t_end, self%drive%segment(self%segment)%end)
     self%from = self%now
     self%was_sticking = self%sticking
-    if (self%sticking) then
+    if (self%sticking .and. .not. self%stepper%rests_itself) then
       call stay_stuck(self, horizon)
     else
       passed = .false.
@@ -334,7 +339,9 @@ contains
     call self%stepper%accept()
     self%stepper%count%steps = self%stepper%count%steps + 1
     call choose_next_step(self, outcome%factor, truncated)
-    if (stopped) then
+    if (self%stepper%rests_itself) then
+      call note_rest(self)
+    else if (stopped) then
       call rest_or_turn(self)
     else if (self%exact_contact .and. .not. self%stepper%explicit .and. self%now%y(1) < cut_level(self)) then
       call finish_stop(self, horizon)
@@ -366,6 +373,22 @@ contains
         'parameters are meant')
     end if
   end subroutine give_up
+
+  !> Whether the object is at rest now, as the method has found it, and the event that this is.
+  subroutine note_rest(self)
+    class(trajectory_t), intent(inout) :: self
+    logical :: at_rest_now
+
+    at_rest_now = .not. any(abs(self%now%y) > 0.0_wp)
+    if (at_rest_now .and. .not. self%sticking) then
+      call come_to_rest(self)
+    else if (self%sticking .and. .not. at_rest_now) then
+      self%sticking = .false.
+      self%event = slip_begins
+      self%stepper%count%events = self%stepper%count%events + 1
+    end if
+    self%was_sticking = self%was_sticking .and. at_rest_now
+  end subroutine note_rest
 
   !> Slip speed [m/s] below which a stop is finished in closed form.
   pure real(wp) function cut_level(self)
@@ -428,7 +451,7 @@ contains
     end associate
     if (position > 1.0_wp) return
     call land(self, position, to, outcome)
-    stopped = outcome%solved .and. abs(to%y(1)) <= 1.0e-9_wp*self%stepper%speed_scale
+    stopped = outcome%solved .and. abs(to%y(1)) <= at_rest*self%stepper%speed_scale
     if (stopped .or. .not. outcome%solved) return
     ! A dip that does not reach zero after all; but v may not have passed through it either.
     associate (grid => self%stepper%grid)
@@ -477,7 +500,7 @@ contains
       call self%stepper%attempt(self%system, self%drive%segment(self%segment), self%from, step, to, outcome)
       if (.not. outcome%solved) exit
       associate (grid => self%stepper%grid)
-        if (abs(to%y(1)) <= 1.0e-14_wp*self%stepper%speed_scale) exit
+        if (abs(to%y(1)) <= landed*self%stepper%speed_scale) exit
         slope = dot_product(grid%derivative(grid%degree, 0:grid%degree), &
           self%stepper%nodal(0:grid%degree, column_y))/step
       end associate

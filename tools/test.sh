@@ -1,20 +1,22 @@
 #!/usr/bin/env bash
 # tools/test.sh [--quick | --full]: installs what is missing, builds, and runs every test.
-# --quick leaves out the build with run-time checks; --full adds the heavier proofs.
+# --quick leaves out the build with run-time checks; --full adds the heavier proofs, and the build in quadruple precision.
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 
 with_debug=yes
+with_quad=no
 selection=(-m 'not full')
 for argument in "$@"; do
   case $argument in
     --quick) with_debug=no ;;
-    --full) selection=() DYNSTICTION_FULL=1; export DYNSTICTION_FULL ;;
+    --full) selection=() with_quad=yes DYNSTICTION_FULL=1; export DYNSTICTION_FULL ;;
     *) die "unknown option $argument: tools/test.sh [--quick | --full]" ;;
   esac
 done
 
 debug=$checkout/build/debug
+quad=$checkout/build/quad
 checks='-fcheck=all -ffpe-trap=invalid,zero,overflow -fbacktrace'
 summaries=()
 failed=0
@@ -38,6 +40,11 @@ prepare
 build_release
 cd "$checkout"
 export DYNSTICTION_EXE=$venv/bin/dynstiction
+if [[ $with_quad == yes ]]; then
+  build "$quad" -Dprecision=quad
+  export DYNSTICTION_QUAD_EXE=$quad/src/dynstiction-quad
+  unit_tests 'Fortran unit tests in quadruple precision' "$quad"
+fi
 unit_tests 'Fortran unit tests' "$release"
 python_tests 'Python tests' ${selection[@]+"${selection[@]}"}
 

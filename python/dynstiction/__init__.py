@@ -25,6 +25,7 @@ from .errors import (
 from .record import Described
 from .result import Result, open
 from .scene import Scene
+from .spectrum import Spectrogram, creep_frequency, oscillation_frequency, ridge, spectrogram
 from .stability import (
     CriticalMisalignment,
     critical_misalignment,
@@ -46,15 +47,20 @@ __all__ = [
     "Result",
     "Scene",
     "SolverError",
+    "Spectrogram",
     "UsageError",
     "creep_asymptotic",
     "creep_exact",
+    "creep_frequency",
     "creep_velocity",
     "critical_misalignment",
     "damping_ratio",
     "jacobian",
     "open",
+    "oscillation_frequency",
     "rhs",
+    "ridge",
     "run",
+    "spectrogram",
     "steady_sliding_eigenvalues",
 ]

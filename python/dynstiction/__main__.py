@@ -1,16 +1,19 @@
-"""``python -m dynstiction``: figures of result files."""
+"""``python -m dynstiction``: figures of results and of the paper, animations, and the validation of slow creep."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
-from .errors import Error, IncompleteWarning, UsageError
-from .result import open
+from .errors import Error, FileError, IncompleteWarning, UsageError
+from .result import Result, open
+
+# The plotting modules are imported where they are used: matplotlib is slow to import.
 
 
 class _Parser(argparse.ArgumentParser):
@@ -22,31 +25,170 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status; a fault goes to stderr as one line."""
     try:
         options = _parser().parse_args(arguments)
-        _plot(options.file, options.kind, options.output)
+        command: Callable[[argparse.Namespace], int | None] = options.command
+        return command(options) or 0
     except Error as error:
         print(f"dynstiction: {error}", file=sys.stderr)
         return error.exit_status
-    return 0
 
 
 def _parser() -> _Parser:
-    parser = _Parser(prog="python -m dynstiction", description="Figures of dynstiction's result files.")
+    parser = _Parser(prog="python -m dynstiction", description="Figures of dynstiction's results.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    plot = commands.add_parser("plot", help="draw a result file", description="Draw a result file.")
-    plot.add_argument("file", metavar="FILE.h5", type=Path)
-    plot.add_argument("--kind", default="history", help="history (the default) or path")
-    plot.add_argument("-o", "--output", metavar="PNG", type=Path, help="default: FILE.png; also .pdf, .svg")
+    _add_plot(commands)
+    _add_paper(commands)
+    _add_animate(commands)
+    _add_validate_creep(commands)
     return parser
 
 
-def _plot(file: Path, kind: str, output: Path | None) -> None:
-    from . import plot  # noqa: PLC0415  (matplotlib is slow to import)
+def _add_plot(commands: argparse._SubParsersAction[_Parser]) -> None:
+    parser = commands.add_parser("plot", help="draw a result file", description="Draw a result file.")
+    parser.add_argument("file", metavar="FILE.h5", type=Path)
+    parser.add_argument(
+        "--kind",
+        default="history",
+        help="history (the default), velocities, spectrogram, damping, creep or path",
+    )
+    parser.add_argument("-o", "--output", metavar="PNG", type=Path, help="default: FILE.png; also .pdf, .svg")
+    parser.set_defaults(command=_plot)
 
+
+def _plot(options: argparse.Namespace) -> None:
+    from . import plot  # noqa: PLC0415
+
+    result = _open(options.file)
+    plot.save(result, options.output or options.file.with_suffix(".png"), options.kind)
+
+
+def _add_paper(commands: argparse._SubParsersAction[_Parser]) -> None:
+    parser = commands.add_parser(
+        "paper",
+        help="draw every figure of the paper",
+        description="Run the decks of Nakano and Popov (2020) and draw every figure. Prints the files it wrote.",
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, required=True, help="made if it is not there"
+    )
+    parser.add_argument("--format", choices=("png", "pdf", "svg"), default="png", help="default: png")
+    parser.set_defaults(command=_paper)
+
+
+def _paper(options: argparse.Namespace) -> None:
+    from .plot.paper import draw_paper  # noqa: PLC0415
+
+    def progress(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    for file in draw_paper(options.output, options.format, progress=progress):
+        print(file)
+
+
+def _add_animate(commands: argparse._SubParsersAction[_Parser]) -> None:
+    parser = commands.add_parser(
+        "animate",
+        help="show a run from above",
+        description="The object from above, while friction turns and the spring force and the position evolve.",
+    )
+    parser.add_argument("file", metavar="FILE.h5", type=Path)
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT",
+        type=Path,
+        required=True,
+        help="X.gif, X.mp4 (needs ffmpeg), or a folder for PNG frames",
+    )
+    parser.add_argument("--from", dest="start", metavar="T", type=float, help="first time of the run [s]")
+    parser.add_argument("--to", dest="end", metavar="T", type=float, help="last time of the run [s]")
+    parser.add_argument("--fps", metavar="N", type=int, default=20, help="frames per second (20)")
+    parser.add_argument(
+        "--seconds", metavar="S", type=float, default=10.0, help="length of the film [s] (10)"
+    )
+    parser.set_defaults(command=_animate)
+
+
+def _animate(options: argparse.Namespace) -> None:
+    from .plot.animation import animate  # noqa: PLC0415
+
+    animate(
+        _open(options.file),
+        options.output,
+        start=options.start,
+        end=options.end,
+        frames_per_second=options.fps,
+        seconds=options.seconds,
+        progress=_show_frame if sys.stderr.isatty() else None,
+    )
+
+
+def _show_frame(frame: int, count: int) -> None:
+    print(f"\rframe {frame}/{count}", end="\n" if frame == count else "", file=sys.stderr, flush=True)
+
+
+def _add_validate_creep(commands: argparse._SubParsersAction[_Parser]) -> None:
+    parser = commands.add_parser(
+        "validate-creep",
+        help="which exponent Eq. (8) has",
+        description="Hold the forms of Eq. (8) against the exact creep, and that against the full model. Prints "
+        "the tables and the finding, writes creep_validation.png and creep_validation.csv; exit status 1 if a "
+        "check fails.",
+    )
+    parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=Path(), help="default: here")
+    parser.set_defaults(command=_validate_creep)
+
+
+def _validate_creep(options: argparse.Namespace) -> int:
+    from . import validate  # noqa: PLC0415
+    from .plot.creep_validation import draw_creep_validation  # noqa: PLC0415
+    from .plot.style import new_figure, write  # noqa: PLC0415
+
+    with _progress("runs of the full model", validate.RUNS) as advance:
+        validation = validate.validate_creep(advance=advance)
+    print(validation.report())
+    table = options.output / "creep_validation.csv"
+    try:
+        options.output.mkdir(parents=True, exist_ok=True)
+        with table.open("w", encoding="utf-8", newline="") as file:
+            validation.write_csv(file)
+    except OSError as error:
+        raise FileError(f"{table}: cannot be written: {error}") from error
+    figure = new_figure(lambda empty: draw_creep_validation(validation, empty))
+    write(figure, options.output / "creep_validation.png")
+    return 0 if validation.holds else 1
+
+
+@contextmanager
+def _progress(what: str, total: int) -> Iterator[Callable[[], None]]:
+    """Count on stderr: a bar where tqdm is installed, otherwise a plain line now and then."""
+    done = 0
+
+    def count() -> None:
+        nonlocal done
+        done += 1
+        if done % 10 == 0 or done == total:
+            print(f"{done} of {total} {what}", file=sys.stderr, flush=True)
+
+    try:
+        from tqdm import tqdm  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+    except ImportError:
+        yield count
+        return
+    with tqdm(total=total, desc=what) as bar:
+
+        def update() -> None:
+            bar.update()
+
+        yield update
+
+
+def _open(file: Path) -> Result:
+    """A result file; that it is incomplete is said in one line."""
     with warnings.catch_warnings(record=True, action="always", category=IncompleteWarning) as caught:
         result = open(file)
     for warning in caught:
         print(f"dynstiction: {warning.message}", file=sys.stderr)
-    plot.save(result, output or file.with_suffix(".png"), kind)
+    return result
 
 
 if __name__ == "__main__":

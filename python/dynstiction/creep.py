@@ -79,8 +79,8 @@ def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep
 
     Notes
     -----
-    With kappa = 0 all are good to 2e-14 of themselves for 1e-6 deg <= phi <= 89 deg. With kappa > 0 the rounding of the time
-    of release enters, and X keeps about 1e-16 absolute only.
+    All are good to 2e-14 of themselves for 1e-6 deg <= phi <= 89 deg, X'/V and X to 2e-15, up to where 1 - X'/V = 1e-12.
+    With kappa > 0, X just after the release at tau_1 keeps about 2e-16 tau_1/(tau - tau_1) only: the rounding of phi shifts tau_1.
     """
     shape = np.broadcast_shapes(np.shape(tau), np.shape(phi), np.shape(kappa))
     taus, phis, kappas = _flat(tau, shape), _one_or_flat(phi, shape), _one_or_flat(kappa, shape)

@@ -68,6 +68,15 @@ def fig3_result(fig3: ds.Scene) -> ds.Result:
 
 
 @pytest.fixture(scope="session")
+def fig4_result() -> ds.Result:
+    """The first creep, sampled at 20 kHz: the deck of Fig. 4 as it was installed."""
+    import dynstiction as ds  # noqa: PLC0415
+    from dynstiction.plot.paper import deck  # noqa: PLC0415
+
+    return ds.run(deck("fig4"))
+
+
+@pytest.fixture(scope="session")
 def executable() -> Path:
     """The program under test: DYNSTICTION_EXE, beside this Python, or on the PATH."""
     named = os.environ.get("DYNSTICTION_EXE")

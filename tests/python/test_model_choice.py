@@ -3,10 +3,9 @@
 import subprocess
 from pathlib import Path
 
+import dynstiction as ds
 import numpy as np
 import pytest
-
-import dynstiction as ds
 
 FIG3 = {
     "mass": 0.25,
@@ -24,7 +23,11 @@ ACCURACIES = (0.3, 0.1, 0.02, 1e-2, 1e-3, 1e-4, 1e-6)
 def deck(scene: dict[str, float], model: str, lengths: float, more: str = "") -> str:
     """A scene in which the drive moves by so many l_x."""
     t_end = lengths * scene["mu_0"] * 10.0 / scene["stiffness_x"] / scene["velocity"]
-    law = "law='constant'" if scene["mu_inf"] == scene["mu_0"] else f"mu_inf={scene['mu_inf']}, v_f={scene['v_f']}"
+    law = (
+        "law='constant'"
+        if scene["mu_inf"] == scene["mu_0"]
+        else f"mu_inf={scene['mu_inf']}, v_f={scene['v_f']}"
+    )
     return f"""
     &scene model='{model}', t_end={t_end!r} {more} /
     &system mass={scene["mass"]}, stiffness_x={scene["stiffness_x"]}, stiffness_y={scene["stiffness_y"]},
@@ -100,17 +103,19 @@ def test_error_stays_below_accuracy(change: dict[str, float]) -> None:
 @pytest.mark.parametrize(
     ("quantities", "accuracy", "lengths", "angle", "model"),
     [
-        ("creep", 1e-2, 0.5, 1.0, "creep_asymptotic"),
+        ("creep", 2e-2, 0.5, 1.0, "creep_asymptotic"),
         ("creep", 1e-1, 0.9, 1.0, "creep_asymptotic"),
-        ("creep", 2e-2, 0.95, 2.5, "creep"),
-        ("creep", 1e-2, 0.95, 5.0, "low_frequency"),
+        ("creep", 3e-2, 0.95, 2.5, "creep"),
+        ("creep", 2e-2, 0.95, 5.0, "low_frequency"),
         ("creep", 1e-9, 0.5, 1.0, "full"),
         ("stick_slip", 3e-2, 5.0, 1.0, "low_frequency"),
         ("stick_slip", 1e-3, 5.0, 1.0, "full"),
         ("high_frequency", 1e-1, 0.5, 1.0, "full"),
     ],
 )
-def test_the_cheapest_is_found(quantities: str, accuracy: float, lengths: float, angle: float, model: str) -> None:
+def test_the_cheapest_is_found(
+    quantities: str, accuracy: float, lengths: float, angle: float, model: str
+) -> None:
     more = f"quantities='{quantities}', accuracy={accuracy}"
     text = deck(FIG3 | {"misalignment_deg": angle}, "auto", lengths, more)
     assert ds.run(text).attributes["model"] == model
@@ -144,7 +149,7 @@ def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object
 
 
 def test_a_column_that_a_model_lacks_rules_it_out() -> None:
-    text = deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=1e-2")
+    text = deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=2e-2")
     assert ds.run(text, output={"fields": ["X", "theta"]}).attributes["model"] == "creep"
     assert ds.run(text, output={"fields": ["X", "X_rate"]}).attributes["model"] == "creep_asymptotic"
 
@@ -156,7 +161,7 @@ def test_the_choice_is_in_the_file_and_on_the_terminal(executable: Path, tmp_pat
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stderr
 
     path = tmp_path / "auto.nml"
-    path.write_text(deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=1e-2"))
+    path.write_text(deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=2e-2"))
     assert "auto.nml: model 'auto' is creep_asymptotic: " in run()
     attributes = ds.open(tmp_path / "auto.h5").attributes
     assert attributes["model"] == "creep_asymptotic"

@@ -371,7 +371,6 @@ contains
     character(*), parameter :: s = '&scene t_end = 1'//n
 
     call refuse_once('unknown model', s//"model='ful' /"//n//rest, "unknown model 'ful': the nearest is 'full'")
-    call refuse_once('later method', whole//"&integrator method='moreau_jean' /", "method 'moreau_jean' is not available")
     call refuse_once('unknown field', whole//"&output fields='ux' /", "unknown fields 'ux': the nearest is 'u_x'")
     call refuse_once('field in the next line', whole//"&output fields='u_x'"//n//' 3 /', "bad.nml:6: '3' is not text")
     call refuse_once('field twice', whole//"&output fields='u_x','u_x' /", "'u_x' more than once in 'fields'")
@@ -442,8 +441,11 @@ contains
     call refuse_once('rk4 exact', whole//"&integrator method = 'rk4' step = 1e-6 /", &
                      "method 'rk4' cannot follow the exact contact of model 'full': choose contact = 'smoothed'")
     call accept('rk4 smoothed', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 /", deck)
+    call accept('moreau_jean exact', whole//" &integrator method = 'moreau_jean' step = 1e-6 /", deck)
+    call refuse_once('moreau_jean smoothed', smoothed//" v_smooth = 1e-9 / &integrator method = 'moreau_jean' step = 1e-6 /", &
+                     "method 'moreau_jean' knows only the exact contact: choose contact = 'exact'")
     call refuse_once('rk4 without step', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' /", &
-                     "'step' is missing in &integrator (needed with method rk4)")
+                     "'step' is missing in &integrator (needed with method rk4 | moreau_jean)")
     call refuse_once('rk4 with rtol', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 rtol = 1e-5 /", &
                      "'rtol' is not used with method rk4")
     call refuse_once('a faulty law asks for nothing', scene_group//system_group//drive_group// &

@@ -9,9 +9,11 @@ program test_models
   use dst_drive, only: drive_t, drive_segment_t, new_drive
   use dst_friction, only: friction_law_t, new_friction_law
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
+  use dst_low_frequency, only: low_frequency_t, new_low_frequency
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
   use dst_stepper, only: motion_t
+  use dst_straight_slip, only: straight_slip_t, new_straight_slip
   implicit none
 
   real(wp), parameter :: eps = epsilon(1.0_wp)
@@ -24,6 +26,7 @@ program test_models
   call test_drive()
   call test_jacobians()
   call test_equations()
+  call test_reduced_equations()
   call test_release()
   call test_release_at_the_limit()
   call test_onset()
@@ -159,8 +162,9 @@ contains
   !> Exact derivatives against central differences, for all stages of one call.
   subroutine test_jacobians()
     integer :: trial
-    real(wp) :: worst(5)
+    real(wp) :: worst(6)
     type(slider_t) :: slider
+    type(straight_slip_t) :: straight
 
     worst = 0.0_wp
     do trial = 1, 40
@@ -175,11 +179,27 @@ contains
       worst = max(worst, jacobian_errors(new_full_smoothed(slider), slider, .false.))
     end do
     call report('smoothed', worst)
+    worst = 0.0_wp
+    do trial = 1, 40
+      slider = random_slider(merge('weakening', 'constant ', modulo(trial, 4) > 0))
+      worst = max(worst, jacobian_errors(new_low_frequency(slider), slider, .false.))
+    end do
+    call report('low frequency', worst)
+    worst = 0.0_wp
+    do trial = 1, 40
+      slider = random_slider(merge('weakening', 'constant ', modulo(trial, 4) > 0))
+      slider%turns = .false.
+      slider%follows = merge([1.0_wp, 0.0_wp], [0.0_wp, 1.0_wp], modulo(trial, 2) == 0)
+      straight = new_straight_slip(slider, merge(1, 2, modulo(trial, 2) == 0), [1.0e-4_wp, 1.0e-7_wp])
+      call straight%face(sum(uniform(1, -pi, pi)))
+      worst = max(worst, jacobian_errors(straight, slider, .false.))
+    end do
+    call report('straight slip', worst)
   end subroutine test_jacobians
 
   subroutine report(name, worst)
     character(*), intent(in) :: name
-    real(wp), intent(in) :: worst(5)
+    real(wp), intent(in) :: worst(6)
     real(wp), parameter :: tolerance = 3.0e-7_wp
 
     call check_close(name//': force_u', worst(1), 0.0_wp, tolerance)
@@ -187,53 +207,60 @@ contains
     call check_close(name//': inertia_y', worst(3), 0.0_wp, tolerance)
     call check_close(name//': velocity_y', worst(4), 0.0_wp, tolerance)
     call check_close(name//': dissipation_y', worst(5), 0.0_wp, tolerance)
+    call check_close(name//': supply_y', worst(6), 0.0_wp, tolerance)
   end subroutine report
 
   !> Largest differences, relative to the size of the function over the scale of its argument, of force_u, force_y, inertia_y,
-  !> velocity_y and dissipation_y.
+  !> velocity_y, dissipation_y and supply_y.
   function jacobian_errors(system, slider, polar) result(worst)
     class(slip_system_t), intent(in) :: system
     type(slider_t), intent(in) :: slider
     logical, intent(in) :: polar
     integer, parameter :: s = 3
-    real(wp) :: worst(5)
+    real(wp), parameter :: drive(s) = [1.0e-3_wp, -5.0e-3_wp, 2.0e-2_wp]
+    real(wp) :: worst(6)
     type(stage_terms_t) :: terms, above, below
-    real(wp), dimension(s, 2) :: u, y, velocity, velocity_above, velocity_below, shift
-    real(wp), dimension(s, 2, 2) :: velocity_y, unused
+    real(wp), dimension(s, system%components) :: u, y, velocity, velocity_above, velocity_below, shift
+    real(wp), dimension(s, system%components, system%components) :: velocity_y, unused
     real(wp) :: scale(2), force, h
-    integer :: l
+    integer :: l, n
 
-    u(:, 1) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(1)
-    u(:, 2) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(2)
-    y(:, 1) = uniform(s, -0.02_wp, 0.02_wp)
-    y(:, 2) = merge(uniform(s, -pi, pi), uniform(s, -0.02_wp, 0.02_wp), polar)
-    terms = new_terms(s, 2)
-    above = new_terms(s, 2)
-    below = new_terms(s, 2)
+    n = system%components
+    do l = 1, n
+      u(:, l) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(system%axis + l - 1)
+      y(:, l) = uniform(s, -0.02_wp, 0.02_wp)
+    end do
+    if (polar) y(:, n) = uniform(s, -pi, pi)
+    terms = new_terms(s, n)
+    above = new_terms(s, n)
+    below = new_terms(s, n)
     call system%kinematics(s, y, velocity, velocity_y)
-    call system%dynamics(s, still, u, y, velocity_y, terms)
+    call system%dynamics(s, drive, u, y, velocity_y, terms)
     force = slider%law%onset/slider%mass
+    scale = [0.01_wp, merge(1.0_wp, 0.01_wp, polar)]
+    if (slider%smoothing > 0.0_wp) scale = min(scale, sqrt(slider%smoothing))
+    if (abs(system%guided) > 0.0_wp) scale = min(scale, abs(system%guided)*minval(abs(drive)))
     worst = 0.0_wp
-    do l = 1, 2
-      h = 1.0e-4_wp*slider%law%onset/slider%stiffness(l)
+    do l = 1, n
+      h = 1.0e-4_wp*slider%law%onset/slider%stiffness(system%axis + l - 1)
       shift = 0.0_wp
       shift(:, l) = h
-      call system%dynamics(s, still, u + shift, y, velocity_y, above)
-      call system%dynamics(s, still, u - shift, y, velocity_y, below)
+      call system%dynamics(s, drive, u + shift, y, velocity_y, above)
+      call system%dynamics(s, drive, u - shift, y, velocity_y, below)
       worst(1) = max(worst(1), maxval(abs((above%force - below%force)/2.0_wp - terms%force_u(:, :, l)*h))/(force*1.0e-4_wp))
-      scale = [0.01_wp, merge(1.0_wp, 0.01_wp, polar)]
-      if (.not. polar) scale = min(scale, sqrt(slider%smoothing))
       h = 1.0e-4_wp*scale(l)
       shift(:, l) = h
       call system%kinematics(s, y + shift, velocity_above, unused)
-      call system%dynamics(s, still, u, y + shift, unused, above)
+      call system%dynamics(s, drive, u, y + shift, unused, above)
       call system%kinematics(s, y - shift, velocity_below, unused)
-      call system%dynamics(s, still, u, y - shift, unused, below)
+      call system%dynamics(s, drive, u, y - shift, unused, below)
       worst(2) = max(worst(2), maxval(abs((above%force - below%force)/2.0_wp - terms%force_y(:, :, l)*h))/(force*1.0e-4_wp))
       worst(3) = max(worst(3), maxval(abs((above%inertia - below%inertia)/2.0_wp - terms%inertia_y(:, :, l)*h))/h)
       worst(4) = max(worst(4), maxval(abs((velocity_above - velocity_below)/2.0_wp - velocity_y(:, :, l)*h)) &
         /(0.01_wp*1.0e-4_wp))
       worst(5) = max(worst(5), maxval(abs((above%dissipation - below%dissipation)/2.0_wp - terms%dissipation_y(:, l)*h)) &
+        /(slider%law%onset*0.01_wp*1.0e-4_wp))
+      worst(6) = max(worst(6), maxval(abs((above%supply - below%supply)/2.0_wp - terms%supply_y(:, l)*h)) &
         /(slider%law%onset*0.01_wp*1.0e-4_wp))
     end do
   end function jacobian_errors
@@ -297,6 +324,59 @@ contains
     call check('smoothed: finite at rest', all(abs(terms%force) <= huge(1.0_wp)) .and. all(abs(terms%force_y) <= huge(1.0_wp)) &
       .and. all(abs(terms%dissipation_y) <= 0.0_wp))
   end subroutine test_equations
+
+  !> The reduced models against m w' = K u - F(v) w/v, and their power balance.
+  subroutine test_reduced_equations()
+    type(low_frequency_t) :: low
+    type(straight_slip_t) :: straight
+    type(slider_t) :: slider
+    type(stage_terms_t) :: terms
+    real(wp) :: y(2), w(2), u(2), drive, v, friction(1), slope(1), n(2), one(1, 1), gradient(1, 1, 1), worst(4), input
+    integer :: trial
+
+    terms = new_terms(1, 1)
+    worst = 0.0_wp
+    do trial = 1, 50
+      slider = random_slider('weakening')
+      u = [1.0_wp, 0.3_wp]*uniform(2, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness
+      drive = sum(uniform(1, -0.01_wp, 0.01_wp))
+      y = [sum(uniform(1, -0.02_wp, 0.02_wp)), 0.0_wp]
+      low = new_low_frequency(slider)
+      w = low%slip_velocity(y, drive)
+      v = norm2(w)
+      call slider%law%evaluate(1, [v], friction, slope)
+      call low%kinematics(1, y(1:1), one, gradient)
+      call low%dynamics(1, [drive], u(1:1), y(1:1), gradient, terms)
+      worst(1) = max(worst(1), abs(w(2) - drive*slider%along(2))/v, &
+        abs(slider%mass*terms%force(1, 1) - slider%stiffness(1)*u(1) + friction(1)*w(1)/v)/slider%law%onset)
+      ! X' = w . e; the power put in is that stored and that lost.
+      worst(2) = max(worst(2), abs(low%forward(1)*w(1) + low%carried*drive - dot_product(w, slider%along))/v)
+      input = drive*low%along_stiffness(1)*u(1) + terms%supply(1)
+      worst(2) = max(worst(2), abs(input - terms%dissipation(1) - slider%mass*w(1)*terms%force(1, 1) &
+        - slider%stiffness(1)*u(1)*(drive*slider%along(1) - w(1)))/(slider%law%onset*v))
+
+      slider%follows = [0.0_wp, 1.0_wp]
+      slider%turns = .false.
+      straight = new_straight_slip(slider, 2, u)
+      call straight%face(sum(uniform(1, -pi, pi)))
+      n = straight%direction
+      y(1) = abs(y(1))
+      w = straight%slip_velocity(y, drive)
+      call slider%law%evaluate(1, y(1:1), friction, slope)
+      call straight%kinematics(1, y(1:1), one, gradient)
+      call straight%dynamics(1, [drive], u(2:2), y(1:1), gradient, terms)
+      worst(3) = max(worst(3), norm2(w - y(1)*n)/y(1), abs(one(1, 1) - w(2))/y(1), &
+        abs(slider%mass*terms%force(1, 1) - dot_product(slider%stiffness*u, n) + friction(1))/slider%law%onset)
+      worst(4) = max(worst(4), abs(straight%forward(2)*w(2) - dot_product(w, slider%along))/y(1))
+      input = drive*straight%along_stiffness(2)*u(2) + terms%supply(1)
+      worst(4) = max(worst(4), abs(input - terms%dissipation(1) - slider%mass*y(1)*terms%force(1, 1) &
+        - slider%stiffness(2)*u(2)*(drive*slider%along(2) - w(2)))/(slider%law%onset*y(1)))
+    end do
+    call check_close('low frequency: Eq. (4)', worst(1), 0.0_wp, 16.0_wp*eps)
+    call check_close('low frequency: power', worst(2), 0.0_wp, 64.0_wp*eps)
+    call check_close('straight slip: Eq. (9)', worst(3), 0.0_wp, 16.0_wp*eps)
+    call check_close('straight slip: power', worst(4), 0.0_wp, 256.0_wp*eps)
+  end subroutine test_reduced_equations
 
   !> First delay at which |K (u + D(t) e)| = F_0, by bisection on each stretch between the turns of the drive.
   function release_by_bisection(slider, u, drive, time, last) result(delay)

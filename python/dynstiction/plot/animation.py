@@ -1,0 +1,288 @@
+"""The object from above, while friction turns and the spring force and the position evolve."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+
+from ..errors import FileError, UsageError
+from ..result import Result
+from .samples import Floats, columns, thin
+from .schematics import coil, principal_axes
+from .style import BLACK, BLUE, GREEN, PURPLE, STYLE, VERMILION
+from .theory import stiff_frequency
+
+__all__ = ["animate", "view_from_above"]
+
+# 800 by 520 dots: MP4 wants even numbers.
+SIZE = (6.4, 4.16)
+DOTS_PER_INCH = 125
+PANEL_RATIO = 2.35
+"""Width of the view from above over its height."""
+AVERAGED_PERIODS = 10.0
+COLUMNS = ("X", "Y", "u_x", "u_y", "spring_force_x", "friction", "theta", "psi")
+MM = 1e3
+"""Millimetres in a metre."""
+
+
+def animate(
+    result: Result,
+    output: Path,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    frames_per_second: int = 20,
+    seconds: float = 10.0,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Write a film of a run as seen from above.
+
+    Parameters
+    ----------
+    result : Result
+        A run with the columns X, Y, u_x, u_y, spring_force_x, friction, theta and psi.
+    output : Path
+        ``X.gif``, ``X.mp4`` (needs the program ffmpeg), or a folder for ``frame_0001.png``, …
+    start, end : float
+        The part of the run [s]; all of it without them.
+    frames_per_second : int
+        Rate of the film.
+    seconds : float
+        Length of the film [s].
+    progress : callable
+        Is told the number of the frame and how many there are.
+
+    Raises
+    ------
+    UsageError
+        If an argument makes no sense, a column is missing, or ffmpeg is.
+    FileError
+        If the film cannot be written, or the folder holds frames already.
+    """
+    times = _frame_times(result, start, end, frames_per_second, seconds)
+    save = _saver(output, frames_per_second)
+    with rc_context(STYLE):
+        figure, show = view_from_above(result, times)
+
+        def shown(frame: int) -> None:
+            show(frame)
+            if progress is not None:
+                progress(frame + 1, times.size)
+
+        try:
+            save(figure, shown, times.size)
+        except subprocess.CalledProcessError as error:
+            raise FileError(f"{output}: ffmpeg failed: write a GIF or a folder of frames instead") from error
+        except OSError as error:
+            raise FileError(f"{output}: cannot be written: {error.strerror or error}") from error
+
+
+def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], None]]:
+    """Figure of a run, and a function that sets it to a frame.
+
+    Above the object in the plane of the floor, to scale, with the friction that acts on it; below spring force, angle
+    of friction and position against time. What oscillates is drawn as its mean over ten periods of the stiff axis, at
+    most since the last frame, and the tip of the friction vector as the line that it has passed in this time.
+
+    Parameters
+    ----------
+    result : Result
+        A run.
+    times : ndarray, shape (n,)
+        Rising times of the frames [s].
+
+    Returns
+    -------
+    figure : Figure
+    show : callable
+        ``show(frame)`` with 0 <= frame < n.
+    """
+    needed = columns(result, *COLUMNS)
+    first, last = np.searchsorted(result.time, [times[0], times[-1]])
+    part = slice(int(first), int(last) + 1)
+    figure = Figure(figsize=SIZE, dpi=DOTS_PER_INCH, layout="constrained")
+    axes = figure.subplot_mosaic([["above"] * 3, ["force", "angle", "position"]], height_ratios=(2.3, 1.0))
+    scene = _Scene(axes["above"], result, needed, part)
+    traces = _draw_traces([axes[name] for name in ("force", "angle", "position")], result.time, needed, part)
+    ends = np.clip(np.searchsorted(result.time, times, side="right"), 1, result.time.size)
+    begins = np.minimum(np.searchsorted(result.time, times - _averaging_time(result, times)), ends - 1)
+
+    def show(frame: int) -> None:
+        now = slice(int(begins[frame]), int(ends[frame]))
+        scene.show(now, times[frame])
+        traces(now)
+
+    show(0)
+    # Later frames keep the layout of the first: they must not wobble, and laying out is slow.
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    return figure, show
+
+
+def _averaging_time(result: Result, times: Floats) -> float:
+    stiff = stiff_frequency(result)
+    between_frames = float(times[1] - times[0])
+    return 0.0 if stiff is None else min(between_frames, AVERAGED_PERIODS / stiff)
+
+
+class _Scene:
+    """The object, the spring, its driven end, the soft axis and the friction vector in the plane of the floor."""
+
+    def __init__(self, axis: Axes, result: Result, needed: Mapping[str, Floats], part: slice) -> None:
+        phi = np.radians(float(result.parameters.get("misalignment_deg", 0.0)))
+        soft, stiff = principal_axes(phi)
+        self.place = MM * np.stack([needed["X"], needed["Y"]], axis=1)
+        self.driven = self.place + MM * (np.outer(needed["u_x"], soft) + np.outer(needed["u_y"], stiff))
+        # Friction acts against the slip.
+        direction = np.stack([np.cos(needed["psi"]), np.sin(needed["psi"])], axis=1)
+        self.friction = -needed["friction"][:, np.newaxis] * direction
+        place, driven = self.place[part], self.driven[part]
+        left, right = min(place[:, 0].min(), driven[:, 0].min()), max(place[:, 0].max(), driven[:, 0].max())
+        stretch = float(np.hypot(*(driven - place).T).max())
+        self.length = max(stretch, 0.25 * (right - left)) or 1.0
+        """Length of the longest friction vector, as drawn [mm]."""
+        self.per_newton = self.length / (float(needed["friction"][part].max()) or 1.0)
+        self.soft = soft
+        self._draw(axis, left, right)
+
+    def _draw(self, axis: Axes, left: float, right: float) -> None:
+        unit = self.length
+        left, right = left - 1.25 * unit, right + 0.5 * unit
+        height = max(2.0 * unit, (right - left) / PANEL_RATIO)
+        spare = max(0.0, PANEL_RATIO * height - (right - left))
+        axis.set_aspect("equal")
+        axis.set_xlim(left - 0.5 * spare, right + 0.5 * spare)
+        axis.set_ylim(-0.6 * height, 0.4 * height)
+        axis.set_xlabel("$X$ [mm]")
+        axis.set_ylabel("$Y$ [mm]")
+        self.half = 0.13 * unit
+        self.limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
+        axis.add_patch(self.limit)
+        (self.axis_line,) = axis.plot(
+            [], [], color="0.6", linewidth=0.8, linestyle=(0, (8, 3, 2, 3)), label="soft axis"
+        )
+        (self.spring,) = axis.plot([], [], color=BLUE, linewidth=1.0, label="spring")
+        (self.end,) = axis.plot(
+            [], [], "D", color=GREEN, markersize=5.0, linestyle="none", label="driven end"
+        )
+        (self.trail,) = axis.plot([], [], color=PURPLE, linewidth=0.8, alpha=0.5)
+        self.body = Rectangle(
+            (0.0, 0.0), 2 * self.half, 2 * self.half, facecolor="0.85", edgecolor=BLACK, zorder=3
+        )
+        self.body.set_angle(np.degrees(math.atan2(self.soft[1], self.soft[0])))
+        self.body.rotation_point = "center"
+        axis.add_patch(self.body)
+        self.vector = axis.quiver(
+            [0.0], [0.0], [0.0], [0.0], color=PURPLE, angles="xy", scale_units="xy", scale=1.0, width=0.006, zorder=4,
+            label="friction on the object",
+        )  # fmt: skip
+        self.clock = axis.text(0.012, 0.96, "", transform=axis.transAxes, va="top")
+        axis.legend(loc="upper right", ncols=4, columnspacing=1.2, handlelength=1.6, borderaxespad=0.3)
+
+    def show(self, now: slice, time: float) -> None:
+        """Draw the mean of some samples."""
+        place, driven = self.place[now].mean(axis=0), self.driven[now].mean(axis=0)
+        tips = place + self.per_newton * self.friction[now]
+        reach = np.array([[-1.0], [1.0]]) * 20.0 * self.length
+        self.axis_line.set_data(*(place + reach * self.soft).T)
+        self.spring.set_data(*coil(place, driven, turns=10, width=0.06 * self.length).T)
+        self.end.set_data(driven[:1], driven[1:])
+        self.trail.set_data(*tips.T)
+        self.limit.center = (float(place[0]), float(place[1]))
+        self.body.set_xy((place[0] - self.half, place[1] - self.half))
+        mean = tips.mean(axis=0) - place
+        self.vector.set_offsets(place)
+        self.vector.set_UVC(mean[:1], mean[1:])
+        self.clock.set_text(f"$t$ = {time:.3f} s")
+
+
+def _draw_traces(
+    axes: Sequence[Axes], time: Floats, needed: Mapping[str, Floats], part: slice
+) -> Callable[[slice], None]:
+    """Spring force, angle and position against time; the function moves the dots that mark a frame."""
+    panels = {
+        "$k_x u_x$ [N]": (needed["spring_force_x"], BLUE),
+        r"$\theta$ [deg]": (np.degrees(needed["theta"]), PURPLE),
+        "$X$ [mm]": (MM * needed["X"], BLACK),
+    }
+    dots = []
+    for axis, (label, (values, colour)) in zip(axes, panels.items(), strict=True):
+        axis.plot(*thin(time[part], values[part]), color=colour)
+        dots.append((axis.plot([], [], "o", color=VERMILION, markersize=4.5)[0], values))
+        axis.set_xlim(time[part][0], time[part][-1])
+        axis.margins(y=0.1)
+        axis.locator_params(axis="x", nbins=4)
+        axis.set_xlabel("$t$ [s]")
+        axis.set_ylabel(label)
+
+    def show(now: slice) -> None:
+        for dot, values in dots:
+            dot.set_data([time[now].mean()], [values[now].mean()])
+
+    return show
+
+
+def _frame_times(
+    result: Result, start: float | None, end: float | None, frames_per_second: int, seconds: float
+) -> Floats:
+    if result.time.size < 2:
+        raise UsageError("nothing to show: the result has fewer than two samples")
+    first, last = float(result.time[0]), float(result.time[-1])
+    begin, finish = first if start is None else start, last if end is None else end
+    if not first <= begin < finish <= last:
+        raise UsageError(f"from {begin:g} to {finish:g} s: the run has samples from {first:g} to {last:g} s")
+    if not (frames_per_second > 0 and 0.0 < seconds < math.inf):
+        raise UsageError("frames per second and seconds must be positive")
+    count = round(frames_per_second * seconds)
+    if count < 2:
+        raise UsageError(
+            f"{frames_per_second} frames per second for {seconds:g} s: a film has at least two frames"
+        )
+    return np.linspace(begin, finish, count)
+
+
+def _saver(output: Path, frames_per_second: int) -> Callable[[Figure, Callable[[int], None], int], None]:
+    """What writes the frames, by the suffix of the output; refuses before anything is computed."""
+    suffix = output.suffix.lower()
+    if suffix == "" or output.is_dir():
+        if next(output.glob("frame_*.png"), None) is not None:
+            raise FileError(f"{output}: holds frames already: name another folder, or remove them")
+        return partial(_save_frames, output)
+    if suffix == ".gif":
+        return partial(_save_film, PillowWriter(fps=frames_per_second), output)
+    if suffix != ".mp4":
+        raise UsageError(f"{output}: a film is X.gif, X.mp4, or a folder for PNG frames")
+    if not FFMpegWriter.isAvailable():
+        raise UsageError(
+            f"{output}: needs ffmpeg, which is not there: install it, or write a GIF or a folder of frames"
+        )
+    return partial(_save_film, FFMpegWriter(fps=frames_per_second), output)
+
+
+def _save_film(
+    writer: AbstractMovieWriter, output: Path, figure: Figure, show: Callable[[int], None], count: int
+) -> None:
+    if not output.parent.is_dir():
+        raise FileError(f"{output}: cannot be written: the folder {output.parent} does not exist: create it")
+    with writer.saving(figure, output, dpi=DOTS_PER_INCH):
+        for frame in range(count):
+            show(frame)
+            writer.grab_frame()
+
+
+def _save_frames(output: Path, figure: Figure, show: Callable[[int], None], count: int) -> None:
+    output.mkdir(parents=True, exist_ok=True)
+    digits = max(4, len(str(count)))
+    for frame in range(count):
+        show(frame)
+        figure.savefig(output / f"frame_{frame + 1:0{digits}d}.png", dpi=DOTS_PER_INCH)

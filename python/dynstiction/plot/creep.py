@@ -1,0 +1,110 @@
+"""Slow creep of a run against its closed form and the expansions of Eq. (8)."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..creep import Form, creep_asymptotic
+from ..errors import UsageError
+from ..result import Result
+from .samples import Floats, columns, first_release
+from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, SKY, VERMILION, letter
+from .theory import creep, scaled_time
+
+__all__ = ["draw_creep", "mean_velocity"]
+
+# The forms of Eq. (8) end where they have long failed.
+LAST_TAU = 0.999
+FORMS: dict[Form, tuple[str, str, str]] = {
+    "first_power": ("Eq. (8)", BLUE, "--"),
+    "printed": ("Eq. (8) as printed", VERMILION, ":"),
+    "third_order": ("third order", GREEN, "-."),
+}
+POINTS = 200
+AVERAGED = 8
+"""Least number of samples that are averaged."""
+
+
+def draw_creep(result: Result, figure: Figure) -> None:
+    """Mean velocity along the drive in the first creep, and its deviation from the exact creep."""
+    tau, run, smooth = mean_velocity(result)
+    exact = creep(result, tau / scaled_time(result, np.ones(1))).X_rate
+    phi = np.radians(float(result.parameters["misalignment_deg"]))
+    figure.set_size_inches(COLUMN_WIDTH, 105.0 * MM)
+    axes = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 2.0))
+    axes[0].plot(tau, np.where(run > 0.0, run, np.nan), color=SKY, linewidth=4.0, alpha=0.6, label="run")
+    axes[0].plot(tau, exact, color=BLACK, zorder=3, label="exact, Eq. (7)")
+    axes[1].axhline(0.0, color=BLACK)
+    axes[1].plot(tau, _percent(run, smooth), color=SKY, linewidth=4.0, alpha=0.6)
+    for name, (label, colour, dashes) in FORMS.items():
+        values = _form(tau, phi, name)
+        axes[0].plot(
+            tau, np.where(values > 0.0, values, np.nan), dashes, color=colour, linewidth=1.0, label=label
+        )
+        axes[1].plot(tau, _percent(values, exact), dashes, color=colour, linewidth=1.0)
+    axes[0].set_yscale("log")
+    axes[0].set_ylabel("$X'/V$ [–]")
+    axes[0].legend(loc="upper left", handlelength=2.4)
+    axes[1].set_ylim(-12.0, 12.0)
+    axes[1].set_ylabel("deviation [%]")
+    axes[1].set_xlim(0.0, max(tau[-1], min(1.0, 1.02 * tau[-1])))
+    axes[1].set_xlabel(r"$\tau = V t\, k_x/(\mu_0 W)$ [–]")
+    for panel, axis in zip("ab", axes, strict=True):
+        letter(axis, panel)
+    figure.align_ylabels(axes)
+
+
+def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
+    """Velocity along the drive in the first creep, smoothed.
+
+    A difference of means of X, so the oscillation neither shows nor needs to be resolved by the samples.
+
+    Returns
+    -------
+    tau, run, exact : ndarray, shape (n,)
+        Times V t k_x/(mu_0 W) [-]; X'/V [-] of the run; that of `creep_exact`, smoothed in the same way.
+
+    Raises
+    ------
+    UsageError
+        If the closed form of creep does not apply to the run, or it has no creep.
+    """
+    needed = columns(result, "X", "spring_force_x")
+    end = first_release(needed["spring_force_x"]) + 1
+    tau = scaled_time(result, result.time[:end])
+    if end < 2 * AVERAGED or np.sin(np.radians(float(result.parameters["misalignment_deg"]))) == 0.0:
+        raise UsageError(
+            f"the run has no creep to show: it needs a misalignment that is not 0 and {2 * AVERAGED} samples "
+            "before its first slip"
+        )
+    exact = creep(result, result.time[:end])
+    # X' = w.(cos phi, sin phi) turns round with the drive; the closed form is of a drive with V > 0.
+    drive = float(result.parameters["velocity"])
+    length = drive * result.time[1:2] / scaled_time(result, result.time[1:2])
+    middle, run = _mean_slope(tau, needed["X"][:end] / length)
+    return middle, run, _mean_slope(tau, exact.X)[1]
+
+
+def _mean_slope(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Slope of y(x), averaged with triangles of 1/40 of all samples, and their middles."""
+    half = max(AVERAGED // 2, x.size // 80)
+    starts = np.unique(np.linspace(0, x.size - 1 - 2 * half, POINTS).astype(int))
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x))])
+    left, middle, right = (x[starts + i * half] for i in range(3))
+    first, whole, second = (integral[starts + i * half] for i in range(3))
+    means = (whole - first) / (middle - left), (second - whole) / (right - middle)
+    return (left + middle + right) / 3.0, 2.0 * (means[1] - means[0]) / (right - left)
+
+
+def _form(tau: Floats, phi: float, form: Form) -> Floats:
+    """A form of Eq. (8); NaN where it does not hold."""
+    values = creep_asymptotic(np.minimum(tau, LAST_TAU), phi, form)
+    return np.where(tau < LAST_TAU, values, np.nan)
+
+
+def _percent(values: Floats, exact: Floats) -> Floats:
+    """Deviation [%]; NaN at rest."""
+    return np.asarray(
+        100.0 * np.divide(values - exact, exact, out=np.full_like(exact, np.nan), where=exact > 0.0)
+    )

@@ -1,0 +1,119 @@
+"""Every figure of the paper, from the decks that come with the package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import NamedTuple
+
+from matplotlib.figure import Figure
+
+from .._run import run
+from ..errors import FileError
+from ..result import Result
+from ..scene import Scene
+from ..validate import validate_creep
+from . import KINDS
+from .creep_validation import draw_creep_validation
+from .damping import draw_damping_of
+from .schematics import draw_angles, draw_apparatus
+from .style import new_figure, write
+
+__all__ = ["FIGURES", "PaperFigure", "deck", "draw_paper"]
+
+
+class PaperFigure(NamedTuple):
+    """A figure: what it shows, the decks whose results it needs, and how it is drawn."""
+
+    title: str
+    decks: tuple[str, ...]
+    draw: Callable[[Sequence[Result], Figure], None]
+
+
+def _of_kind(title: str, name: str, kind: str) -> PaperFigure:
+    return PaperFigure(title, (name,), lambda results, figure: KINDS[kind](results[0], figure))
+
+
+FIGURES: dict[str, PaperFigure] = {
+    "fig1": PaperFigure("the model", (), lambda _, figure: draw_apparatus(figure)),
+    "fig2": PaperFigure("its angles", (), lambda _, figure: draw_angles(figure)),
+    "fig3": _of_kind("creep and stick-slip", "fig3", "history"),
+    "fig4": _of_kind("oscillation of the first creep", "fig4", "spectrogram"),
+    "fig5": PaperFigure("damping diagram", ("fig3", "phi10"), draw_damping_of),
+    "creep_validation": PaperFigure(
+        "Eq. (8) against the exact creep and the full model",
+        (),
+        lambda _, figure: draw_creep_validation(validate_creep(), figure),
+    ),
+    "creep": _of_kind("creep against its closed form", "fig3_constant", "creep"),
+    "constant": _of_kind("constant friction: no stick-slip", "fig3_constant", "history"),
+    "phi10": _of_kind("misalignment of 10 degrees: no stick-slip", "phi10", "history"),
+}
+"""Figures by the name of their file."""
+
+
+def deck(name: str) -> Scene:
+    """A deck of ``inputs/``, as it was installed with the package.
+
+    Raises
+    ------
+    FileError
+        If it is not there.
+    """
+    file = resources.files("dynstiction") / "inputs" / f"{name}.nml"
+    try:
+        return Scene(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(f"{file}: {error.strerror or error}: install the package again") from error
+
+
+def draw_paper(
+    folder: Path,
+    suffix: str = "png",
+    names: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> list[Path]:
+    """Run the decks and draw the figures into a folder, which is made if it is not there.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files go; figures of an earlier call are replaced.
+    suffix : {'png', 'pdf', 'svg'}
+        The format.
+    names : sequence of str
+        Which of `FIGURES`; all without it.
+    progress : callable
+        Is told in a line what begins.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order of `FIGURES`.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be written.
+    """
+    wanted = {name: FIGURES[name] for name in names or FIGURES}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{folder}: cannot be made: {error.strerror or error}") from error
+    needed = list(dict.fromkeys(name for figure in wanted.values() for name in figure.decks))
+    results = {}
+    for i, name in enumerate(needed, 1):
+        progress(f"deck {i}/{len(needed)}: {name}.nml")
+        results[name] = run(deck(name))
+    files = []
+    for i, (name, figure) in enumerate(wanted.items(), 1):
+        progress(f"figure {i}/{len(wanted)}: {name}, {figure.title}")
+        files.append(folder / f"{name}.{suffix}")
+        write(_drawn(figure, [results[deck_name] for deck_name in figure.decks]), files[-1])
+    return files
+
+
+def _drawn(figure: PaperFigure, results: Sequence[Result]) -> Figure:
+    return new_figure(lambda empty: figure.draw(results, empty))

@@ -1,0 +1,84 @@
+"""What figures take from the samples of a result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ColumnError
+from ..result import Result
+from .style import COLUMN_WIDTH, DOTS_PER_INCH
+
+__all__ = ["BINS", "Floats", "columns", "first_release", "thin"]
+
+Floats: TypeAlias = NDArray[np.float64]
+
+# Twice the dots of a column's width: no bin is wider than a dot.
+BINS = 2 * int(COLUMN_WIDTH * DOTS_PER_INCH)
+
+
+def columns(result: Result, *names: str) -> Mapping[str, Floats]:
+    """Columns by name.
+
+    Raises
+    ------
+    ColumnError
+        If the result lacks one; the text says how to get it.
+    """
+    missing = [name for name in names if name not in result]
+    if missing:
+        listed = ", ".join(repr(name) for name in (*(n for n in result if n != "time"), *missing))
+        raise ColumnError(
+            f"the result lacks {', '.join(missing)}: run the deck again with output.fields = {listed}"
+        )
+    return {name: result[name] for name in names}
+
+
+def thin(time: Floats, values: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
+    """Smallest and largest value of each stretch of time, in their order.
+
+    The drawn line covers the same dots as that of all samples, however fast they oscillate.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (n,)
+        Rising times and a value at each.
+    bins : int
+        Number of stretches of equal length.
+
+    Returns
+    -------
+    time, values : ndarray, shape (at most 2*bins + 2,)
+        The kept samples, the first and the last among them.
+    """
+    if time.size <= 2 * bins:
+        return time, values
+    edges = np.searchsorted(time, np.linspace(time[0], time[-1], bins + 1)[1:-1])
+    starts = np.unique(np.concatenate([[0], edges]))
+    starts = starts[starts < time.size]
+    sizes = np.diff(np.append(starts, time.size))
+    keep = [0, time.size - 1]
+    for extreme in (np.fmin, np.fmax):
+        reached = values == np.repeat(extreme.reduceat(values, starts), sizes)
+        # The first sample of each bin that reaches its extreme; none where all are NaN.
+        reaching = np.flatnonzero(reached)
+        bin_of = np.searchsorted(starts, reaching, side="right")
+        keep.extend(reaching[np.unique(bin_of, return_index=True)[1]])
+    kept = np.unique(keep)
+    return time[kept], values[kept]
+
+
+def first_release(force: Floats) -> int:
+    """Index of the sample where the first stick phase ends: the first peak of the spring force.
+
+    Without a fall by 5 % there is no slip, and the phase ends where the force comes within 1 % of its
+    largest value.
+    """
+    size = np.abs(force)
+    fallen = np.flatnonzero(np.maximum.accumulate(size) - size > 0.05 * size.max())
+    if fallen.size:
+        return int(np.argmax(size[: fallen[0]]))
+    return int(np.argmax(size >= 0.99 * size.max()))

@@ -1,0 +1,88 @@
+"""How every figure looks: one journal column wide, its fonts, lines and colours."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..errors import FileError
+
+__all__ = [
+    "BLACK",
+    "BLUE",
+    "COLUMN_WIDTH",
+    "DOTS_PER_INCH",
+    "GREEN",
+    "MM",
+    "ORANGE",
+    "PURPLE",
+    "SKY",
+    "STYLE",
+    "VERMILION",
+    "letter",
+    "new_figure",
+    "write",
+]
+
+MM = 1.0 / 25.4
+COLUMN_WIDTH = 86.0 * MM
+DOTS_PER_INCH = 400
+
+# Okabe & Ito's palette, which colour-blind readers can tell apart.
+BLUE, VERMILION, GREEN, PURPLE, BLACK = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#000000"
+ORANGE, SKY = "#E69F00", "#56B4E9"
+
+STYLE: dict[Any, Any] = {
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "lines.linewidth": 0.7,
+    "axes.formatter.useoffset": False,
+    "agg.path.chunksize": 0,
+    "path.simplify": False,
+}
+
+
+def new_figure(draw: Callable[[Figure], None]) -> Figure:
+    """Figure that `draw` has filled, in this style and not attached to any window."""
+    with rc_context(STYLE):
+        figure = Figure(layout="constrained")
+        draw(figure)
+    return figure
+
+
+def write(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure; the suffix names the format.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    try:
+        with rc_context(STYLE):
+            figure.savefig(path, dpi=DOTS_PER_INCH)
+    except (OSError, ValueError) as error:  # matplotlib's ValueError: no such format
+        raise FileError(f"{os.fspath(path)}: cannot be written: {error}") from error
+
+
+def letter(axis: Axes, name: str) -> None:
+    """Name a panel in its upper left corner, outside."""
+    axis.text(-0.19, 1.0, f"({name})", transform=axis.transAxes, va="top", fontweight="bold")

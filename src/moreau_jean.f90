@@ -1,0 +1,266 @@
+!> The Moreau-Jean scheme: fixed step, no events, for the full model with the exact contact.
+!>
+!> The friction is an impulse over the step and obeys the set-valued law at its end, so that rest is
+!> one of the solutions of a step and needs no event. With the elongation u, the slip velocity w
+!> (Cartesian), K = diag(k_x, k_y), D the drive's displacement over the step h, and theta = 1/2,
+!>
+!>     u_1 = u_0 + D e - h w_h,                  w_h = theta w_1 + (1 - theta) w_0,
+!>     m (w_1 - w_0) = h K u_h - h f_1,          u_h = theta u_1 + (1 - theta) u_0,
+!>     f_1 = F(|w_1|) w_1/|w_1|  or, where w_1 = 0,  |f_1| <= F_0.
+!>
+!> Eliminating u_1 leaves A w_1 + f_1 = b with the diagonal A = m/h + theta^2 h K and
+!> b = m w_0/h + K (u_0 + theta D e - theta (1 - theta) h w_0): either |b| <= F_0 and w_1 = 0, or
+!> w_1 = r b/(a r + F(r)) component by component, with the speed r = |w_1| from one scalar equation.
+!>
+!> theta = 1/2 damps no oscillation: without friction the scheme is of second order, with friction,
+!> which is taken at the end of the step, of first order; and the energy balance of a step,
+!> change = D e . K u_h - h f_1 . w_h, holds to roundoff.
+!>
+!> Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Eng. 177 (1999)
+!> 235; V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), Ch. 10.
+module dst_moreau_jean
+  use dst_archive, only: archive_t
+  use dst_kinds, only: wp
+  use dst_drive, only: drive_segment_t
+  use dst_friction, only: friction_law_t
+  use dst_interpolation, only: new_grid
+  use dst_slider, only: slider_t
+  use dst_slip_system, only: slip_system_t
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, exchange_stepper, column_u, column_y, column_position
+  implicit none
+  private
+
+  public :: moreau_jean_t, new_moreau_jean, speed_after
+
+  real(wp), parameter :: theta = 0.5_wp
+
+  type, extends(stepper_t) :: moreau_jean_t
+    type(slider_t) :: slider
+  contains
+    procedure :: restart
+    procedure :: attempt
+    procedure :: accept
+    procedure :: exchange
+  end type moreau_jean_t
+
+contains
+
+  !> The scheme for this slider; the unknowns are its slip velocity in the principal axes.
+  function new_moreau_jean(slider) result(stepper)
+    type(slider_t), intent(in) :: slider
+    type(moreau_jean_t) :: stepper
+
+    stepper%slider = slider
+    stepper%rests_itself = .true.
+    ! The slip velocity is linear within a step, so the elongation is quadratic.
+    stepper%own_grid = new_grid([0.0_wp, 0.5_wp, 1.0_wp])
+    stepper%grid = stepper%own_grid
+  end function new_moreau_jean
+
+  !> A step knows nothing of the ones before.
+  pure subroutine restart(self, rate, curvature)
+    class(moreau_jean_t), intent(inout) :: self
+    real(wp), intent(in) :: rate(:), curvature(:)
+
+    associate (unused => [rate, curvature])
+    end associate
+    self%peak_speed = 0.0_wp
+  end subroutine restart
+
+  !> One step. `system` must have the slip velocity as its unknowns.
+  subroutine attempt(self, system, drive, from, step, to, outcome)
+    class(moreau_jean_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: step
+    type(motion_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
+    real(wp), dimension(2) :: driven, inertia, load, friction, mean_velocity, mean_elongation
+
+    self%step = step
+    associate (m => self%slider%mass, k => self%slider%stiffness, w => from%y)
+      driven = drive%displacement(from%time, step)*system%along
+      inertia = m/step + theta**2*step*k
+      load = m*w/step + k*(from%u + theta*(driven - (1.0_wp - theta)*step*w))
+      call slip_velocity_after(self, inertia, load, norm2(w), to%y, friction)
+      mean_velocity = theta*to%y + (1.0_wp - theta)*w
+      to%u = from%u + driven - step*mean_velocity
+      mean_elongation = theta*to%u + (1.0_wp - theta)*from%u
+      to%time = from%time + step
+      to%position = from%position + step*dot_product(system%along, mean_velocity)
+      to%drive_work = from%drive_work + dot_product(driven, k*mean_elongation)
+      to%friction_work = from%friction_work + step*dot_product(friction, mean_velocity)
+      self%speed_scale = max(norm2(w), norm2(to%y))
+    end associate
+    call set_nodal(self, system, from, to)
+    outcome = attempt_t(solved=.true., error=0.0_wp, factor=1.0_wp)
+  end subroutine attempt
+
+  !> w_1 and f_1 of A w_1 + f_1 = b.
+  subroutine slip_velocity_after(self, inertia, load, speed_before, velocity, friction)
+    class(moreau_jean_t), intent(inout) :: self
+    real(wp), intent(in) :: inertia(2), load(2)         !! A [kg/s] and b [N]
+    real(wp), intent(in) :: speed_before                !! m/s
+    real(wp), intent(out) :: velocity(2), friction(2)   !! m/s, N
+    real(wp) :: force(1), slope(1), speed
+    integer :: iterations
+
+    call speed_after(self%slider%law, inertia, load, speed_before, speed, iterations)
+    self%count%newton = self%count%newton + iterations
+    self%count%rhs = self%count%rhs + 1
+    velocity = 0.0_wp
+    friction = load
+    if (.not. speed > 0.0_wp) return
+    call self%slider%law%evaluate(1, [speed], force, slope)
+    velocity = speed*load/(inertia*speed + force(1))
+    friction = force(1)*load/(inertia*speed + force(1))
+  end subroutine slip_velocity_after
+
+  !> The slip speed r at the end of a step, 0 for rest. With q = A r + F(r), slip is a zero of
+  !>
+  !>     e(r) = 1/|b/q| - 1,
+  !>
+  !> the excess of resistance over load: negative, and the speed rises; positive, and it falls. In steps so
+  !> long that friction weakens faster than inertia grows, several speeds, rest among them, solve the step.
+  !> Taken is the one to which the speed rises or falls from the speed before, the continuation of the motion.
+  pure subroutine speed_after(law, inertia, load, before, speed, iterations)
+    class(friction_law_t), intent(in) :: law
+    real(wp), intent(in) :: inertia(2), load(2)         !! A [kg/s] and b [N]
+    real(wp), intent(in) :: before                      !! slip speed at the start of the step, m/s
+    real(wp), intent(out) :: speed                      !! m/s
+    integer, intent(out) :: iterations
+    real(wp) :: low, high, value, slope, force(1), weakening(1)
+    logical :: can_rest, falls
+    integer :: pieces
+    integer, parameter :: most_pieces = 64
+
+    speed = 0.0_wp
+    iterations = 0
+    can_rest = norm2(load) <= law%onset
+    call law%evaluate(1, [0.0_wp], force, weakening)
+    ! Friction weakens most at rest. If inertia outweighs that, e never falls and the solution is the only one.
+    pieces = merge(1, most_pieces, minval(inertia) + weakening(1) >= 0.0_wp)
+    if (pieces == 1 .and. can_rest) return
+    call excess(law, inertia, load, before, can_rest, value, slope)
+    falls = value >= 0.0_wp
+    if (falls) then
+      low = 0.0_wp
+      high = before
+    else
+      ! Friction does not push: the speed is below this limit.
+      low = before
+      high = max(before, 2.0_wp*maxval(abs(load)/inertia))
+    end if
+    call narrow(law, inertia, load, can_rest, falls, pieces, low, high)
+    if (high > 0.0_wp) call find_zero(law, inertia, load, can_rest, before, low, high, speed, iterations)
+  end subroutine speed_after
+
+  !> Narrow the speeds between `low` and `high`, one of which is the speed before, to the piece next to it in
+  !> which e changes its sign; both become 0 if the object comes to rest.
+  pure subroutine narrow(law, inertia, load, can_rest, falls, pieces, low, high)
+    class(friction_law_t), intent(in) :: law
+    real(wp), intent(in) :: inertia(2), load(2)
+    logical, intent(in) :: can_rest, falls
+    integer, intent(in) :: pieces
+    real(wp), intent(inout) :: low, high
+    real(wp) :: start, finish, edge, next, value, slope
+    integer :: i
+
+    if (pieces == 1) return
+    start = merge(high, low, falls)
+    finish = merge(low, high, falls)
+    edge = start
+    do i = 1, pieces
+      next = start + (finish - start)*(real(i, wp)/real(pieces, wp))
+      if (i == pieces) next = finish
+      call excess(law, inertia, load, next, can_rest, value, slope)
+      if ((value >= 0.0_wp) .neqv. falls) exit
+      edge = next
+    end do
+    low = min(edge, next)
+    high = max(edge, next)
+  end subroutine narrow
+
+  !> The zero of e between `low` and `high`: Newton's method, and halving where that leaves the interval or is slow.
+  pure subroutine find_zero(law, inertia, load, can_rest, guess, low, high, speed, iterations)
+    class(friction_law_t), intent(in) :: law
+    real(wp), intent(in) :: inertia(2), load(2), guess
+    logical, intent(in) :: can_rest
+    real(wp), intent(inout) :: low, high
+    real(wp), intent(out) :: speed
+    integer, intent(out) :: iterations
+    real(wp) :: value, slope, next
+    integer, parameter :: most_iterations = 200
+
+    speed = 0.5_wp*(low + high)
+    if (guess > 0.0_wp .and. guess >= low .and. guess <= high) speed = guess
+    do iterations = 1, most_iterations
+      call excess(law, inertia, load, speed, can_rest, value, slope)
+      ! Roundoff of e: the load has no more digits.
+      if (abs(value) <= 4.0_wp*epsilon(value)) exit
+      if (value >= 0.0_wp) then
+        high = speed
+      else
+        low = speed
+      end if
+      next = low
+      if (slope > 0.0_wp .and. modulo(iterations, 8) /= 0) next = speed - value/slope
+      if (.not. (next > low .and. next < high)) next = 0.5_wp*(low + high)
+      if (min(abs(next - speed), high - low) <= 2.0_wp*epsilon(speed)*speed) exit
+      speed = next
+    end do
+  end subroutine find_zero
+
+  !> e(r) and e'(r); at r = 0 only the sign counts, which is that of rest being possible.
+  pure subroutine excess(law, inertia, load, speed, can_rest, value, slope)
+    class(friction_law_t), intent(in) :: law
+    real(wp), intent(in) :: inertia(2), load(2), speed
+    logical, intent(in) :: can_rest
+    real(wp), intent(out) :: value, slope
+    real(wp) :: force(1), weakening(1), resistance(2), share(2), total
+
+    slope = 0.0_wp
+    value = merge(1.0_wp, -1.0_wp, can_rest)
+    if (.not. speed > 0.0_wp) return
+    call law%evaluate(1, [speed], force, weakening)
+    resistance = inertia*speed + force(1)
+    share = load/resistance
+    total = norm2(share)
+    value = huge(value)
+    if (.not. total > 0.0_wp) return
+    value = 1.0_wp/total - 1.0_wp
+    slope = sum((share/total)**2*(inertia + weakening(1))/resistance)/total
+  end subroutine excess
+
+  !> Node values of the dense output: w linear, u and X its integrals.
+  pure subroutine set_nodal(self, system, from, to)
+    class(moreau_jean_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(motion_t), intent(in) :: from, to
+    real(wp) :: slipped(2), tau
+    integer :: i
+
+    do i = 0, self%grid%degree
+      tau = self%grid%node(i)
+      slipped = tau*self%step*(from%y + 0.5_wp*tau*(to%y - from%y))
+      self%nodal(i, column_u:column_u + 1) = from%u - slipped
+      self%nodal(i, column_y:column_y + 1) = from%y + tau*(to%y - from%y)
+      self%nodal(i, column_position) = from%position + dot_product(system%along, slipped)
+    end do
+  end subroutine set_nodal
+
+  pure subroutine accept(self)
+    class(moreau_jean_t), intent(inout) :: self
+
+    self%peak_speed = max(self%peak_speed, self%speed_scale)
+  end subroutine accept
+
+  !> Save or load: the slider is of the scene.
+  subroutine exchange(self, archive)
+    class(moreau_jean_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_stepper(self, archive)
+  end subroutine exchange
+end module dst_moreau_jean

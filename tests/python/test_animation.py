@@ -1,0 +1,177 @@
+"""Animations: what a frame shows, what is written, and what is refused."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from dynstiction.plot.animation import animate, view_from_above
+from matplotlib import image
+from matplotlib.animation import FFMpegWriter
+from PIL import Image
+
+
+def friction_vector(figure: object) -> tuple[np.ndarray, np.ndarray]:
+    """Where the friction vector begins [mm], and the vector."""
+    (quiver,) = [c for c in figure.axes[0].collections if hasattr(c, "U")]  # type: ignore[attr-defined]
+    return np.asarray(quiver.get_offsets())[0], np.array([quiver.U[0], quiver.V[0]])
+
+
+def test_friction_turns_from_across_to_along(fig4_result: ds.Result) -> None:
+    times = np.array([0.1, 1.0, 1.5, 1.99])
+    figure, show = view_from_above(fig4_result, times)
+    lengths = []
+    for frame, time in enumerate(times):
+        show(frame)
+        place, vector = friction_vector(figure)
+        lengths.append(np.hypot(*vector))
+        # Friction acts against the slip, at theta - phi to X; theta is that of the closed form but for inertia.
+        theta = np.degrees(np.arctan2(-vector[1], -vector[0])) + 1.0
+        expected = np.degrees(ds.creep_exact(0.5 * time, np.radians(1.0), 1e-4).theta)
+        assert theta == pytest.approx(expected, abs=1.0)
+        row = np.searchsorted(fig4_result.time, time)
+        assert place == pytest.approx(
+            1e3 * np.array([fig4_result["X"][row], fig4_result["Y"][row]]), abs=1e-3
+        )
+        assert figure.axes[0].texts[0].get_text() == f"$t$ = {time:.3f} s"
+    assert np.ptp(lengths) < 0.02 * np.mean(lengths)
+
+
+def test_spring_is_drawn_to_scale_from_the_object_to_the_driven_end(fig4_result: ds.Result) -> None:
+    figure, show = view_from_above(fig4_result, np.array([0.5, 1.5]))
+    show(1)
+    (end,) = [line for line in figure.axes[0].lines if line.get_label() == "driven end"]
+    # The driven end is at V t on the line Y = 0.
+    assert end.get_xdata()[0] == pytest.approx(1.5, rel=5e-3)
+    assert end.get_ydata()[0] == pytest.approx(0.0, abs=1e-6)
+    (spring,) = [line for line in figure.axes[0].lines if line.get_label() == "spring"]
+    assert spring.get_xydata()[-1] == pytest.approx(end.get_xydata()[0])
+
+
+def test_dots_follow_the_traces(fig4_result: ds.Result) -> None:
+    figure, show = view_from_above(fig4_result, np.array([0.5, 1.5]))
+    show(1)
+    row = np.searchsorted(fig4_result.time, 1.5)
+    expected = (
+        fig4_result["spring_force_x"][row],
+        np.degrees(fig4_result["theta"][row]),
+        1e3 * fig4_result["X"][row],
+    )
+    for axis, value in zip(figure.axes[1:], expected, strict=True):
+        dot = axis.lines[1]
+        assert dot.get_xdata()[0] == pytest.approx(1.5, abs=6e-3)
+        assert dot.get_ydata()[0] == pytest.approx(value, rel=0.02)
+
+
+def test_frames_without_ffmpeg(fig4_result: ds.Result, tmp_path: Path) -> None:
+    seen: list[tuple[int, int]] = []
+    animate(
+        fig4_result,
+        tmp_path / "frames",
+        start=0.5,
+        end=1.9,
+        frames_per_second=3,
+        seconds=1.0,
+        progress=lambda frame, count: seen.append((frame, count)),
+    )
+    files = sorted((tmp_path / "frames").iterdir())
+    assert [file.name for file in files] == ["frame_0001.png", "frame_0002.png", "frame_0003.png"]
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+    first, *_, last = (image.imread(file) for file in files)
+    assert first.shape[:2] == (520, 800)
+    assert np.abs(first - last).mean() > 1e-3
+    with pytest.raises(ds.FileError, match="holds frames already"):
+        animate(fig4_result, tmp_path / "frames")
+
+
+def test_gif(fig4_result: ds.Result, tmp_path: Path) -> None:
+    animate(fig4_result, tmp_path / "run.gif", frames_per_second=4, seconds=1.0)
+    with Image.open(tmp_path / "run.gif") as film:
+        assert film.n_frames == 4
+        assert film.size == (800, 520)
+        assert film.info["duration"] == 250
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg on this machine")
+def test_mp4(fig4_result: ds.Result, tmp_path: Path) -> None:
+    animate(fig4_result, tmp_path / "run.mp4", frames_per_second=4, seconds=1.0)
+    assert (tmp_path / "run.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_mp4_without_ffmpeg_names_the_ways_out(
+    fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda _: False))
+    with pytest.raises(ds.UsageError, match=r"ffmpeg.*GIF.*folder"):
+        animate(fig4_result, tmp_path / "run.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "remedy"),
+    [
+        ({"start": 3.0}, "from 0 to 2 s"),
+        ({"start": 1.0, "end": 0.5}, "from 0 to 2 s"),
+        ({"end": 5.0}, "from 0 to 2 s"),
+        ({"start": float("nan")}, "from 0 to 2 s"),
+        ({"seconds": 0.0}, "positive"),
+        ({"seconds": float("inf")}, "positive"),
+        ({"frames_per_second": 0}, "positive"),
+        ({"seconds": 0.01}, "at least two"),
+    ],
+)
+def test_parts_without_meaning_are_refused(
+    fig4_result: ds.Result, tmp_path: Path, arguments: dict[str, float], remedy: str
+) -> None:
+    with pytest.raises(ds.UsageError, match=remedy):
+        animate(fig4_result, tmp_path / "frames", **arguments)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unfit_outputs_and_results_are_refused(fig4_result: ds.Result, tmp_path: Path) -> None:
+    with pytest.raises(ds.UsageError, match=r"X\.gif, X\.mp4"):
+        animate(fig4_result, tmp_path / "film.avi")
+    with pytest.raises(ds.FileError, match="does not exist"):
+        animate(fig4_result, tmp_path / "no" / "film.gif")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ds.FileError, match="cannot be written"):
+        animate(fig4_result, tmp_path / "file")
+    kept = [(info, values) for info, values in fig4_result.columns.info() if info.name in ("time", "X")]
+    with pytest.raises(ds.ColumnError, match=r"lacks Y, .*output\.fields"):
+        animate(replace(fig4_result, columns=ds.Described(kept)), tmp_path / "frames")
+
+
+def test_an_object_at_rest_is_shown(tmp_path: Path) -> None:
+    from dynstiction.plot.paper import deck  # noqa: PLC0415
+
+    still = ds.run(
+        deck("fig3"), scene={"t_end": 0.01}, drive={"velocity": 0.0}, initial={"velocity_ratio": 0.0}
+    )
+    view_from_above(still, np.array([0.0, 0.005, 0.01]))
+
+
+def test_command(fig4_result: ds.Result, tmp_path: Path) -> None:
+    fig4_result.save(tmp_path / "run.h5")
+    options = ["--from", "1", "--to", "1.5", "--fps", "2", "--seconds", "1"]
+
+    def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "dynstiction", "animate", *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+        )
+
+    done = command("run.h5", "-o", "frames", *options)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert len(list((tmp_path / "frames").iterdir())) == 2
+    refused = command("run.h5", "-o", "x.gif", "--from", "9")
+    assert refused.returncode == 1
+    assert refused.stderr == "dynstiction: from 9 to 2 s: the run has samples from 0 to 2 s\n"

@@ -1,0 +1,228 @@
+"""The kinds of figure: their data against known values, and any file that may come."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from dynstiction import plot
+from dynstiction.plot.creep import mean_velocity
+from dynstiction.plot.damping import draw_damping_of
+from dynstiction.plot.paper import deck
+from dynstiction.plot.spectra import predicted_ridge
+from dynstiction.plot.style import new_figure
+from dynstiction.plot.theory import damping_crossing, slider
+from matplotlib.figure import Figure
+
+SHORT = {"t_end": 0.3}
+FINE = {"interval": 2e-4}
+
+
+@pytest.fixture(scope="module")
+def phi10_result() -> ds.Result:
+    return ds.run(deck("phi10"))
+
+
+@pytest.fixture(scope="module")
+def constant_result() -> ds.Result:
+    return ds.run(deck("fig3_constant"), scene={"t_end": 2.2})
+
+
+def crosses(figure: Figure) -> list[tuple[float, float]]:
+    (axis,) = figure.axes
+    points = [line for line in axis.lines if line.get_marker() == "x"]
+    return sorted((float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in points)
+
+
+def weakened_ratio(theta_deg: float, phi_deg: float) -> float:
+    """The damping ratio with weakening, written out for the parameters of Fig. 3."""
+    theta, across = np.radians(theta_deg), 1e-3 * np.sin(np.radians(phi_deg))
+    v = across / np.sin(theta)
+    weakening = 0.5 * np.exp(-v / 0.01)
+    force, slope = 1.5 + weakening, -weakening / 0.01
+    return (slope * np.cos(theta) ** 2 + force * np.sin(theta) ** 3 / across) / (2 * np.sqrt(0.25 * 1e3))
+
+
+def test_spectrogram_shows_the_ridge_and_the_prediction(fig4_result: ds.Result) -> None:
+    axes = plot.draw(fig4_result, "spectrogram").axes
+    for axis in (axes[1], axes[3]):
+        (image,) = axis.images
+        left, right, low, high = image.get_extent()
+        decibels = np.asarray(image.get_array())
+        frequency = low + (high - low) * (np.arange(decibels.shape[0]) + 0.5) / decibels.shape[0]
+        time = left + (right - left) * (np.arange(decibels.shape[1]) + 0.5) / decibels.shape[1]
+        assert (time[0], time[-1]) == (pytest.approx(0.05, abs=5e-3), pytest.approx(1.95, abs=5e-3))
+        above = frequency > 0.1
+        brightest = frequency[above][np.argmax(decibels[above], axis=0)]
+        (line,) = axis.lines
+        predicted = np.interp(time, *line.get_data())
+        between = (time > 0.1) & (time < 1.6)
+        # 5 Hz between two rows.
+        np.testing.assert_allclose(brightest[between], predicted[between], rtol=0.01, atol=3e-3)
+    assert "[dB re 1 (mm/s)" in axes[4].get_xlabel()
+
+
+def test_spectrogram_traces_are_the_velocities(fig4_result: ds.Result) -> None:
+    for kind, places in (("spectrogram", (0, 2)), ("velocities", (0, 2))):
+        axes = plot.draw(fig4_result, kind).axes
+        for place, name in zip(places, ("w_x", "w_y"), strict=True):
+            drawn = axes[place].lines[0].get_ydata()
+            assert (drawn.min(), drawn.max()) == (
+                1e3 * fig4_result[name].min(),
+                1e3 * fig4_result[name].max(),
+            )
+
+
+def test_velocities_show_five_periods(fig4_result: ds.Result) -> None:
+    detail = plot.draw(fig4_result, "velocities").axes[3].lines[0]
+    time, w_y = detail.get_data()
+    assert time[-1] == pytest.approx(5e3 / 1006.58, abs=0.06)
+    falls = np.diff((w_y > w_y.mean()).astype(int)) == -1
+    # 869 Hz at 1 s.
+    assert np.count_nonzero(falls) in (4, 5)
+
+
+def test_crossings_of_fig5(fig4_result: ds.Result, phi10_result: ds.Result) -> None:
+    """Where zeta = 1: 3.733 deg, with weakening at 5.10 and 10.87 deg; steady sliding at 1 deg (0.01926) and 10 deg."""
+    figure = new_figure(lambda empty: draw_damping_of([fig4_result, phi10_result], empty))
+    found = crosses(figure)
+    theta = [degrees for degrees, _ in found]
+    np.testing.assert_allclose(theta, [1.0, 3.733, 5.10, 10.0, 10.873], atol=5e-3)
+    assert weakened_ratio(10.873, 10.0) == pytest.approx(1.0, rel=1e-3)
+    assert weakened_ratio(5.1033, 1.0) == pytest.approx(1.0, rel=1e-3)
+    zeta = [ratio for _, ratio in found]
+    np.testing.assert_allclose(
+        zeta, [0.01926, 1.0, 1.0, 364.2 * np.sin(np.radians(10.0)) ** 3, 1.0], rtol=5e-4
+    )
+    triangles = [line.get_xdata()[0] for line in figure.axes[0].lines if line.get_marker() == "v"]
+    assert triangles == [pytest.approx(4.316, abs=1e-3)]
+
+
+def test_damping_curve_is_equation_10(fig4_result: ds.Result) -> None:
+    line = plot.draw(fig4_result, "damping").axes[0].lines[0]
+    theta, zeta = line.get_data()
+    np.testing.assert_allclose(zeta, 3623.9 * np.sin(np.radians(theta)) ** 3, rtol=2e-5)
+    assert (theta.max(), theta.min()) == (pytest.approx(90.0), pytest.approx(1.0))
+
+
+def test_damping_crossing_of_closed_forms(fig4_result: ds.Result) -> None:
+    constant = {k: v for k, v in slider(fig4_result).items() if k not in ("mu_inf", "v_f")}
+    for level in (0.1, 1.0, 100.0):
+        expected = np.arcsin((level / 3623.87) ** (1 / 3))
+        assert damping_crossing(constant, level) == pytest.approx(expected, rel=1e-5)
+    assert np.isnan(damping_crossing(constant, 4000.0))
+
+
+def test_damping_marks_where_the_run_has_been(fig4_result: ds.Result) -> None:
+    """The deck of Fig. 4 ends at 2 s, before the slip: friction has come down to about 9 deg, and no further."""
+    lines = plot.draw(fig4_result, "damping").axes[0].lines
+    (visited,) = [line for line in lines if line.get_linewidth() > 2.0 and len(line.get_xdata())]
+    lowest = np.degrees(np.arcsin(np.abs(np.sin(fig4_result["theta"][1:])).min()))
+    assert visited.get_xdata().min() == pytest.approx(lowest, rel=1e-6)
+    assert lowest > 5.0
+
+
+def test_creep_of_constant_friction_is_the_closed_form(constant_result: ds.Result) -> None:
+    tau, run, exact = mean_velocity(constant_result)
+    inner = (tau > 0.05) & (tau < 0.95)
+    np.testing.assert_allclose(run[inner], exact[inner], rtol=2e-3)
+    assert np.interp(0.5, tau, run) == pytest.approx(0.0103482, rel=1e-3)
+    assert tau[-1] == pytest.approx(1.0, abs=0.02)
+
+
+def test_creep_figure_has_the_forms_of_equation_8(constant_result: ds.Result) -> None:
+    above, below = plot.draw(constant_result, "creep").axes
+    drawn = {line.get_label(): line for line in above.lines}
+    phi = np.radians(1.0)
+    tau, printed = drawn["Eq. (8) as printed"].get_data()
+    inner = (tau > 0.1) & (tau < 0.9)
+    np.testing.assert_allclose(printed[inner], (phi * (phi + tau**2 / np.sqrt(1 - tau**2)))[inner])
+    tau, first = drawn["Eq. (8)"].get_data()
+    np.testing.assert_allclose(first[inner], (phi * (phi + tau / np.sqrt(1 - tau**2)))[inner])
+    exact = ds.creep_exact(tau, phi, 1e-4).X_rate
+    np.testing.assert_allclose(drawn["exact, Eq. (7)"].get_ydata(), exact)
+    deviation = below.lines[-3].get_ydata()
+    np.testing.assert_allclose(deviation[inner], 100 * (first / exact - 1)[inner])
+
+
+def run_short(**groups: dict[str, object]) -> ds.Result:
+    groups = {"scene": SHORT, "output": FINE} | groups
+    return ds.run(deck("fig3"), **groups)
+
+
+ANY_FILE = {
+    "aligned": {"system": {"misalignment_deg": 0.0}},
+    "negative": {"system": {"misalignment_deg": -1.0}},
+    "across": {"system": {"misalignment_deg": 90.0}},
+    "turned": {"system": {"misalignment_deg": 170.0}},
+    "backwards": {"drive": {"velocity": -1e-3}},
+    "profile": {"drive": {"time": [0.0, 0.1, 0.2], "velocity": [1e-3, 1e-3, 0.0]}},
+    "at rest": {"drive": {"velocity": 0.0}, "initial": {"velocity_ratio": 0.0}},
+    "strained": {"initial": {"elongation_x": 1e-4}},
+    "isotropic": {"system": {"stiffness_y": 1e3}},
+    "without friction": {"friction": {"mu_0": 0.0, "mu_inf": 0.0}},
+    "constant": {"friction": {"law": "constant", "mu_inf": None, "v_f": None}},
+    "smoothed": {"friction": {"contact": "smoothed", "v_smooth": 1e-6}},
+    "every step": {"output": {"interval": 0.0}, "scene": {"t_end": 0.1}},
+    "coarse": {"output": {"interval": 0.01}},
+    "short": {"scene": {"t_end": 1e-3}},
+    "two samples": {"scene": {"t_end": 1e-3}, "output": {"interval": 1e-3}},
+}
+REFUSED = {
+    "aligned": {"damping": "misalignment", "creep": "misalignment"},
+    "across": {"creep": "phi"},
+    "turned": {"creep": "phi"},
+    "profile": {"damping": "velocity", "creep": "velocity"},
+    "at rest": {"damping": "drive", "creep": "velocity"},
+    "strained": {"creep": "relaxed"},
+    "isotropic": {"creep": "kappa"},
+    "without friction": {"creep": "friction", "damping": "friction"},
+    "every step": {"spectrogram": "uniform"},
+    "coarse": {"spectrogram": r"output\.interval = 5e-05"},
+    "short": {"spectrogram": "longer run", "creep": "samples"},
+    "two samples": {"spectrogram": "longer run|uniform|output", "creep": "samples"},
+}
+# Laying out takes most of the time, and the logarithmic axes are what it may find fault with.
+LAID_OUT = ("across", "turned", "backwards")
+
+
+@pytest.mark.parametrize("name", ANY_FILE)
+def test_any_file_is_drawn_or_refused_with_a_remedy(name: str) -> None:
+    result = run_short(**ANY_FILE[name])
+    for kind in plot.KINDS:
+        remedy = REFUSED.get(name, {}).get(kind)
+        if remedy is None:
+            figure = plot.draw(result, kind)
+            if name in LAID_OUT and kind in ("damping", "creep"):
+                figure.draw_without_rendering()
+        else:
+            with pytest.raises(ds.UsageError, match=remedy):
+                plot.draw(result, kind)
+
+
+def test_a_result_without_parameters_is_refused_where_they_are_needed(fig4_result: ds.Result) -> None:
+    bare = replace(fig4_result, parameters=ds.Described([]))
+    for kind in ("damping", "creep"):
+        with pytest.raises(ds.UsageError, match="lacks a value of"):
+            plot.draw(bare, kind)
+    for kind in ("history", "velocities", "spectrogram", "path"):
+        plot.draw(bare, kind)
+
+
+def test_a_model_without_oscillation_has_an_empty_spectrogram(fig4_result: ds.Result) -> None:
+    still = [
+        (info, np.full_like(values, 1e-5) if info.name in ("w_x", "w_y") else values)
+        for info, values in fig4_result.columns.info()
+    ]
+    plot.draw(replace(fig4_result, columns=ds.Described(still)), "spectrogram").draw_without_rendering()
+
+
+def test_mirrored_runs_have_the_same_prediction() -> None:
+    plain, mirrored, back = (run_short(**ANY_FILE.get(n, {})) for n in ("", "negative", "backwards"))
+    expected = predicted_ridge(plain)[1]
+    np.testing.assert_allclose(predicted_ridge(mirrored)[1], expected, rtol=1e-3)
+    np.testing.assert_allclose(predicted_ridge(back)[1], expected, rtol=1e-3)
+    for other in (mirrored, back):
+        np.testing.assert_allclose(mean_velocity(other)[1], mean_velocity(plain)[1], rtol=1e-6, atol=1e-9)

@@ -1,0 +1,373 @@
+"""The models that leave something out: their limits, their errors against the full one, and what they refuse."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    import dynstiction as ds
+
+INPUTS = Path(__file__).resolve().parents[2] / "inputs"
+METHODS = ["radau5", "radau9", "radau13", "dopri5", "dop853"]
+
+# Off in the decks of models that do not use them.
+UNUSED: dict[str, dict[str, None]] = {"system": {"stiffness_y": None}, "friction": {"contact": None}}
+
+
+def run(deck: str, **groups: dict[str, Any]) -> ds.Result:
+    import dynstiction as ds  # noqa: PLC0415
+
+    return ds.run(INPUTS / f"{deck}.nml", **groups)
+
+
+def refusal(deck: str, **groups: dict[str, Any]) -> str:
+    import dynstiction as ds  # noqa: PLC0415
+
+    with pytest.raises(ds.DeckError) as refused:
+        run(deck, **groups)
+    return str(refused.value)
+
+
+# --- low_frequency
+
+
+@pytest.fixture(scope="module")
+def low() -> ds.Result:
+    return run("low_frequency", integrator={"rtol": 1e-10})
+
+
+def test_low_frequency_is_within_one_percent_of_full(low: ds.Result) -> None:
+    full = run("fig3", output={"interval": 1e-2})
+    for name in ("cycles", "period", "peak_force", "valley_force", "slip_length", "max_X_rate"):
+        assert low.summary[name] == pytest.approx(full.summary[name], rel=1e-2), name
+
+
+def test_low_frequency_does_not_oscillate_nor_stick(low: ds.Result) -> None:
+    assert low.sticks() == 0
+    assert np.all(low["sticking"] == 0.0)
+    assert np.all(low["u_y"] == 0.0)
+    np.testing.assert_allclose(low["w_y"], 1e-3 * np.sin(np.radians(1.0)), rtol=1e-12)
+    # A rigid spring guides the object with what friction has across.
+    np.testing.assert_allclose(low["spring_force_y"], low["friction"] * np.sin(low["theta"]), rtol=1e-12)
+    creep = low.time < 1.5
+    ripple = np.diff(low["X_rate"][creep])
+    assert np.all(ripple[1:] > 0.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_methods_agree(method: str, low: ds.Result) -> None:
+    other = run("low_frequency", integrator={"method": method, "rtol": 1e-9})
+    np.testing.assert_allclose(other["u_x"], low["u_x"], atol=1e-6 * low["u_x"].max())
+    assert abs(other.summary["energy_residual"]) < 1e-8
+
+
+def test_rk4_follows_what_never_rests(low: ds.Result) -> None:
+    groups = {"integrator": {"method": "rk4", "step": 2e-6, "rtol": None}, "scene": {"t_end": 0.1}}
+    other = run("low_frequency", **groups)
+    n = other.time.size
+    np.testing.assert_allclose(other["u_x"], low["u_x"][:n], rtol=1e-8)
+    text = refusal("low_frequency", **groups, system={"misalignment_deg": 0.0})
+    assert "rk4" in text
+    assert "dopri5" in text
+
+
+@pytest.mark.parametrize(("rtol", "error"), [(1e-4, 1e-3), (1e-6, 1e-5), (1e-8, 1e-7)])
+def test_error_follows_the_tolerance(rtol: float, error: float, low: ds.Result) -> None:
+    other = run("low_frequency", integrator={"rtol": rtol})
+    assert abs(other["u_x"][-1] / low["u_x"][-1] - 1.0) < error
+
+
+def test_without_misalignment_it_is_the_full_model() -> None:
+    system = {"misalignment_deg": 0.0}
+    line = run("low_frequency", system=system, integrator={"rtol": 1e-10})
+    full = run("fig3", system=system, integrator={"rtol": 1e-10}, output={"interval": 1e-3})
+    for name in ("u_x", "w_x", "X", "theta", "sticking"):
+        np.testing.assert_allclose(line[name], full[name], atol=1e-8 * np.abs(full[name]).max(), err_msg=name)
+    np.testing.assert_array_equal(line.events["kind"], full.events["kind"])
+    assert line.summary["peak_force"] == pytest.approx(2.0099, abs=1e-4)
+    assert line.summary["valley_force"] == pytest.approx(1.1341, abs=1e-4)
+    assert line.summary["period"] == pytest.approx(0.936, abs=1e-3)
+
+
+@pytest.mark.parametrize("angle", [1e-12, 1e-6, -1e-9])
+def test_misalignment_vanishes_continuously(angle: float) -> None:
+    line = run("low_frequency", system={"misalignment_deg": 0.0}, integrator={"rtol": 1e-8})
+    other = run("low_frequency", system={"misalignment_deg": angle}, integrator={"rtol": 1e-8})
+    for name in ("cycles", "period", "peak_force", "valley_force", "slip_length"):
+        assert other.summary[name] == pytest.approx(line.summary[name], rel=1e-5), name
+
+
+def test_mirror_image(low: ds.Result) -> None:
+    other = run("low_frequency", system={"misalignment_deg": -1.0}, integrator={"rtol": 1e-10})
+    for name in ("u_x", "w_x", "X", "friction"):
+        np.testing.assert_array_equal(other[name], low[name])
+    for name in ("w_y", "theta", "Y", "spring_force_y"):
+        np.testing.assert_array_equal(other[name], -low[name])
+
+
+def test_units_do_not_matter(low: ds.Result) -> None:
+    """Length in units of 2**-3 m, time in 2**-5 s, mass in 2**2 kg: the same bits."""
+    length, time, mass = 8.0, 32.0, 0.25
+    other = run(
+        "low_frequency",
+        scene={"t_end": 10.0 * time},
+        system={"mass": 0.25 * mass, "stiffness_x": 1e3 * mass / time**2},
+        friction={"v_f": 0.01 * length / time, "normal_load": 10.0 * mass * length / time**2},
+        drive={"velocity": 1e-3 * length / time},
+        integrator={"rtol": 1e-10},
+        output={"interval": 1e-3 * time},
+    )
+    np.testing.assert_array_equal(other["u_x"], low["u_x"] * length)
+    np.testing.assert_array_equal(other["w_x"], low["w_x"] * length / time)
+
+
+@pytest.mark.parametrize("method", ["radau9", "dopri5"])
+@pytest.mark.parametrize(
+    ("times", "velocities"),
+    [
+        ([0, 2, 2, 4, 4, 6], [1e-3, 1e-3, 0, 0, 1e-3, 1e-3]),
+        ([0, 2, 3, 4, 5], [1e-3, 1e-3, 0, 0, 1e-3]),
+        ([0, 3, 5], [1e-3, 1e-3, -1e-3]),
+        ([0, 1], [0, 1e-3]),
+    ],
+    ids=["hold with jumps", "hold with ramps", "reversal", "ramp from rest"],
+)
+def test_profiles(method: str, times: list[float], velocities: list[float]) -> None:
+    groups = {"scene": {"t_end": 6.0}, "drive": {"time": times, "velocity": velocities}}
+    result = run("low_frequency", **groups, integrator={"method": method, "rtol": 1e-8})
+    assert abs(result.summary["energy_residual"]) < 1e-8
+    full = run("fig3", **groups, integrator={"rtol": 1e-7}, output={"interval": 1e-3})
+    # Slip comes a little earlier in one of the two, which shows as a spike of the difference.
+    apart = np.abs(result["u_x"] - full["u_x"]) / np.abs(full["u_x"]).max()
+    assert np.median(apart) < 5e-3
+    driven = np.interp(result.time, *resampled(times, velocities))
+    np.testing.assert_allclose(result["w_y"], driven * np.sin(np.radians(1.0)), atol=1e-9)
+
+
+def resampled(times: list[float], velocities: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    """Knots with jumps made ramps that no sample meets."""
+    knots = np.array(times, dtype=float)
+    knots[1:][np.diff(knots) == 0.0] += 1e-9
+    return knots, np.array(velocities)
+
+
+def test_rest_is_rest() -> None:
+    """While the drive holds, the object comes to rest, and leaves it when the drive moves on."""
+    drive = {"time": [0, 2, 2, 4, 4], "velocity": [1e-3, 1e-3, 0, 0, 1e-3]}
+    result = run("low_frequency", drive=drive, scene={"t_end": 6.0})
+    assert list(result.events["kind"]) == [1, 2]
+    assert 2.0 < result.events["time"][0] < 2.01
+    assert result.events["time"][1] == 4.0
+    held = (result.time > 2.01) & (result.time < 4.0)
+    assert np.all(result["w_x"][held] == 0.0)
+    assert np.all(result["sticking"][held] == 1.0)
+
+
+# --- high_frequency
+
+
+def test_frequency_of_the_fast_oscillation() -> None:
+    """F = f_y sqrt(1 - (k_x u_x/F_0)^2) with constant friction, Eq. (9)."""
+    for load in (0.0, 0.5, 0.9):
+        result = run(
+            "high_frequency",
+            friction={"law": "constant", "mu_inf": None, "v_f": None},
+            initial={"elongation_x": 2e-3 * load},
+            scene={"t_end": 0.05},
+            output={"interval": 1e-6},
+        )
+        w = result["w_y"] - 1e-3 * np.sin(np.radians(1.0))
+        up = np.flatnonzero((w[:-1] < 0.0) & (w[1:] >= 0.0))
+        crossings = result.time[up] - w[up] * 1e-6 / (w[up + 1] - w[up])
+        frequency = (crossings.size - 1) / (crossings[-1] - crossings[0])
+        assert frequency == pytest.approx(1006.58 * np.sqrt(1.0 - load**2), rel=1e-4)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_fast_oscillation_sticks_and_slips(method: str) -> None:
+    result = run("high_frequency", integrator={"method": method})
+    assert 150 < result.sticks() < 200
+    assert np.all(result["u_x"] == 1e-3)
+    assert np.all(result["w_y"] >= 0.0)
+    slipping = result["sticking"] == 0.0
+    np.testing.assert_allclose(result["theta"][slipping], np.arccos(0.5), rtol=1e-9)
+    force = np.hypot(result["spring_force_x"], result["spring_force_y"])
+    assert np.all(force[~slipping] <= 2.0 * (1.0 + 1e-12))
+    assert abs(result.summary["energy_residual"]) < 1e-8
+    # It saturates where the slip velocity touches zero.
+    assert (1e-3 * np.sin(np.radians(1.0)) - result["w_y"]).max() == pytest.approx(
+        1e-3 * np.sin(np.radians(1.0))
+    )
+
+
+def test_fast_oscillation_without_load_is_that_of_the_full_model() -> None:
+    groups = {"initial": {"elongation_x": 0.0}, "scene": {"t_end": 0.03}, "output": {"interval": 1e-5}}
+    alone = run("high_frequency", **groups)
+    full = run("fig3", initial={"velocity_ratio": 0.0}, scene=groups["scene"], output=groups["output"])
+    assert alone.sticks() == full.sticks()
+    late = alone.time > 0.02
+    assert np.ptp(alone["spring_force_y"][late]) == pytest.approx(
+        np.ptp(full["spring_force_y"][late]), rel=2e-2
+    )
+
+
+def test_mirrored_load_and_drive() -> None:
+    result = run("high_frequency")
+    other = run("high_frequency", system={"misalignment_deg": -1.0})
+    np.testing.assert_array_equal(other["w_y"], -result["w_y"])
+    np.testing.assert_array_equal(other["w_x"], result["w_x"])
+    # Load and drive in opposite directions, seen from the other side.
+    other = run("high_frequency", system={"misalignment_deg": 1.0}, initial={"elongation_x": -1e-3})
+    np.testing.assert_allclose(other["w_y"], result["w_y"], atol=1e-12)
+    np.testing.assert_allclose(other["w_x"], -result["w_x"], atol=1e-12)
+
+
+def test_load_at_the_static_limit_is_refused() -> None:
+    text = refusal("high_frequency", initial={"elongation_x": 2e-3})
+    assert "|stiffness_x*elongation_x| must be < mu_0*normal_load = 2.0 N" in text
+
+
+# --- creep and creep_asymptotic
+
+
+def test_creep_is_the_closed_form() -> None:
+    import dynstiction as ds  # noqa: PLC0415
+
+    result = run("creep")
+    exact = ds.creep_exact(result.time * 0.5, np.radians(1.0), 1e-4)
+    slides = result["sticking"] == 0.0
+    assert result.events["time"][-1] == pytest.approx(0.0114595, abs=1e-6)
+    np.testing.assert_allclose(result["X_rate"][slides], 1e-3 * exact.X_rate[slides], rtol=1e-12)
+    np.testing.assert_allclose(result["Y_rate"][slides], 1e-3 * exact.Y_rate[slides], rtol=1e-10, atol=1e-18)
+    np.testing.assert_allclose(result["X"], 2e-3 * exact.X, rtol=1e-12)
+    np.testing.assert_allclose(result["theta"][slides], exact.theta[slides], rtol=1e-12)
+    np.testing.assert_allclose(np.hypot(*forces(result))[slides], 2.0, rtol=1e-12)
+    assert result.attributes["method"] == "closed form"
+    assert "zeta" not in result
+    # X = V t - u_x c - u_y s, Eq. (6).
+    c, s = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
+    np.testing.assert_allclose(
+        result["X"], 1e-3 * result.time - result["u_x"] * c - result["u_y"] * s, atol=1e-17
+    )
+
+
+def forces(result: ds.Result) -> tuple[np.ndarray, np.ndarray]:
+    return result["spring_force_x"], result["spring_force_y"]
+
+
+def test_creep_depends_on_the_distance_driven_only() -> None:
+    steady = run("creep", scene={"t_end": 1.5}, output={"interval": 1.5})
+    profile = {"time": [0, 1, 2, 2, 3, 3], "velocity": [5e-4, 1e-3, 1e-3, 0, 0, -0.0]}
+    held = run("creep", drive=profile, scene={"t_end": 5.0}, output={"interval": 0.5})
+    distance = 1.75e-3
+    there = run("creep", scene={"t_end": distance * 1e3}, output={"interval": 10.0})
+    assert held["X"][-1] == pytest.approx(there["X"][-1], rel=1e-12)
+    assert held["X_rate"][-1] == 0.0
+    assert steady["X"][-1] < there["X"][-1]
+
+
+@pytest.mark.parametrize(("angle", "velocity"), [(-1.0, 1e-3), (179.0, 1e-3), (181.0, 1e-3), (1.0, -1e-3)])
+def test_creep_in_other_quadrants(angle: float, velocity: float) -> None:
+    result = run("creep")
+    other = run("creep", system={"misalignment_deg": angle}, drive={"velocity": velocity})
+    sign = np.sign(velocity)
+    np.testing.assert_allclose(other["X"], sign * result["X"], rtol=1e-9)
+    e = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    np.testing.assert_allclose(
+        other["X"], velocity * other.time - other["u_x"] * e[0] - other["u_y"] * e[1], atol=1e-16
+    )
+    np.testing.assert_allclose(np.abs(other["w_y"]), np.abs(result["w_y"]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["first_power", "printed", "third_order"])
+def test_forms_of_the_asymptotics(form: str) -> None:
+    import dynstiction as ds  # noqa: PLC0415
+
+    result = run("creep_asymptotic", scene={"form": form}, output={"interval": 1e-4})
+    assert list(result) == ["time", "X", "X_rate"]
+    rate = ds.creep_asymptotic(result.time * 0.5, np.radians(1.0), form=form)  # type: ignore[arg-type]
+    np.testing.assert_allclose(result["X_rate"], 1e-3 * rate, rtol=1e-12)
+    # X is the integral of X' (Simpson).
+    rates = result["X_rate"]
+    integral = 1e-4 / 3.0 * np.cumsum(rates[:-2:2] + 4.0 * rates[1:-1:2] + rates[2::2])
+    np.testing.assert_allclose(result["X"][2::2], integral, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("deck", "groups", "remedy"),
+    [
+        ("creep_asymptotic", {"scene": {"t_end": 2.0}}, "t_end < 2.0 s"),
+        ("creep_asymptotic", {"system": {"misalignment_deg": 0.0}}, "0 < |misalignment_deg| < 90"),
+        ("creep_asymptotic", {"system": {"misalignment_deg": 90.0}}, "no component along the soft axis"),
+        ("creep", {"system": {"misalignment_deg": 0.0}}, "t_end < 2.0 s"),
+        ("creep", {"system": {"misalignment_deg": -90.0}}, "no component along the soft axis"),
+        ("creep", {"system": {"stiffness_y": 1e3}}, "stiffness_y > stiffness_x"),
+        ("creep", {"friction": {"normal_load": 0.0}}, "must be > 0"),
+        ("creep", {"drive": {"time": [0, 1], "velocity": [1e-3, -1e-3]}}, "never reverses"),
+        ("creep", {"output": {"interval": 0.0}}, "output.interval must be > 0"),
+        ("creep", {"output": {"fields": ["X", "zeta"]}}, "does not give zeta"),
+        ("creep_asymptotic", {"output": {"fields": ["theta"]}}, "does not give theta"),
+        ("creep", {"system": {"mass": 1.0}}, "'mass' is not used with model creep"),
+        ("creep", {"integrator": {"rtol": 1e-6}}, "'rtol' is not used with model creep"),
+        ("creep", {"friction": {"mu_inf": 0.1}}, "'mu_inf' is not used with model creep"),
+        ("creep_asymptotic", {"system": {"stiffness_y": 1e7}}, "'stiffness_y' is not used"),
+        ("creep", {"scene": {"form": "printed"}}, "'form' is not used with model creep"),
+        (
+            "low_frequency",
+            {"system": {"stiffness_y": 1e7}},
+            "'stiffness_y' is not used with model low_frequency",
+        ),
+        ("low_frequency", {"initial": {"elongation_y": 1e-9}}, "'elongation_y' is not used"),
+        ("low_frequency", {"friction": {"contact": "smoothed"}}, "'contact' is not used"),
+        ("high_frequency", {"friction": {"contact": "smoothed"}}, "'contact' is not used"),
+        (
+            "low_frequency",
+            {"integrator": {"method": "moreau_jean", "rtol": None, "step": 1e-5}},
+            "works on model 'full' only",
+        ),
+        ("fig3", {"scene": {"accuracy": 1e-2}}, "'accuracy' is not used with model full"),
+        ("fig3", {"scene": {"quantities": "creep"}}, "'quantities' is not used with model full"),
+    ],
+    ids=str,
+)
+def test_refusals(deck: str, groups: dict[str, dict[str, Any]], remedy: str) -> None:
+    assert remedy in refusal(deck, **groups)
+
+
+def test_creep_without_misalignment_is_a_stick() -> None:
+    result = run("creep", system={"misalignment_deg": 0.0}, scene={"t_end": 1.9})
+    assert np.all(result["X"] == 0.0)
+    assert np.all(result["sticking"] == 1.0)
+
+
+# --- the same from the executable
+
+
+@pytest.mark.parametrize("deck", ["low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"])
+def test_executable_writes_what_python_returns(deck: str, executable: Path, tmp_path: Path) -> None:
+    import dynstiction as ds  # noqa: PLC0415
+
+    subprocess.run([executable, "run", INPUTS / f"{deck}.nml"], cwd=tmp_path, capture_output=True, check=True)
+    written, returned = ds.open(tmp_path / f"{deck}.h5"), run(deck)
+    assert set(written) == set(returned)
+    for name in returned:
+        np.testing.assert_array_equal(written[name], returned[name])
+    np.testing.assert_array_equal(written.events, returned.events)
+    for name in ("model", "method", "model_choice"):
+        assert written.attributes.get(name) == returned.attributes.get(name)
+
+
+@pytest.mark.deck
+@pytest.mark.parametrize("deck", ["low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"])
+def test_decks_run(deck: str, executable: Path, tmp_path: Path) -> None:
+    finished = subprocess.run(
+        [executable, "run", INPUTS / f"{deck}.nml"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert finished.returncode == 0, finished.stderr

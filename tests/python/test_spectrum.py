@@ -1,0 +1,131 @@
+"""Spectrograms: their numbers on known signals, and the ridge of Fig. 4 against the closed form of creep."""
+
+from __future__ import annotations
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from dynstiction.plot.paper import deck
+
+FIG4 = {
+    "mass": 0.25,
+    "velocity": 1e-3,
+    "misalignment": np.radians(1.0),
+    "stiffness_x": 1e3,
+    "stiffness_y": 1e7,
+    "mu_0": 0.2,
+    "normal_load": 10.0,
+}
+TIMES = np.array([0.1, 0.3, 0.6, 1.0, 1.4, 1.6])
+# NUMERICS: the oscillation counted by its zero crossings, without any spectrum.
+SIMULATED = np.array([1000.9, 990.8, 956.2, 869.1, 720.3, 610.5])
+TIME = np.arange(20001) / 1e4
+
+
+def tone(frequency: float, amplitude: float = 1.0, offset: float = 0.0) -> np.ndarray:
+    return offset + amplitude * np.sin(2 * np.pi * frequency * TIME)
+
+
+@pytest.mark.parametrize("frequency", [100.0, 123.4, 1000.0, 4321.0])
+def test_ridge_of_a_tone(frequency: float) -> None:
+    found = ds.ridge(ds.spectrogram(TIME, tone(frequency, offset=5.0)))
+    np.testing.assert_allclose(found, frequency, rtol=0.0, atol=0.05)
+
+
+def test_ridge_of_a_chirp_follows_it() -> None:
+    rate = 300.0
+    chirp = np.sin(2 * np.pi * (500.0 * TIME + 0.5 * rate * TIME**2))
+    spectrum = ds.spectrogram(TIME, chirp)
+    np.testing.assert_allclose(ds.ridge(spectrum), 500.0 + rate * spectrum.time, rtol=2e-3)
+
+
+def test_power_is_that_of_the_signal() -> None:
+    """Parseval: the density integrates to the mean square, whatever offset the signal has."""
+    spectrum = ds.spectrogram(TIME, tone(1000.0, 3.0, offset=7.0))
+    step = spectrum.frequency[1] - spectrum.frequency[0]
+    np.testing.assert_allclose(spectrum.density.sum(axis=0) * step, 4.5, rtol=1e-3)
+
+
+def test_windows_lie_within_the_signal() -> None:
+    spectrum = ds.spectrogram(TIME + 3.0, tone(1000.0), window=0.2)
+    assert spectrum.time[0] == pytest.approx(3.1, abs=5e-3)
+    assert spectrum.time[-1] == pytest.approx(4.9, abs=0.01)
+    assert spectrum.density.shape == (spectrum.frequency.size, spectrum.time.size)
+    assert spectrum.frequency[-1] == pytest.approx(5e3)
+
+
+def test_ridge_above_a_drift_and_without_power() -> None:
+    spectrum = ds.spectrogram(TIME, tone(1000.0) + 100.0 * TIME)
+    np.testing.assert_allclose(ds.ridge(spectrum, above=200.0), 1000.0, atol=0.5)
+    assert np.all(ds.ridge(spectrum) < 50.0)
+    assert np.all(np.isnan(ds.ridge(ds.spectrogram(TIME, np.full(TIME.size, 0.5)))))
+
+
+def test_a_short_last_interval_is_left_out() -> None:
+    # So short that every sample begins or ends a window.
+    time, values = TIME[:1101], tone(1000.0)[:1101]
+    expected = ds.spectrogram(time, values).density
+    longer = ds.spectrogram(np.append(time, time[-1] + 1e-5), np.append(values, 1e9))
+    np.testing.assert_array_equal(longer.density, expected)
+
+
+@pytest.mark.parametrize(
+    ("time", "values", "remedy"),
+    [
+        (TIME**2, TIME, r"output\.interval > 0"),
+        (TIME[:900], TIME[:900], "longer run"),
+        (TIME[::200], TIME[::200], r"output\.interval = 0\.001"),
+        (TIME[:1], TIME[:1], "more than one"),
+        (TIME, TIME[1:], r"\(n,\)"),
+        (TIME, np.where(TIME > 1.0, np.nan, TIME), "not finite"),
+    ],
+)
+def test_what_has_no_spectrogram_is_refused(time: np.ndarray, values: np.ndarray, remedy: str) -> None:
+    with pytest.raises(ds.UsageError, match=remedy):
+        ds.spectrogram(time, values)
+
+
+@pytest.mark.parametrize("window", [0.0, -1.0, np.nan, np.inf])
+def test_windows_without_meaning_are_refused(window: float) -> None:
+    with pytest.raises(ds.UsageError, match="window"):
+        ds.spectrogram(TIME, TIME, window)
+
+
+def test_frequency_of_the_axes() -> None:
+    system = {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7}
+    found = ds.oscillation_frequency([0.0, np.pi / 2], **system)
+    np.testing.assert_allclose(found, [10.0658, 1006.58], rtol=1e-5)
+
+
+def test_prediction_is_the_circle_for_small_misalignment() -> None:
+    """f_y sqrt(1 - tau^2), with an error of first order in phi."""
+    tau = np.linspace(0.05, 0.9, 18)
+    circle = 1006.5842 * np.sqrt(1.0 - tau**2)
+    errors = []
+    for phi in (1e-2, 1e-3):
+        # A rigid stiff axis: both stiffnesses and the mass scaled, so that k_x/k_y does not show.
+        slider = FIG4 | {"misalignment": phi, "stiffness_y": 1e11, "mass": 2.5e3}
+        errors.append(np.max(np.abs(ds.creep_frequency(2.0 * tau, **slider) / circle - 1.0)))
+    assert errors[0] < 0.05
+    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.15)
+
+
+@pytest.mark.parametrize("column", ["w_x", "w_y"])
+def test_ridge_of_fig4(fig4_result: ds.Result, column: str) -> None:
+    """Within 1 % of the prediction, and within 0.2 % of the simulated frequencies, at every time."""
+    spectrum = ds.spectrogram(fig4_result.time, fig4_result[column])
+    found = ds.ridge(spectrum, above=100.0)
+    here = np.interp(TIMES, spectrum.time, found)
+    np.testing.assert_allclose(here, ds.creep_frequency(TIMES, **FIG4), rtol=0.01)
+    np.testing.assert_allclose(here, SIMULATED, rtol=0.002)
+    between = (spectrum.time >= 0.1) & (spectrum.time <= 1.6)
+    predicted = ds.creep_frequency(spectrum.time[between], **FIG4)
+    np.testing.assert_allclose(found[between], predicted, rtol=0.01)
+
+
+def test_without_rests_the_ridge_is_the_prediction() -> None:
+    """Constant friction: the object rests only once, and the oscillation is the harmonic one that is predicted."""
+    result = ds.run(deck("fig3_constant"), scene={"t_end": 0.7}, output={"interval": 1e-4})
+    spectrum = ds.spectrogram(result.time, result["w_y"])
+    here = np.interp(TIMES[:3], spectrum.time, ds.ridge(spectrum, above=100.0))
+    np.testing.assert_allclose(here, ds.creep_frequency(TIMES[:3], **FIG4), rtol=5e-4)
