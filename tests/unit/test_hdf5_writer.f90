@@ -174,6 +174,7 @@ contains
 
     time = [(real(i, wp)/3.0_wp, i=1, 100)]
     samples = spread(time, 1, 3)
+    samples(3, :) = 0.0_wp
     call create_hdf5(writer, file_name, .true., metadata(), columns(), error)
     call writer%put_in_place(.true., error)
     call writer%write_samples(samples(:, :50), error)
