@@ -7,8 +7,9 @@ program dynstiction
   use dst_disk, only: file_exists, is_folder, folder_of, true_path
   use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_command_line, only: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
-  use dst_run, only: run_deck
+  use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
+  use dst_signals, only: listen_to_signals
   use dst_stability_report, only: stability_report
   use dst_build_info, only: program_name, version, git_revision, compiler
   implicit none
@@ -51,6 +52,8 @@ contains
       call report_stability()
     case ('run')
       call run_decks()
+    case ('resume')
+      call resume_runs()
     end select
   end subroutine execute
 
@@ -121,6 +124,7 @@ contains
       call complain(error)
     end do
     if (status /= result_done) return
+    call listen_to_signals()
     do i = 1, size(decks)
       call run_deck(decks(i), outputs(i)%text, command%overwrite, command%quiet, error)
       if (.not. allocated(error)) cycle
@@ -129,6 +133,21 @@ contains
       if (error%code == stopped_early) exit
     end do
   end subroutine run_decks
+
+  !> Go on with each run in turn.
+  subroutine resume_runs()
+    type(error_t), allocatable :: error
+    integer :: i
+
+    call listen_to_signals()
+    do i = 1, command%operand_count
+      call resume_run(command%operands(i)%text, command%quiet, error)
+      if (.not. allocated(error)) cycle
+      if (error%code /= file_error) error%text = command%operands(i)%text//': '//error%text
+      call complain(error)
+      if (error%code == stopped_early) exit
+    end do
+  end subroutine resume_runs
 
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.
   function output_of(deck) result(file_name)

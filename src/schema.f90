@@ -134,7 +134,7 @@ module dst_schema
     key_t('output', 'flush_seconds', real_kind, 's', non_negative, may, '5.0', '', '', '', &
           'wall time between flushes of the file'), &
     key_t('output', 'checkpoint_interval', real_kind, 's', non_negative, may, '600.0', '', '', '', &
-          'wall time between checkpoints; without effect in this version'), &
+          'wall time between checkpoints; 0 = only when the run is stopped'), &
     key_t('output', 'wall_limit', real_kind, 's', non_negative, may, '0.0', '', '', '', &
           'wall time after which the run stops; 0 = no limit')]
 

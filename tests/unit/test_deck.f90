@@ -686,7 +686,7 @@ contains
                .and. index(help_text(''), 'Exit status') > 0)
     call misused('', 'no command')
     call misused('rum a.nml', "the nearest is 'run'")
-    call misused('simulate', 'there are run | check | template')
+    call misused('simulate', 'there are run | resume | check | template')
     call misused('trade a.nml', 'not available in this version')
     call misused('run', "'run' without a deck")
     call misused('run a.nml --overwite', "the nearest is '--overwrite'")
