@@ -195,7 +195,7 @@ contains
     end do
     reached = elastic%position
     if (.not. reached > 0.0_wp) return
-    error = (3.0_wp*inertia + expansion)/reached + 2.0_wp*(ripple(scene, slider, reached*length) + fast_growth(slider))
+    error = (5.0_wp*inertia + expansion)/reached + 2.0_wp*(ripple(scene, slider, reached*length) + fast_growth(slider))
   end function creep_error
 
   !> Whether the closed form gives the columns asked for.
