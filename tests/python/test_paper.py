@@ -36,7 +36,7 @@ def test_command_draws_every_figure_and_lists_it(tmp_path: Path) -> None:
     assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {f"{name}.png" for name in names}
     progress = done.stderr.splitlines()
     assert progress[0] == "deck 1/4: fig3.nml"
-    assert progress[-1].startswith("figure 8/8: phi10")
+    assert progress[-1].startswith("figure 9/9: phi10")
     assert len(progress) == 12
 
 
