@@ -37,7 +37,7 @@ def test_command_draws_every_figure_and_lists_it(tmp_path: Path) -> None:
     progress = done.stderr.splitlines()
     assert progress[0] == "deck 1/4: fig3.nml"
     assert progress[-1].startswith("figure 9/9: phi10")
-    assert len(progress) == 12
+    assert len(progress) == 13
 
 
 @pytest.mark.parametrize(("suffix", "head"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
