@@ -92,6 +92,8 @@ contains
     else
       stepper%estimate_tolerance = 3.0_wp*rtol**0.93_wp
     end if
+    ! Slow motion has no thousands of oscillations in which errors add up (bench/models.py).
+    if (components == 1 .and. stages > 3) stepper%estimate_tolerance = 10.0_wp*stepper%estimate_tolerance
     stepper%terms = new_terms(stages, components)
     stepper%point_terms = new_terms(1, components)
     stepper%start_derivative = stepper%grid%derivative(0, :)
