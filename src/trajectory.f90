@@ -278,6 +278,9 @@ contains
     self%sticking = .false.
     self%just_released = .true.
     self%next_step = self%release_step
+    ! The load has to grow beyond its own roundoff before it moves anything.
+    if (onset%curvature(1) > 0.0_wp .and. .not. self%fixed_step > 0.0_wp) self%next_step = max(self%release_step, &
+      10.0_wp*self%system%acceleration_noise/onset%curvature(1))
     self%release_rate = onset%rate(1)
     self%now%y = onset%y
     call self%system%face(onset%y(2))
