@@ -318,7 +318,7 @@ contains
     end do
     call defect_error(self, system, s, n, self%inside, drive%velocity_at(from%time + elapsed), u, y, &
       stage_velocity, error(2), noise(2))
-    outcome%error = maxval(error/(self%speed_scale*self%estimate_tolerance + noise))
+    outcome%error = maxval(error/max(self%speed_scale*self%estimate_tolerance + noise, tiny(noise)))
     if (.not. outcome%error <= huge(outcome%error)) outcome%error = 1.0e6_wp
     call advise_step(self, s, n, outcome)
   end subroutine estimate_error

@@ -8,7 +8,7 @@ module dst_trajectory
   use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, too_many_rejections, chattering
   use dst_bernstein, only: first_zero
-  use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
+  use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
     release_t, release_series
   use dst_drive, only: drive_t, drive_segment_t
   use dst_interpolation, only: grid_t, new_grid, max_degree
@@ -537,10 +537,9 @@ contains
     self%just_released = .false.
     associate (drive => self%drive%segment(self%segment), grid => self%closed_form_grid)
       release = release_series(self%slider, drive, self%from, self%release_rate, self%stepper%release_tolerance)
-      if (.not. release%moves) then
+      if (.not. release%moves .and. load(self%slider, self%from%u) > 0.0_wp) then
         ! As much force as friction, and no growth: it stays.
-        self%now%y = 0.0_wp
-        self%sticking = .true.
+        call come_to_rest(self)
         return
       end if
       if (.not. release%accurate) then

@@ -501,7 +501,7 @@ contains
       found = run(scene)
       call check(title//': runs to the end', found%sound)
       u = creep_by_runge_kutta(scene)
-      call check_close(title//': u', found%motion%u(1), u, 10.0_wp*rtol*u)
+      call check_close(title//': u', found%motion%u(1), u, 0.05_wp*rtol*u)
       call check_close(title//': w', found%velocity(1), creep_speed(scene, u), &
         (100.0_wp*rtol + 1.0e-10_wp)*creep_speed(scene, u))
     end do
