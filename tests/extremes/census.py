@@ -14,7 +14,15 @@ import time
 from invariants import Ending, finish
 from matrix import KINDS, Cell, cells
 
-CODES = {0: "result", 2: "refused", 42: "max_steps", 43: "not finite", 44: "rejections", 45: "chattering", 75: "hangs"}
+CODES = {
+    0: "result",
+    2: "refused",
+    42: "max_steps",
+    43: "not finite",
+    44: "rejections",
+    45: "chattering",
+    75: "hangs",
+}
 
 
 def end_of(cell: Cell) -> tuple[Cell, Ending, float]:
