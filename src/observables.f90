@@ -126,7 +126,8 @@ contains
     if (trajectory%exact_contact) then
       instant%theta = motion%y(2) - 2.0_wp*pi*anint(motion%y(2)/(2.0_wp*pi))
     else
-      instant%friction = magnitude(1)*speed/max(sqrt(speed**2 + trajectory%slider%smoothing), tiny(speed))
+      if (trajectory%slider%smoothing > 0.0_wp) &
+        instant%friction = magnitude(1)*speed/sqrt(speed**2 + trajectory%slider%smoothing)
       instant%theta = direction_of(instant%velocity)
     end if
     ! A rigid spring has the force that guides the object.

@@ -9,7 +9,7 @@ module dst_trajectory
   use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, step_underflow, too_many_rejections, chattering, release_failed
   use dst_bernstein, only: first_zero
-  use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
+  use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
     release_t, release_series
   use dst_drive, only: drive_t, drive_segment_t
   use dst_interpolation, only: grid_t, new_grid, max_degree
@@ -280,6 +280,9 @@ contains
     self%sticking = .false.
     self%just_released = .true.
     self%next_step = self%release_step
+    ! The load has to grow beyond its own roundoff before it moves anything.
+    if (onset%curvature(1) > 0.0_wp .and. .not. self%fixed_step > 0.0_wp) self%next_step = max(self%release_step, &
+      10.0_wp*self%system%acceleration_noise/onset%curvature(1))
     self%release_rate = onset%rate(1)
     self%now%y = onset%y
     call self%system%face(onset%y(2))
@@ -564,10 +567,9 @@ contains
     self%just_released = .false.
     associate (drive => self%drive%segment(self%segment), grid => self%closed_form_grid)
       release = release_series(self%slider, drive, self%from, self%release_rate, self%stepper%release_tolerance)
-      if (.not. release%moves) then
+      if (.not. release%moves .and. load(self%slider, self%from%u) > 0.0_wp) then
         ! As much force as friction, and no growth: it stays.
-        self%now%y = 0.0_wp
-        self%sticking = .true.
+        call come_to_rest(self)
         return
       end if
       if (.not. release%accurate) then

@@ -33,7 +33,7 @@ run_tests() {
 
 unit_tests() { run_tests "$1" '^(Ok|Fail|Expected Fail|Skipped|Timeout):' meson test -C "$2" --no-rebuild --print-errorlogs; }
 python_tests() {
-  run_tests "$1" '^=+ .*(passed|failed|error|skipped|no tests ran).* =+$' python -m pytest "${@:2}" "$checkout/tests/python"
+  run_tests "$1" '^=+ .*(passed|failed|error|skipped|no tests ran).* =+$' python -m pytest "${@:2}" "$checkout"/tests/{python,extremes}
 }
 
 prepare
