@@ -17,12 +17,13 @@ module dst_hdf5_writer
   use dst_writer, only: writer_t, quantity_t, outcome_t
   use dst_disk, only: prepare_file, reserve_space, set_file_size, move_file, delete_file, file_exists, is_folder, &
     true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
-  use dst_hdf5_tools, only: start_hdf5, failure_reason, file_descriptor, put_attribute, get_attribute, put_text, put_number, &
-    create_group, delete_link, column_t, create_column, open_column, append, cut_column, make_scale, attach_scale
+  use dst_hdf5_tools, only: start_hdf5, failure_reason, file_descriptor, put_attribute, get_attribute, put_text, put_texts, &
+    put_number, create_group, delete_link, column_t, create_column, open_column, append, cut_column, make_scale, &
+    attach_scale
   implicit none
   private
 
-  public :: hdf5_writer_t, run_metadata_t, text_parameter_t, create_hdf5, reopen_hdf5
+  public :: hdf5_writer_t, run_metadata_t, text_parameter_t, table_column_t, create_hdf5, reopen_hdf5
 
   !> A parameter of the deck whose value is text.
   type :: text_parameter_t
@@ -43,6 +44,14 @@ module dst_hdf5_writer
     real(wp), allocatable :: parameter_value(:)
     type(text_parameter_t), allocatable :: text_parameters(:)
   end type run_metadata_t
+
+  !> One column of a table: numbers or texts.
+  type :: table_column_t
+    type(quantity_t) :: quantity
+    real(wp), allocatable :: number(:)
+    character(200), allocatable :: text(:)
+    real(wp) :: fill = 0.0_wp      !! what stands for no value, if it is not 0
+  end type table_column_t
 
   type, extends(writer_t) :: hdf5_writer_t
     private
@@ -66,6 +75,7 @@ module dst_hdf5_writer
     procedure :: write_events
     procedure :: flush => flush_all
     procedure :: finish
+    procedure :: write_table
     procedure, private :: write_waiting
     procedure, private :: reserve
     procedure, private :: fail
@@ -91,7 +101,7 @@ contains
     character(*), intent(in) :: file_name
     logical, intent(in) :: overwrite
     type(run_metadata_t), intent(in) :: metadata
-    type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'
+    type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'. None: no series, no events
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in), optional :: expected_rows    !! samples of the whole run, when they are known
     character(:), allocatable :: created_name
@@ -213,6 +223,37 @@ contains
     if (.not. file_exists(self%file_name)) call raise(error, file_error, &
       self%file_name//': the file or its folder was removed or renamed during the run')
   end subroutine finish
+
+  !> A group of columns of one length, the first of which numbers the rows.
+  subroutine write_table(self, name, columns, error)
+    class(hdf5_writer_t), intent(inout) :: self
+    character(*), intent(in) :: name
+    type(table_column_t), intent(in) :: columns(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(column_t) :: stored(size(columns))
+    integer(hid_t) :: group
+    integer :: status, i
+
+    call self%reserve()
+    if (.not. allocated(self%failure)) then
+      status = 0
+      call create_group(self%file, name, group, status)
+      do i = 1, size(columns)
+        if (allocated(columns(i)%text)) then
+          call put_texts(group, columns(i)%quantity, columns(i)%text, stored(1), status)
+          cycle
+        end if
+        call create_column(group, columns(i)%quantity, h5t_ieee_f64le, max(1, size(columns(1)%number)), stored(i), status)
+        call append(stored(i), real(columns(i)%number, real64), status)
+        if (abs(columns(i)%fill) > 0.0_wp) call put_attribute(stored(i)%dataset, '_FillValue', columns(i)%fill, status)
+        if (i == 1) call make_scale(stored(1), trim(columns(1)%quantity%name), status)
+        if (i > 1) call attach_scale(stored(i), stored(1), status)
+      end do
+      call close_group(group, status)
+      if (status < 0) call self%fail(failure_reason(), sound=.false.)
+    end if
+    if (allocated(self%failure)) error = self%failure
+  end subroutine write_table
 
   !> Append what waits, and flush when told to or when the last flush is long ago.
   subroutine write_waiting(self, flush_now, error)
@@ -543,6 +584,7 @@ contains
     integer(hid_t) :: group
     integer :: i
 
+    if (size(columns) == 0) return
     call create_group(self%file, 'time_series', group, status)
     do i = 1, size(columns)
       if (columns(i)%name == 'sticking') then

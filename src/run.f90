@@ -15,7 +15,7 @@ module dst_run
   implicit none
   private
 
-  public :: run_deck
+  public :: run_deck, metadata_of
 
   !> Wall time of one slice of the run [s]: how often progress and flushing get their turn.
   real(wp), parameter :: slice = 0.1_wp
@@ -41,8 +41,8 @@ contains
     call settle_model(scene, model_choice)
     call simulation%start(scene, error)
     if (allocated(error)) return
-    call create_hdf5(writer, output_file, overwrite, metadata_of(deck, simulation, model_choice), &
-      simulation%output_columns(), error, expected_rows(scene))
+    call create_hdf5(writer, output_file, overwrite, metadata_of(deck, simulation%scene%model, &
+      simulation%method_name(), model_choice), simulation%output_columns(), error, expected_rows(scene))
     if (allocated(error)) return
     progress = new_progress(deck%name, quiet)
     if (model_choice /= '') call progress%remark("model 'auto' is "//model_choice)
@@ -90,10 +90,9 @@ contains
   end function expected_rows
 
   !> What the file says about its run.
-  function metadata_of(deck, simulation, model_choice) result(metadata)
+  function metadata_of(deck, model, method, model_choice) result(metadata)
     type(deck_t), intent(in) :: deck
-    type(simulation_t), intent(in) :: simulation
-    character(*), intent(in) :: model_choice
+    character(*), intent(in) :: model, method, model_choice
     type(run_metadata_t) :: metadata
     type(parameter_t), allocatable :: parameters(:)
     logical, allocatable :: is_text(:)
@@ -103,9 +102,9 @@ contains
     metadata%version = version
     metadata%git_revision = git_revision
     metadata%compiler = compiler
-    metadata%model = simulation%scene%model
+    metadata%model = model
     metadata%model_choice = model_choice
-    metadata%method = simulation%method_name()
+    metadata%method = method
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
     metadata%deck_sha256 = sha256(deck%text)

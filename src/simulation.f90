@@ -43,6 +43,8 @@ module dst_simulation
     !> Wall time spent so far [s].
     real(wp) :: elapsed = 0.0_wp
     integer(int64) :: advances = 0
+    !> Instants to sample [s], from 0 to t_end, where they shall not have equal distances.
+    real(wp), allocatable :: instants(:)
     !> Samples taken so far, and rows waiting for the writer.
     integer(int64) :: samples = 0
     integer :: waiting = 0
@@ -382,10 +384,14 @@ contains
     end associate
   end subroutine record
 
-  !> Time of the next sample [s] at equal distances.
+  !> Time of the next sample [s].
   pure real(wp) function sample_time(self)
     class(simulation_t), intent(in) :: self
 
+    if (allocated(self%instants)) then
+      sample_time = self%instants(min(self%samples + 1, size(self%instants, kind=int64)))
+      return
+    end if
     sample_time = real(self%samples, wp)*self%scene%interval
     ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
     if (sample_time >= self%scene%t_end*(1.0_wp - 4.0_wp*epsilon(sample_time))) sample_time = self%scene%t_end
