@@ -14,7 +14,7 @@ module dst_hdf5_writer
     h5f_acc_rdonly_f, h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
-  use dst_writer, only: writer_t, quantity_t, outcome_t
+  use dst_writer, only: writer_t, quantity_t, outcome_t, table_column_t
   use dst_disk, only: prepare_file, reserve_space, set_file_size, move_file, delete_file, file_exists, is_folder, &
     true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
   use dst_hdf5_tools, only: start_hdf5, failure_reason, file_descriptor, put_attribute, get_attribute, put_text, put_texts, &
@@ -23,7 +23,7 @@ module dst_hdf5_writer
   implicit none
   private
 
-  public :: hdf5_writer_t, run_metadata_t, text_parameter_t, table_column_t, create_hdf5, reopen_hdf5
+  public :: hdf5_writer_t, run_metadata_t, text_parameter_t, create_hdf5, reopen_hdf5
 
   !> A parameter of the deck whose value is text.
   type :: text_parameter_t
@@ -44,14 +44,6 @@ module dst_hdf5_writer
     real(wp), allocatable :: parameter_value(:)
     type(text_parameter_t), allocatable :: text_parameters(:)
   end type run_metadata_t
-
-  !> One column of a table: numbers or texts.
-  type :: table_column_t
-    type(quantity_t) :: quantity
-    real(wp), allocatable :: number(:)
-    character(200), allocatable :: text(:)
-    real(wp) :: fill = 0.0_wp      !! what stands for no value, if it is not 0
-  end type table_column_t
 
   type, extends(writer_t) :: hdf5_writer_t
     private

@@ -67,6 +67,8 @@ module dst_trade
   integer, parameter :: survey_samples = 4000
   !> Share of the budget left that one candidate may take before the costly ones have their turn.
   real(wp), parameter :: share = 0.08_wp
+  !> Share of what a candidate may take after which its pace is looked at.
+  real(wp), parameter :: proof = 0.15_wp
   !> Shorter runs are repeated so often, and the shortest time counts [s].
   real(wp), parameter :: short_run = 0.02_wp
   integer, parameter :: most_repeats = 3
@@ -124,27 +126,40 @@ contains
     real(wp), intent(in) :: seconds
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: run_error
-    real(wp) :: until, slice
-    real(wp), parameter :: least_slice = 1.0e-4_wp   ! s
+    real(wp) :: now, until, slice
 
-    until = self%elapsed() + seconds
-    do while (.not. self%finished .and. self%elapsed() < until)
+    now = self%elapsed()
+    until = now + seconds
+    do while (.not. self%finished .and. now < until)
       if (.not. allocated(self%run)) call next_candidate(self)
       if (self%finished) exit
-      slice = min(until, self%budget) - self%elapsed()
-      if (self%stage == comparison) slice = min(slice, self%allowance - self%run%elapsed + least_slice)
+      slice = min(until, self%budget) - now
+      if (self%stage == comparison) slice = min(slice, proof*self%allowance)
       call self%run%proceed(max(0.0_wp, slice), self%samples, run_error)
+      now = self%elapsed()
       if (self%run%finished) then
         call conclude(self, run_error, error)
-      else if (self%stage < comparison .and. self%elapsed() >= self%budget) then
+      else if (self%stage < comparison .and. now >= self%budget) then
         call raise(error, stopped_early, 'the budget of '//short(self%budget)//' s does not suffice for the reference: '// &
           'raise --budget, or lower scene.t_end')
-      else if (self%stage == comparison .and. self%run%elapsed > self%allowance) then
+      else if (is_hopeless(self)) then
         call abandon(self)
       end if
       if (allocated(error)) self%finished = .true.
     end do
   end subroutine proceed
+
+  !> Whether the candidate that runs has taken what it may, or its pace tells after some time that it will by far.
+  pure logical function is_hopeless(self)
+    class(trade_t), intent(in) :: self
+    real(wp) :: expected
+
+    is_hopeless = .false.
+    if (self%stage /= comparison) return
+    expected = self%run%elapsed*self%scene%t_end/max(self%run%trajectory%now%time, tiny(1.0_wp))
+    is_hopeless = self%run%elapsed > self%allowance .or. &
+      self%run%elapsed > proof*self%allowance .and. expected > 3.0_wp*self%allowance
+  end function is_hopeless
 
   !> Begin the run of the present stage; `error` if its scene is refused.
   subroutine start_run(self, error)

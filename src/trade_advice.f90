@@ -12,7 +12,7 @@ module dst_trade_advice
   implicit none
   private
 
-  public :: check_wish, cheapest, advice
+  public :: check_wish, cheapest, advice, advised_settings
 
   !> What a user reads most.
   character(*), parameter :: usual_quantities = 'final_elongation period peak_force creep_velocity'
@@ -120,35 +120,56 @@ contains
     end do
   end function is_trusted
 
-  !> The settings of point `best` as namelist groups, what to remove from the deck, and the same as a command.
+  !> The settings of point `best` as namelist groups, and as a command that also takes out what nothing uses any more.
   function advice(deck, trade, best) result(text)
     type(deck_t), intent(in) :: deck
     type(trade_t), intent(in) :: trade
     integer, intent(in) :: best
     character(:), allocatable :: text
     type(text_builder_t) :: builder
-    type(deck_t), allocatable :: changed
-    character(:), allocatable :: group, settings
-    integer :: g, i
+    character(:), allocatable :: settings, command
+    integer :: g, first, width
 
-    allocate (changed, source=deck)
-    associate (point => trade%points(best))
-      call change_texts(point%candidate, changed)
-      call builder%line('! '//described(point%candidate)//': '//short(point%seconds)//' s, errors '//errors_text(trade, best))
-      settings = ''
+    associate (candidate => trade%points(best)%candidate)
+      call builder%line('! '//described(candidate)//': '//short(trade%points(best)%seconds)//' s, errors '// &
+        errors_text(trade, best))
       do g = 1, word_count(group_names)
-        group = word(group_names, g)
-        call add_group(point%candidate, group, builder, settings)
+        call add_group(candidate, word(group_names, g), builder)
       end do
     end associate
-    do i = 1, key_count
-      if (.not. is_to_go(changed, i)) cycle
-      call builder%line('! remove '//trim(schema(i)%name)//' from &'//trim(schema(i)%group))
-      settings = settings//' --set '//trim(schema(i)%group)//'.'//trim(schema(i)%name)//'='
+    settings = advised_settings(deck, trade, best)
+    command = ''
+    first = 1
+    do while (first <= len(settings))
+      width = index(settings(first:), new_line('a')) - 1
+      associate (setting => settings(first:first + width - 1))
+        command = command//' --set '//setting
+        if (setting(width:) == '=') call builder%line('! Nothing uses '//setting(:width - 1)//' any more: remove it.')
+      end associate
+      first = first + width + 1
     end do
-    call builder%line('! In place of the deck''s own values, or: dynstiction run '//deck%name//settings)
+    call builder%line('! In place of the deck''s own values; or: dynstiction run '//deck%name//command)
     text = builder%content()
   end function advice
+
+  !> The same as settings 'group.key=value', one a line; 'group.key=' takes a key out that nothing uses any more.
+  function advised_settings(deck, trade, best) result(settings)
+    type(deck_t), intent(in) :: deck
+    type(trade_t), intent(in) :: trade
+    integer, intent(in) :: best
+    character(:), allocatable :: settings, value
+    type(deck_t), allocatable :: changed
+    integer :: i
+
+    allocate (changed, source=deck)
+    call change_texts(trade%points(best)%candidate, changed)
+    settings = ''
+    do i = 1, key_count
+      value = value_text(trade%points(best)%candidate, trim(schema(i)%name))
+      if (value == '' .and. .not. is_to_go(changed, i)) cycle
+      settings = settings//trim(schema(i)%group)//'.'//trim(schema(i)%name)//'='//value//new_line('a')
+    end do
+  end function advised_settings
 
   !> 'low_frequency, radau9, rtol 1.0e-5'.
   function described(candidate) result(text)
@@ -207,55 +228,52 @@ contains
     if (usage(deck, i) == unused) is_to_go = .not. is_default(schema(i), deck%value(i))
   end function is_to_go
 
-  !> The candidate's keys of one group, as namelist and as settings of the command line.
-  subroutine add_group(candidate, group, builder, settings)
+  !> The candidate's keys of one group.
+  subroutine add_group(candidate, group, builder)
     type(candidate_t), intent(in) :: candidate
     character(*), intent(in) :: group
     type(text_builder_t), intent(inout) :: builder
-    character(:), allocatable, intent(inout) :: settings
+    character(:), allocatable :: value
     logical :: begun
     integer :: i
 
     begun = .false.
     do i = 1, key_count
-      if (schema(i)%group /= group .or. value_text(i) == '') cycle
+      if (schema(i)%group /= group) cycle
+      value = value_text(candidate, trim(schema(i)%name))
+      if (value == '') cycle
       if (.not. begun) call builder%line('&'//group)
       begun = .true.
-      if (any(schema(i)%kind == [text_kind, choice_kind])) then
-        call builder%line('  '//trim(schema(i)%name)//' = '//quoted_text(value_text(i)))
-      else
-        call builder%line('  '//trim(schema(i)%name)//' = '//value_text(i))
-      end if
-      settings = settings//' --set '//group//'.'//trim(schema(i)%name)//'='//value_text(i)
+      if (any(schema(i)%kind == [text_kind, choice_kind])) value = quoted_text(value)
+      call builder%line('  '//trim(schema(i)%name)//' = '//value)
     end do
     if (begun) call builder%line('/')
-
-  contains
-
-    !> Value of a key that the candidate sets, '' if it does not.
-    function value_text(i) result(value)
-      integer, intent(in) :: i
-      character(:), allocatable :: value
-
-      value = ''
-      select case (schema(i)%name)
-      case ('model')
-        value = trim(candidate%model)
-      case ('form')
-        value = trim(candidate%form)
-      case ('method')
-        value = trim(candidate%method)
-      case ('contact')
-        value = trim(candidate%contact)
-      case ('rtol')
-        if (candidate%rtol > 0.0_wp) value = real_text(candidate%rtol)
-      case ('step')
-        if (candidate%step > 0.0_wp) value = real_text(candidate%step)
-      case ('v_smooth')
-        if (candidate%v_smooth > 0.0_wp) value = real_text(candidate%v_smooth)
-      end select
-    end function value_text
   end subroutine add_group
+
+  !> Value of a key that the candidate sets, '' if it does not.
+  function value_text(candidate, key) result(value)
+    type(candidate_t), intent(in) :: candidate
+    character(*), intent(in) :: key
+    character(:), allocatable :: value
+
+    value = ''
+    select case (key)
+    case ('model')
+      value = trim(candidate%model)
+    case ('form')
+      value = trim(candidate%form)
+    case ('method')
+      value = trim(candidate%method)
+    case ('contact')
+      value = trim(candidate%contact)
+    case ('rtol')
+      if (candidate%rtol > 0.0_wp) value = real_text(candidate%rtol)
+    case ('step')
+      if (candidate%step > 0.0_wp) value = real_text(candidate%step)
+    case ('v_smooth')
+      if (candidate%v_smooth > 0.0_wp) value = real_text(candidate%v_smooth)
+    end select
+  end function value_text
 
   pure function short(value) result(text)
     real(wp), intent(in) :: value

@@ -11,6 +11,7 @@ module dst_trade_quantities
   use dst_kinds, only: wp, pi
   use dst_linear_solve, only: solve_in_place
   use dst_memory_writer, only: memory_writer_t
+  use dst_observables, only: find_column
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use dst_writer, only: quantity_t, outcome_t
@@ -67,7 +68,7 @@ contains
     type(simulation_t), intent(in) :: run
     type(memory_writer_t), intent(in) :: samples
     type(observation_plan_t), intent(out) :: plan
-    real(wp), allocatable :: time(:), u(:, :), w(:, :), theta(:)
+    real(wp) :: time(samples%rows), u(2, samples%rows), w(2, samples%rows), theta(samples%rows)
     real(wp) :: stick_end, tangent(2)
     integer :: i
 
@@ -258,8 +259,10 @@ contains
       difference = norm2(observation%value(:, q) - reference%value(:, q))
       scale = norm2(reference%value(:, q))
       select case (q)
-      case (elongation, velocity)
-        scale = plan%scale(q)
+      case (elongation)
+        scale = plan%scale(1)
+      case (velocity)
+        scale = plan%scale(2)
       case (phase)
         difference = abs(observation%value(1, q) - reference%value(1, q))
         difference = min(difference, 2.0_wp*pi - difference)
@@ -276,11 +279,7 @@ contains
   pure integer function column_of(run, name)
     type(simulation_t), intent(in) :: run
     character(*), intent(in) :: name
-    type(quantity_t), allocatable :: columns(:)
 
-    columns = run%output_columns()
-    do column_of = size(columns), 1, -1
-      if (columns(column_of)%name == name) return
-    end do
+    column_of = findloc(run%selected, find_column(name), dim=1)
   end function column_of
 end module dst_trade_quantities
