@@ -81,7 +81,11 @@ class Trade:
 
     def error(self, quantity: str) -> NDArray[np.float64]:
         """Errors of a quantity in all rows, NaN where there is none."""
-        return np.asarray(self[f"error_{quantity}"], dtype=np.float64)
+        return self.number(f"error_{quantity}")
+
+    def number(self, name: str) -> NDArray[np.float64]:
+        """A column of numbers."""
+        return np.asarray(self[name], dtype=np.float64)
 
     def floor(self, quantity: str) -> float:
         """What an error must exceed to be measured: 100 times the reference's own."""
@@ -107,7 +111,12 @@ class Trade:
 
 
 def trade(
-    deck: DeckLike, accuracy: float | None = None, budget: float = 10.0, *, quantity: str = "", **groups: Group
+    deck: DeckLike,
+    accuracy: float | None = None,
+    budget: float = 10.0,
+    *,
+    quantity: str = "",
+    **groups: Group,
 ) -> Trade:
     """Measure error against cost of models, methods and tolerances on a scene.
 

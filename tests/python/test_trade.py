@@ -5,14 +5,15 @@ from __future__ import annotations
 import subprocess
 import time
 
+import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
 import xarray
-
-import dynstiction as ds
 from dynstiction import plot
+from dynstiction.__main__ import main
 from dynstiction.plot.samples import first_release
+from dynstiction.plot.work_precision import families
 
 # Half a second of the creep of Fig. 3, and its first stick-slips.
 CREEP = {"scene": {"t_end": 0.3}}
@@ -239,6 +240,46 @@ def test_recommended_command_can_be_pasted(command, tmp_path):
         assert f"model = '{file.attrs['model']}'" in result.stdout
 
 
+def test_figure_of_a_file(command, tmp_path):
+    assert command("trade", "deck.nml", "--budget", "1", "--quiet").returncode == 0
+    file = tmp_path / "deck_trade.h5"
+    assert main(["plot", str(file)]) == 0
+    assert main(["plot", str(file), "--kind", "work_precision", "-o", str(tmp_path / "x.svg")]) == 0
+    assert main(["plot", str(file), "--kind", "history"]) == 1
+    assert (tmp_path / "deck_trade.png").stat().st_size > 10000
+
+
+def test_figure_shows_every_measured_point(creep):
+    figure = plot.draw(creep)
+    assert figure.get_size_inches()[0] * 25.4 == pytest.approx(86.0)
+    labels = [axis.get_xlabel() for axis in figure.axes]
+    # The creep has no period.
+    assert labels == [f"error of the {name}" for name in ("final elongation", "creep velocity")] + [
+        r"error of the fast phase, over $\pi$"
+    ]
+    for axis, quantity in zip(figure.axes, ("final_elongation", "creep_velocity", "fast_phase"), strict=True):
+        marks = [line for line in axis.get_lines() if line.get_marker() != "None"]
+        error = np.sort(np.concatenate([line.get_xdata() for line in marks]))
+        wanted = np.sort(np.fmax(creep.error(quantity)[creep.done], creep.floor(quantity)))
+        np.testing.assert_array_equal(error, wanted)
+        seconds = np.sort(np.concatenate([line.get_ydata() for line in marks]))
+        np.testing.assert_array_equal(seconds, np.sort(creep["seconds"][creep.done]))
+
+
+def test_families(creep):
+    """A family holds one method's points, the coarse ones first."""
+    full = [f for f in families(creep, "final_velocity") if (f.kind, f.method) == ("full", "radau9")]
+    (family,) = full
+    assert family.error.size == np.count_nonzero(
+        (creep["method"] == "radau9")
+        & (creep["model"] == "full")
+        & (creep["contact"] == "exact")
+        & creep.done
+    )
+    assert family.error[0] > 1e3 * family.error[-1]
+    assert family.error.min() >= creep.floor("final_velocity")
+
+
 # Scenes that were not used to build trade: changes of Fig. 3, and the accuracy asked for.
 SCENES = {
     "phi 0.3": ({"system": {"misalignment_deg": 0.3}}, 1e-3),
@@ -270,7 +311,10 @@ SCENES = {
     "soft across": ({"system": {"stiffness_y": 1e6}}, 1e-4),
     "stiff along": ({"system": {"stiffness_x": 3e3}, "scene": {"t_end": 2.0}}, 1e-3),
     "slide, hold, slide": (
-        {"scene": {"t_end": 5.0}, "drive": {"time": [0.0, 2.5, 2.5, 3.0, 3.0], "velocity": [1e-3, 1e-3, 0.0, 0.0, 1e-3]}},
+        {
+            "scene": {"t_end": 5.0},
+            "drive": {"time": [0.0, 2.5, 2.5, 3.0, 3.0], "velocity": [1e-3, 1e-3, 0.0, 0.0, 1e-3]},
+        },
         1e-2,
     ),
     "loaded start": ({"initial": {"elongation_x": 1e-3}, "scene": {"t_end": 3.0}}, 1e-5),
@@ -308,7 +352,9 @@ def meets(name: str, fig3: ds.Scene, budget: float) -> str:
     assert trade.recommendation, (name, trade.shortfall)
     errors = independent_errors(scene, trade.settings)
     line = trade.recommendation.splitlines()[0]
-    text = f"{name}: asked {accuracy:g}, got {max(errors.values()):.1e} ({len(errors)} quantities); {line[2:70]}"
+    text = (
+        f"{name}: asked {accuracy:g}, got {max(errors.values()):.1e} ({len(errors)} quantities); {line[2:70]}"
+    )
     assert max(errors.values()) <= accuracy, text + str(errors)
     return text
 
