@@ -12,6 +12,7 @@ import pytest
 import xarray
 from dynstiction import plot
 from dynstiction.__main__ import main
+from dynstiction.plot.paper import deck as paper_deck
 from dynstiction.plot.samples import first_release
 from dynstiction.plot.work_precision import families
 
@@ -189,7 +190,6 @@ def test_budget_too_small_for_the_reference(command, tmp_path):
         (["--quantity", "period"], 1, "--accuracy"),
         (["--accuracy", "1e-3", "--quantity", "perod"], 1, "nearest is 'period'"),
         (["deck.nml"], 1, "one deck"),
-        (["--set", "scene.model=creep"], 2, "choose model = 'full'"),
         (["--set", "system.mass=heavy"], 2, "not a real number"),
         (["-o", "no/where.h5"], 3, "create it first"),
     ],
@@ -199,6 +199,12 @@ def test_wrong_use(arguments, status, remedy, command, tmp_path):
     assert result.returncode == status
     assert remedy in result.stderr
     assert not list(tmp_path.glob("*.h5"))
+
+
+def test_closed_form_has_nothing_to_compare():
+    deck = paper_deck("creep")
+    with pytest.raises(ds.DeckError, match="choose model = 'full'"):
+        ds.trade(deck)
 
 
 def test_options_of_trade_alone(command):

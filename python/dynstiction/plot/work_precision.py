@@ -103,8 +103,8 @@ def _draw_panel(axis: Axes, trade: Trade, quantity: str) -> set[str]:
         _, mark, fill = KINDS[family.kind]
         colour = COLOURS[family.method]
         style: Any = {"color": colour, "markersize": 3.5, "markeredgewidth": 0.7}
-        line = "-" if family.kind == "full" else "none"
-        axis.plot(family.error, family.seconds, line, color=colour, alpha=0.6)
+        if family.kind == "full":
+            axis.plot(family.error, family.seconds, color=colour, alpha=0.6)
         known = family.known
         axis.plot(family.error[known], family.seconds[known], mark, fillstyle=fill, **style)
         axis.plot(family.error[~known], family.seconds[~known], "<", fillstyle="none", **style)
