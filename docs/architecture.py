@@ -21,28 +21,34 @@ TONES = {
 # room: (title, x, y, width, height, rooms it may use besides itself, modules)
 ROOMS = {
     "executable": ("the executable", 20, 66, 470, 130,
-                   "ground deck simulation writers slider stability", "main command_line run progress stability_report"),
+                   "ground deck simulation writers slider stability", "main command_line run trade_run progress signals stability_report"),
     "python": ("Python", 510, 66, 470, 130, "ground physics deck simulation writers", "python_api"),
-    "simulation": ("the one run routine", 20, 220, 300, 110,
-                   "ground physics numerics scene meeting", "simulation"),
-    "writers": ("where results go", 340, 220, 320, 110, "ground", "hdf5_writer memory_writer hdf5_tools disk"),
+    "simulation": ("runs, and comparisons of runs", 20, 220, 300, 110,
+                   "ground physics numerics deck meeting memory_writer",
+                   "simulation model_choice trade trade_plan trade_quantities trade_advice trade_report trade_table"),
+    "writers": ("where results go", 340, 220, 320, 110, "ground sha256",
+                 "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint disk"),
     "meeting": ("where physics and numerics meet", 20, 354, 640, 82, "ground physics numerics",
-                "contact trajectory observables summary moreau_jean"),
-    "physics": ("physics", 20, 460, 200, 222, "ground", "full_model slider friction drive slip_system stability creep"),
+                "contact trajectory observables summary moreau_jean creep_motion"),
+    "physics": ("physics", 20, 460, 200, 222, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
     "numerics": ("numerics", 240, 460, 420, 222, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
                  "interpolation stepper"),
     "deck": ("the deck", 680, 220, 300, 462, "ground",
-             "scene parameters deck deck_text deck_values schema namelist faults sha256 text"),
-    "ground": ("ground", 20, 706, 960, 70, "", "kinds errors writer"),
+             "scene parameters deck deck_text deck_values schema namelist faults sha256"),
+    "ground": ("ground", 20, 706, 960, 70, "", "kinds errors text archive writer"),
 }
 
 SAY = {
     "main": "prints, exits", "command_line": "words, --help", "run": "deck → file", "progress": "one line",
     "python_api": "flat routines for f2py", "simulation": "builds, advances, records", "hdf5_writer": "the file",
-    "memory_writer": "arrays", "disk": "the system", "contact": "rest, release, stop", "moreau_jean": "steps without events",
+    "memory_writer": "arrays", "hdf5_origin": "whose file it is", "checkpoint": "state on disk",
+    "archive": "state as words", "signals": "stop, please", "moreau_jean": "steps without events",
+    "disk": "the system", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
-    "full_model": "Eqs. 1–5", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
+    "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
+    "model_choice": "what auto is", "trade": "compares", "trade_plan": "what to try", "trade_quantities": "errors",
+    "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
     "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
     "slip_system": "a model, seen by a method", "radau": "implicit steps", "runge_kutta": "explicit steps",
     "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5 in few words", "bernstein": "first zero",
@@ -108,7 +114,7 @@ def draw_room(room: str, title: str, x: int, y: int, width: int, height: int, _:
     ]
     chips = modules.split()
     wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {"executable": 3, "writers": 2, "physics": 2, "numerics": 2, "meeting": 5, "ground": 3}.get(room, 1)
+    columns = {"executable": 3, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 4}.get(room, 1)
     rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
     gap, top = 8, 28
     chip_width = (width - gap * (columns + 1)) / columns

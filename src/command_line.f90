@@ -13,9 +13,9 @@ module dst_command_line
   end type argument_t
 
   type :: command_t
-    character(:), allocatable :: name              !! run | check | template | stability | trade | version | help
+    character(:), allocatable :: name              !! run | resume | check | template | stability | trade | version | help
     character(:), allocatable :: output            !! of -o; '' = not given
-    type(argument_t), allocatable :: operands(:)   !! decks, or the template's model
+    type(argument_t), allocatable :: operands(:)   !! decks, result files, or the template's model
     type(argument_t), allocatable :: settings(:)   !! of --set
     integer :: operand_count = 0, setting_count = 0
     character(:), allocatable :: quantity          !! of --quantity; '' = not given
@@ -25,9 +25,7 @@ module dst_command_line
     logical :: help = .false.                      !! help on the command is wanted, not the command
   end type command_t
 
-  character(*), parameter :: commands = 'run check template stability trade'
-  !> Commands of the contract that this version does not have.
-  character(*), parameter :: later_commands = 'resume'
+  character(*), parameter :: commands = 'run resume check template stability trade'
   character(*), parameter :: all_options = '-o --set --accuracy --budget --quantity --overwrite --quiet --help --version'
   character(*), parameter :: see_help = ', see dynstiction --help'
 
@@ -209,9 +207,6 @@ contains
       call raise(error, usage_error, 'no command: give one of '//alternatives(commands)//see_help)
     else if (command%name == 'version' .or. command%name == 'help') then
       return
-    else if (has_word(later_commands, command%name)) then
-      call raise(error, usage_error, "command '"//command%name//"' is not available in this version: there are "// &
-                 alternatives(commands))
     else if (.not. has_word(commands, command%name)) then
       call raise(error, usage_error, unknown_text('command', command%name, commands))
     else if (.not. command%help) then
@@ -236,6 +231,8 @@ contains
       return
     case ('check', 'stability')
       taken = '--set'
+    case ('resume')
+      taken = '--quiet'
     case default
       taken = ''
     end select
@@ -245,7 +242,7 @@ contains
       call refuse('--set')
     else if (command%overwrite) then
       call refuse('--overwrite')
-    else if (command%quiet) then
+    else if (command%quiet .and. taken /= '--quiet') then
       call refuse('--quiet')
     end if
 
@@ -266,6 +263,8 @@ contains
     if (command%name == 'template') then
       if (command%operand_count > 1) &
         call raise(error, usage_error, "'template' takes one model: '"//excerpt(command%operands(2)%text)//"' is too many")
+    else if (command%name == 'resume' .and. command%operand_count == 0) then
+      call raise(error, usage_error, "'resume' without a file: write dynstiction resume FILE.h5")
     else if (command%operand_count == 0) then
       call raise(error, usage_error, "'"//command%name//"' without a deck: write dynstiction "//command%name//' DECK')
     else if (command%operand_count > 1 .and. command%name == 'trade') then
@@ -304,7 +303,8 @@ contains
     case ('run')
       text = 'Usage: dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n//n// &
         'Run each deck and write its results to an HDF5 file: FILE, else output.file of the deck,'//n// &
-        'else the deck''s name with .h5 in the current directory. All decks are checked before the first runs.'//n//n// &
+        'else the deck''s name with .h5 in the current directory. All decks are checked before the first runs.'//n// &
+        'Ctrl-C, SIGTERM, SIGUSR1 and output.wall_limit stop the run with a checkpoint: go on with dynstiction resume.'//n//n// &
         '  -o FILE                the output file (one deck only)'//n// &
         '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
         '  --set GROUP.KEY=       as if the deck did not set the key'//n// &
@@ -314,6 +314,15 @@ contains
         '  dynstiction run inputs/fig3.nml'//n// &
         '  dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
         '  dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'//n//n// &
+        exit_codes(n)
+    case ('resume')
+      text = 'Usage: dynstiction resume FILE.h5... [--quiet]'//n//n// &
+        'Go on with a run that was stopped or killed, from the checkpoint beside its result file, FILE.h5.checkpoint.'//n// &
+        'The deck is that in FILE.h5. The finished file holds the same numbers as that of a run without a stop,'//n// &
+        'but for the wall time.'//n//n// &
+        '  --quiet                no progress'//n//n// &
+        'Example:'//n// &
+        '  dynstiction resume fig3.h5'//n//n// &
         exit_codes(n)
     case ('check')
       text = 'Usage: dynstiction check DECK... [--set GROUP.KEY=VALUE]...'//n//n// &
@@ -365,6 +374,7 @@ contains
       text = 'dynstiction: stick-slip of a spring-slider with misaligned anisotropic stiffness'//n//n// &
         'Usage:'//n// &
         '  dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n// &
+        '  dynstiction resume FILE.h5... [--quiet]                go on with a run that was stopped or killed'//n// &
         '  dynstiction check DECK... [--set GROUP.KEY=VALUE]...   print the deck as used, run nothing'//n// &
         '  dynstiction template [MODEL]                           print a deck with every key explained'//n// &
         '  dynstiction stability DECK... [--set GROUP.KEY=VALUE]...   whether steady sliding is stable'//n// &
@@ -386,9 +396,9 @@ contains
       '   0  done'//n// &
       '   1  wrong usage'//n// &
       '   2  a deck was refused; each fault as FILE:LINE: what is wrong: what would be right'//n// &
-      '   3  a file could not be written, or exists already'//n// &
+      '   3  a file could not be read or written, exists already, or cannot be resumed'//n// &
       '   4  the solver gave up'//n// &
       '   5  some cases of a sweep failed'//n// &
-      '  75  stopped early at the wall-time limit'//n
+      '  75  stopped early by a signal or at the wall-time limit, with a checkpoint'//n
   end function exit_codes
 end module dst_command_line

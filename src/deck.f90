@@ -7,7 +7,7 @@ module dst_deck
   use dst_faults, only: faults_t
   use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line
   use dst_schema, only: key_t, schema, key_count, group_names, later_groups, find_key, find_name, keys_of, in_range, range_text, &
-                        is_available, available_choices, condition_text, longest_text, most_values, real_kind, reals_kind, &
+                        condition_text, longest_text, most_values, real_kind, reals_kind, &
                         integer_kind, text_kind, texts_kind, choice_kind
   use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, set_default, &
                              is_default, used, unused
@@ -538,22 +538,18 @@ contains
     value%valid = .false.
   end subroutine check_text
 
-  !> '' when this version knows the choice.
+  !> '' when the key has this choice.
   function choice_problem(key, given) result(problem)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
     character(:), allocatable :: problem
 
     problem = ''
-    if (is_available(key, given)) return
-    if (has_word(key%choices, given)) then
-      problem = trim(key%name)//" '"//given//"' is not available in this version: choose "//alternatives(available_choices(key))
-    else
-      problem = 'unknown '//trim(key%name)//" '"//excerpt(given)//"': "
-      if (nearest_word(given, trim(key%choices)) /= '') &
-        problem = problem//"the nearest is '"//nearest_word(given, trim(key%choices))//"', "
-      problem = problem//'choose '//alternatives(available_choices(key))
-    end if
+    if (has_word(key%choices, given)) return
+    problem = 'unknown '//trim(key%name)//" '"//excerpt(given)//"': "
+    if (nearest_word(given, trim(key%choices)) /= '') &
+      problem = problem//"the nearest is '"//nearest_word(given, trim(key%choices))//"', "
+    problem = problem//'choose '//alternatives(trim(key%choices))
   end function choice_problem
 
   !> Keys that the user set though nothing uses them, or to a value that only an unused key may have.

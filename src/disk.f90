@@ -3,12 +3,13 @@
 !> Reasons come back as the words a user can act upon. POSIX; nothing here knows the file's format.
 module dst_disk
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_intptr_t, c_char, c_ptr, c_funptr, c_size_t, c_null_char, &
-    c_null_ptr, c_null_funptr, c_associated, c_f_pointer
-  use dst_kinds, only: int64
+    c_null_ptr, c_null_funptr, c_associated, c_f_pointer, c_loc
+  use dst_kinds, only: wp, int64
   implicit none
   private
 
-  public :: prepare_file, reserve_space, set_file_size, move_file, delete_file
+  public :: prepare_file, reserve_space, set_file_size, move_file, place_file, delete_file
+  public :: read_bytes, checksum_of_file, replace_file, make_durable, is_child, end_child, lock_file, unlock_file, wait_seconds
   public :: file_exists, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
 
   ! Error numbers that mean "no room" on Linux.
@@ -32,6 +33,77 @@ module dst_disk
       import :: c_int, c_char
       character(c_char), intent(in) :: from(*), to(*)
     end function c_rename
+
+    integer(c_int) function c_link(from, to) bind(c, name='link')
+      import :: c_int, c_char
+      character(c_char), intent(in) :: from(*), to(*)
+    end function c_link
+
+    integer(c_int) function c_creat(path, permissions) bind(c, name='creat')
+      import :: c_int, c_char
+      character(c_char), intent(in) :: path(*)
+      integer(c_int), value :: permissions
+    end function c_creat
+
+    integer(c_int) function c_open(path, flags) bind(c, name='open')
+      import :: c_int, c_char
+      character(c_char), intent(in) :: path(*)
+      integer(c_int), value :: flags
+    end function c_open
+
+    integer(c_intptr_t) function c_write(descriptor, bytes, count) bind(c, name='write')
+      import :: c_int, c_intptr_t, c_ptr, c_size_t
+      integer(c_int), value :: descriptor
+      type(c_ptr), value :: bytes
+      integer(c_size_t), value :: count
+    end function c_write
+
+    integer(c_int) function c_fsync(descriptor) bind(c, name='fsync')
+      import :: c_int
+      integer(c_int), value :: descriptor
+    end function c_fsync
+
+    integer(c_int) function c_close(descriptor) bind(c, name='close')
+      import :: c_int
+      integer(c_int), value :: descriptor
+    end function c_close
+
+    type(c_ptr) function c_error_number() bind(c, name='__errno_location')
+      import :: c_ptr
+    end function c_error_number
+
+    integer(c_int) function c_fork() bind(c, name='fork')
+      import :: c_int
+    end function c_fork
+
+    integer(c_int) function c_getppid() bind(c, name='getppid')
+      import :: c_int
+    end function c_getppid
+
+    integer(c_int) function c_flock(descriptor, operation) bind(c, name='flock')
+      import :: c_int
+      integer(c_int), value :: descriptor, operation
+    end function c_flock
+
+    integer(c_int) function c_setsid() bind(c, name='setsid')
+      import :: c_int
+    end function c_setsid
+
+    integer(c_int) function c_waitpid(process, status, options) bind(c, name='waitpid')
+      import :: c_int
+      integer(c_int), value :: process, options
+      integer(c_int), intent(out) :: status
+    end function c_waitpid
+
+    subroutine c_exit_at_once(status) bind(c, name='_exit')
+      import :: c_int
+      integer(c_int), value :: status
+    end subroutine c_exit_at_once
+
+    integer(c_int) function c_usleep(microseconds) bind(c, name='usleep')
+      import :: c_int
+      integer(c_int), value :: microseconds
+    end function c_usleep
 
     integer(c_int) function c_unlink(path) bind(c, name='unlink')
       import :: c_int, c_char
@@ -131,6 +203,221 @@ contains
     moved = c_rename(c_text(from), c_text(to)) == 0
   end subroutine move_file
 
+  !> Give a new file its name unless a file of that name has come to be meanwhile.
+  subroutine place_file(from, to, placed)
+    character(*), intent(in) :: from, to
+    logical, intent(out) :: placed
+
+    placed = c_link(c_text(from), c_text(to)) == 0
+    if (placed) then
+      call delete_file(from)
+    else if (.not. file_exists(to)) then
+      ! A file system without hard links.
+      call move_file(from, to, placed)
+    end if
+  end subroutine place_file
+
+  !> Put a file with these bytes in the place of another, or of none, in one step: whatever happens, the old file or the
+  !> new one is there. `durable`: even after a power failure.
+  subroutine replace_file(file_name, bytes, durable, reason)
+    character(*), intent(in) :: file_name, bytes
+    logical, intent(in) :: durable
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    character(:), allocatable :: unfinished
+
+    unfinished = file_name//'~'
+    call write_bytes(unfinished, c_text(bytes), len(bytes), durable, reason)
+    if (.not. allocated(reason)) then
+      if (c_rename(c_text(unfinished), c_text(file_name)) /= 0) reason = system_reason()
+    end if
+    if (allocated(reason)) then
+      call delete_file(unfinished)
+    else if (durable) then
+      call make_name_durable(file_name)
+    end if
+  end subroutine replace_file
+
+  !> Write the first `length` bytes into a file.
+  subroutine write_bytes(file_name, bytes, length, durable, reason)
+    character(*), intent(in) :: file_name
+    character(c_char), intent(in), target :: bytes(:)
+    integer, intent(in) :: length
+    logical, intent(in) :: durable
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(c_int), parameter :: everyone_may_read = int(o'644', c_int)
+    integer(c_int) :: descriptor
+    integer(c_intptr_t) :: count
+    integer :: written
+
+    call ignore_size_limit_signal()
+    descriptor = c_creat(c_text(file_name), everyone_may_read)
+    if (descriptor < 0) then
+      reason = system_reason()
+      return
+    end if
+    written = 0
+    do while (written < length .and. .not. allocated(reason))
+      count = c_write(descriptor, c_loc(bytes(written + 1)), int(length - written, c_size_t))
+      if (count < 0) reason = system_reason()
+      written = written + int(count)
+    end do
+    if (durable .and. .not. allocated(reason)) call make_durable(descriptor, reason)
+    if (c_close(descriptor) /= 0 .and. .not. allocated(reason)) reason = system_reason()
+  end subroutine write_bytes
+
+  !> Let a file's entry in its folder survive a power failure, where the system can do that.
+  subroutine make_name_durable(file_name)
+    character(*), intent(in) :: file_name
+    integer(c_int), parameter :: read_only = 0
+    integer(c_int) :: descriptor, ignored
+
+    descriptor = c_open(c_text(folder_of(file_name)), read_only)
+    if (descriptor < 0) return
+    ignored = c_fsync(descriptor)
+    ignored = c_close(descriptor)
+  end subroutine make_name_durable
+
+  !> Let what was written to the open file survive a power failure.
+  subroutine make_durable(descriptor, reason)
+    integer(c_int), intent(in) :: descriptor
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+
+    if (c_fsync(descriptor) /= 0) reason = system_reason()
+  end subroutine make_durable
+
+  !> All bytes of a file of at most `most` bytes.
+  subroutine read_bytes(file_name, most, bytes, reason)
+    character(*), intent(in) :: file_name
+    integer, intent(in) :: most
+    character(:), allocatable, intent(out) :: bytes, reason   !! reason: unallocated on success
+    character(256) :: message
+    integer(int64) :: length
+    integer :: unit, io_status
+
+    bytes = ''
+    if (.not. file_exists(file_name)) then
+      reason = 'there is no such file'
+    else if (is_folder(file_name)) then
+      reason = 'it is a folder'
+    end if
+    if (allocated(reason)) return
+    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', &
+      iostat=io_status, iomsg=message)
+    if (io_status == 0) then
+      inquire (unit, size=length)
+      if (length < 0 .or. length > most) then
+        reason = 'it is too long'
+      else
+        deallocate (bytes)
+        allocate (character(int(length)) :: bytes)
+        if (length > 0) read (unit, iostat=io_status, iomsg=message) bytes
+      end if
+      close (unit)
+    end if
+    if (io_status /= 0) reason = with_remedy(after_last(trim(message), ': '))
+  end subroutine read_bytes
+
+  !> A checksum of a file's bytes and their number, as 16 hexadecimal digits; '-' if it cannot be read. A single bit
+  !> that changes always changes it.
+  function checksum_of_file(file_name) result(text)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: text
+    integer, parameter :: block_words = 32768, word_bytes = 8, places = 5
+    integer(int64), allocatable :: words(:)
+    integer(int64) :: length, left, checksum
+    character(16) :: digits
+    character :: byte
+    integer :: unit, io_status, i
+
+    text = '-'
+    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
+    if (io_status /= 0) return
+    inquire (unit, size=length)
+    checksum = length
+    left = length
+    do while (left >= word_bytes .and. io_status == 0)
+      allocate (words(min(int(block_words, int64), left/word_bytes)))
+      read (unit, iostat=io_status) words
+      do i = 1, size(words)
+        checksum = ieor(ishftc(checksum, places), words(i))
+      end do
+      left = left - word_bytes*size(words)
+      deallocate (words)
+    end do
+    do i = 1, int(left)
+      if (io_status == 0) read (unit, iostat=io_status) byte
+      checksum = ieor(ishftc(checksum, places), int(ichar(byte), int64))
+    end do
+    close (unit)
+    if (io_status /= 0) return
+    write (digits, '(z16.16)') checksum
+    text = digits
+  end function checksum_of_file
+
+  !> Whether this is a child process, a copy of the one that asked. The latter goes on, with `.false.`, when the child
+  !> has called `end_child`. The child is out of reach of a signal to the parent or its group, so what it does to files
+  !> is done as a whole even if the parent is killed; if that has happened already, it does nothing. Without a child the
+  !> parent goes on at once.
+  logical function is_child()
+    integer(c_int) :: parent, process, status, ignored
+
+    parent = c_getpid()
+    process = c_fork()
+    is_child = process == 0
+    if (is_child) then
+      ignored = c_setsid()
+      if (c_getppid() /= parent) call end_child()
+    else if (process > 0) then
+      ignored = c_waitpid(process, status, 0_c_int)
+    end if
+  end function is_child
+
+  subroutine end_child()
+    call c_exit_at_once(0_c_int)
+  end subroutine end_child
+
+  !> Give up the lock that HDF5 has on an open file.
+  subroutine unlock_file(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    integer(c_int), parameter :: unlock = 8
+    integer(c_int) :: ignored
+
+    if (are_files_locked()) ignored = c_flock(descriptor, unlock)
+  end subroutine unlock_file
+
+  !> Take HDF5's lock again; if a reader has come in between, go on without it.
+  subroutine lock_file(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    integer(c_int), parameter :: exclusive_or_fail = 2 + 4
+    integer(c_int) :: ignored
+
+    if (are_files_locked()) ignored = c_flock(descriptor, exclusive_or_fail)
+  end subroutine lock_file
+
+  !> Whether HDF5 locks files, as its environment variable says.
+  logical function are_files_locked()
+    character(16) :: value
+
+    call get_environment_variable('HDF5_USE_FILE_LOCKING', value)
+    are_files_locked = value /= 'FALSE' .and. value /= '0'
+  end function are_files_locked
+
+  subroutine wait_seconds(seconds)
+    real(wp), intent(in) :: seconds   !! below 1
+    integer(c_int) :: ignored
+
+    ignored = c_usleep(int(1.0e6_wp*seconds, c_int))
+  end subroutine wait_seconds
+
+  !> Why the last call of the system failed, and what to do.
+  function system_reason() result(reason)
+    character(:), allocatable :: reason
+    integer(c_int), pointer :: number
+
+    call c_f_pointer(c_error_number(), number)
+    reason = with_remedy(fortran_text(c_strerror(number)))
+  end function system_reason
+
   subroutine delete_file(file_name)
     character(*), intent(in) :: file_name
     integer(c_int) :: ignored
@@ -149,6 +436,8 @@ contains
       reason = 'the file-size limit is reached: raise it with "ulimit -f unlimited"'
     else if (index(system_reason, 'quota') > 0) then
       reason = 'the disk quota is used up: free some space or write to another disk'
+    else if (index(system_reason, 'No such file') > 0) then
+      reason = 'the file or its folder was removed or renamed'
     else if (index(system_reason, 'Permission denied') > 0) then
       reason = 'no permission to write there: choose another folder with -o'
     else if (index(system_reason, 'Read-only') > 0) then

@@ -8,7 +8,7 @@ module dst_errors
 
   public :: error_t, raise, exit_status
   public :: result_done, usage_error, deck_error, file_error
-  public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, stopped_early
+  public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, release_failed, stopped_early
 
   !> What went wrong. `code` is one of the constants below and also the `result_code` of a file.
   type :: error_t
@@ -26,11 +26,12 @@ module dst_errors
   integer, parameter :: not_finite = 43
   integer, parameter :: too_many_rejections = 44
   integer, parameter :: chattering = 45
+  integer, parameter :: release_failed = 46
   integer, parameter :: stopped_early = 75
 
 contains
 
-  !> Set `error`.
+  !> Set `error`. What a result file may name as its result refers to the page that explains all results.
   pure subroutine raise(error, code, text)
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in) :: code
@@ -39,6 +40,7 @@ contains
     allocate (error)
     error%code = code
     error%text = text
+    if (exit_status(code) == 4 .or. code == stopped_early) error%text = text//'; see docs/errors.md'
   end subroutine raise
 
   !> Exit status of the executable for an error or result code.

@@ -6,27 +6,32 @@
 module dst_hdf5_tools
   use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_size_t, c_char, c_null_char, c_null_ptr, &
     c_associated, c_loc, c_funloc, c_f_pointer
-  use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, &
-    h5tcopy_f, h5tset_cset_f, h5tclose_f, h5screate_f, h5screate_simple_f, h5sclose_f, h5sselect_hyperslab_f, &
-    h5sget_simple_extent_dims_f, h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, h5aclose_f, h5aget_type_f, &
-    h5dcreate_f, h5dopen_f, h5dclose_f, h5dwrite_f, h5dset_extent_f, h5dget_space_f, h5gcreate_f, h5lexists_f, h5ldelete_f, &
+  use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, &
+    h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, &
+    h5tcopy_f, h5tset_cset_f, h5tclose_f, h5tis_variable_str_f, h5screate_f, h5screate_simple_f, h5sclose_f, &
+    h5sselect_hyperslab_f, &
+    h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, &
+    h5aclose_f, h5aget_type_f, &
+    h5dcreate_f, h5dopen_f, h5dclose_f, h5dget_type_f, h5dread_f, h5dwrite_f, h5dset_extent_f, h5dget_space_f, h5gcreate_f, &
+    h5lexists_f, h5ldelete_f, &
     h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, &
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
-  use dst_kinds, only: wp, real64
+  use dst_kinds, only: wp, real64, int64
   use dst_writer, only: quantity_t
   implicit none
   private
 
-  public :: start_hdf5, failure_reason, file_descriptor
-  public :: put_attribute, get_attribute, put_text, put_texts, put_number
-  public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column
+  public :: start_hdf5, open_file, failure_reason, file_descriptor
+  public :: put_attribute, get_attribute, put_text, put_texts, get_text, put_number
+  public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, column_checksum
   public :: make_scale, attach_scale
 
   !> A one-dimensional dataset that grows.
   type :: column_t
     integer(hid_t) :: dataset = -1
     integer(hsize_t) :: rows = 0
+    integer(int64) :: checksum = 0   !! of all rows
   end type column_t
 
   !> Create or overwrite an attribute of a file, group or dataset.
@@ -94,6 +99,29 @@ contains
     call h5open_f(status)
     if (status == 0) call h5eset_auto_f(0, status)
   end subroutine start_hdf5
+
+  !> Create or open a file whose objects close with it.
+  subroutine open_file(file_name, mode, file, status)
+    character(*), intent(in) :: file_name
+    integer, intent(in) :: mode
+    integer(hid_t), intent(out) :: file
+    integer, intent(inout) :: status
+    integer(hid_t) :: access
+
+    file = -1
+    if (status < 0) return
+    call h5pcreate_f(h5p_file_access_f, access, status)
+    if (status < 0) return
+    call h5pset_fclose_degree_f(access, h5f_close_strong_f, status)
+    if (status < 0) return
+    if (mode == h5f_acc_trunc_f) then
+      call h5fcreate_f(file_name, mode, file, status, access_prp=access)
+    else
+      call h5fopen_f(file_name, mode, file, status, access_prp=access)
+    end if
+    if (status < 0) return
+    call h5pclose_f(access, status)
+  end subroutine open_file
 
   !> Why the last HDF5 call failed: the operating system's words when it had any.
   function failure_reason() result(reason)
@@ -226,29 +254,50 @@ contains
     integer, intent(inout) :: status
     type(c_ptr), target :: address
     type(c_ptr) :: buffer
-    character(c_char), pointer :: bytes(:)
     integer(hid_t) :: attribute, text_type
-    integer :: ignored, i
+    integer :: ignored
 
     text = ''
     if (status < 0) return
     call h5aopen_f(object, name, attribute, status)
     if (status < 0) return
     call h5aget_type_f(attribute, text_type, status)
+    call check_text_type(text_type, status)
     if (status < 0) return
     address = c_null_ptr
-    ! HDF5 allocates the text, once a file: it is left to the process's end.
     buffer = c_loc(address)
     call h5aread_f(attribute, text_type, buffer, status)
     call h5tclose_f(text_type, ignored)
     call h5aclose_f(attribute, ignored)
-    if (status < 0 .or. .not. c_associated(address)) return
+    if (status >= 0) call take_text(address, text)
+  end subroutine get_text_attribute
+
+  !> Whether texts of this type come as an address.
+  subroutine check_text_type(text_type, status)
+    integer(hid_t), intent(in) :: text_type
+    integer, intent(inout) :: status
+    logical :: is_variable
+
+    if (status < 0) return
+    call h5tis_variable_str_f(text_type, is_variable, status)
+    if (.not. is_variable) status = -1
+  end subroutine check_text_type
+
+  !> HDF5 allocates a text that is read, a few times a file: it is left to the process's end.
+  subroutine take_text(address, text)
+    type(c_ptr), intent(in) :: address
+    character(:), allocatable, intent(out) :: text
+    character(c_char), pointer :: bytes(:)
+    integer :: i
+
+    text = ''
+    if (.not. c_associated(address)) return
     call c_f_pointer(address, bytes, [c_strlen(address)])
     text = repeat(' ', size(bytes))
     do i = 1, size(bytes)
       text(i:i) = bytes(i)
     end do
-  end subroutine get_text_attribute
+  end subroutine take_text
 
   subroutine get_integer_attribute(object, name, number, status)
     integer(hid_t), intent(in) :: object
@@ -318,6 +367,32 @@ contains
     call h5sclose_f(space, ignored)
     call release_type(text_type, status)
   end subroutine put_texts
+
+  !> Read a scalar dataset of text.
+  subroutine get_text(object, name, text, status)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name
+    character(:), allocatable, intent(out) :: text
+    integer, intent(inout) :: status
+    type(c_ptr), target :: address
+    type(c_ptr) :: buffer
+    integer(hid_t) :: dataset, text_type
+    integer :: ignored
+
+    text = ''
+    if (status < 0) return
+    call h5dopen_f(object, name, dataset, status)
+    if (status < 0) return
+    call h5dget_type_f(dataset, text_type, status)
+    call check_text_type(text_type, status)
+    if (status < 0) return
+    address = c_null_ptr
+    buffer = c_loc(address)
+    call h5dread_f(dataset, text_type, buffer, status)
+    call h5tclose_f(text_type, ignored)
+    call h5dclose_f(dataset, ignored)
+    if (status >= 0) call take_text(address, text)
+  end subroutine get_text
 
   !> A scalar dataset of a number, stored as `file_type` (by default a double).
   subroutine put_number(group, quantity, number, status, file_type)
@@ -426,7 +501,7 @@ contains
     integer, intent(inout) :: status
     integer(hid_t) :: access, space
     integer(hsize_t) :: rows(1), largest(1)
-    integer :: ignored
+    integer :: ignored, rank
 
     call create_access(chunk_rows, access, status)
     if (status < 0) return
@@ -434,6 +509,9 @@ contains
     if (status < 0) return
     call h5pclose_f(access, ignored)
     call h5dget_space_f(column%dataset, space, status)
+    if (status < 0) return
+    call h5sget_simple_extent_ndims_f(space, rank, status)
+    if (rank /= 1) status = -1
     if (status < 0) return
     call h5sget_simple_extent_dims_f(space, rows, largest, status)
     call h5sclose_f(space, ignored)
@@ -478,7 +556,52 @@ contains
     call h5sclose_f(memory_space, ignored)
     call h5sclose_f(file_space, ignored)
     column%rows = column%rows + count(1)
+    call add_to_checksum(column%checksum, values)
   end subroutine append
+
+  !> Rotate and add without carry: no damage to a single value goes unnoticed.
+  pure subroutine add_to_checksum(checksum, values)
+    integer(int64), intent(inout) :: checksum
+    real(real64), intent(in) :: values(:)
+    integer, parameter :: places = 5
+    integer :: i
+
+    do i = 1, size(values)
+      checksum = ieor(ishftc(checksum, places), transfer(values(i), checksum))
+    end do
+  end subroutine add_to_checksum
+
+  !> Checksum of the first `rows` rows of an open column, as they are in the file.
+  subroutine column_checksum(column, rows, checksum, status)
+    type(column_t), intent(in) :: column
+    integer(hsize_t), intent(in) :: rows
+    integer(int64), intent(out) :: checksum
+    integer, intent(inout) :: status
+    integer(hsize_t), parameter :: most = 65536
+    real(real64), allocatable, target :: values(:)
+    type(c_ptr) :: buffer
+    integer(hid_t) :: file_space, memory_space
+    integer(hsize_t) :: first, count(1)
+    integer :: ignored
+
+    checksum = 0
+    if (status < 0) return
+    call h5dget_space_f(column%dataset, file_space, status)
+    allocate (values(most))
+    buffer = c_loc(values)
+    first = 0
+    do while (first < rows .and. status >= 0)
+      count = min(most, rows - first)
+      call h5sselect_hyperslab_f(file_space, h5s_select_set_f, [first], count, status)
+      if (status >= 0) call h5screate_simple_f(1, count, memory_space, status)
+      if (status >= 0) call h5dread_f(column%dataset, h5t_native_double, buffer, status, memory_space, file_space)
+      if (status < 0) exit
+      call h5sclose_f(memory_space, ignored)
+      call add_to_checksum(checksum, values(:count(1)))
+      first = first + count(1)
+    end do
+    call h5sclose_f(file_space, ignored)
+  end subroutine column_checksum
 
   !> Drop the rows behind the first `rows`.
   subroutine cut_column(column, rows, status)

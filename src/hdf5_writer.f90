@@ -1,29 +1,30 @@
 !> The result file of one run, in HDF5.
 !>
-!> Samples and events wait in memory for a chunk's worth of rows, are written at once and flushed at least every second,
-!> so that memory does not grow with the run and a killed run leaves a file that opens. (The file is inconsistent only for
-!> the microseconds of a flush, so flushing more often would not be safer.) Before each write the disk space that it and
-!> the file's ending need is reserved: a full disk is met while the file is still sound, and what was written stays readable.
+!> Samples and events wait in memory for a chunk's worth of rows and are written at once, so that memory does not grow with
+!> the run. What is written becomes part of the file with a flush. In between, the file stays as it was at the last flush,
+!> since new rows go where nothing is; during the microseconds of a flush it would be torn, so a child process writes first,
+!> which survives when this one is killed. Before each write the disk space that it and the file's ending need is reserved:
+!> a full disk is met while the file is still sound, and what was written stays readable.
 !>
 !> Columns are doubles. In a build with more digits /remainder holds, under the same names, what rounding left over as doubles
 !> too: the sum of both has 32 digits, and the rest of the file is what every reader knows.
 module dst_hdf5_writer
   use, intrinsic :: iso_c_binding, only: c_int
-  use hdf5, only: hid_t, hsize_t, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, &
-    h5pcreate_f, h5pclose_f, h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, h5f_acc_rdwr_f, &
+  use hdf5, only: hid_t, hsize_t, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, h5f_acc_trunc_f, h5f_acc_rdwr_f, &
     h5f_acc_rdonly_f, h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t, table_column_t
-  use dst_disk, only: prepare_file, reserve_space, set_file_size, move_file, delete_file, file_exists, is_folder, &
-    true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
-  use dst_hdf5_tools, only: start_hdf5, failure_reason, file_descriptor, put_attribute, get_attribute, put_text, put_texts, &
-    put_number, create_group, delete_link, column_t, create_column, open_column, append, cut_column, make_scale, &
-    attach_scale
+  use dst_archive, only: archive_t
+  use dst_disk, only: prepare_file, reserve_space, set_file_size, make_durable, move_file, place_file, delete_file, file_exists, &
+    is_folder, is_child, end_child, lock_file, unlock_file, true_path, scratch_name, with_remedy, ignore_size_limit_signal
+  use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, file_descriptor, put_attribute, get_attribute, put_text, &
+    put_texts, put_number, &
+    create_group, delete_link, column_t, create_column, open_column, append, cut_column, column_checksum, make_scale, attach_scale
   implicit none
   private
 
-  public :: hdf5_writer_t, run_metadata_t, text_parameter_t, create_hdf5, reopen_hdf5
+  public :: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5
 
   !> A parameter of the deck whose value is text.
   type :: text_parameter_t
@@ -35,6 +36,7 @@ module dst_hdf5_writer
   !> What a file says about its run before the run begins.
   type :: run_metadata_t
     character(:), allocatable :: program, version, git_revision, compiler
+    character(:), allocatable :: created         !! ISO 8601, UTC
     character(:), allocatable :: model, method
     character(:), allocatable :: model_choice    !! why 'auto' is this model; '' if it was not asked
     character(:), allocatable :: deck_text       !! the deck as read
@@ -45,9 +47,18 @@ module dst_hdf5_writer
     type(text_parameter_t), allocatable :: text_parameters(:)
   end type run_metadata_t
 
+  !> How far a file has been written.
+  type :: bookmark_t
+    integer(int64) :: rows = 0, events = 0
+    integer(int64), allocatable :: checksum(:)   !! of each column up to there, then of the two of the events
+  contains
+    procedure :: exchange => exchange_bookmark
+  end type bookmark_t
+
   type, extends(writer_t) :: hdf5_writer_t
     private
     character(:), allocatable :: file_name
+    character(:), allocatable :: created_name     !! under which it is until `put_in_place`; '' afterwards
     integer(hid_t) :: file = -1
     integer(c_int) :: descriptor = -1
     type(column_t), allocatable :: columns(:)     !! of the time series
@@ -59,7 +70,6 @@ module dst_hdf5_writer
     real(wp), allocatable :: events(:, :)         !! waiting: (row, time and kind)
     integer :: waiting_samples = 0
     integer :: waiting_events = 0
-    integer(int64) :: flushed_at = 0              !! system_clock's count
     logical :: sound = .false.                    !! no write has failed half-way
     type(error_t), allocatable :: failure         !! the first one; nothing more is appended after it
   contains
@@ -68,6 +78,9 @@ module dst_hdf5_writer
     procedure :: flush => flush_all
     procedure :: finish
     procedure :: write_table
+    procedure :: put_in_place
+    procedure :: discard
+    procedure :: set_bookmark
     procedure, private :: write_waiting
     procedure, private :: reserve
     procedure, private :: fail
@@ -79,15 +92,14 @@ module dst_hdf5_writer
   integer(int64), parameter :: ending_bytes = 131072
   !> Room a column's index may take when one chunk is added.
   integer(int64), parameter :: index_bytes = 4096
-  real(wp), parameter :: flush_interval = 1.0_wp   ! s
   logical, parameter :: doubles_lose_digits = digits(1.0_wp) > digits(1.0_real64)
 
   character(*), parameter :: hdf5_signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
 
 contains
 
-  !> Create the file of a run. Without `overwrite` an existing file is refused; with it, the old file is replaced only
-  !> once the new one stands complete with its header beside it.
+  !> Create the file of a run under a name beside its own, which `put_in_place` gives it: so there never is a file
+  !> without its header. Without `overwrite` an existing file is refused.
   subroutine create_hdf5(self, file_name, overwrite, metadata, columns, error, expected_rows)
     class(hdf5_writer_t), intent(out) :: self
     character(*), intent(in) :: file_name
@@ -96,13 +108,12 @@ contains
     type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'. None: no series, no events
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in), optional :: expected_rows    !! samples of the whole run, when they are known
-    character(:), allocatable :: created_name
     logical :: is_ours
 
     call allocate_waiting(self, size(columns), expected_rows)
-    call choose_name(true_path(trim(file_name)), overwrite, created_name, error)
-    is_ours = .not. file_exists(created_name)
-    if (.not. allocated(error)) call open_new(self, created_name, error)
+    call choose_name(true_path(trim(file_name)), overwrite, self%created_name, error)
+    is_ours = .not. file_exists(self%created_name)
+    if (.not. allocated(error)) call open_new(self, self%created_name, error)
     if (allocated(error)) then
       error%text = trim(file_name)//': cannot create: '//error%text
       return
@@ -110,49 +121,104 @@ contains
 
     self%file_name = trim(file_name)
     call write_header(self, metadata, columns, error)
-    if (.not. allocated(error)) call put_in_place(created_name, true_path(self%file_name), error)
-    if (allocated(error)) then
-      if (self%sound) call close_file(self)
-      if (is_ours) call delete_file(created_name)
-      self%failure = error
-      self%sound = .false.
-    end if
+    if (.not. allocated(error)) return
+    if (self%sound) call close_file(self)
+    if (is_ours) call delete_file(self%created_name)
+    self%failure = error
+    self%sound = .false.
   end subroutine create_hdf5
 
-  !> Open the file of an unfinished run to go on after its first `rows` samples and `events` events.
-  subroutine reopen_hdf5(self, file_name, rows, events, deck_sha256, columns, error)
+  !> Give the file its name. An existing file is replaced if it was there, and to be replaced, when this one was created.
+  subroutine put_in_place(self, overwrite, error)
+    class(hdf5_writer_t), intent(inout) :: self
+    logical, intent(in) :: overwrite
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: final_name
+    logical :: placed
+
+    final_name = true_path(self%file_name)
+    if (self%created_name == final_name) return
+    if (overwrite) then
+      call move_file(self%created_name, final_name, placed)
+    else
+      call place_file(self%created_name, final_name, placed)
+    end if
+    if (placed) return
+    call raise(error, file_error, final_name//': cannot create: another file has taken the name: use another name')
+  end subroutine put_in_place
+
+  !> Close and remove a file that has not got its name.
+  subroutine discard(self)
+    class(hdf5_writer_t), intent(inout) :: self
+
+    call close_file(self)
+    call delete_file(self%created_name)
+    self%sound = .false.
+  end subroutine discard
+
+  !> Open the file of an unfinished run to go on from `bookmark`; what the file has behind it is dropped. A file
+  !> that does not hold what it held then is refused and left as it is.
+  subroutine reopen_hdf5(self, file_name, bookmark, columns, error, expected_rows)
     class(hdf5_writer_t), intent(out) :: self
     character(*), intent(in) :: file_name
-    integer(int64), intent(in) :: rows, events        !! kept; what the file has behind them is dropped
-    character(*), intent(in) :: deck_sha256           !! of the run to go on with: must be the file's
+    type(bookmark_t), intent(in) :: bookmark
     type(quantity_t), intent(in) :: columns(:)
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: file_sha256, reason
-    integer :: status, complete
+    integer, intent(in), optional :: expected_rows    !! as when the file was created
+    character(:), allocatable :: reason
+    integer :: status, ignored
 
-    call allocate_waiting(self, size(columns))
+    call allocate_waiting(self, size(columns), expected_rows)
     self%file_name = trim(file_name)
+    self%created_name = self%file_name
+    call ignore_size_limit_signal()
     call start_hdf5(status)
-    call open_file(self%file_name, h5f_acc_rdwr_f, self%file, status)
-    call get_attribute(self%file, 'complete', complete, status)
-    call get_attribute(self%file, 'deck_sha256', file_sha256, status)
-    call file_descriptor(self%file, self%descriptor, status)
-    if (status < 0) then
-      reason = with_remedy(failure_reason())
-    else if (complete /= 0) then
-      reason = 'the run is complete'
-    else if (file_sha256 /= deck_sha256) then
-      reason = 'the checkpoint is of another deck'
-    end if
+    call open_file(self%file_name, h5f_acc_rdonly_f, self%file, status)
+    call open_columns(self, columns, status)
+    call check_bookmark(self, bookmark, columns, reason, status)
+    if (status < 0) reason = with_remedy(failure_reason())
+    if (self%file >= 0) call h5fclose_f(self%file, ignored)
     if (.not. allocated(reason)) then
-      call reopen_columns(self, rows, events, columns, status)
+      call open_file(self%file_name, h5f_acc_rdwr_f, self%file, status)
+      call file_descriptor(self%file, self%descriptor, status)
+      call open_columns(self, columns, status)
+      call cut_columns(self, bookmark, status)
       if (status < 0) reason = with_remedy(failure_reason())
     end if
     self%sound = .not. allocated(reason)
-    if (self%sound) return
-    call raise(error, file_error, self%file_name//': cannot resume: '//reason)
-    if (self%file >= 0) call h5fclose_f(self%file, status)
+    if (.not. self%sound) call raise(error, file_error, self%file_name//': cannot resume: '//reason)
   end subroutine reopen_hdf5
+
+  !> Write and flush all that waits, and tell how far the file then is.
+  subroutine set_bookmark(self, durable, bookmark, error)
+    class(hdf5_writer_t), intent(inout) :: self
+    logical, intent(in) :: durable                    !! see that all this survives a power failure
+    type(bookmark_t), intent(out) :: bookmark
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
+
+    call self%write_waiting(flush_now=.true., error=error)
+    if (allocated(error)) return
+    if (durable) call make_durable(self%descriptor, reason)
+    if (allocated(reason)) then
+      call self%fail(reason, sound=.false.)
+      error = self%failure
+      return
+    end if
+    bookmark%rows = int(self%columns(1)%rows, int64)
+    bookmark%events = int(self%event_time%rows, int64)
+    bookmark%checksum = [self%columns%checksum, self%event_time%checksum, self%event_kind%checksum]
+  end subroutine set_bookmark
+
+  !> Save or load; `checksum` has its size already.
+  subroutine exchange_bookmark(self, archive)
+    class(bookmark_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%rows)
+    call archive%exchange(self%events)
+    call archive%exchange(self%checksum)
+  end subroutine exchange_bookmark
 
   subroutine write_samples(self, samples, error)
     class(hdf5_writer_t), intent(inout) :: self
@@ -247,13 +313,12 @@ contains
     if (allocated(self%failure)) error = self%failure
   end subroutine write_table
 
-  !> Append what waits, and flush when told to or when the last flush is long ago.
+  !> Append what waits, and flush when told to.
   subroutine write_waiting(self, flush_now, error)
     class(hdf5_writer_t), intent(inout) :: self
     logical, intent(in) :: flush_now
     type(error_t), allocatable, intent(out) :: error
     integer :: status, i
-    logical :: due
 
     if (.not. allocated(self%failure) .and. self%waiting_samples + self%waiting_events > 0) call self%reserve()
     if (.not. allocated(self%failure)) then
@@ -264,12 +329,7 @@ contains
       call append(self%event_time, real(self%events(:self%waiting_events, 1), real64), status)
       call append(self%event_kind, real(self%events(:self%waiting_events, 2), real64), status)
       if (doubles_lose_digits) call append_remainders(self, status)
-      due = flush_now
-      if (.not. due) due = seconds_since(self%flushed_at) > flush_interval
-      if (due) then
-        call flush_file(self%file, status)
-        call system_clock(self%flushed_at)
-      end if
+      if (flush_now) call flush_file(self, status)
       if (status < 0) call self%fail(failure_reason(), sound=.false.)
     end if
     self%waiting_samples = 0
@@ -345,9 +405,9 @@ contains
     call put_numbers(self%file, 'statistics', outcome%statistics, outcome%statistics_value, .true., status)
     call put_attribute(self%file, 'result_code', result_code, status)
     call put_attribute(self%file, 'result_text', result_text, status)
-    call flush_file(self%file, status)
+    call flush_file(self, status)
     if (result_code == result_done) call put_attribute(self%file, 'complete', 1, status)
-    call flush_file(self%file, status)
+    call flush_file(self, status)
     if (status < 0) call self%fail(failure_reason(), sound=.false.)
   end subroutine write_ending
 
@@ -382,7 +442,7 @@ contains
     character(:), allocatable, intent(out) :: created_name
     type(error_t), allocatable, intent(out) :: error
 
-    created_name = file_name
+    created_name = scratch_name(file_name)
     if (file_name == '') then
       call raise(error, file_error, 'the file has no name: give one with -o')
     else if (is_folder(file_name)) then
@@ -393,11 +453,12 @@ contains
       else
         select case (content_of(file_name))
         case ('hdf5')
-          created_name = scratch_name(file_name)
           if (is_being_written(file_name)) call raise(error, file_error, &
             'another process is writing this file: wait for it or use another name')
         case ('other')
           call raise(error, file_error, 'the file exists and is not an HDF5 file: use another name or remove it')
+        case default
+          created_name = file_name
         end select
       end if
     end if
@@ -468,29 +529,6 @@ contains
     end if
   end subroutine open_new
 
-  !> Create or open a file whose objects close with it.
-  subroutine open_file(file_name, mode, file, status)
-    character(*), intent(in) :: file_name
-    integer, intent(in) :: mode
-    integer(hid_t), intent(out) :: file
-    integer, intent(inout) :: status
-    integer(hid_t) :: access
-
-    file = -1
-    if (status < 0) return
-    call h5pcreate_f(h5p_file_access_f, access, status)
-    if (status < 0) return
-    call h5pset_fclose_degree_f(access, h5f_close_strong_f, status)
-    if (status < 0) return
-    if (mode == h5f_acc_trunc_f) then
-      call h5fcreate_f(file_name, mode, file, status, access_prp=access)
-    else
-      call h5fopen_f(file_name, mode, file, status, access_prp=access)
-    end if
-    if (status < 0) return
-    call h5pclose_f(access, status)
-  end subroutine open_file
-
   !> Everything that is known before the run begins.
   subroutine write_header(self, metadata, columns, error)
     class(hdf5_writer_t), intent(inout) :: self
@@ -506,8 +544,7 @@ contains
       call put_deck(self%file, metadata, status)
       call put_parameters(self%file, metadata, status)
       call create_columns(self, columns, status)
-      call flush_file(self%file, status)
-      call system_clock(self%flushed_at)
+      call flush_file(self, status)
       if (status < 0) call self%fail(failure_reason(), sound=.false.)
     end if
     if (allocated(self%failure)) error = self%failure
@@ -522,7 +559,7 @@ contains
     call put_attribute(file, 'version', metadata%version, status)
     call put_attribute(file, 'git_revision', metadata%git_revision, status)
     call put_attribute(file, 'compiler', metadata%compiler, status)
-    call put_attribute(file, 'created', utc_now(), status)
+    call put_attribute(file, 'created', metadata%created, status)
     call put_attribute(file, 'deck_sha256', metadata%deck_sha256, status)
     call put_attribute(file, 'model', metadata%model, status)
     call put_attribute(file, 'method', metadata%method, status)
@@ -624,42 +661,102 @@ contains
     call close_group(remainder_group, status)
   end subroutine create_remainders
 
-  subroutine reopen_columns(self, rows, events, columns, status)
+  subroutine open_columns(self, columns, status)
     class(hdf5_writer_t), intent(inout) :: self
-    integer(int64), intent(in) :: rows, events
     type(quantity_t), intent(in) :: columns(:)
     integer, intent(inout) :: status
     integer :: i
 
     do i = 1, size(columns)
       call open_column(self%file, 'time_series/'//trim(columns(i)%name), self%chunk_rows, self%columns(i), status)
-      call cut_column(self%columns(i), int(rows, hsize_t), status)
     end do
     call open_column(self%file, 'events/time', event_chunk, self%event_time, status)
-    call cut_column(self%event_time, int(events, hsize_t), status)
     call open_column(self%file, 'events/kind', event_chunk, self%event_kind, status)
-    call cut_column(self%event_kind, int(events, hsize_t), status)
-    if (doubles_lose_digits) call reopen_remainders(self, rows, events, columns, status)
+    if (doubles_lose_digits) call open_remainders(self, columns, status)
+  end subroutine open_columns
+
+  !> Whether every column holds up to the bookmark what it held then; `reason` says which does not.
+  subroutine check_bookmark(self, bookmark, columns, reason, status)
+    class(hdf5_writer_t), intent(in) :: self
+    type(bookmark_t), intent(in) :: bookmark
+    type(quantity_t), intent(in) :: columns(:)
+    character(:), allocatable, intent(out) :: reason
+    integer, intent(inout) :: status
+    integer :: i
+
+    do i = 1, size(columns)
+      call check_column('time_series/'//trim(columns(i)%name), self%columns(i), bookmark%rows, bookmark%checksum(i))
+    end do
+    call check_column('events/time', self%event_time, bookmark%events, bookmark%checksum(i))
+    call check_column('events/kind', self%event_kind, bookmark%events, bookmark%checksum(i + 1))
+
+  contains
+
+    subroutine check_column(name, column, rows, checksum)
+      character(*), intent(in) :: name
+      type(column_t), intent(in) :: column
+      integer(int64), intent(in) :: rows, checksum
+      integer(int64) :: found
+
+      if (status < 0 .or. allocated(reason)) return
+      if (column%rows < rows) then
+        reason = name//' has fewer rows than when the checkpoint was written: run the deck again'
+        return
+      end if
+      call column_checksum(column, int(rows, hsize_t), found, status)
+      if (status >= 0 .and. found /= checksum) reason = name//' is not as it was when the checkpoint was written: '// &
+        'run the deck again'
+    end subroutine check_column
+  end subroutine check_bookmark
+
+  !> Drop what was written after the bookmark, and how the run ended.
+  subroutine cut_columns(self, bookmark, status)
+    class(hdf5_writer_t), intent(inout) :: self
+    type(bookmark_t), intent(in) :: bookmark
+    integer, intent(inout) :: status
+    integer :: i
+
+    do i = 1, size(self%columns)
+      call cut_column(self%columns(i), int(bookmark%rows, hsize_t), status)
+      self%columns(i)%checksum = bookmark%checksum(i)
+    end do
+    call cut_column(self%event_time, int(bookmark%events, hsize_t), status)
+    call cut_column(self%event_kind, int(bookmark%events, hsize_t), status)
+    self%event_time%checksum = bookmark%checksum(i)
+    self%event_kind%checksum = bookmark%checksum(i + 1)
+    if (doubles_lose_digits) call cut_remainders(self, bookmark, status)
+    call delete_link(self%file, 'summary', status)
+    call delete_link(self%file, 'statistics', status)
     call put_attribute(self%file, 'result_code', -1, status)
     call put_attribute(self%file, 'result_text', 'running', status)
-    call flush_file(self%file, status)
-  end subroutine reopen_columns
+    ! Before the space that is now free is written to: until then the file still refers to it.
+    call flush_file(self, status)
+  end subroutine cut_columns
 
-  subroutine reopen_remainders(self, rows, events, columns, status)
+  subroutine open_remainders(self, columns, status)
     class(hdf5_writer_t), intent(inout) :: self
-    integer(int64), intent(in) :: rows, events
     type(quantity_t), intent(in) :: columns(:)
     integer, intent(inout) :: status
     integer :: i
 
-    allocate (self%remainders(size(columns)))
+    if (.not. allocated(self%remainders)) allocate (self%remainders(size(columns)))
     do i = 1, size(columns)
       call open_column(self%file, 'remainder/time_series/'//trim(columns(i)%name), self%chunk_rows, self%remainders(i), status)
-      call cut_column(self%remainders(i), int(rows, hsize_t), status)
     end do
     call open_column(self%file, 'remainder/events/time', event_chunk, self%event_remainder, status)
-    call cut_column(self%event_remainder, int(events, hsize_t), status)
-  end subroutine reopen_remainders
+  end subroutine open_remainders
+
+  subroutine cut_remainders(self, bookmark, status)
+    class(hdf5_writer_t), intent(inout) :: self
+    type(bookmark_t), intent(in) :: bookmark
+    integer, intent(inout) :: status
+    integer :: i
+
+    do i = 1, size(self%remainders)
+      call cut_column(self%remainders(i), int(bookmark%rows, hsize_t), status)
+    end do
+    call cut_column(self%event_remainder, int(bookmark%events, hsize_t), status)
+  end subroutine cut_remainders
 
   subroutine allocate_waiting(self, columns, expected_rows)
     class(hdf5_writer_t), intent(inout) :: self
@@ -670,17 +767,6 @@ contains
     if (present(expected_rows)) self%chunk_rows = max(smallest_chunk, min(expected_rows, largest_chunk))
     allocate (self%columns(columns), self%samples(self%chunk_rows, columns), self%events(event_chunk, 2))
   end subroutine allocate_waiting
-
-  !> Give the file its final name.
-  subroutine put_in_place(created_name, final_name, error)
-    character(*), intent(in) :: created_name, final_name
-    type(error_t), allocatable, intent(out) :: error
-    logical :: moved
-
-    if (created_name == final_name) return
-    call move_file(created_name, final_name, moved)
-    if (.not. moved) call raise(error, file_error, final_name//': cannot create: the existing file cannot be replaced')
-  end subroutine put_in_place
 
   !> Close the file and give back the disk space it did not need.
   subroutine close_file(self)
@@ -695,14 +781,6 @@ contains
     self%file = -1
   end subroutine close_file
 
-  real(wp) function seconds_since(count)
-    integer(int64), intent(in) :: count   !! of system_clock
-    integer(int64) :: now, rate
-
-    call system_clock(now, rate)
-    seconds_since = real(now - count, wp)/real(rate, wp)
-  end function seconds_since
-
   subroutine close_group(group, status)
     integer(hid_t), intent(in) :: group
     integer, intent(inout) :: status
@@ -711,11 +789,19 @@ contains
     call h5gclose_f(group, status)
   end subroutine close_group
 
-  subroutine flush_file(file, status)
-    integer(hid_t), intent(in) :: file
+  subroutine flush_file(self, status)
+    class(hdf5_writer_t), intent(in) :: self
     integer, intent(inout) :: status
 
     if (status < 0) return
-    call h5fflush_f(file, h5f_scope_local_f, status)
+    ! What the child writes, this process writes again, so that a kill in between tears nothing. The child shares the
+    ! lock: without it, it does not keep a reader out of the file of a run that was killed.
+    call unlock_file(self%descriptor)
+    if (is_child()) then
+      call h5fflush_f(self%file, h5f_scope_local_f, status)
+      call end_child()
+    end if
+    call lock_file(self%descriptor)
+    call h5fflush_f(self%file, h5f_scope_local_f, status)
   end subroutine flush_file
 end module dst_hdf5_writer

@@ -1,6 +1,7 @@
 !> Polynomials on [0, 1] through values at given nodes: the form in which every integrator hands
 !> over its dense output.
 module dst_interpolation
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   implicit none
   private
@@ -25,6 +26,7 @@ module dst_interpolation
     procedure :: lagrange
     procedure :: values_at
     procedure :: bernstein_coefficients
+    procedure :: exchange
   end type grid_t
 
 contains
@@ -157,4 +159,16 @@ contains
       end do
     end associate
   end subroutine bernstein_coefficients
+
+  !> Save or load.
+  subroutine exchange(self, archive)
+    class(grid_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%degree)
+    call archive%exchange(self%node)
+    call archive%exchange(self%barycentric)
+    call archive%exchange(self%derivative)
+    call archive%exchange(self%bernstein)
+  end subroutine exchange
 end module dst_interpolation

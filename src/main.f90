@@ -8,8 +8,9 @@ program dynstiction
   use dst_disk, only: file_exists, is_folder, folder_of, true_path
   use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_command_line, only: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
-  use dst_run, only: run_deck
+  use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
+  use dst_signals, only: listen_to_signals
   use dst_stability_report, only: stability_report
   use dst_trade, only: trade_t
   use dst_trade_advice, only: check_wish, cheapest, advice
@@ -58,6 +59,8 @@ contains
       call compare_settings()
     case ('run')
       call run_decks()
+    case ('resume')
+      call resume_runs()
     end select
   end subroutine execute
 
@@ -127,6 +130,7 @@ contains
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
       call check_output(output, 1, error)
     end if
+    call listen_to_signals()
     if (.not. allocated(error)) &
       call trade_deck(deck, output(1)%text, command%overwrite, command%quiet, command%budget, trade, error)
     call complain(error)
@@ -157,6 +161,7 @@ contains
       call complain(error)
     end do
     if (status /= result_done) return
+    call listen_to_signals()
     do i = 1, size(decks)
       call run_deck(decks(i), outputs(i)%text, command%overwrite, command%quiet, error)
       if (.not. allocated(error)) cycle
@@ -165,6 +170,21 @@ contains
       if (error%code == stopped_early) exit
     end do
   end subroutine run_decks
+
+  !> Go on with each run in turn.
+  subroutine resume_runs()
+    type(error_t), allocatable :: error
+    integer :: i
+
+    call listen_to_signals()
+    do i = 1, command%operand_count
+      call resume_run(command%operands(i)%text, command%quiet, error)
+      if (.not. allocated(error)) cycle
+      if (error%code /= file_error) error%text = command%operands(i)%text//': '//error%text
+      call complain(error)
+      if (error%code == stopped_early) exit
+    end do
+  end subroutine resume_runs
 
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.
   function output_of(deck) result(file_name)

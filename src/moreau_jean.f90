@@ -19,13 +19,14 @@
 !> Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Eng. 177 (1999)
 !> 235; V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), Ch. 10.
 module dst_moreau_jean
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_drive, only: drive_segment_t
   use dst_friction, only: friction_law_t
   use dst_interpolation, only: new_grid
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
-  use dst_stepper, only: stepper_t, motion_t, attempt_t, column_u, column_y, column_position
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, exchange_stepper, column_u, column_y, column_position
   implicit none
   private
 
@@ -39,6 +40,7 @@ module dst_moreau_jean
     procedure :: restart
     procedure :: attempt
     procedure :: accept
+    procedure :: exchange
   end type moreau_jean_t
 
 contains
@@ -253,4 +255,12 @@ contains
 
     self%peak_speed = max(self%peak_speed, self%speed_scale)
   end subroutine accept
+
+  !> Save or load: the slider is of the scene.
+  subroutine exchange(self, archive)
+    class(moreau_jean_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_stepper(self, archive)
+  end subroutine exchange
 end module dst_moreau_jean

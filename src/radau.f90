@@ -13,6 +13,7 @@
 !> order s + 1 in h while the method's own error is of order 2 s; the tolerance of the estimate is
 !> chosen so that the true error follows rtol.
 module dst_radau
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_collocation, only: collocation_t, radau_iia, max_stages
   use dst_drive, only: drive_segment_t
@@ -20,7 +21,8 @@ module dst_radau
   use dst_newton_kernels, only: solve_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
   use dst_linear_solve, only: solve_in_place
-  use dst_stepper, only: stepper_t, motion_t, attempt_t, work_count_t, column_u, column_y, column_position, n_columns
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, work_count_t, exchange_stepper, column_u, column_y, column_position, &
+    n_columns
   implicit none
   private
 
@@ -69,6 +71,7 @@ module dst_radau
     procedure :: restart
     procedure :: attempt
     procedure :: accept
+    procedure :: exchange
   end type radau_t
 
 contains
@@ -391,4 +394,22 @@ contains
     self%last_step = self%step
     self%last_nodal = self%nodal(:, column_y:column_y + max_components - 1)
   end subroutine accept
+
+  !> Save or load. Stage values and terms are scratch: each attempt makes them anew.
+  subroutine exchange(self, archive)
+    class(radau_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_stepper(self, archive)
+    call archive%exchange(self%restarted)
+    call archive%exchange(self%retry)
+    call archive%exchange(self%attempted_step)
+    call archive%exchange(self%rate)
+    call archive%exchange(self%curvature)
+    call archive%exchange(self%last_step)
+    call archive%exchange(self%last_nodal)
+    call archive%exchange(self%error)
+    call archive%exchange(self%last_error)
+    call archive%exchange(self%repeated)
+  end subroutine exchange
 end module dst_radau

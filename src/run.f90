@@ -1,85 +1,293 @@
-!> Run a deck into a result file: what `dynstiction run` does.
+!> Run a deck into a result file, or go on with a run that was stopped: what `dynstiction run` and `resume` do.
 module dst_run
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
+  use dst_archive, only: archive_t, archive_of
   use dst_build_info, only: program_name, version, git_revision, compiler
-  use dst_deck, only: deck_t, resolved
-  use dst_errors, only: error_t, stopped_early
+  use dst_checkpoint, only: checkpoint_t, write_checkpoint, read_checkpoint, delete_checkpoint
+  use dst_deck, only: deck_t, parse_deck, resolved
+  use dst_disk, only: checksum_of_file, utc_now
+  use dst_errors, only: error_t, raise, file_error, stopped_early
+  use dst_hdf5_origin, only: origin_t, read_origin
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5
   use dst_model_choice, only: settle_model
-  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, create_hdf5
   use dst_parameters, only: parameter_t, parameters_of
   use dst_progress, only: progress_t, new_progress
   use dst_scene, only: scene_t, scene_from_deck
   use dst_sha256, only: sha256
+  use dst_signals, only: stop_signal
   use dst_simulation, only: simulation_t
   use dst_writer, only: outcome_t
   implicit none
   private
 
-  public :: run_deck, metadata_of
+  public :: run_deck, resume_run, describe_run
 
-  !> Wall time of one slice of the run [s]: how often progress and flushing get their turn.
-  real(wp), parameter :: slice = 0.1_wp
+  !> Wall time of one slice of the run [s]: how often signals, progress, flushing and checkpoints get their turn.
+  real(wp), parameter :: slice = 0.05_wp
+
+  !> A run under way.
+  type :: run_t
+    character(:), allocatable :: result_file
+    type(simulation_t) :: simulation
+    type(hdf5_writer_t) :: writer
+    type(checkpoint_t) :: checkpoint   !! the last one, and to which run it belongs
+  end type run_t
 
 contains
 
-  !> Integrate the deck's scene into `output_file`. A solver that gives up leaves a file with all up
+  !> Integrate the deck's scene into `result_file`. A solver that gives up leaves a file with all up
   !> to that point and its result code; `error` says the same.
-  subroutine run_deck(deck, output_file, overwrite, quiet, error)
+  subroutine run_deck(deck, result_file, overwrite, quiet, error)
     type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: output_file
+    character(*), intent(in) :: result_file
     logical, intent(in) :: overwrite, quiet
     type(error_t), allocatable, intent(out) :: error
-    type(simulation_t) :: simulation
-    type(hdf5_writer_t) :: writer
+    type(run_t) :: run
     type(scene_t) :: scene
-    type(outcome_t) :: outcome
+    type(run_metadata_t) :: metadata
     type(progress_t) :: progress
-    type(error_t), allocatable :: end_error
     character(:), allocatable :: model_choice
 
     call scene_from_deck(deck, scene)
     call settle_model(scene, model_choice)
-    call simulation%start(scene, error)
+    call run%simulation%start(scene, error)
     if (allocated(error)) return
-    call create_hdf5(writer, output_file, overwrite, metadata_of(deck, simulation%scene%model, &
-      simulation%method_name(), model_choice), simulation%output_columns(), error, expected_rows(scene))
+    call describe_run(deck, run%simulation%scene%model, run%simulation%method_name(), model_choice, metadata)
+    call create_hdf5(run%writer, result_file, overwrite, metadata, run%simulation%output_columns(), error, &
+      expected_rows(scene))
     if (allocated(error)) return
+    run%result_file = result_file
+    run%checkpoint%version = version
+    run%checkpoint%deck_sha256 = metadata%deck_sha256
+    run%checkpoint%resolved_sha256 = sha256(metadata%deck_resolved)
+    run%checkpoint%created = metadata%created
+    ! From its first moment on the file has a checkpoint. Another run's must not stay beside it.
+    call save(run, .false., error)
+    if (.not. allocated(error)) call run%writer%put_in_place(overwrite, error)
+    if (allocated(error)) then
+      call run%writer%discard()
+      return
+    end if
     progress = new_progress(deck%name, quiet)
     if (model_choice /= '') call progress%remark("model 'auto' is "//model_choice)
-    call integrate(simulation, writer, progress, error)
-    call simulation%outcome(error, outcome)
-    call writer%finish(outcome, end_error)
-    if (.not. allocated(end_error)) return
-    ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
-    if (allocated(error)) then
-      if (error%code /= stopped_early) return
-    end if
-    call move_alloc(end_error, error)
+    call carry_out(run, progress, error)
   end subroutine run_deck
 
+  !> Go on with the run that wrote `result_file`, from its last checkpoint.
+  subroutine resume_run(result_file, quiet, error)
+    character(*), intent(in) :: result_file
+    logical, intent(in) :: quiet
+    type(error_t), allocatable, intent(out) :: error
+    type(run_t) :: run
+    type(error_t), allocatable :: no_checkpoint
+    type(origin_t) :: origin
+    type(deck_t), allocatable :: deck
+    type(scene_t) :: scene
+    type(bookmark_t) :: bookmark
+    character(:), allocatable :: model_choice
+    character(1) :: no_settings(0)
+
+    run%result_file = result_file
+    call read_checkpoint(result_file, run%checkpoint, no_checkpoint)
+    if (.not. allocated(no_checkpoint)) call check_untouched(result_file, run%checkpoint, error)
+    if (allocated(error)) return
+    call read_origin(result_file, origin, error)
+    if (allocated(error)) return
+    call check_unfinished(result_file, origin, error)
+    if (allocated(error)) return
+    ! Only now: a run that has ended has no checkpoint.
+    if (allocated(no_checkpoint)) then
+      call move_alloc(no_checkpoint, error)
+      return
+    end if
+    call check_same_run(result_file, run%checkpoint, origin, error)
+    if (allocated(error)) return
+    allocate (deck)
+    call parse_deck(origin%deck_resolved, result_file, no_settings, deck, error)
+    if (allocated(error)) return
+    call scene_from_deck(deck, scene)
+    call settle_model(scene, model_choice)
+    call run%simulation%start(scene, error)
+    if (allocated(error)) return
+    call load(run, bookmark, error)
+    if (allocated(error)) return
+    call reopen_hdf5(run%writer, result_file, bookmark, run%simulation%output_columns(), error, expected_rows(scene))
+    if (allocated(error)) return
+    call carry_out(run, new_progress(result_file, quiet), error)
+  end subroutine resume_run
+
+  !> The file of a run that was stopped, not killed, must be as it was left: then HDF5 need not meet what is damaged.
+  subroutine check_untouched(result_file, checkpoint, error)
+    character(*), intent(in) :: result_file
+    type(checkpoint_t), intent(in) :: checkpoint
+    type(error_t), allocatable, intent(out) :: error
+
+    if (checkpoint%result_checksum == '-') return
+    if (checkpoint%result_checksum == checksum_of_file(result_file)) return
+    call raise(error, file_error, result_file//': cannot resume: the file is missing, or was changed or damaged since the '// &
+      'run was stopped: put it back, or run the deck again')
+  end subroutine check_untouched
+
+  !> A run that ended by itself has nothing to go on with.
+  subroutine check_unfinished(result_file, origin, error)
+    character(*), intent(in) :: result_file
+    type(origin_t), intent(in) :: origin
+    type(error_t), allocatable, intent(out) :: error
+
+    if (origin%complete /= 0) then
+      call raise(error, file_error, result_file//': cannot resume: the run is complete')
+    else if (origin%result_code >= 40 .and. origin%result_code < 50) then
+      call raise(error, file_error, result_file//': cannot resume: the solver gave up, and would again: '//origin%result_text)
+    end if
+  end subroutine check_unfinished
+
+  !> Whether checkpoint and result file are of one run, and of this version of the program.
+  subroutine check_same_run(result_file, checkpoint, origin, error)
+    character(*), intent(in) :: result_file
+    type(checkpoint_t), intent(in) :: checkpoint
+    type(origin_t), intent(in) :: origin
+    type(error_t), allocatable, intent(out) :: error
+
+    if (origin%deck_sha256 /= sha256(origin%deck_text)) then
+      call refuse('the deck in the file is damaged: run the deck again')
+    else if (checkpoint%deck_sha256 /= origin%deck_sha256) then
+      call refuse('the checkpoint is of another deck (SHA-256 '//checkpoint%deck_sha256//') than the file ('// &
+        origin%deck_sha256//'): run the deck again')
+    else if (checkpoint%resolved_sha256 /= sha256(origin%deck_resolved)) then
+      call refuse('the checkpoint is of another deck as used (SHA-256 '//checkpoint%resolved_sha256//') than the file ('// &
+        sha256(origin%deck_resolved)//'): run the deck again')
+    else if (checkpoint%created /= origin%created) then
+      call refuse('the checkpoint is of the run begun at '//checkpoint%created//', the file of that begun at '// &
+        origin%created//': run the deck again')
+    else if (checkpoint%version /= version) then
+      call refuse('the checkpoint is of version '//checkpoint%version//', this program is version '//version// &
+        ': go on with the former, or run the deck again')
+    end if
+
+  contains
+
+    subroutine refuse(reason)
+      character(*), intent(in) :: reason
+
+      call raise(error, file_error, result_file//': cannot resume: '//reason)
+    end subroutine refuse
+  end subroutine check_same_run
+
+  !> Integrate to the end or until asked to stop, and finish the file.
+  subroutine carry_out(run, progress_line, error)
+    type(run_t), intent(inout) :: run
+    type(progress_t), intent(in) :: progress_line
+    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: save_error, end_error
+    type(outcome_t) :: outcome
+
+    call integrate(run, progress_line, error)
+    if (is_stopped(error)) then
+      call raise(error, stopped_early, stop_text(run))
+      call save(run, .true., save_error)
+      if (allocated(save_error)) call move_alloc(save_error, error)
+    end if
+    call run%simulation%outcome(error, outcome)
+    call run%writer%finish(outcome, end_error)
+    ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
+    if (allocated(end_error) .and. (is_stopped(error) .or. .not. allocated(error))) call move_alloc(end_error, error)
+    ! A run that ended by itself is not gone on with.
+    if (is_stopped(error)) then
+      run%checkpoint%result_checksum = checksum_of_file(run%result_file)
+      call write_checkpoint(run%result_file, run%checkpoint, .true., save_error)
+      if (allocated(save_error)) call move_alloc(save_error, error)
+    else
+      if (.not. allocated(error)) then
+        call delete_checkpoint(run%result_file)
+      else if (error%code /= file_error) then
+        call delete_checkpoint(run%result_file)
+      end if
+    end if
+  end subroutine carry_out
+
+  !> Why the run was stopped, and how to go on with it.
+  function stop_text(run) result(text)
+    type(run_t), intent(in) :: run
+    character(:), allocatable :: text
+
+    text = 'stopped at output.wall_limit'
+    if (stop_signal() /= '') text = 'stopped by '//stop_signal()
+    text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%result_file
+  end function stop_text
+
+  pure logical function is_stopped(error)
+    type(error_t), allocatable, intent(in) :: error
+
+    is_stopped = .false.
+    if (allocated(error)) is_stopped = error%code == stopped_early
+  end function is_stopped
+
   !> All slices of the run.
-  subroutine integrate(simulation, writer, progress_line, error)
-    type(simulation_t), intent(inout) :: simulation
-    type(hdf5_writer_t), intent(inout) :: writer
+  subroutine integrate(run, progress_line, error)
+    type(run_t), intent(inout) :: run
     type(progress_t), intent(in) :: progress_line
     type(error_t), allocatable, intent(out) :: error
     type(progress_t) :: progress
-    real(wp) :: flushed
+    real(wp) :: flushed, saved
 
     progress = progress_line
-    flushed = 0.0_wp
-    do
-      call simulation%proceed(slice, writer, error)
-      if (simulation%finished .or. allocated(error)) exit
-      call progress%show(simulation%trajectory%now%time, simulation%scene%t_end, simulation%elapsed)
-      if (simulation%elapsed - flushed >= simulation%scene%flush_seconds) then
-        call writer%flush(error)
+    associate (simulation => run%simulation, scene => run%simulation%scene)
+      flushed = simulation%elapsed
+      saved = simulation%elapsed
+      do
+        call simulation%proceed(slice, run%writer, error)
+        if (simulation%finished .or. allocated(error)) exit
+        if (stop_signal() /= '') then
+          call raise(error, stopped_early, stop_text(run))
+          exit
+        end if
+        call progress%show(simulation%trajectory%now%time, scene%t_end, simulation%elapsed)
+        if (scene%checkpoint_interval > 0.0_wp .and. simulation%elapsed - saved >= scene%checkpoint_interval) then
+          call save(run, .true., error)
+          saved = simulation%elapsed
+          flushed = saved
+        else if (simulation%elapsed - flushed >= scene%flush_seconds) then
+          call run%writer%flush(error)
+          flushed = simulation%elapsed
+        end if
         if (allocated(error)) exit
-        flushed = simulation%elapsed
-      end if
-    end do
+      end do
+    end associate
     call progress%close()
   end subroutine integrate
+
+  !> Write a checkpoint of what has been done. `durable`: it and the result survive a power failure.
+  subroutine save(run, durable, error)
+    type(run_t), intent(inout) :: run
+    logical, intent(in) :: durable
+    type(error_t), allocatable, intent(out) :: error
+    type(archive_t) :: archive
+    type(bookmark_t) :: bookmark
+
+    call run%writer%set_bookmark(durable, bookmark, error)
+    if (allocated(error)) return
+    call bookmark%exchange(archive)
+    call run%simulation%exchange(archive)
+    run%checkpoint%words = archive%words()
+    run%checkpoint%result_checksum = '-'
+    call write_checkpoint(run%result_file, run%checkpoint, durable, error)
+  end subroutine save
+
+  !> The simulation as it was when the checkpoint was written, and how far the file was.
+  subroutine load(run, bookmark, error)
+    type(run_t), intent(inout) :: run
+    type(bookmark_t), intent(out) :: bookmark
+    type(error_t), allocatable, intent(out) :: error
+    type(archive_t) :: archive
+
+    ! Each column of the series and the two of the events has a checksum.
+    allocate (bookmark%checksum(size(run%simulation%output_columns()) + 2), source=0_int64)
+    call archive_of(run%checkpoint%words, archive)
+    call bookmark%exchange(archive)
+    call run%simulation%exchange(archive)
+    if (.not. archive%given_back()) call raise(error, file_error, run%result_file//': cannot resume: the checkpoint holds '// &
+      'another state than this program has: go on with the program that began the run, or run the deck again')
+  end subroutine load
 
   !> Number of samples, as far as it is known beforehand.
   pure integer function expected_rows(scene)
@@ -90,10 +298,10 @@ contains
   end function expected_rows
 
   !> What the file says about its run.
-  function metadata_of(deck, model, method, model_choice) result(metadata)
+  subroutine describe_run(deck, model, method, model_choice, metadata)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: model, method, model_choice
-    type(run_metadata_t) :: metadata
+    type(run_metadata_t), intent(out) :: metadata
     type(parameter_t), allocatable :: parameters(:)
     logical, allocatable :: is_text(:)
     integer :: i, numbers, texts
@@ -102,6 +310,7 @@ contains
     metadata%version = version
     metadata%git_revision = git_revision
     metadata%compiler = compiler
+    metadata%created = utc_now()
     metadata%model = model
     metadata%model_choice = model_choice
     metadata%method = method
@@ -129,5 +338,5 @@ contains
         metadata%parameter_value(numbers) = parameters(i)%value
       end if
     end do
-  end function metadata_of
+  end subroutine describe_run
 end module dst_run

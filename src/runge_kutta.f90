@@ -12,12 +12,13 @@
 !> At rest in polar unknowns B vanishes. A stage that gets there makes the attempt fail; it is the
 !> trajectory that leads the motion past a rest.
 module dst_runge_kutta
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_drive, only: drive_segment_t
   use dst_interpolation, only: new_grid, max_degree
   use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights, max_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
-  use dst_stepper, only: stepper_t, motion_t, attempt_t, column_u, column_y, column_position
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, exchange_stepper, column_u, column_y, column_position
   implicit none
   private
 
@@ -58,6 +59,7 @@ module dst_runge_kutta
     procedure :: restart
     procedure :: attempt
     procedure :: accept
+    procedure :: exchange
   end type runge_kutta_t
 
 contains
@@ -383,4 +385,22 @@ contains
     self%peak_speed = max(self%peak_speed, self%speed_scale)
     self%last_error = self%error
   end subroutine accept
+
+  !> Save or load. Terms and dw/dy are scratch: each attempt makes them anew.
+  subroutine exchange(self, archive)
+    class(runge_kutta_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_stepper(self, archive)
+    call archive%exchange(self%slope)
+    call archive%exchange(self%drive_power)
+    call archive%exchange(self%friction_power)
+    call archive%exchange(self%start)
+    call archive%exchange(self%end)
+    call archive%exchange(self%start_known)
+    call archive%exchange(self%end_known)
+    call archive%exchange(self%repeated)
+    call archive%exchange(self%error)
+    call archive%exchange(self%last_error)
+  end subroutine exchange
 end module dst_runge_kutta

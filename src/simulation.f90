@@ -3,6 +3,7 @@
 !> This is the one run routine; the executable and Python call it with different writers.
 module dst_simulation
   use, intrinsic :: iso_fortran_env, only: int64
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, result_done, deck_error, too_many_steps, not_finite, stopped_early
   use dst_contact, only: default_cut_speed
@@ -20,7 +21,7 @@ module dst_simulation
   use dst_straight_slip, only: new_straight_slip
   use dst_summary, only: summary_t, start_summary, follow, describe
   use dst_text, only: real_text
-  use dst_trajectory, only: trajectory_t, no_event, stick_begins, slip_begins
+  use dst_trajectory, only: trajectory_t, no_event, stick_begins, slip_begins, at_time
   use dst_writer, only: writer_t, quantity_t, outcome_t
   implicit none
   private
@@ -29,7 +30,7 @@ module dst_simulation
 
   integer, parameter :: buffer_rows = 512
   !> The clock is read once every so many advances.
-  integer, parameter :: advances_between_looks = 64
+  integer, parameter :: advances_between_looks = 16
 
   type :: simulation_t
     type(scene_t) :: scene
@@ -40,11 +41,14 @@ module dst_simulation
     !> Numbers of the output columns; the first is time.
     integer, allocatable :: selected(:)
     logical :: finished = .false.
-    !> Wall time spent so far [s].
+    !> Wall time spent so far [s], and what of it was spent before the last checkpoint that the run goes on from.
     real(wp) :: elapsed = 0.0_wp
+    real(wp) :: elapsed_before = 0.0_wp
     integer(int64) :: advances = 0
     !> Instants to sample [s], from 0 to t_end, where they shall not have equal distances.
     real(wp), allocatable :: instants(:)
+    !> Whether all samples and the event of the last advance have been taken.
+    logical :: recorded = .false.
     !> Samples taken so far, and rows waiting for the writer.
     integer(int64) :: samples = 0
     integer :: waiting = 0
@@ -55,6 +59,8 @@ module dst_simulation
     procedure :: outcome
     procedure :: output_columns
     procedure :: method_name
+    procedure :: state_text
+    procedure :: exchange
   end type simulation_t
 
 contains
@@ -294,35 +300,39 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: disk_error
     real(wp) :: begun, passed
+    integer :: looks_left
 
     begun = wall_clock()
     if (allocated(self%creep)) then
       call proceed_in_closed_form(self, seconds, writer, error)
       return
     end if
-    if (self%advances == 0) call record(self, writer, error)
     passed = 0.0_wp
-    do while (.not. (allocated(error) .or. self%trajectory%finished()))
-      call self%trajectory%advance(error)
-      if (allocated(error)) exit
-      self%advances = self%advances + 1
-      call check(self, error)
-      if (allocated(error)) exit
-      call follow(self%summary, self%trajectory)
-      call record(self, writer, error)
-      if (modulo(self%advances, int(advances_between_looks, int64)) == 0) then
+    looks_left = advances_between_looks
+    do while (.not. (allocated(error) .or. at_end(self)))
+      if (self%recorded) call advance(self, error)
+      if (.not. allocated(error)) call record(self, writer, error)
+      looks_left = looks_left - 1
+      if (looks_left == 0 .or. .not. self%recorded) then
         passed = wall_clock() - begun
         if (passed >= seconds) exit
         if (over_time(self, passed)) exit
+        looks_left = advances_between_looks
       end if
     end do
     call flush_rows(self, writer, disk_error)
     if (allocated(disk_error) .and. .not. allocated(error)) call move_alloc(disk_error, error)
     passed = wall_clock() - begun
-    if (.not. (allocated(error) .or. self%trajectory%finished()) .and. over_time(self, passed)) call raise_over_time(error)
+    if (.not. (allocated(error) .or. at_end(self)) .and. over_time(self, passed)) call raise_over_time(error)
     self%elapsed = self%elapsed + passed
-    self%finished = allocated(error) .or. self%trajectory%finished()
+    self%finished = allocated(error) .or. at_end(self)
   end subroutine proceed
+
+  pure logical function at_end(self)
+    class(simulation_t), intent(in) :: self
+
+    at_end = self%recorded .and. self%trajectory%finished()
+  end function at_end
 
   subroutine raise_over_time(error)
     type(error_t), allocatable, intent(out) :: error
@@ -334,55 +344,82 @@ contains
     class(simulation_t), intent(in) :: self
     real(wp), intent(in) :: passed
 
-    over_time = self%scene%wall_limit > 0.0_wp .and. self%elapsed + passed > self%scene%wall_limit
+    over_time = self%scene%wall_limit > 0.0_wp &
+      .and. self%elapsed - self%elapsed_before + passed > self%scene%wall_limit
   end function over_time
+
+  !> One advance, checked and summed up.
+  subroutine advance(self, error)
+    class(simulation_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+
+    call self%trajectory%advance(error)
+    if (allocated(error)) return
+    self%advances = self%advances + 1
+    call check(self, error)
+    if (allocated(error)) return
+    call follow(self%summary, self%trajectory)
+    self%recorded = .false.
+  end subroutine advance
 
   !> Limits and sanity of the last advance.
   subroutine check(self, error)
     class(simulation_t), intent(in) :: self
     type(error_t), allocatable, intent(out) :: error
-    character(200) :: text
+    character(60) :: limit
 
     associate (now => self%trajectory%now, steps => self%trajectory%stepper%count%steps)
-      if (.not. abs(now%time) + sum(abs(now%u)) + sum(abs(now%y)) + abs(now%position) <= huge(1.0_wp)) then
-        write (text, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 'the motion is not finite after t =', &
-          self%trajectory%from%time, ' s (u =', self%trajectory%from%u, ' m, slip', self%trajectory%from%y, &
-          '): use a smaller rtol or another method'
-        call raise(error, not_finite, trim(text))
+      if (.not. abs(now%time) + sum(abs(now%u)) + sum(abs(now%y)) + abs(now%position) + abs(now%drive_work) &
+        + abs(now%friction_work) <= huge(1.0_wp)) then
+        call raise(error, not_finite, 'the motion is not finite after '//at_time(self%trajectory%from)// &
+          ': use a smaller rtol or another method')
       else if (self%scene%max_steps > 0 .and. steps >= self%scene%max_steps .and. .not. self%trajectory%finished()) then
-        write (text, '(a,i0,a,es23.16,a)') 'integrator.max_steps = ', self%scene%max_steps, ' reached at t =', now%time, &
-          ' s: raise it, or use a larger rtol'
-        call raise(error, too_many_steps, trim(text))
+        write (limit, '(a,i0)') 'integrator.max_steps = ', self%scene%max_steps
+        call raise(error, too_many_steps, trim(limit)//' reached at '//at_time(now)//': raise it, or use a larger rtol')
       end if
     end associate
   end subroutine check
 
-  !> Samples that fall into the last advance, and its event.
+  !> Samples that fall into the last advance, and its event. Of many samples some are left for the next call.
   subroutine record(self, writer, error)
     class(simulation_t), intent(inout) :: self
     class(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: time
+    logical :: all_taken
 
+    all_taken = .true.
     associate (trajectory => self%trajectory)
-      if (trajectory%event /= no_event) then
-        call writer%write_events([trajectory%now%time], [trajectory%event], error)
-        if (allocated(error)) return
-      end if
       if (self%advances == 0) then
         call take_sample(self, writer, 0.0_wp, error)
       else if (self%scene%interval > 0.0_wp) then
-        do
-          time = sample_time(self)
-          if (time > trajectory%now%time .or. allocated(error)) exit
-          call take_sample(self, writer, time, error)
-          if (time >= self%scene%t_end) exit
-        end do
+        call take_samples(self, writer, all_taken, error)
       else if (trajectory%now%time > trajectory%from%time) then
         call take_sample(self, writer, trajectory%now%time, error)
       end if
+      if (trajectory%event /= no_event .and. all_taken .and. .not. allocated(error)) &
+        call writer%write_events([trajectory%now%time], [trajectory%event], error)
     end associate
+    self%recorded = all_taken
   end subroutine record
+
+  !> The samples due by now, up to a buffer full; `all_taken` tells whether these were all.
+  subroutine take_samples(self, writer, all_taken, error)
+    class(simulation_t), intent(inout) :: self
+    class(writer_t), intent(inout) :: writer
+    logical, intent(out) :: all_taken
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: time
+    integer :: i
+
+    all_taken = .true.
+    do i = 1, buffer_rows
+      time = sample_time(self)
+      if (time > self%trajectory%now%time) return
+      call take_sample(self, writer, time, error)
+      if (allocated(error) .or. time >= self%scene%t_end) return
+    end do
+    all_taken = .false.
+  end subroutine take_samples
 
   !> Time of the next sample [s].
   pure real(wp) function sample_time(self)
@@ -460,12 +497,20 @@ contains
     type(instant_t), intent(in) :: instant
     class(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
+    integer :: column
 
     if (self%waiting == buffer_rows) call flush_rows(self, writer, error)
     if (allocated(error)) return
     self%waiting = self%waiting + 1
     self%samples = self%samples + 1
-    call row_of(self%trajectory, instant, self%selected, self%rows(:, self%waiting))
+    associate (row => self%rows(:, self%waiting))
+      call row_of(self%trajectory, instant, self%selected, row)
+      if (all(abs(row) <= huge(row))) return
+      self%waiting = self%waiting - 1
+      column = self%selected(findloc(abs(row) <= huge(row), .false., dim=1))
+      call raise(error, not_finite, trim(columns(column)%name)//' is not finite at '//at_time(instant%motion)// &
+        ': leave it out of output.fields, or scale the parameters')
+    end associate
   end subroutine add_row
 
   !> Hand the waiting rows to the writer.
@@ -492,6 +537,32 @@ contains
     end if
     call describe(self%summary, self%trajectory, self%elapsed, result)
   end subroutine outcome
+
+  !> Time and state, for messages.
+  pure function state_text(self) result(text)
+    class(simulation_t), intent(in) :: self
+    character(:), allocatable :: text
+
+    text = at_time(self%trajectory%now)
+  end function state_text
+
+  !> Save or load, between two calls of `proceed`. A simulation is loaded after it has been started.
+  subroutine exchange(self, archive)
+    class(simulation_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    if (allocated(self%creep)) then
+      call self%trajectory%now%exchange(archive)
+    else
+      call self%trajectory%exchange(archive)
+    end if
+    call self%summary%exchange(archive)
+    call archive%exchange(self%elapsed)
+    call archive%exchange(self%advances)
+    call archive%exchange(self%recorded)
+    call archive%exchange(self%samples)
+    if (archive%is_loading()) self%elapsed_before = self%elapsed
+  end subroutine exchange
 
   !> Wall-clock time [s] from an arbitrary origin.
   real(wp) function wall_clock()

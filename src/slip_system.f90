@@ -11,6 +11,7 @@
 !> A model of one component follows one principal axis. The elongation along the other is held, and
 !> the slip velocity along it is a function of y and V.
 module dst_slip_system
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   implicit none
   private
@@ -58,6 +59,8 @@ module dst_slip_system
     procedure(slip_velocity), deferred :: slip_velocity
     !> Slip begins, with friction at this angle to the x-axis [rad].
     procedure :: face
+    !> Save or load what `face` sets.
+    procedure :: exchange
   end type slip_system_t
 
   abstract interface
@@ -110,4 +113,11 @@ contains
     associate (unused => [self%guided, theta])
     end associate
   end subroutine face
+
+  subroutine exchange(self, archive)
+    class(slip_system_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%forward)
+  end subroutine exchange
 end module dst_slip_system

@@ -1,6 +1,7 @@
 !> What the trajectory knows of an integrator: attempt a step, land on an event, read the motion
 !> inside the step.
 module dst_stepper
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
   use dst_drive, only: drive_segment_t
   use dst_interpolation, only: grid_t, max_degree
@@ -8,6 +9,7 @@ module dst_stepper
   implicit none
   private
 
+  public :: exchange_stepper
   public :: stepper_t, motion_t, attempt_t, work_count_t, column_u, column_y, column_position, n_columns
 
   !> The state of the motion at one instant.
@@ -18,6 +20,8 @@ module dst_stepper
     real(wp) :: position = 0.0_wp                    !! X, m
     real(wp) :: drive_work = 0.0_wp                  !! J
     real(wp) :: friction_work = 0.0_wp               !! J
+  contains
+    procedure :: exchange => exchange_motion
   end type motion_t
 
   !> What came of an attempted step.
@@ -38,6 +42,8 @@ module dst_stepper
     integer(int64) :: factorisations = 0
     integer(int64) :: newton = 0
     integer(int64) :: events = 0
+  contains
+    procedure :: exchange => exchange_count
   end type work_count_t
 
   ! Columns of the nodal values of a step.
@@ -72,6 +78,8 @@ module dst_stepper
     procedure(attempt), deferred :: attempt
     !> The last attempt has been accepted.
     procedure(accept), deferred :: accept
+    !> Save or load all that a later attempt or `dense` depends on: `exchange_stepper` and the method's own.
+    procedure(exchange), deferred :: exchange
     !> The motion at position tau of the last attempt.
     procedure :: dense
     !> Put an advance that the method did not make in the place of the last attempt.
@@ -101,6 +109,12 @@ module dst_stepper
       import :: stepper_t
       class(stepper_t), intent(inout) :: self
     end subroutine accept
+
+    subroutine exchange(self, archive)
+      import :: stepper_t, archive_t
+      class(stepper_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
+    end subroutine exchange
   end interface
 
 contains
@@ -154,4 +168,43 @@ contains
     self%grid = self%own_grid
     self%grid_is_own = .true.
   end subroutine use_own_grid
+
+  !> Save or load what every method has.
+  subroutine exchange_stepper(self, archive)
+    class(stepper_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call self%count%exchange(archive)
+    call self%grid%exchange(archive)
+    call archive%exchange(self%grid_is_own)
+    call archive%exchange(self%step)
+    call archive%exchange(self%nodal)
+    call archive%exchange(self%speed_scale)
+    call archive%exchange(self%peak_speed)
+  end subroutine exchange_stepper
+
+  subroutine exchange_motion(self, archive)
+    class(motion_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%time)
+    call archive%exchange(self%u)
+    call archive%exchange(self%y)
+    call archive%exchange(self%position)
+    call archive%exchange(self%drive_work)
+    call archive%exchange(self%friction_work)
+  end subroutine exchange_motion
+
+  subroutine exchange_count(self, archive)
+    class(work_count_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%steps)
+    call archive%exchange(self%rejected)
+    call archive%exchange(self%rhs)
+    call archive%exchange(self%jacobians)
+    call archive%exchange(self%factorisations)
+    call archive%exchange(self%newton)
+    call archive%exchange(self%events)
+  end subroutine exchange_count
 end module dst_stepper

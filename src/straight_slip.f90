@@ -10,6 +10,7 @@
 !> that friction in this direction gives it. `low_frequency` where the drive guides nothing across,
 !> V sin(phi) = 0 (i = 1): u_y = 0, theta = 0 or pi.
 module dst_straight_slip
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
@@ -30,6 +31,7 @@ module dst_straight_slip
     procedure :: dynamics
     procedure :: slip_velocity
     procedure :: face
+    procedure :: exchange
   end type straight_slip_t
 
 contains
@@ -116,4 +118,13 @@ contains
     end associate
     velocity = y(1)*self%direction
   end function slip_velocity
+
+  subroutine exchange(self, archive)
+    class(straight_slip_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%direction)
+    call archive%exchange(self%held_force)
+    call archive%exchange(self%forward)
+  end subroutine exchange
 end module dst_straight_slip

@@ -4,6 +4,7 @@
 !> A stick-slip cycle is a fall and a rise of the longitudinal spring force k_x u_x by more than
 !> `threshold` of the static limit F_0: the 1 kHz ripple of dynamic stiction stays far below it.
 module dst_summary
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
   use dst_observables, only: slip_velocity, drive_velocity
   use dst_stepper, only: motion_t, work_count_t
@@ -20,6 +21,8 @@ module dst_summary
   type :: mean_t
     integer(int64) :: count = 0
     real(wp) :: sum = 0.0_wp
+  contains
+    procedure :: exchange => exchange_mean
   end type mean_t
 
   type :: summary_t
@@ -36,6 +39,8 @@ module dst_summary
     integer(int64) :: sticks = 0
     real(wp) :: sticking_time = 0.0_wp
     real(wp) :: first_energy = 0.0_wp
+  contains
+    procedure :: exchange
   end type summary_t
 
 contains
@@ -343,4 +348,39 @@ contains
       outcome%statistics_value = [outcome%statistics_value, real(count, wp)]
     end subroutine put_count
   end subroutine describe
+
+  !> Save or load.
+  subroutine exchange(self, archive)
+    class(summary_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%rising)
+    call archive%exchange(self%extreme_force)
+    call archive%exchange(self%extreme_time)
+    call archive%exchange(self%extreme_position)
+    call archive%exchange(self%has_peak)
+    call archive%exchange(self%has_valley)
+    call archive%exchange(self%peak_time)
+    call archive%exchange(self%peak_position)
+    call archive%exchange(self%valley_time)
+    call self%period%exchange(archive)
+    call self%peak%exchange(archive)
+    call self%valley%exchange(archive)
+    call self%stick%exchange(archive)
+    call self%slip%exchange(archive)
+    call self%length%exchange(archive)
+    call archive%exchange(self%largest_rate)
+    call archive%exchange(self%velocity)
+    call archive%exchange(self%sticks)
+    call archive%exchange(self%sticking_time)
+    call archive%exchange(self%first_energy)
+  end subroutine exchange
+
+  subroutine exchange_mean(self, archive)
+    class(mean_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%count)
+    call archive%exchange(self%sum)
+  end subroutine exchange_mean
 end module dst_summary

@@ -23,7 +23,7 @@ module dst_trade
   type :: point_t
     type(candidate_t) :: candidate
     integer :: result_code = stopped_early   !! of dst_errors; 0 = done
-    character(200) :: text = ''              !! 'done', or why not
+    character(200) :: text = 'not tried'     !! 'done', or why not
     real(wp) :: seconds = 0.0_wp             !! wall time of the run, s
     real(wp) :: steps = 0.0_wp, rhs = 0.0_wp, newton = 0.0_wp
     !> Errors in the order of dst_trade_quantities; not_applicable if there is none.
@@ -57,6 +57,7 @@ module dst_trade
   contains
     procedure :: proceed
     procedure :: elapsed
+    procedure :: has_reference
   end type trade_t
 
   !> An error counts as measured from this multiple of the reference's own on.
@@ -119,6 +120,13 @@ contains
 
     elapsed = wall_clock() - self%begun
   end function elapsed
+
+  !> Whether there is something to compare with.
+  pure logical function has_reference(self)
+    class(trade_t), intent(in) :: self
+
+    has_reference = self%stage == comparison
+  end function has_reference
 
   !> Go on for at most `seconds` of wall time [s]. It is an error if there is no reference.
   subroutine proceed(self, seconds, error)

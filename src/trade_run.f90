@@ -5,11 +5,12 @@
 module dst_trade_run
   use dst_kinds, only: wp
   use dst_deck, only: deck_t
-  use dst_errors, only: error_t
-  use dst_hdf5_writer, only: hdf5_writer_t, create_hdf5
+  use dst_errors, only: error_t, raise, stopped_early
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
   use dst_progress, only: progress_t, new_progress
-  use dst_run, only: metadata_of
+  use dst_run, only: describe_run
   use dst_scene, only: scene_t, scene_from_deck
+  use dst_signals, only: stop_signal
   use dst_trade, only: trade_t, start_trade
   use dst_trade_table, only: table_of
   use dst_writer, only: quantity_t, outcome_t
@@ -23,7 +24,7 @@ module dst_trade_run
 
 contains
 
-  !> Compare within `budget` seconds of wall time and write `output_file`.
+  !> Compare within `budget` seconds of wall time and write `output_file`; when stopped by a signal, with what was measured by then.
   subroutine trade_deck(deck, output_file, overwrite, quiet, budget, trade, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output_file
@@ -32,6 +33,7 @@ contains
     type(trade_t), intent(out) :: trade
     type(error_t), allocatable, intent(out) :: error
     type(scene_t) :: scene
+    type(run_metadata_t) :: metadata
     type(hdf5_writer_t) :: writer
     type(quantity_t) :: no_series(0)
     type(outcome_t) :: outcome
@@ -40,17 +42,21 @@ contains
     call scene_from_deck(deck, scene)
     call start_trade(scene, budget, trade, error)
     if (allocated(error)) return
-    call create_hdf5(writer, output_file, overwrite, metadata_of(deck, trade%scene%model, &
-      trim(trade%best%candidate%method), ''), no_series, error)
+    call describe_run(deck, trade%scene%model, trim(trade%best%candidate%method), '', metadata)
+    call create_hdf5(writer, output_file, overwrite, metadata, no_series, error)
     if (allocated(error)) return
+    call writer%put_in_place(overwrite, error)
+    if (allocated(error)) then
+      call writer%discard()
+      return
+    end if
     call compare(trade, new_progress(deck%name, quiet), error)
+    outcome = trade%best_outcome
     if (allocated(error)) then
       outcome%result_code = error%code
       outcome%result_text = error%text
-    else
-      outcome = trade%best_outcome
-      call writer%write_table('trade', table_of(trade), end_error)
     end if
+    if (trade%has_reference()) call writer%write_table('trade', table_of(trade), end_error)
     if (.not. allocated(end_error)) call writer%finish(outcome, end_error)
     if (allocated(end_error) .and. .not. allocated(error)) call move_alloc(end_error, error)
   end subroutine trade_deck
@@ -66,6 +72,8 @@ contains
     do while (.not. (trade%finished .or. allocated(error)))
       call trade%proceed(slice, error)
       elapsed = min(trade%elapsed(), trade%budget)
+      if (stop_signal() /= '' .and. .not. (trade%finished .or. allocated(error))) &
+        call raise(error, stopped_early, 'stopped by '//stop_signal()//': the file holds what was measured until then')
       call progress%show(elapsed, trade%budget, elapsed)
     end do
     call progress%close()

@@ -5,8 +5,9 @@
 !> where it is (`now`), whether it stuck in between, what event ended the advance, and the motion
 !> at any instant in between.
 module dst_trajectory
+  use dst_archive, only: archive_t
   use dst_kinds, only: wp, pi
-  use dst_errors, only: error_t, raise, too_many_rejections, chattering
+  use dst_errors, only: error_t, raise, step_underflow, too_many_rejections, chattering, release_failed
   use dst_bernstein, only: first_zero
   use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
     release_t, release_series
@@ -18,7 +19,7 @@ module dst_trajectory
   implicit none
   private
 
-  public :: trajectory_t, no_event, stick_begins, slip_begins
+  public :: trajectory_t, no_event, stick_begins, slip_begins, at_time
 
   integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
   !> Slip speed at the end of a step, relative to the largest one in it: of a landing that has converged (1e-14 in double
@@ -70,6 +71,7 @@ module dst_trajectory
     procedure :: drive_segment
     procedure :: may_rest
     procedure :: exchange_systems
+    procedure :: exchange
   end type trajectory_t
 
 contains
@@ -217,7 +219,7 @@ contains
     if (self%event /= no_event) self%events_at_once = self%events_at_once + 1
     if (self%events_at_once > max_events_at_once .or. self%steps_at_once > max_steps_at_once) &
       call raise(error, chattering, 'the contact chatters: time stands still at '//at_time(self%now)// &
-        '; use a smaller rtol, another method, or contact = ''smoothed''')
+        ': use a smaller rtol, another method, or contact = ''smoothed''')
   end subroutine watch_progress
 
   !> The motion at a time [s] inside the last advance.
@@ -301,10 +303,11 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(attempt_t) :: outcome
     type(motion_t) :: to
-    real(wp) :: step
+    real(wp) :: step, longest
     logical :: truncated, stopped
     integer :: rejections
 
+    longest = 0.0_wp
     do rejections = 0, max_rejections
       step = self%next_step
       if (self%step_max > 0.0_wp) step = min(step, self%step_max)
@@ -323,10 +326,11 @@ contains
       self%stepper%count%rejected = self%stepper%count%rejected + 1
       ! An initial layer shows the same error until it is resolved: there the estimate's advice is too timid.
       self%next_step = self%stepper%step*min(outcome%factor, merge(0.25_wp, 0.9_wp, rejections >= timid_rejections))
+      longest = max(longest, step)
+      if (underflows(self, longest)) exit
     end do
     if (.not. (outcome%solved .and. outcome%error <= 1.0_wp)) then
-      call raise(error, too_many_rejections, 'more than 60 steps in a row were rejected at '//at_time(self%from)// &
-        '; use a larger rtol or another method')
+      call give_up(self, rejections, error)
       return
     end if
     truncated = truncated .and. self%stepper%step >= step
@@ -343,6 +347,32 @@ contains
       call finish_stop(self, horizon)
     end if
   end subroutine slide
+
+  !> Whether the next step is so much shorter than the `longest` [s] that was tried that it is none, and does not move
+  !> the time either.
+  pure logical function underflows(self, longest)
+    class(trajectory_t), intent(in) :: self
+    real(wp), intent(in) :: longest
+
+    underflows = self%next_step <= epsilon(longest)*longest .and. .not. self%from%time + self%next_step > self%from%time
+  end function underflows
+
+  !> No step was good enough, after so many rejections or down to a step that is none.
+  pure subroutine give_up(self, rejections, error)
+    class(trajectory_t), intent(in) :: self
+    integer, intent(in) :: rejections
+    type(error_t), allocatable, intent(out) :: error
+    character(120) :: what
+
+    if (rejections > max_rejections) then
+      write (what, '(a,i0,a)') 'more than ', max_rejections, ' steps in a row were rejected at '
+      call raise(error, too_many_rejections, trim(what)//' '//at_time(self%from)//': use a larger rtol or another method')
+    else
+      write (what, '(a,es8.1,a)') 'the step size fell to ', self%next_step, ' s without success at'
+      call raise(error, step_underflow, trim(what)//' '//at_time(self%from)//': use another method, and see whether the '// &
+        'parameters are meant')
+    end if
+  end subroutine give_up
 
   !> Whether the object is at rest now, as the method has found it, and the event that this is.
   subroutine note_rest(self)
@@ -541,8 +571,8 @@ contains
         return
       end if
       if (.not. release%accurate) then
-        call raise(error, too_many_rejections, 'slip does not start smoothly enough for an explicit method at '// &
-          at_time(self%from)//'; use a Radau method')
+        call raise(error, release_failed, 'slip does not start smoothly enough for an explicit method at '// &
+          at_time(self%from)//': use a Radau method')
         return
       end if
       duration = min(release%reach*release%unit, horizon - self%from%time)
@@ -629,4 +659,29 @@ contains
     write (buffer, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
     text = trim(buffer)
   end function at_time
+
+  !> Save or load what changes on the way; the rest follows from the scene.
+  subroutine exchange(self, archive)
+    class(trajectory_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+    logical :: exact_contact
+
+    exact_contact = self%exact_contact
+    call archive%exchange(exact_contact)
+    if (allocated(self%other_system) .and. (exact_contact .neqv. self%exact_contact)) call self%exchange_systems()
+    call self%system%exchange(archive)
+    call self%stepper%exchange(archive)
+    call self%from%exchange(archive)
+    call self%now%exchange(archive)
+    call archive%exchange(self%sticking)
+    call archive%exchange(self%was_sticking)
+    call archive%exchange(self%event)
+    call archive%exchange(self%next_step)
+    call archive%exchange(self%release_step)
+    call archive%exchange(self%just_released)
+    call archive%exchange(self%release_rate)
+    call archive%exchange(self%segment)
+    call archive%exchange(self%events_at_once)
+    call archive%exchange(self%steps_at_once)
+  end subroutine exchange
 end module dst_trajectory

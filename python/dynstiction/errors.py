@@ -54,7 +54,8 @@ class SolverError(Error):
     Attributes
     ----------
     code : int
-        41 step underflow, 42 too many steps, 43 not finite, 44 too many rejections, 45 chattering.
+        41 step underflow, 42 too many steps, 43 not finite, 44 too many rejections, 45 chattering,
+        46 slip that starts not smoothly enough for an explicit method.
     result : Result or None
         What was computed until then.
     """

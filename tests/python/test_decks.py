@@ -573,15 +573,16 @@ def test_two_decks_cannot_share_an_output(call, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "remedy"),
     [
-        ([], "run | check | template"),
+        ([], "run | resume | check | template"),
         (["rnu", "deck.nml"], "nearest is 'run'"),
         (["run"], "run DECK"),
         (["run", "deck.nml", "--overwite"], "nearest is '--overwrite'"),
         (["run", "deck.nml", "deck.nml", "-o", "x.h5"], "one by one"),
         (["run", "deck.nml", "-o"], "-o FILE"),
         (["check", "deck.nml", "--quiet"], "remove it"),
+        (["resume"], "resume FILE.h5"),
+        (["resume", "x.h5", "--overwrite"], "remove it"),
         (["template", "ful"], "nearest is 'full'"),
-        (["resume", "deck.h5"], "not available in this version"),
         (["trade"], "trade DECK"),
     ],
 )

@@ -282,9 +282,9 @@ def test_a_folder_that_vanishes_during_the_run(program, tmp_path):
 
 def test_a_killed_run_leaves_a_readable_file(program, tmp_path):
     file = tmp_path / "killed.h5"
-    process = program.start(file)
+    process = program.start(file, "--set", "output.flush_seconds=0.2")
     wait_for(file, larger_than=1_000_000)
-    time.sleep(1.2)  # a flush is due every second
+    time.sleep(0.4)
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=60)
     with h5py.File(file) as data:

@@ -5,7 +5,7 @@ program test_deck
   use dst_errors, only: error_t, deck_error, usage_error
   use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
                       has_word, lower_case, alternatives, one_per_line
-  use dst_schema, only: schema, key_count, group_names, keys_of, find_key, find_name, in_range, is_available, &
+  use dst_schema, only: schema, key_count, group_names, keys_of, find_key, find_name, in_range, &
                         condition_count, condition_key, condition_choices, condition_text, real_kind, reals_kind, integer_kind, &
                         choice_kind
   use dst_deck, only: deck_t, parse_deck, read_deck, resolved, template
@@ -173,7 +173,7 @@ contains
         call check('group of '//key%name, has_word(group_names, trim(key%group)))
         call check('meaning of '//key%name, key%meaning /= '')
         call check('a required key has a sample: '//key%name, .not. key%required .or. key%sample /= '' .or. key%default /= '')
-        if (key%kind == choice_kind) call check('default of '//key%name, is_available(key, trim(key%default)))
+        if (key%kind == choice_kind) call check('default of '//key%name, has_word(key%choices, trim(key%default)))
         if (key%kind == real_kind .and. .not. key%required) then
           call read_real(trim(key%default), x, problem)
           call check('default in range: '//key%name, problem == '' .and. in_range(key%range, x))
@@ -686,8 +686,8 @@ contains
                .and. index(help_text(''), 'Exit status') > 0)
     call misused('', 'no command')
     call misused('rum a.nml', "the nearest is 'run'")
-    call misused('simulate', 'there are run | check | template')
-    call misused('resume a.h5', 'not available in this version')
+    call misused('simulate', 'there are run | resume | check | template')
+    call misused('trade', 'trade DECK')
     call misused('run', "'run' without a deck")
     call misused('run a.nml --overwite', "the nearest is '--overwrite'")
     call misused('run a.nml -o', '-o without a file name')

@@ -3,11 +3,11 @@ program test_hdf5_writer
   use checks, only: check, finish
   use hdf5, only: hid_t, hsize_t, h5fopen_f, h5fclose_f, h5dopen_f, h5dread_f, h5dclose_f, h5dget_space_f, h5sclose_f, &
     h5sget_simple_extent_npoints_f, h5f_acc_rdonly_f, h5t_native_double
-  use dst_kinds, only: wp, real64, int64
+  use dst_kinds, only: wp, real64
   use dst_errors, only: error_t, file_error, result_done, stopped_early
   use dst_writer, only: quantity_t, outcome_t
   use dst_hdf5_tools, only: start_hdf5, get_attribute
-  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5, reopen_hdf5
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, bookmark_t, create_hdf5, reopen_hdf5
   implicit none
 
   character(*), parameter :: file_name = 'test_hdf5_writer.h5', text_file = 'test_hdf5_writer.txt'
@@ -34,6 +34,10 @@ contains
 
     call create_hdf5(writer, file_name, .false., metadata(), columns(), error, expected_rows=100)
     call check('created', .not. allocated(error))
+    call check('not under its name yet', .not. is_there(file_name))
+    call writer%put_in_place(.false., error)
+    call check('in place', .not. allocated(error))
+    call check('under its name', is_there(file_name))
     first = 0
     do i = 1, size(blocks)
       call writer%write_samples(ramp(first, blocks(i)), error)
@@ -65,6 +69,7 @@ contains
     character(*), parameter :: copy_name = 'test_hdf5_writer_copy.h5'
 
     call create_hdf5(writer, file_name, .true., metadata(), columns(), error)
+    if (.not. allocated(error)) call writer%put_in_place(.true., error)
     call check('replaced', .not. allocated(error))
     call writer%write_samples(ramp(0, 10), error)
     call writer%flush(error)
@@ -112,47 +117,73 @@ contains
     call remove(text_file)
   end subroutine test_refusals
 
-  !> A run goes on after its checkpoint; what the file had behind it is dropped.
+  !> A run goes on after its bookmark; what the file had behind it is dropped.
   subroutine test_resume()
     type(hdf5_writer_t) :: writer
+    type(bookmark_t) :: bookmark, other
     type(error_t), allocatable :: error
     integer :: i
 
     call create_hdf5(writer, file_name, .true., metadata(), columns(), error)
-    call writer%write_samples(ramp(0, 3000), error)
-    call writer%write_events([1.0_wp, 2.0_wp, 3.0_wp], [1, 2, 1], error)
+    call writer%put_in_place(.true., error)
+    call writer%write_samples(ramp(0, 2000), error)
+    call writer%write_events([1.0_wp, 2.0_wp], [1, 2], error)
+    call writer%set_bookmark(.true., bookmark, error)
+    call check('bookmark', .not. allocated(error) .and. bookmark%rows == 2000 .and. bookmark%events == 2)
+    call writer%write_samples(ramp(2000, 1000), error)
+    call writer%write_events([3.0_wp], [1], error)
     call writer%finish(outcome(stopped_early), error)
 
-    call reopen_hdf5(writer, file_name, 2000_int64, 2_int64, 'another', columns(), error)
-    call check_refusal('a checkpoint of another deck', error, 'another deck')
-    call reopen_hdf5(writer, file_name, 2000_int64, 2_int64, 'abc', columns(), error)
+    other = bookmark
+    other%rows = 3001
+    call reopen_hdf5(writer, file_name, other, columns(), error)
+    call check_refusal('a file that is too short', error, 'time_series/time has fewer rows')
+    other = bookmark
+    other%checksum(2) = other%checksum(2) + 1
+    call reopen_hdf5(writer, file_name, other, columns(), error)
+    call check_refusal('a column that changed', error, 'time_series/u_x is not as it was')
+    other = bookmark
+    other%checksum(5) = other%checksum(5) + 1
+    call reopen_hdf5(writer, file_name, other, columns(), error)
+    call check_refusal('events that changed', error, 'events/kind is not as it was')
+    call check('refusals leave the rows', size(read_column('time_series/time')) == 3000)
+
+    call reopen_hdf5(writer, file_name, bookmark, columns(), error)
     call check('reopened', .not. allocated(error))
     call writer%write_samples(ramp(2000, 2500), error)
     call writer%write_events([4.0_wp], [2], error)
+    call writer%set_bookmark(.false., other, error)
     call writer%finish(outcome(result_done), error)
     call check('finished after resuming', .not. allocated(error))
     call check('rows over the resumption', all(same(read_column('time_series/time'), [(0.5_wp*i, i=0, 4499)])))
     call check('events over the resumption', all(same(read_column('events/time'), [1.0_wp, 2.0_wp, 4.0_wp])))
     call check('complete after resuming', root_integer('complete') == 1)
+    call reopen_hdf5(writer, file_name, other, columns(), error)
+    call check('checksums over the resumption', .not. allocated(error))
+    call writer%finish(outcome(result_done), error)
     if (digits(1.0_wp) > digits(1.0_real64)) call test_remainders()
-    call reopen_hdf5(writer, file_name, 2000_int64, 2_int64, 'abc', columns(), error)
-    call check_refusal('a complete run', error, 'the run is complete')
   end subroutine test_resume
 
   !> In a build with more digits a column and its remainder have them all, over the resumption too.
   subroutine test_remainders()
     type(hdf5_writer_t) :: writer
     type(error_t), allocatable :: error
+    type(bookmark_t) :: bookmark
     real(wp) :: samples(3, 100), time(100)
     integer :: i
 
     time = [(real(i, wp)/3.0_wp, i=1, 100)]
     samples = spread(time, 1, 3)
+    samples(3, :) = 0.0_wp
     call create_hdf5(writer, file_name, .true., metadata(), columns(), error)
-    call writer%write_samples(samples(:, :70), error)
-    call writer%write_events(time(:3), [1, 2, 1], error)
+    call writer%put_in_place(.true., error)
+    call writer%write_samples(samples(:, :50), error)
+    call writer%write_events(time(:2), [1, 2], error)
+    call writer%set_bookmark(.false., bookmark, error)
+    call writer%write_samples(samples(:, 51:70), error)
+    call writer%write_events(time(3:3), [1], error)
     call writer%finish(outcome(stopped_early), error)
-    call reopen_hdf5(writer, file_name, 50_int64, 2_int64, 'abc', columns(), error)
+    call reopen_hdf5(writer, file_name, bookmark, columns(), error)
     call writer%write_samples(samples(:, 51:), error)
     call writer%write_events(time(3:4), [1, 2], error)
     call writer%finish(outcome(result_done), error)
@@ -177,6 +208,7 @@ contains
     metadata%version = '0'
     metadata%git_revision = 'unknown'
     metadata%compiler = 'gfortran µ'
+    metadata%created = '2026-01-31T23:59:59Z'
     metadata%model = 'full'
     metadata%method = 'radau9'
     metadata%deck_text = '&scene /'
@@ -311,6 +343,12 @@ contains
     write (unit) bytes
     close (unit)
   end subroutine copy
+
+  logical function is_there(name)
+    character(*), intent(in) :: name
+
+    inquire (file=name, exist=is_there)
+  end function is_there
 
   subroutine remove(name)
     character(*), intent(in) :: name

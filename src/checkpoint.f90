@@ -1,0 +1,157 @@
+!> The file from which a run goes on: FILE.h5.checkpoint beside the result FILE.h5.
+!>
+!> Lines of text say what it is and to which run it belongs; then come the words of the state (dst_archive), 8 bytes
+!> each in the machine's order; the last line is the SHA-256 of all before it. It is replaced as a whole.
+module dst_checkpoint
+  use dst_kinds, only: int64
+  use dst_disk, only: read_bytes, replace_file, delete_file
+  use dst_errors, only: error_t, raise, file_error
+  use dst_sha256, only: sha256
+  implicit none
+  private
+
+  public :: checkpoint_t, checkpoint_name, write_checkpoint, read_checkpoint, delete_checkpoint
+
+  type :: checkpoint_t
+    character(:), allocatable :: version           !! of the program
+    character(:), allocatable :: deck_sha256       !! of the deck as read
+    character(:), allocatable :: resolved_sha256   !! of the deck as used: --set makes another one
+    character(:), allocatable :: created           !! when the run began
+    character(:), allocatable :: result_checksum   !! of the result file of a run that was stopped; '-' while it goes on
+    integer(int64), allocatable :: words(:)        !! the state
+  end type checkpoint_t
+
+  character(*), parameter :: signature = 'dynstiction checkpoint, format '
+  !> Version of this format and of the fields that the types of a run exchange with an archive.
+  character(*), parameter :: format_version = '1'
+  character, parameter :: n = achar(10)
+  integer, parameter :: word_bytes = 8, most_bytes = 2**24, digest_length = 64
+
+contains
+
+  pure function checkpoint_name(result_file) result(name)
+    character(*), intent(in) :: result_file
+    character(:), allocatable :: name
+
+    name = result_file//'.checkpoint'
+  end function checkpoint_name
+
+  !> Replace the checkpoint of `result_file`; until the new one stands complete, the old one is kept.
+  subroutine write_checkpoint(result_file, checkpoint, durable, error)
+    character(*), intent(in) :: result_file
+    type(checkpoint_t), intent(in) :: checkpoint
+    logical, intent(in) :: durable   !! see that it survives a power failure
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: bytes, reason
+    character(word_bytes*size(checkpoint%words)) :: state
+    character(12) :: word_count
+
+    write (word_count, '(i0)') size(checkpoint%words)
+    state = transfer(checkpoint%words, state)
+    bytes = signature//format_version//n//'version '//checkpoint%version//n//'deck_sha256 '//checkpoint%deck_sha256//n// &
+      'resolved_sha256 '//checkpoint%resolved_sha256//n//'created '//checkpoint%created//n// &
+      'result_checksum '//checkpoint%result_checksum//n// &
+      'words '//trim(word_count)//n//state//n
+    bytes = bytes//'sha256 '//sha256(bytes)//n
+    call replace_file(checkpoint_name(result_file), bytes, durable, reason)
+    if (allocated(reason)) &
+      call raise(error, file_error, checkpoint_name(result_file)//': cannot write the checkpoint: '//reason)
+  end subroutine write_checkpoint
+
+  !> Read the checkpoint of `result_file`; one that is not whole, or of another format, is refused.
+  subroutine read_checkpoint(result_file, checkpoint, error)
+    character(*), intent(in) :: result_file
+    type(checkpoint_t), intent(out) :: checkpoint
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: bytes, reason
+
+    call read_bytes(checkpoint_name(result_file), most_bytes, bytes, reason)
+    if (.not. allocated(reason)) call check_format(bytes, reason)
+    if (.not. allocated(reason)) call check_digest(bytes, reason)
+    if (.not. allocated(reason)) call take_apart(bytes, checkpoint, reason)
+    if (allocated(reason)) call raise(error, file_error, checkpoint_name(result_file)//': no checkpoint to go on from: '// &
+      reason//': run the deck again')
+  end subroutine read_checkpoint
+
+  subroutine delete_checkpoint(result_file)
+    character(*), intent(in) :: result_file
+
+    call delete_file(checkpoint_name(result_file))
+  end subroutine delete_checkpoint
+
+  pure subroutine check_format(bytes, reason)
+    character(*), intent(in) :: bytes
+    character(:), allocatable, intent(out) :: reason
+    integer, parameter :: longest = len(signature) + 20
+    character(:), allocatable :: found
+
+    found = bytes(:index(bytes(:min(len(bytes), longest)), n))
+    reason = 'it does not begin like one'
+    if (index(found, signature) /= 1 .or. len(found) <= len(signature) + 1) return
+    found = found(len(signature) + 1:len(found) - 1)
+    if (verify(found, '0123456789') > 0) return
+    if (found == format_version) then
+      deallocate (reason)
+    else
+      reason = 'it is of format '//found//', this program reads format '//format_version
+    end if
+  end subroutine check_format
+
+  !> The last line is the digest of what stands before it.
+  pure subroutine check_digest(bytes, reason)
+    character(*), intent(in) :: bytes
+    character(:), allocatable, intent(out) :: reason
+    integer :: last
+
+    last = len(bytes) - len('sha256 ') - digest_length - 1
+    reason = 'it is damaged'
+    if (last < 1) return
+    if (bytes(last + 1:) == 'sha256 '//sha256(bytes(:last))//n) deallocate (reason)
+  end subroutine check_digest
+
+  !> Name every part. The digest has shown that they are as they were written.
+  subroutine take_apart(bytes, checkpoint, reason)
+    character(*), intent(in) :: bytes
+    type(checkpoint_t), intent(inout) :: checkpoint
+    character(:), allocatable, intent(out) :: reason
+    character(:), allocatable :: word_count
+    integer :: next, words, io_status
+
+    next = index(bytes, n) + 1
+    call take_line('version', checkpoint%version)
+    call take_line('deck_sha256', checkpoint%deck_sha256)
+    call take_line('resolved_sha256', checkpoint%resolved_sha256)
+    call take_line('created', checkpoint%created)
+    call take_line('result_checksum', checkpoint%result_checksum)
+    call take_line('words', word_count)
+    if (allocated(reason)) return
+    read (word_count, *, iostat=io_status) words
+    if (io_status == 0 .and. words >= 0 .and. words < most_bytes/word_bytes) then
+      if (next + word_bytes*words <= len(bytes)) then
+        allocate (checkpoint%words(words))
+        checkpoint%words = transfer(bytes(next:next + word_bytes*words - 1), checkpoint%words, words)
+        return
+      end if
+    end if
+    reason = 'its state is missing'
+
+  contains
+
+    !> The rest of the next line, which must begin with `name`.
+    subroutine take_line(name, text)
+      character(*), intent(in) :: name
+      character(:), allocatable, intent(out) :: text
+      integer :: line_end
+
+      text = ''
+      if (allocated(reason)) return
+      line_end = next + index(bytes(next:), n) - 1
+      if (index(bytes(next:line_end), name//' ') /= 1) then
+        reason = 'its line '//name//' is missing'
+        return
+      end if
+      text = bytes(next + len(name) + 1:line_end - 1)
+      next = line_end + 1
+    end subroutine take_line
+  end subroutine take_apart
+end module dst_checkpoint

@@ -1,0 +1,104 @@
+!> What is saved is given back, bit for bit; what is not there, or is something else, changes nothing.
+program test_archive
+  use checks, only: check, finish
+  use dst_kinds, only: wp, int64
+  use dst_archive, only: archive_t, archive_of
+  implicit none
+
+  !> One field of every kind.
+  type :: state_t
+    real(wp) :: x = 0.0_wp, y(3) = 0.0_wp, z(0:1, 2) = 0.0_wp
+    integer :: i = 0
+    integer(int64) :: j = 0, k(2) = 0
+    logical :: l = .false.
+  end type state_t
+
+  call test_given_back()
+  call test_misfits()
+  call finish()
+
+contains
+
+  subroutine exchange(self, archive)
+    type(state_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%x)
+    call archive%exchange(self%y)
+    call archive%exchange(self%z)
+    call archive%exchange(self%i)
+    call archive%exchange(self%j)
+    call archive%exchange(self%k)
+    call archive%exchange(self%l)
+  end subroutine exchange
+
+  subroutine test_given_back()
+    type(archive_t) :: saved, loaded
+    type(state_t) :: before, after
+
+    before = state()
+    call exchange(before, saved)
+    call check('saving changes nothing', same(before, state()))
+    call check('what has been saved is not loaded', .not. saved%given_back())
+    call archive_of(saved%words(), loaded)
+    call exchange(after, loaded)
+    call check('all given back', loaded%given_back())
+    call check('bit for bit', same(after, before))
+  end subroutine test_given_back
+
+  subroutine test_misfits()
+    type(archive_t) :: saved, loaded
+    type(state_t) :: before, after
+    integer(int64), allocatable :: words(:)
+    real(wp) :: x(2)
+    logical :: l
+
+    before = state()
+    call exchange(before, saved)
+    words = saved%words()
+    call archive_of(words(:size(words) - 1), loaded)
+    call exchange(after, loaded)
+    call check('a word too few', .not. loaded%given_back())
+    call check('the last field is as it was', .not. after%l)
+    call archive_of([words, 0_int64], loaded)
+    call exchange(after, loaded)
+    call check('a word too many', .not. loaded%given_back())
+
+    call archive_of(words, loaded)
+    x = 5.0_wp
+    call loaded%exchange(x)
+    call check('another length', .not. loaded%given_back() .and. all(abs(x - 5.0_wp) <= 0.0_wp))
+    call archive_of(words, loaded)
+    l = .true.
+    call loaded%exchange(l)
+    call check('another kind', .not. loaded%given_back() .and. l)
+    call archive_of(words(:0), loaded)
+    call exchange(after, loaded)
+    call check('nothing there', .not. loaded%given_back())
+  end subroutine test_misfits
+
+  function state()
+    type(state_t) :: state
+
+    state%x = -0.0_wp
+    state%y = [tiny(1.0_wp)/8.0_wp, huge(1.0_wp), 1.0_wp/3.0_wp]
+    state%z = reshape([1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp], [2, 2])
+    state%i = -7
+    state%j = -huge(1_int64)
+    state%k = [1_int64, 2_int64]**40
+    state%l = .true.
+  end function state
+
+  logical function same(a, b)
+    type(state_t), intent(in) :: a, b
+
+    same = all(bits([a%x, a%y]) == bits([b%x, b%y])) .and. all(abs(a%z - b%z) <= 0.0_wp) .and. a%i == b%i .and. a%j == b%j &
+      .and. all(a%k == b%k) .and. (a%l .eqv. b%l)
+  end function same
+
+  pure elemental integer(int64) function bits(x)
+    real(wp), intent(in) :: x
+
+    bits = transfer(x, bits)
+  end function bits
+end program test_archive

@@ -1,0 +1,157 @@
+!> A method that goes well for some steps and then fails in a given manner.
+module failing_method
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use dst_archive, only: archive_t
+  use dst_drive, only: drive_segment_t
+  use dst_kinds, only: wp
+  use dst_slip_system, only: slip_system_t
+  use dst_stepper, only: stepper_t, motion_t, attempt_t
+  implicit none
+  private
+
+  public :: failing_t
+
+  type, extends(stepper_t) :: failing_t
+    character(12) :: manner = ''
+    integer :: good_steps = 3
+  contains
+    procedure :: restart
+    procedure :: attempt
+    procedure :: accept
+    procedure :: exchange
+  end type failing_t
+
+contains
+
+  pure subroutine restart(self, rate, curvature)
+    class(failing_t), intent(inout) :: self
+    real(wp), intent(in) :: rate(:), curvature(:)
+
+    associate (unused => [rate, curvature])
+    end associate
+    self%peak_speed = 0.0_wp
+  end subroutine restart
+
+  subroutine attempt(self, system, drive, from, step, to, outcome)
+    class(failing_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: step
+    type(motion_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
+
+    associate (unused => system, also_unused => drive)
+    end associate
+    self%step = step
+    to = from
+    to%time = from%time + step
+    outcome%solved = .true.
+    outcome%error = 0.5_wp
+    outcome%factor = 1.0_wp
+    if (self%good_steps > 0) return
+    select case (self%manner)
+    case ('collapsing')
+      outcome%solved = .false.
+      outcome%factor = 0.1_wp
+    case ('stubborn')
+      outcome%error = 2.0_wp
+      outcome%factor = 0.9_wp
+    case ('nan')
+      to%u(1) = ieee_value(1.0_wp, ieee_quiet_nan)
+    case ('nan work')
+      to%friction_work = ieee_value(1.0_wp, ieee_quiet_nan)
+    case ('standing')
+      to%time = from%time
+    case ('huge force')
+      to%u(1) = 0.1_wp*huge(1.0_wp)
+    end select
+  end subroutine attempt
+
+  pure subroutine accept(self)
+    class(failing_t), intent(inout) :: self
+
+    self%good_steps = self%good_steps - 1
+  end subroutine accept
+
+  subroutine exchange(self, archive)
+    class(failing_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%good_steps)
+  end subroutine exchange
+end module failing_method
+
+!> Every way in which the solver gives up: its own result code, the time and the state, a remedy and the page that
+!> explains it. A method that fails in a given way stands in for the integrators.
+program test_giving_up
+  use checks, only: check, finish
+  use dst_kinds, only: wp
+  use dst_errors, only: error_t, exit_status, step_underflow, too_many_steps, not_finite, too_many_rejections, chattering
+  use dst_memory_writer, only: memory_writer_t
+  use dst_scene, only: scene_t
+  use dst_simulation, only: simulation_t
+  use failing_method, only: failing_t
+  use scenes, only: fig3
+  implicit none
+
+  call expect('collapsing', step_underflow, 'step size fell to')
+  call expect('stubborn', too_many_rejections, 'more than 60 steps in a row were rejected')
+  call expect('standing', chattering, 'time stands still')
+  if (.not. traps()) then
+    call expect('nan', not_finite, 'the motion is not finite')
+    call expect('nan work', not_finite, 'the motion is not finite')
+    call expect('huge force', not_finite, 'spring_force_x is not finite')
+  end if
+  call expect('', too_many_steps, 'integrator.max_steps = 20')
+  call finish()
+
+contains
+
+  !> Whether this build ends at a NaN or an overflow by itself.
+  logical function traps()
+    use, intrinsic :: ieee_exceptions, only: ieee_get_halting_mode, ieee_invalid
+    call ieee_get_halting_mode(ieee_invalid, traps)
+  end function traps
+
+  !> A smoothed scene with a method that goes well for some steps and then fails in this manner.
+  subroutine expect(manner, code, words)
+    character(*), intent(in) :: manner, words
+    integer, intent(in) :: code
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    type(memory_writer_t) :: writer
+    type(error_t), allocatable :: error
+    type(failing_t) :: stepper
+
+    scene = fig3(1.0_wp, 'dopri5', 1.0e-6_wp)
+    scene%contact = 'smoothed'
+    scene%v_smooth = 1.0e-5_wp
+    scene%interval = 0.0_wp
+    scene%max_steps = 20
+    scene%fields = [character(24) :: 'u_x', 'spring_force_x']
+    call simulation%start(scene, error)
+    if (manner /= '') then
+      scene%max_steps = 0
+      simulation%scene%max_steps = 0
+      stepper%manner = manner
+      ! At time 0 every step moves the time.
+      if (manner == 'stubborn') stepper%good_steps = 0
+      stepper%own_grid = simulation%trajectory%stepper%own_grid
+      stepper%grid = stepper%own_grid
+      deallocate (simulation%trajectory%stepper)
+      allocate (simulation%trajectory%stepper, source=stepper)
+    end if
+    call simulation%proceed(huge(1.0_wp), writer, error)
+    call check(manner//': gives up', allocated(error))
+    if (.not. allocated(error)) return
+    call check(manner//': finished', simulation%finished)
+    call check(manner//': '//error%text, error%code == code)
+    call check(manner//': exit status', exit_status(error%code) == 4)
+    call check(manner//': says what', index(error%text, words) > 0)
+    call check(manner//': time and state', index(error%text, 't =') > 0 .and. index(error%text, '(u =') > 0)
+    call check(manner//': remedy after a colon', index(error%text, '): ') > 0)
+    call check(manner//': page', index(error%text, 'docs/errors.md') > 0)
+    call check(manner//': samples so far', writer%rows >= stepper%good_steps + 1)
+  end subroutine expect
+end program test_giving_up
