@@ -458,9 +458,10 @@ contains
     do i = 1, size(self%points)
       associate (point => self%points(i))
         if (.not. same_family(point%candidate, candidate) .or. .not. point%seconds > 0.0_wp) cycle
+        ratio = 1.0_wp
         if (candidate%step > 0.0_wp) then
           ratio = point%candidate%step/candidate%step
-        else
+        else if (candidate%rtol > 0.0_wp) then
           ratio = (point%candidate%rtol/candidate%rtol)**(1.0_wp/real(max(1, order_of(candidate)), wp))
         end if
         if (abs(log(ratio)) >= nearest) cycle
