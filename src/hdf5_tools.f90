@@ -23,7 +23,7 @@ module dst_hdf5_tools
   private
 
   public :: start_hdf5, open_file, failure_reason, file_descriptor
-  public :: put_attribute, get_attribute, put_text, get_text, put_number
+  public :: put_attribute, get_attribute, put_text, put_texts, get_text, put_number
   public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, column_checksum
   public :: make_scale, attach_scale
 
@@ -36,7 +36,7 @@ module dst_hdf5_tools
 
   !> Create or overwrite an attribute of a file, group or dataset.
   interface put_attribute
-    module procedure put_text_attribute, put_integer_attribute
+    module procedure put_text_attribute, put_integer_attribute, put_real_attribute
   end interface put_attribute
 
   interface get_attribute
@@ -208,6 +208,17 @@ contains
     call write_attribute(object, name, h5t_std_i32le, h5t_native_integer, c_loc(value), status)
   end subroutine put_integer_attribute
 
+  subroutine put_real_attribute(object, name, number, status)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name
+    real(wp), intent(in) :: number
+    integer, intent(inout) :: status
+    real(real64), target :: value
+
+    value = real(number, real64)
+    call write_attribute(object, name, h5t_ieee_f64le, h5t_native_double, c_loc(value), status)
+  end subroutine put_real_attribute
+
   !> Write an attribute's value, and create the attribute when it is not there.
   subroutine write_attribute(object, name, file_type, memory_type, value, status)
     integer(hid_t), intent(in) :: object, file_type, memory_type
@@ -324,6 +335,38 @@ contains
     call write_scalar(group, quantity_t(name, '1', long_name), text_type, text_type, c_loc(address), status)
     call release_type(text_type, status)
   end subroutine put_text
+
+  !> A column of texts, whole, with `scale` as its coordinate; trailing blanks do not count.
+  subroutine put_texts(group, quantity, texts, scale, status)
+    integer(hid_t), intent(in) :: group
+    type(quantity_t), intent(in) :: quantity
+    character(*), intent(in) :: texts(:)
+    type(column_t), intent(in) :: scale
+    integer, intent(inout) :: status
+    character(c_char), target :: bytes(len(texts) + 1, size(texts))
+    type(c_ptr), target :: addresses(size(texts))
+    type(column_t) :: column
+    integer(hid_t) :: text_type, space
+    integer :: i, length, ignored
+
+    if (status < 0) return
+    do i = 1, size(texts)
+      length = len_trim(texts(i))
+      bytes(:length + 1, i) = c_bytes(texts(i)(:length))
+      addresses(i) = c_loc(bytes(1, i))
+    end do
+    call create_text_type(text_type, status)
+    if (status < 0) return
+    call h5screate_simple_f(1, [size(texts, kind=hsize_t)], space, status)
+    if (status < 0) return
+    call h5dcreate_f(group, trim(quantity%name), text_type, space, column%dataset, status)
+    if (status < 0) return
+    call h5dwrite_f(column%dataset, text_type, c_loc(addresses), status)
+    call describe(column%dataset, quantity, status)
+    call attach_scale(column, scale, status)
+    call h5sclose_f(space, ignored)
+    call release_type(text_type, status)
+  end subroutine put_texts
 
   !> Read a scalar dataset of text.
   subroutine get_text(object, name, text, status)

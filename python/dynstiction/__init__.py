@@ -11,6 +11,7 @@ Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a
 
 from . import _native
 from ._run import run
+from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import jacobian, rhs
 from .errors import (
@@ -48,6 +49,7 @@ __all__ = [
     "Scene",
     "SolverError",
     "Spectrogram",
+    "Trade",
     "UsageError",
     "creep_asymptotic",
     "creep_exact",
@@ -57,10 +59,12 @@ __all__ = [
     "damping_ratio",
     "jacobian",
     "open",
+    "open_trade",
     "oscillation_frequency",
     "rhs",
     "ridge",
     "run",
     "spectrogram",
     "steady_sliding_eigenvalues",
+    "trade",
 ]

@@ -687,7 +687,7 @@ contains
     call misused('', 'no command')
     call misused('rum a.nml', "the nearest is 'run'")
     call misused('simulate', 'there are run | resume | check | template')
-    call misused('trade a.nml', 'not available in this version')
+    call misused('trade', 'trade DECK')
     call misused('run', "'run' without a deck")
     call misused('run a.nml --overwite', "the nearest is '--overwrite'")
     call misused('run a.nml -o', '-o without a file name')
