@@ -10,7 +10,7 @@ module dst_hdf5_tools
     h5tcopy_f, h5tset_cset_f, h5tclose_f, h5screate_f, h5screate_simple_f, h5sclose_f, h5sselect_hyperslab_f, &
     h5sget_simple_extent_dims_f, h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, h5aclose_f, h5aget_type_f, &
     h5dcreate_f, h5dopen_f, h5dclose_f, h5dwrite_f, h5dset_extent_f, h5dget_space_f, h5gcreate_f, h5lexists_f, h5ldelete_f, &
-    h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, &
+    h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, h5pset_fletcher32_f, &
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
   use dst_kinds, only: wp, real64
@@ -347,7 +347,8 @@ contains
     status = min(status, 0)
   end subroutine delete_link
 
-  !> An empty column of `file_type` in chunks of `chunk_rows`, with room for one chunk in the cache.
+  !> An empty column of `file_type` in chunks of `chunk_rows`, with room for one chunk in the cache. Each chunk has a checksum,
+  !> so that damage is found when it is read.
   subroutine create_column(group, quantity, file_type, chunk_rows, column, status)
     integer(hid_t), intent(in) :: group, file_type
     type(quantity_t), intent(in) :: quantity
@@ -363,6 +364,8 @@ contains
     call h5pcreate_f(h5p_dataset_create_f, creation, status)
     if (status < 0) return
     call h5pset_chunk_f(creation, 1, [int(chunk_rows, hsize_t)], status)
+    if (status < 0) return
+    call h5pset_fletcher32_f(creation, status)
     if (status < 0) return
     call create_access(chunk_rows, access, status)
     if (status < 0) return
