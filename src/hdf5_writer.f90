@@ -10,8 +10,9 @@
 module dst_hdf5_writer
   use, intrinsic :: iso_c_binding, only: c_int
   use hdf5, only: hid_t, hsize_t, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, &
-    h5pcreate_f, h5pclose_f, h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, h5f_acc_rdwr_f, &
-    h5f_acc_rdonly_f, h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
+    h5pcreate_f, h5pclose_f, h5pset_fclose_degree_f, h5pset_libver_bounds_f, h5p_file_access_f, h5f_close_strong_f, &
+    h5f_libver_v18_f, h5f_acc_trunc_f, h5f_acc_rdwr_f, h5f_acc_rdonly_f, h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, &
+    h5t_std_i64le
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t
@@ -448,6 +449,9 @@ contains
     call h5pcreate_f(h5p_file_access_f, access, status)
     if (status < 0) return
     call h5pset_fclose_degree_f(access, h5f_close_strong_f, status)
+    if (status < 0) return
+    ! The oldest format with checksums of what describes the data. A newer one would have to be freed by h5clear after a kill.
+    call h5pset_libver_bounds_f(access, h5f_libver_v18_f, h5f_libver_v18_f, status)
     if (status < 0) return
     if (mode == h5f_acc_trunc_f) then
       call h5fcreate_f(file_name, mode, file, status, access_prp=access)

@@ -25,6 +25,8 @@ EVENTS = {
     "kind": Info("kind", "1", "1 = stick begins, 2 = slip begins"),
 }
 TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
+# The oldest format with checksums of what describes the data.
+FORMAT = ("v108", "v108")
 # No compression that HDF5 knows shrinks data by more: what claims to is damaged, and would fill the memory.
 MOST_EXPANSION = 1100
 STORED_AS = {"sticking": np.int8, "kind": np.int8}
@@ -36,7 +38,7 @@ def write(result: Record, path: str | os.PathLike[str], *, overwrite: bool) -> N
     _refuse_to_replace(target, overwrite)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.{threading.get_ident()}")
     try:
-        with h5py.File(temporary, "x") as file:
+        with h5py.File(temporary, "x", libver=FORMAT) as file:
             _write_contents(file, result)
         temporary.replace(target)
     except OSError as error:
