@@ -216,7 +216,7 @@ contains
     self%steps_at_once = self%steps_at_once + 1
     if (self%event /= no_event) self%events_at_once = self%events_at_once + 1
     if (self%events_at_once > max_events_at_once .or. self%steps_at_once > max_steps_at_once) &
-      call raise(error, chattering, 'the contact chatters: time stands still at '//at_time(self%now)// &
+      call raise(error, chattering, 'the contact chatters: time stands still at '//trim(at_time(self%now))// &
         '; use a smaller rtol, another method, or contact = ''smoothed''')
   end subroutine watch_progress
 
@@ -325,7 +325,7 @@ contains
       self%next_step = self%stepper%step*min(outcome%factor, merge(0.25_wp, 0.9_wp, rejections >= timid_rejections))
     end do
     if (.not. (outcome%solved .and. outcome%error <= 1.0_wp)) then
-      call raise(error, too_many_rejections, 'more than 60 steps in a row were rejected at '//at_time(self%from)// &
+      call raise(error, too_many_rejections, 'more than 60 steps in a row were rejected at '//trim(at_time(self%from))// &
         '; use a larger rtol or another method')
       return
     end if
@@ -542,7 +542,7 @@ contains
       end if
       if (.not. release%accurate) then
         call raise(error, too_many_rejections, 'slip does not start smoothly enough for an explicit method at '// &
-          at_time(self%from)//'; use a Radau method')
+          trim(at_time(self%from))//'; use a Radau method')
         return
       end if
       duration = min(release%reach*release%unit, horizon - self%from%time)
@@ -620,13 +620,11 @@ contains
     grid = new_grid([(sin(0.5_wp*pi*real(i, wp)/real(max_degree, wp))**2, i=0, max_degree)])
   end function closed_form_grid
 
-  !> 't = 1.25 s (u = … m, y = …)'
-  pure function at_time(motion) result(text)
+  !> 't = 1.25 s (u = … m, y = …)'. Of fixed length: gfortran keeps the length of an allocatable text that a function returns
+  !> in static storage, and several threads advance at once.
+  pure character(160) function at_time(motion) result(text)
     type(motion_t), intent(in) :: motion
-    character(:), allocatable :: text
-    character(160) :: buffer
 
-    write (buffer, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
-    text = trim(buffer)
+    write (text, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
   end function at_time
 end module dst_trajectory

@@ -476,6 +476,26 @@ def test_functions_give_the_same_bits_in_threads(threads: int) -> None:
             assert found == expected
 
 
+def test_errors_in_threads_keep_their_texts(fig3: ds.Scene) -> None:
+    scenes = [fig3.replace(integrator={"max_steps": n}) for n in (100, 3000, 1000)]
+
+    def message(n: int) -> str:
+        try:
+            if n % 2:
+                ds.run(scenes[n % 3])
+            else:
+                ds.damping_ratio(1.0, **{**SLIDER, "mass": -(10.0 ** -(n % 5))})
+        except ds.Error as error:
+            return str(error)
+        return "no error"
+
+    expected = [message(n) for n in range(30)]
+    assert "no error" not in expected
+    with ThreadPoolExecutor(16) as pool:
+        for n, found in zip(range(300), pool.map(lambda n: message(n % 30), range(300)), strict=True):
+            assert found == expected[n % 30]
+
+
 def test_other_threads_go_on_during_a_run(fig3: ds.Scene) -> None:
     ticks = []
     done = threading.Event()
