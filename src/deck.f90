@@ -5,7 +5,7 @@ module dst_deck
   use dst_text, only: lower_case, word, word_count, has_word, nearest_word, alternatives, excerpt, integer_text, real_text, &
                       read_real, read_integer
   use dst_faults, only: faults_t
-  use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line
+  use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
   use dst_schema, only: key_t, schema, key_count, group_names, later_groups, find_key, find_name, keys_of, in_range, range_text, &
                         condition_text, longest_text, most_values, real_kind, reals_kind, &
                         integer_kind, text_kind, texts_kind, choice_kind
@@ -266,7 +266,9 @@ contains
     group = lower_case(trim(adjustl(text(:max(0, dot - 1)))))
     key = trim(adjustl(text(dot + 1:max(dot, equals - 1))))
     problem = ''
-    if (equals == 0) then
+    if (.not. is_plain_text(text)) then
+      problem = 'control characters, or a character that is not UTF-8: give plain UTF-8 text'
+    else if (equals == 0) then
       problem = "no '=': write --set GROUP.KEY=VALUE"
     else if (dot == 0) then
       problem = 'no group: write --set GROUP.KEY=VALUE'

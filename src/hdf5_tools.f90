@@ -7,14 +7,14 @@ module dst_hdf5_tools
   use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_size_t, c_char, c_null_char, c_null_ptr, &
     c_associated, c_loc, c_funloc, c_f_pointer
   use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, &
-    h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, &
+    h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, h5pset_libver_bounds_f, h5f_libver_v18_f, &
     h5tcopy_f, h5tset_cset_f, h5tclose_f, h5tis_variable_str_f, h5screate_f, h5screate_simple_f, h5sclose_f, &
     h5sselect_hyperslab_f, &
     h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, &
     h5aclose_f, h5aget_type_f, &
     h5dcreate_f, h5dopen_f, h5dclose_f, h5dget_type_f, h5dread_f, h5dwrite_f, h5dset_extent_f, h5dget_space_f, h5gcreate_f, &
     h5lexists_f, h5ldelete_f, &
-    h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, &
+    h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, h5pset_fletcher32_f, &
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
   use dst_kinds, only: wp, real64, int64
@@ -113,6 +113,9 @@ contains
     call h5pcreate_f(h5p_file_access_f, access, status)
     if (status < 0) return
     call h5pset_fclose_degree_f(access, h5f_close_strong_f, status)
+    if (status < 0) return
+    ! The oldest format with checksums of what describes the data. A newer one would have to be freed by h5clear after a kill.
+    call h5pset_libver_bounds_f(access, h5f_libver_v18_f, h5f_libver_v18_f, status)
     if (status < 0) return
     if (mode == h5f_acc_trunc_f) then
       call h5fcreate_f(file_name, mode, file, status, access_prp=access)
@@ -465,7 +468,8 @@ contains
     status = min(status, 0)
   end subroutine delete_link
 
-  !> An empty column of `file_type` in chunks of `chunk_rows`, with room for one chunk in the cache.
+  !> An empty column of `file_type` in chunks of `chunk_rows`, with room for one chunk in the cache. Each chunk has a checksum,
+  !> so that damage is found when it is read.
   subroutine create_column(group, quantity, file_type, chunk_rows, column, status)
     integer(hid_t), intent(in) :: group, file_type
     type(quantity_t), intent(in) :: quantity
@@ -481,6 +485,8 @@ contains
     call h5pcreate_f(h5p_dataset_create_f, creation, status)
     if (status < 0) return
     call h5pset_chunk_f(creation, 1, [int(chunk_rows, hsize_t)], status)
+    if (status < 0) return
+    call h5pset_fletcher32_f(creation, status)
     if (status < 0) return
     call create_access(chunk_rows, access, status)
     if (status < 0) return

@@ -371,11 +371,11 @@ contains
     associate (now => self%trajectory%now, steps => self%trajectory%stepper%count%steps)
       if (.not. abs(now%time) + sum(abs(now%u)) + sum(abs(now%y)) + abs(now%position) + abs(now%drive_work) &
         + abs(now%friction_work) <= huge(1.0_wp)) then
-        call raise(error, not_finite, 'the motion is not finite after '//at_time(self%trajectory%from)// &
+        call raise(error, not_finite, 'the motion is not finite after '//trim(at_time(self%trajectory%from))// &
           ': use a smaller rtol or another method')
       else if (self%scene%max_steps > 0 .and. steps >= self%scene%max_steps .and. .not. self%trajectory%finished()) then
         write (limit, '(a,i0)') 'integrator.max_steps = ', self%scene%max_steps
-        call raise(error, too_many_steps, trim(limit)//' reached at '//at_time(now)//': raise it, or use a larger rtol')
+        call raise(error, too_many_steps, trim(limit)//' reached at '//trim(at_time(now))//': raise it, or use a larger rtol')
       end if
     end associate
   end subroutine check
@@ -508,7 +508,7 @@ contains
       if (all(abs(row) <= huge(row))) return
       self%waiting = self%waiting - 1
       column = self%selected(findloc(abs(row) <= huge(row), .false., dim=1))
-      call raise(error, not_finite, trim(columns(column)%name)//' is not finite at '//at_time(instant%motion)// &
+      call raise(error, not_finite, trim(columns(column)%name)//' is not finite at '//trim(at_time(instant%motion))// &
         ': leave it out of output.fields, or scale the parameters')
     end associate
   end subroutine add_row

@@ -93,6 +93,7 @@ contains
     call check_no_real('1e400', 'is beyond the range of double precision')
     call check_no_real('-1e99999999999999999999', 'is beyond the range of double precision')
     call check_no_real(repeat('1', 250)//'e99', 'is beyond the range of double precision')
+    call check_no_real('9.99999999999999999999e307', 'is beyond the range of double precision')
     call check_no_real('9e308', 'is beyond the range of double precision')
     call check_no_real('1e-400', 'is below the range of double precision')
     call check_no_real('0.'//repeat('0', 240)//'1e-99', 'is below the range of double precision')
@@ -365,6 +366,11 @@ contains
     call refuse_once('NUL', whole//achar(0), 'bad.nml:5: NUL bytes in the deck')
     call refuse_once('control character', '!'//achar(27)//n//whole, 'bad.nml:1: control characters in the deck')
     call refuse_once('Latin-1', '! '//char(228)//' '//n//whole, 'bad.nml:1: a character is not UTF-8')
+    call refuse_once('overlong UTF-8', '! '//char(224)//char(128)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
+    call refuse_once('surrogate', '! '//char(237)//char(160)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
+    call refuse_once('beyond Unicode', '! '//char(244)//char(144)//char(128)//char(128)//n//whole, &
+                     'bad.nml:1: a character is not UTF-8')
+    call refuse_once('cut UTF-8', whole//'! '//char(226)//char(130), 'bad.nml:5: a character is not UTF-8')
   end subroutine test_bad_syntax
 
   subroutine test_bad_choices()
@@ -522,6 +528,8 @@ contains
     call set('unused', ['friction.law=constant'], "'v_f' is not used with law constant")
     call set('later group', ['sweep.count=3'], 'group &sweep is not available')
     call set('control character', ['scene.title=a'//achar(10)//'b'], "control characters in 'title'")
+    call set('Latin-1', ['scene.title='//char(228)], 'a character that is not UTF-8: give plain UTF-8 text')
+    call set('DEL', ['scene.title='//achar(127)], 'control characters, or a character that is not UTF-8')
     call set('rk4', ['integrator.method=rk4'], "--set 1 (integrator.method=rk4): method 'rk4' cannot follow")
   end subroutine test_settings
 
