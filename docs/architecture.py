@@ -12,7 +12,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).resolve().parent.parent
-WIDTH, HEIGHT = 1000, 894
+WIDTH, HEIGHT = 1000, 944
 TONES = {
     "ground": "#e9e9e9", "physics": "#d9ead8", "numerics": "#d6e4f2", "deck": "#f6e7cf", "meeting": "#e2dcef",
     "simulation": "#e2dcef", "writers": "#f3dcd8", "executable": "#eef0d2", "comparison": "#e2dcef", "python": "#eef0d2",
@@ -30,15 +30,15 @@ ROOMS = {
                    "simulation model_choice"),
     "writers": ("where results go", 340, 320, 320, 110, "ground sha256",
                  "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint disk"),
-    "meeting": ("where physics and numerics meet", 20, 454, 640, 82, "ground physics numerics",
+    "meeting": ("where physics and numerics meet", 20, 454, 640, 112, "ground physics numerics",
                 "contact trajectory observables summary moreau_jean creep_motion"),
-    "physics": ("physics", 20, 560, 200, 222, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
-    "numerics": ("numerics", 240, 560, 420, 222, "ground slip_system drive",
+    "physics": ("physics", 20, 590, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
+    "numerics": ("numerics", 240, 590, 420, 240, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
                  "interpolation stepper"),
-    "deck": ("the deck", 680, 320, 300, 462, "ground",
+    "deck": ("the deck", 680, 320, 300, 510, "ground",
              "scene parameters deck deck_text deck_values schema namelist faults sha256"),
-    "ground": ("ground", 20, 806, 960, 70, "", "kinds errors text archive writer"),
+    "ground": ("ground", 20, 854, 960, 72, "", "kinds errors text archive writer"),
 }
 
 SAY = {
@@ -116,7 +116,7 @@ def draw_room(room: str, title: str, x: int, y: int, width: int, height: int, _:
     ]
     chips = modules.split()
     wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {"executable": 4, "comparison": 6, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 4}.get(room, 1)
+    columns = {"executable": 4, "comparison": 6, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 5}.get(room, 1)
     rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
     gap, top = 8, 28
     chip_width = (width - gap * (columns + 1)) / columns
