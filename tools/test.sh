@@ -22,6 +22,7 @@ done
 debug=$checkout/build/debug
 quad=$checkout/build/quad
 sanitized=$checkout/build/sanitized
+threaded=$checkout/build/threaded
 checks='-fcheck=all -ffpe-trap=invalid,zero,overflow -fbacktrace'
 summaries=()
 failed=0
@@ -99,6 +100,8 @@ if [[ $with_sanitizers == yes ]]; then
     python_tests 'Decks with AddressSanitizer and UBSan' -m 'deck and not full'
   fi
   memcheck
+  build "$threaded" -Dpython=false -Doptimization=1 -Ddebug=true -Db_sanitize=thread -Db_lundef=false
+  run_tests 'Threads with ThreadSanitizer' '^(Ok|Fail):' meson test -C "$threaded" --no-rebuild --print-errorlogs threads
 fi
 
 printf '\n'

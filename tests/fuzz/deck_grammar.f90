@@ -62,7 +62,9 @@ contains
     answer = .true.
     do n = 1, condition_count(schema(i))
       on = condition_key(schema(i), n)
-      answer = answer .and. is_used(on, choice) .and. has_word(condition_choices(schema(i), n), trim(choice(on)))
+      ! Not in one expression: gfortran keeps the length of the choices where the recursive call would overwrite it.
+      answer = answer .and. is_used(on, choice)
+      answer = answer .and. has_word(condition_choices(schema(i), n), trim(choice(on)))
     end do
   end function is_used
 
