@@ -16,7 +16,7 @@ SHARE, SEED = 1500, 20201
 
 
 def faults_of(chosen: list[Cell]) -> list[str]:
-    """Faults by cell; also a cell that gives up where others of its kind hold."""
+    """Faults with the names of their cells."""
     return [f"{cell.name}: {fault}" for cell in chosen for fault in finish(cell.groups()).faults]
 
 

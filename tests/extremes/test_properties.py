@@ -20,7 +20,7 @@ SMOOTH_STEP = [kind for kind in MOTIONS if kind.method in {"radau5", "radau9", "
 
 # The examples are the same in every run: what is found once is found again. The many come with --full.
 examples = settings(
-    max_examples=5000 if FULL else 150,
+    max_examples=2000 if FULL else 150,
     derandomize=True,
     database=None,
     deadline=None,
