@@ -352,7 +352,6 @@ contains
     if (fades(self)) call come_to_rest(self)
   end subroutine slide
 
-<<<<<<< HEAD
   !> Whether the next step is so much shorter than the `longest` [s] that was tried that it is none, and does not move
   !> the time either.
   pure logical function underflows(self, longest)
@@ -378,7 +377,7 @@ contains
         'parameters are meant')
     end if
   end subroutine give_up
-=======
+
   !> Whether slip against a force that grows with the speed, which dies away without an end, is over by any measure: the
   !> square of such a share of the largest slip speed would soon underflow.
   pure logical function fades(self)
@@ -388,7 +387,6 @@ contains
     if (.not. self%exact_contact .or. self%sticking .or. self%just_released) return
     if (self%now%y(1) <= epsilon(1.0_wp)**2*self%stepper%peak_speed) fades = holds(self%slider, self%now%u, velocity_now(self))
   end function fades
->>>>>>> extremes
 
   !> Whether the object is at rest now, as the method has found it, and the event that this is.
   subroutine note_rest(self)
