@@ -8,11 +8,10 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
-
-import dynstiction as ds
 
 SHORT = {"t_end": 0.05}
 
