@@ -63,7 +63,7 @@ memcheck() {
     summaries+=('Valgrind: skipped, valgrind is not installed')
     return
   fi
-  run_tests 'Valgrind on a short run' 'ERROR SUMMARY' valgrind --error-exitcode=1 --leak-check=full --errors-for-leak-kinds=definite \
+  run_tests 'Valgrind on a short run' 'ERROR SUMMARY' valgrind --error-exitcode=1 --child-silent-after-fork=yes --leak-check=full --errors-for-leak-kinds=definite \
     "$release/src/dynstiction" run inputs/fig3.nml --set scene.t_end=0.05 --quiet --overwrite -o "$checkout/build/memcheck.h5"
 }
 
