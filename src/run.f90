@@ -20,7 +20,7 @@ module dst_run
   implicit none
   private
 
-  public :: run_deck, resume_run
+  public :: run_deck, resume_run, describe_run
 
   !> Wall time of one slice of the run [s]: how often signals, progress, flushing and checkpoints get their turn.
   real(wp), parameter :: slice = 0.05_wp
@@ -52,7 +52,7 @@ contains
     call settle_model(scene, model_choice)
     call run%simulation%start(scene, error)
     if (allocated(error)) return
-    call describe_run(deck, run%simulation, model_choice, metadata)
+    call describe_run(deck, scene%model, run%simulation%method_name(), model_choice, metadata)
     call create_hdf5(run%writer, result_file, overwrite, metadata, run%simulation%output_columns(), error, &
       expected_rows(scene))
     if (allocated(error)) return
@@ -298,10 +298,9 @@ contains
   end function expected_rows
 
   !> What the file says about its run.
-  subroutine describe_run(deck, simulation, model_choice, metadata)
+  subroutine describe_run(deck, model, method, model_choice, metadata)
     type(deck_t), intent(in) :: deck
-    type(simulation_t), intent(in) :: simulation
-    character(*), intent(in) :: model_choice
+    character(*), intent(in) :: model, method, model_choice
     type(run_metadata_t), intent(out) :: metadata
     type(parameter_t), allocatable :: parameters(:)
     logical, allocatable :: is_text(:)
@@ -312,9 +311,9 @@ contains
     metadata%git_revision = git_revision
     metadata%compiler = compiler
     metadata%created = utc_now()
-    metadata%model = simulation%scene%model
+    metadata%model = model
     metadata%model_choice = model_choice
-    metadata%method = simulation%method_name()
+    metadata%method = method
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
     metadata%deck_sha256 = sha256(deck%text)
