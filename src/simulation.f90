@@ -20,7 +20,7 @@ module dst_simulation
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_straight_slip, only: new_straight_slip
   use dst_summary, only: summary_t, start_summary, follow, describe
-  use dst_text, only: real_text
+  use dst_text, only: short_text
   use dst_trajectory, only: trajectory_t, no_event, stick_begins, slip_begins, at_time
   use dst_writer, only: writer_t, quantity_t, outcome_t
   implicit none
@@ -107,7 +107,7 @@ contains
         slider%turns = .false.
         if (abs(slider%stiffness(1)*scene%elongation_x) >= slider%law%onset) then
           call raise(error, deck_error, 'high_frequency holds for a longitudinal load below the static limit: '// &
-            '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//real_text(slider%law%onset)//' N')
+            '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//trim(short_text(slider%law%onset))//' N')
           return
         end if
         trajectory%system = new_straight_slip(slider, 2, [scene%elongation_x, 0.0_wp])
@@ -369,11 +369,11 @@ contains
     associate (now => self%trajectory%now, steps => self%trajectory%stepper%count%steps)
       if (.not. abs(now%time) + sum(abs(now%u)) + sum(abs(now%y)) + abs(now%position) + abs(now%drive_work) &
         + abs(now%friction_work) <= huge(1.0_wp)) then
-        call raise(error, not_finite, 'the motion is not finite after '//at_time(self%trajectory%from)// &
+        call raise(error, not_finite, 'the motion is not finite after '//trim(at_time(self%trajectory%from))// &
           ': use a smaller rtol or another method')
       else if (self%scene%max_steps > 0 .and. steps >= self%scene%max_steps .and. .not. self%trajectory%finished()) then
         write (limit, '(a,i0)') 'integrator.max_steps = ', self%scene%max_steps
-        call raise(error, too_many_steps, trim(limit)//' reached at '//at_time(now)//': raise it, or use a larger rtol')
+        call raise(error, too_many_steps, trim(limit)//' reached at '//trim(at_time(now))//': raise it, or use a larger rtol')
       end if
     end associate
   end subroutine check
@@ -502,7 +502,7 @@ contains
       if (all(abs(row) <= huge(row))) return
       self%waiting = self%waiting - 1
       column = self%selected(findloc(abs(row) <= huge(row), .false., dim=1))
-      call raise(error, not_finite, trim(columns(column)%name)//' is not finite at '//at_time(instant%motion)// &
+      call raise(error, not_finite, trim(columns(column)%name)//' is not finite at '//trim(at_time(instant%motion))// &
         ': leave it out of output.fields, or scale the parameters')
     end associate
   end subroutine add_row
@@ -537,7 +537,7 @@ contains
     class(simulation_t), intent(in) :: self
     character(:), allocatable :: text
 
-    text = at_time(self%trajectory%now)
+    text = trim(at_time(self%trajectory%now))
   end function state_text
 
   !> Save or load, between two calls of `proceed`. A simulation is loaded after it has been started.

@@ -10,8 +10,8 @@ module dst_sweep
   use dst_errors, only: error_t, raise, result_done, deck_error
   use dst_memory_writer, only: memory_writer_t
   use dst_observables, only: columns, find_column
-  use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema, sweep_group, integer_kind
+  use dst_scene, only: scene_t, scene_from_deck, set_number
+  use dst_schema, only: schema, sweep_group
   use dst_simulation, only: simulation_t, wall_clock
   use dst_summary, only: summary_quantities, summary_values
   use dst_text, only: integer_text
@@ -66,7 +66,7 @@ module dst_sweep
   !> What a thread needs to run cases one after the other.
   type :: worker_t
     private
-    type(deck_t) :: deck
+    type(scene_t) :: scene
   contains
     procedure :: run_case
   end type worker_t
@@ -262,7 +262,8 @@ contains
     type(sweep_t), intent(in) :: sweep
     type(worker_t), intent(out) :: worker
 
-    worker%deck = sweep%deck
+    call scene_from_deck(sweep%deck, worker%scene)
+    call adapt_output(worker%scene, sweep%keeps_series)
   end subroutine new_worker
 
   !> Run case `number`. If the watch asks to stop first, `done` is false and nothing of the case remains.
@@ -273,17 +274,19 @@ contains
     class(watch_t), intent(inout) :: watch
     type(case_t), intent(inout) :: result
     logical, intent(out) :: done
-    type(scene_t) :: scene
     type(simulation_t) :: simulation
     type(case_writer_t) :: writer
     type(error_t), allocatable :: error
-    real(wp) :: begun
+    real(wp) :: begun, coordinates(size(sweep%axes))
+    integer :: i
 
     begun = wall_clock()
-    call set_coordinates(self%deck, sweep, number)
-    call scene_from_deck(self%deck, scene)
-    call adapt_output(scene, sweep%keeps_series)
-    call simulation%start(scene, error)
+    coordinates = sweep%coordinates(number)
+    do i = 1, size(coordinates)
+      call set_number(self%scene, trim(schema(sweep%axes(i)%key)%name), coordinates(i))
+    end do
+    if (.not. (sweep%keeps_series .or. is_closed_form(self%scene%model))) self%scene%interval = self%scene%t_end
+    call simulation%start(self%scene, error)
     done = allocated(error)
     do while (.not. done)
       call simulation%proceed(slice, writer, error)
@@ -296,28 +299,14 @@ contains
     result%values(wall_time_value) = wall_clock() - begun
   end subroutine run_case
 
-  !> As if the deck said so.
-  subroutine set_coordinates(deck, sweep, number)
-    type(deck_t), intent(inout) :: deck
-    type(sweep_t), intent(in) :: sweep
-    integer, intent(in) :: number
-    real(wp) :: values(size(sweep%axes))
-    integer :: i
+  pure logical function is_closed_form(model)
+    character(*), intent(in) :: model
 
-    values = sweep%coordinates(number)
-    do i = 1, size(values)
-      associate (key => sweep%axes(i)%key)
-        if (schema(key)%kind == integer_kind) then
-          deck%value(key)%integer = nint(values(i), int64)
-        else
-          deck%value(key)%reals(1) = values(i)
-        end if
-      end associate
-    end do
-  end subroutine set_coordinates
+    is_closed_form = index(model, 'creep') == 1
+  end function is_closed_form
 
-  !> The last state is among the columns. The summary needs no series; only the largest velocity of slow creep, which is
-  !> known in closed form, is looked for among its samples.
+  !> The last state is among the columns, and the limit is that of the sweep. A summary needs no series; only the largest
+  !> velocity of slow creep, which is known in closed form, is looked for among its samples.
   subroutine adapt_output(scene, keeps_series)
     type(scene_t), intent(inout) :: scene
     logical, intent(in) :: keeps_series
@@ -325,7 +314,6 @@ contains
 
     scene%wall_limit = 0.0_wp
     if (.not. keeps_series) then
-      if (index(scene%model, 'creep') /= 1) scene%interval = scene%t_end
       deallocate (scene%fields)
       allocate (scene%fields(0))
     else if (scene%fields(1) == 'default') then

@@ -3,10 +3,10 @@
 !> Rows are gathered block by block, so that memory does not grow with the number of cases. The file gets its name when it is whole.
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use hdf5, only: hid_t, hsize_t, h5fclose_f, h5f_acc_trunc_f, h5fcreate_f, h5t_ieee_f64le, h5t_std_i32le
+  use hdf5, only: hid_t, hsize_t, h5fclose_f, h5f_acc_trunc_f, h5t_ieee_f64le, h5t_std_i32le
   use dst_disk, only: path_t, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, ignore_size_limit_signal
   use dst_errors, only: error_t, raise, file_error, result_done
-  use dst_hdf5_tools, only: start_hdf5, failure_reason, put_attribute, create_group, column_t, create_column, append, &
+  use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
     make_scale, attach_scale, table_t, create_table, append_rows, put_texts
   use dst_hdf5_writer, only: run_metadata_t, write_metadata
   use dst_kinds, only: wp, int64, real64
@@ -60,7 +60,7 @@ contains
     end do
     if (allocated(error)) return
     call start_hdf5(status)
-    if (status >= 0) call h5fcreate_f(scratch, h5f_acc_trunc_f, output%file, status)
+    call open_file(scratch, h5f_acc_trunc_f, output%file, status)
     call create_columns(output, sweep, metadata, status)
     call copy_cases(output, sweep, index, units, status)
     call write_failures(output, status)

@@ -6,7 +6,7 @@ module dst_text
 
   public :: text_builder_t
   public :: lower_case, starts_with, word, word_count, has_word, nearest_word, alternatives, excerpt, one_per_line
-  public :: real_text, integer_text, quoted_text, read_real, read_integer
+  public :: real_text, short_text, integer_text, quoted_text, read_real, read_integer
 
   !> Text that grows; appending costs time in proportion to what is appended.
   type :: text_builder_t
@@ -222,6 +222,16 @@ contains
   end function real_text
 
   !> d.ddd·10^exponent from its significant digits, without an exponent where that is easy to read.
+  !> A number with four digits, for messages of the solver. Not of deferred length as `real_text`: gfortran keeps such a
+  !> length in static storage, where threads would meet.
+  pure function short_text(value) result(text)
+    real(wp), intent(in) :: value
+    character(11) :: text
+
+    write (text, '(es11.4e3)') value
+    text = adjustl(text)
+  end function short_text
+
   pure function decimal_text(mantissa, exponent) result(text)
     character(*), intent(in) :: mantissa
     integer, intent(in) :: exponent

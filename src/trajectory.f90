@@ -218,7 +218,7 @@ contains
     self%steps_at_once = self%steps_at_once + 1
     if (self%event /= no_event) self%events_at_once = self%events_at_once + 1
     if (self%events_at_once > max_events_at_once .or. self%steps_at_once > max_steps_at_once) &
-      call raise(error, chattering, 'the contact chatters: time stands still at '//at_time(self%now)// &
+      call raise(error, chattering, 'the contact chatters: time stands still at '//trim(at_time(self%now))// &
         ': use a smaller rtol, another method, or contact = ''smoothed''')
   end subroutine watch_progress
 
@@ -366,10 +366,10 @@ contains
 
     if (rejections > max_rejections) then
       write (what, '(a,i0,a)') 'more than ', max_rejections, ' steps in a row were rejected at '
-      call raise(error, too_many_rejections, trim(what)//' '//at_time(self%from)//': use a larger rtol or another method')
+      call raise(error, too_many_rejections, trim(what)//' '//trim(at_time(self%from))//': use a larger rtol or another method')
     else
       write (what, '(a,es8.1,a)') 'the step size fell to ', self%next_step, ' s without success at'
-      call raise(error, step_underflow, trim(what)//' '//at_time(self%from)//': use another method, and see whether the '// &
+      call raise(error, step_underflow, trim(what)//' '//trim(at_time(self%from))//': use another method, and see whether the '// &
         'parameters are meant')
     end if
   end subroutine give_up
@@ -572,7 +572,7 @@ contains
       end if
       if (.not. release%accurate) then
         call raise(error, release_failed, 'slip does not start smoothly enough for an explicit method at '// &
-          at_time(self%from)//': use a Radau method')
+          trim(at_time(self%from))//': use a Radau method')
         return
       end if
       duration = min(release%reach*release%unit, horizon - self%from%time)
@@ -653,11 +653,10 @@ contains
   !> 't = 1.25 s (u = … m, y = …)'
   pure function at_time(motion) result(text)
     type(motion_t), intent(in) :: motion
-    character(:), allocatable :: text
-    character(160) :: buffer
+    ! Not of deferred length: gfortran keeps such a length in static storage, where threads would meet.
+    character(160) :: text
 
-    write (buffer, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
-    text = trim(buffer)
+    write (text, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
   end function at_time
 
   !> Save or load what changes on the way; the rest follows from the scene.
