@@ -11,6 +11,7 @@ Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a
 
 from . import _native
 from ._run import run
+from ._sweep import sweep
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import jacobian, rhs
 from .errors import (
@@ -61,6 +62,7 @@ __all__ = [
     "rhs",
     "ridge",
     "run",
+    "sweep",
     "spectrogram",
     "steady_sliding_eigenvalues",
 ]
