@@ -84,7 +84,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     ),
     "unknown group": (GOOD + "&sytem\n x = 1\n/\n", 19, "'&sytem'", "nearest is &system"),
     "unlike any group": (GOOD + "&zz\n/\n", 19, "'&zz'", "scene system friction"),
-    "sweep": (GOOD + "&sweep\n count = 2\n/\n", 19, "&sweep", "remove it"),
+    "sweep": (GOOD + "&sweep\n count = 2\n/\n", 19, "&sweep varies nothing", "name parameter"),
     "repeated group": (GOOD + "&scene\n/\n", 19, "&scene", "line 1"),
     "repeated group in capitals": (GOOD + "&SCENE\n/\n", 19, "&scene", "line 1"),
     "no group name": (instead("&scene", "& scene"), 1, "'&'", "right after it"),
@@ -424,7 +424,7 @@ def test_settings_win(call, tmp_path):
         ("integrator.method=radau", "'radau'", "nearest is 'radau5'"),
         ("friction.law=constant", "'v_f'", "law weakening"),
         ("scene.title='x", "unclosed quote", "close it"),
-        ("sweep.count=3", "&sweep", "not available"),
+        ("sweep.count=3", "&sweep varies nothing", "name parameter"),
     ],
 )
 def test_bad_setting(setting, word, remedy, call, tmp_path):

@@ -305,7 +305,7 @@ contains
     call refuse_once('unknown group', whole//'&sytem'//n//' a = 1'//n//'/', &
                      "bad.nml:5: unknown group '&sytem': the nearest is &system")
     call refuse_once('misnamed group', '&scen t_end = 1 /'//n//rest, "bad.nml:1: unknown group '&scen': the nearest is &scene")
-    call refuse_once('sweep', whole//'&sweep count = 3 /', 'bad.nml:5: group &sweep is not available in this version')
+    call refuse_once('sweep', whole//'&sweep count = 3 /', 'bad.nml:5: &sweep varies nothing')
     call refuse_once('repeated group', whole//scene_group(:6)//'/', 'bad.nml:5: group &scene given again: it began in line 1')
     call refuse_once('unknown key', s//" titel='x' /"//n//rest, "bad.nml:2: unknown key 'titel' in &scene: the nearest is 'title'")
     call refuse_once('far key', s//' zz=1 /'//n//rest, &
@@ -520,7 +520,7 @@ contains
     call set('choice', ['integrator.method=radau8'], "unknown method 'radau8': the nearest is 'radau5'")
     call set('twice', [character(13) :: 'system.mass=1', 'system.mass=2'], "--set 2 (system.mass=2): 'mass' set again")
     call set('unused', ['friction.law=constant'], "'v_f' is not used with law constant")
-    call set('later group', ['sweep.count=3'], 'group &sweep is not available')
+    call set('empty sweep', ['sweep.count=3'], '&sweep varies nothing')
     call set('control character', ['scene.title=a'//achar(10)//'b'], "control characters in 'title'")
     call set('rk4', ['integrator.method=rk4'], "--set 1 (integrator.method=rk4): method 'rk4' cannot follow")
   end subroutine test_settings
