@@ -108,7 +108,8 @@ class _Work:
 
     def run(self, n_threads: int) -> None:
         threads = [
-            threading.Thread(target=self._one_thread, args=(n_threads,), daemon=True) for _ in range(n_threads)
+            threading.Thread(target=self._one_thread, args=(n_threads,), daemon=True)
+            for _ in range(n_threads)
         ]
         for thread in threads:
             thread.start()

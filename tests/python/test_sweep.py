@@ -49,7 +49,9 @@ def values(path):
 
 
 def same(a, b):
-    return a.keys() == b.keys() and all(x.tobytes() == b[name].tobytes() for name, x in a.items() if x.dtype != object)
+    return a.keys() == b.keys() and all(
+        x.tobytes() == b[name].tobytes() for name, x in a.items() if x.dtype != object
+    )
 
 
 @pytest.fixture
