@@ -5,7 +5,7 @@ program test_deck
   use dst_errors, only: error_t, deck_error, usage_error
   use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
                       has_word, lower_case, alternatives, one_per_line
-  use dst_schema, only: schema, key_count, group_names, keys_of, find_key, find_name, in_range, is_available, &
+  use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, is_available, &
                         condition_count, condition_key, condition_choices, condition_text, real_kind, reals_kind, integer_kind, &
                         choice_kind
   use dst_deck, only: deck_t, parse_deck, read_deck, resolved, template
@@ -603,6 +603,9 @@ contains
       call check('template', .not. allocated(error))
       call accept('the template is a deck: '//word(models, k), text, deck)
       do i = 1, key_count
+        ! A template is of one run.
+        if (schema(i)%group == sweep_group) found(i) = .true.
+        if (schema(i)%group == sweep_group) cycle
         associate (stands => index(text, n//'  '//trim(schema(i)%name)//' = ') > 0)
           found(i) = found(i) .or. stands
           if (deck%is_used(trim(schema(i)%group), trim(schema(i)%name))) &
@@ -686,7 +689,7 @@ contains
                .and. index(help_text(''), 'Exit status') > 0)
     call misused('', 'no command')
     call misused('rum a.nml', "the nearest is 'run'")
-    call misused('simulate', 'there are run | resume | check | template')
+    call misused('simulate', 'there are run | resume | merge | check | template')
     call misused('trade a.nml', 'not available in this version')
     call misused('run', "'run' without a deck")
     call misused('run a.nml --overwite', "the nearest is '--overwrite'")
