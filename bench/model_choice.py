@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "python"))
-from test_model_choice import FIG3, deck, error_in_creep, error_in_stick_slip
-
 import dynstiction as ds
+from test_model_choice import FIG3, deck, error_in_creep, error_in_stick_slip
 
 ACCURACIES = (0.3, 0.1, 0.03, 1e-2, 1e-3, 1e-5)
 MOST_CYCLES = 3e4

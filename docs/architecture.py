@@ -12,30 +12,33 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).resolve().parent.parent
-WIDTH, HEIGHT = 1000, 794
+WIDTH, HEIGHT = 1000, 944
 TONES = {
     "ground": "#e9e9e9", "physics": "#d9ead8", "numerics": "#d6e4f2", "deck": "#f6e7cf", "meeting": "#e2dcef",
-    "simulation": "#e2dcef", "writers": "#f3dcd8", "executable": "#eef0d2", "python": "#eef0d2",
+    "simulation": "#e2dcef", "writers": "#f3dcd8", "executable": "#eef0d2", "comparison": "#e2dcef", "python": "#eef0d2",
 }
 
 # room: (title, x, y, width, height, rooms it may use besides itself, modules)
 ROOMS = {
-    "executable": ("the executable", 20, 66, 470, 130,
-                   "ground deck simulation writers slider stability", "main command_line run progress signals stability_report"),
-    "python": ("Python", 510, 66, 470, 130, "ground physics deck simulation writers", "python_api"),
-    "simulation": ("the one run routine", 20, 220, 300, 110,
-                   "ground physics numerics scene meeting", "simulation"),
-    "writers": ("where results go", 340, 220, 320, 110, "ground sha256",
-                "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint disk"),
-    "meeting": ("where physics and numerics meet", 20, 354, 640, 82, "ground physics numerics",
-                "contact trajectory observables summary moreau_jean"),
-    "physics": ("physics", 20, 460, 200, 222, "ground", "full_model slider friction drive slip_system stability creep"),
-    "numerics": ("numerics", 240, 460, 420, 222, "ground slip_system drive",
+    "executable": ("the executable", 20, 66, 570, 130,
+                   "ground deck simulation comparison writers slider stability", "main command_line run trade_run progress signals stability_report"),
+    "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison writers", "python_api"),
+    "comparison": ("comparing runs of one scene", 20, 220, 960, 78, "ground physics deck simulation writers observables linear_solve",
+                   "trade trade_plan trade_quantities trade_advice trade_report trade_table"),
+    "simulation": ("the one run routine", 20, 320, 300, 110,
+                   "ground physics numerics scene meeting memory_writer",
+                   "simulation model_choice"),
+    "writers": ("where results go", 340, 320, 320, 110, "ground sha256",
+                 "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint disk"),
+    "meeting": ("where physics and numerics meet", 20, 454, 640, 112, "ground physics numerics",
+                "contact trajectory observables summary moreau_jean creep_motion"),
+    "physics": ("physics", 20, 590, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
+    "numerics": ("numerics", 240, 590, 420, 240, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
                  "interpolation stepper"),
-    "deck": ("the deck", 680, 220, 300, 462, "ground",
-             "scene parameters deck deck_text deck_values schema namelist faults sha256 text"),
-    "ground": ("ground", 20, 706, 960, 70, "", "kinds errors writer archive"),
+    "deck": ("the deck", 680, 320, 300, 510, "ground",
+             "scene parameters deck deck_text deck_values schema namelist faults sha256"),
+    "ground": ("ground", 20, 854, 960, 72, "", "kinds errors text archive writer"),
 }
 
 SAY = {
@@ -45,7 +48,9 @@ SAY = {
     "archive": "state as words", "signals": "stop, please", "moreau_jean": "steps without events",
     "disk": "the system", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
-    "full_model": "Eqs. 1–5", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
+    "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
+    "model_choice": "what auto is", "trade": "compares", "trade_plan": "what to try", "trade_quantities": "errors",
+    "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
     "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
     "slip_system": "a model, seen by a method", "radau": "implicit steps", "runge_kutta": "explicit steps",
     "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5 in few words", "bernstein": "first zero",
@@ -59,7 +64,7 @@ SAY = {
 DOORS = {"slip_system", "stepper", "writer"}
 
 # The way of a deck: number, x, y of its mark, as in architecture.md.
-MARKS = [(1, 38, 66), (2, 698, 220), (3, 962, 220), (4, 38, 220), (5, 38, 354), (6, 642, 354), (7, 642, 220), (8, 472, 66)]
+MARKS = [(1, 38, 66), (2, 698, 320), (3, 962, 320), (4, 38, 320), (5, 38, 454), (6, 642, 454), (7, 642, 320), (8, 572, 66)]
 
 
 def main() -> None:
@@ -111,7 +116,7 @@ def draw_room(room: str, title: str, x: int, y: int, width: int, height: int, _:
     ]
     chips = modules.split()
     wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {"executable": 3, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 4}.get(room, 1)
+    columns = {"executable": 4, "comparison": 6, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 5}.get(room, 1)
     rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
     gap, top = 8, 28
     chip_width = (width - gap * (columns + 1)) / columns
@@ -148,7 +153,7 @@ def draw_python() -> list[str]:
     x, y, width = ROOMS["python"][1:4]
     rect = f'<rect x="{x + 8}" y="{y + 28}" width="{width - 16}" height="43" rx="4" fill="white" stroke="#999"/>'
     return [rect, text("python/dynstiction", x + width / 2, y + 48, 12.5, "#000"),
-            text("run, Scene, Result, plot; f2py's wrappers are made when it is built", x + width / 2, y + 63, 10.5, "#666")]
+            text("run, trade, Scene, plot; f2py makes the wrappers", x + width / 2, y + 63, 10.5, "#666")]
 
 
 def draw_mark(number: int, x: int, y: int) -> str:

@@ -29,13 +29,14 @@ dynstiction run my.nml            # the same checks, then the run
 ```
 
 A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)).
-A key without default must be given where it is used. A key that the chosen law, contact or method does
+A key without default must be given where it is used. A key that the chosen model, law, contact or method does
 not use is refused, unless its value is the one that switches it off (the default, or 0 for `step` and
 `v_smooth`). `--set group.key=value` on the command line replaces a value of the deck; text needs no
 quotes there. The resolved deck is kept in the result file (`/deck/resolved`), beside the deck as it was
 read (`/deck/text`).
 """
 
+MODELS = ("full", "low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto")
 KINDS = {"real": "real", "list of reals": "reals", "integer": "integer", "text": "text"}
 
 
@@ -50,11 +51,27 @@ class Key(NamedTuple):
 
 def main() -> None:
     executable = sys.argv[1] if len(sys.argv) > 1 else "dynstiction"
-    template = subprocess.run([executable, "template"], capture_output=True, text=True, check=True).stdout
+    keys: dict[str, dict[str, Key]] = {}
+    models: dict[str, list[str]] = {}
+    for model in MODELS:
+        template = subprocess.run([executable, "template", model], capture_output=True, text=True, check=True).stdout
+        for group, body in re.findall(r"^&(\w+)\n(.*?)^/$", template, re.MULTILINE | re.DOTALL):
+            for entry in re.findall(r"^  ! (.*)\n  (.*)$", body, re.MULTILINE):
+                key = key_of(*entry)
+                keys.setdefault(group, {}).setdefault(key.name, key)
+                models.setdefault(key.name, []).append(model)
     parts = [INTRODUCTION]
-    for group, body in re.findall(r"^&(\w+)\n(.*?)^/$", template, re.MULTILINE | re.DOTALL):
-        parts.append(table(group, [key_of(*entry) for entry in re.findall(r"^  ! (.*)\n  (.*)$", body, re.MULTILINE)]))
+    for group, found in keys.items():
+        parts.append(table(group, [of_models(key, models[key.name]) for key in found.values()]))
     PAGE.write_text("\n".join(parts), encoding="utf-8")
+
+
+def of_models(key: Key, models: list[str]) -> Key:
+    """Say with which models a key is used, unless with all."""
+    if len(models) == len(MODELS):
+        return key
+    condition = "model " + " | ".join(models) + (" and " + key.condition if key.condition else "")
+    return key._replace(condition=condition)
 
 
 def key_of(comment: str, line: str) -> Key:

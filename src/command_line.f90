@@ -1,7 +1,8 @@
 !> The command line: its words, its help. What the commands do is the main program's matter.
 module dst_command_line
+  use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
-  use dst_text, only: starts_with, has_word, nearest_word, excerpt, alternatives
+  use dst_text, only: starts_with, has_word, nearest_word, excerpt, alternatives, read_real
   implicit none
   private
 
@@ -12,20 +13,22 @@ module dst_command_line
   end type argument_t
 
   type :: command_t
-    character(:), allocatable :: name              !! run | resume | check | template | stability | version | help
+    character(:), allocatable :: name              !! run | resume | check | template | stability | trade | version | help
     character(:), allocatable :: output            !! of -o; '' = not given
     type(argument_t), allocatable :: operands(:)   !! decks, result files, or the template's model
     type(argument_t), allocatable :: settings(:)   !! of --set
     integer :: operand_count = 0, setting_count = 0
+    character(:), allocatable :: quantity          !! of --quantity; '' = not given
+    real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
+    real(wp) :: budget = 10.0_wp                   !! of --budget, s
     logical :: overwrite = .false., quiet = .false., keep_shards = .false.
     integer :: shard = 0, shards = 0               !! of --shard I/N
     logical :: help = .false.                      !! help on the command is wanted, not the command
   end type command_t
 
-  character(*), parameter :: commands = 'run resume merge check template stability'
-  !> Commands of the contract that this version does not have.
-  character(*), parameter :: later_commands = 'trade'
-  character(*), parameter :: all_options = '-o --set --overwrite --quiet --shard --keep-shards --help --version'
+  character(*), parameter :: commands = 'run resume merge check template stability trade'
+  character(*), parameter :: all_options = &
+    '-o --set --accuracy --budget --quantity --overwrite --quiet --shard --keep-shards --help --version'
   character(*), parameter :: see_help = ', see dynstiction --help'
 
 contains
@@ -54,6 +57,7 @@ contains
 
     command%name = ''
     command%output = ''
+    command%quantity = ''
     allocate (command%operands(size(arguments)), command%settings(size(arguments)))
     options = ''
     version = .false.
@@ -119,6 +123,10 @@ contains
         command%setting_count = command%setting_count + 1
         command%settings(command%setting_count)%text = value
       end if
+    case ('--accuracy', '--budget', '--quantity')
+      call option_value(arguments, i, option, value, error)
+      if (.not. allocated(error)) call take_wish(option, value, command, error)
+      if (allocated(error)) return
     case ('--overwrite')
       command%overwrite = .true.
     case ('--quiet')
@@ -134,6 +142,30 @@ contains
     end select
     options = trim(adjustl(options//' '//option))
   end subroutine take_option
+
+  !> The options of 'trade' that have a value.
+  subroutine take_wish(option, value, command, error)
+    character(*), intent(in) :: option, value
+    type(command_t), intent(inout) :: command
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: problem
+    real(wp) :: number
+
+    if (option == '--quantity') then
+      command%quantity = value
+      return
+    end if
+    call read_real(value, number, problem)
+    if (problem == '' .and. .not. number > 0.0_wp) problem = 'is out of range'
+    if (problem /= '') then
+      call raise(error, usage_error, option//" '"//excerpt(value)//"' "//problem//': give a number > 0, like '// &
+                 trim(merge('1e-3', '30  ', option == '--accuracy')))
+    else if (option == '--accuracy') then
+      command%accuracy = number
+    else
+      command%budget = number
+    end if
+  end subroutine take_wish
 
   subroutine option_value(arguments, i, option, value, error)
     type(argument_t), intent(in) :: arguments(:)
@@ -154,6 +186,8 @@ contains
       call raise(error, usage_error, '-o without a file name: write -o FILE')
     else if (option == '--shard') then
       call raise(error, usage_error, '--shard without its number: write --shard I/N')
+    else if (option /= '--set') then
+      call raise(error, usage_error, option//' without a value: see dynstiction trade --help')
     else
       call raise(error, usage_error, '--set without a setting: write --set GROUP.KEY=VALUE')
     end if
@@ -198,9 +232,6 @@ contains
       call raise(error, usage_error, 'no command: give one of '//alternatives(commands)//see_help)
     else if (command%name == 'version' .or. command%name == 'help') then
       return
-    else if (has_word(later_commands, command%name)) then
-      call raise(error, usage_error, "command '"//command%name//"' is not available in this version: there are "// &
-                 alternatives(commands))
     else if (.not. has_word(commands, command%name)) then
       call raise(error, usage_error, unknown_text('command', command%name, commands))
     else if (.not. command%help) then
@@ -215,6 +246,11 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: taken
 
+    if (command%name == 'trade') return
+    if (has_word(options, '--accuracy')) call refuse('--accuracy')
+    if (has_word(options, '--budget')) call refuse('--budget')
+    if (has_word(options, '--quantity')) call refuse('--quantity')
+    if (allocated(error)) return
     select case (command%name)
     case ('run', 'merge')
       return
@@ -258,6 +294,10 @@ contains
       call raise(error, usage_error, "'resume' without a file: write dynstiction resume FILE.h5")
     else if (command%operand_count == 0) then
       call raise(error, usage_error, "'"//command%name//"' without a deck: write dynstiction "//command%name//' DECK')
+    else if (command%operand_count > 1 .and. command%name == 'trade') then
+      call raise(error, usage_error, "'trade' takes one deck: '"//excerpt(command%operands(2)%text)//"' is too many")
+    else if (command%quantity /= '' .and. .not. command%accuracy > 0.0_wp) then
+      call raise(error, usage_error, '--quantity without --accuracy: give the accuracy that it shall have')
     else if (command%operand_count > 1 .and. command%output /= '') then
       call raise(error, usage_error, '-o names one file but several decks are given: run them one by one, '// &
                  'or let each deck name its output')
@@ -350,6 +390,25 @@ contains
         '  dynstiction stability inputs/fig3.nml'//n// &
         '  dynstiction stability inputs/fig3.nml --set system.misalignment_deg=10'//n//n// &
         exit_codes(n)
+    case ('trade')
+      text = 'Usage: dynstiction trade DECK [--accuracy A] [--quantity NAME] [--budget S] [-o FILE]'//n// &
+        '                         [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n//n// &
+        'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing'//n// &
+        'velocities, against a reference whose own error is estimated. Prints a table, also of what failed or was'//n// &
+        'skipped, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current directory;'//n// &
+        'python -m dynstiction plot FILE draws it.'//n//n// &
+        '  --accuracy A           print the cheapest settings whose errors are below A with a margin'//n// &
+        '  --quantity NAME        errors of which quantity; all; by default final_elongation, period, peak_force'//n// &
+        '                         and creep_velocity, as far as the scene has them'//n// &
+        '  --budget S             wall time in seconds (10)'//n// &
+        '  -o FILE                the output file'//n// &
+        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
+        '  --overwrite            replace an existing output file'//n// &
+        '  --quiet                no progress and no table'//n//n// &
+        'Examples:'//n// &
+        '  dynstiction trade inputs/fig3.nml --accuracy 1e-4'//n// &
+        '  dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantity period --budget 3 --quiet'//n//n// &
+        exit_codes(n)
     case default
       text = 'dynstiction: stick-slip of a spring-slider with misaligned anisotropic stiffness'//n//n// &
         'Usage:'//n// &
@@ -359,6 +418,7 @@ contains
         '  dynstiction check DECK... [--set GROUP.KEY=VALUE]...   print the deck as used, run nothing'//n// &
         '  dynstiction template [MODEL]                           print a deck with every key explained'//n// &
         '  dynstiction stability DECK... [--set GROUP.KEY=VALUE]...   whether steady sliding is stable'//n// &
+        '  dynstiction trade DECK [--accuracy A] [--budget S]     measured error against cost of methods and models'//n// &
         '  dynstiction --version | --help | COMMAND --help'//n//n// &
         'A DECK is a Fortran namelist file; SI units, angles in degrees. Start from the template:'//n// &
         '  dynstiction template > my.nml'//n// &

@@ -89,6 +89,8 @@ contains
     force = slider%stiffness*u
     gain = slider%stiffness*slider%pulled()
     a = dot_product(gain, gain)
+    release_delay = huge(release_delay)
+    if (.not. a > 0.0_wp) return
     b = dot_product(gain, force)
     ! F_0^2 - |K u|^2 as a product keeps its digits close to the limit.
     c = max(0.0_wp, (slider%law%onset - load(slider, u))*(slider%law%onset + load(slider, u)))

@@ -5,10 +5,9 @@ module dst_deck
   use dst_text, only: lower_case, word, word_count, has_word, nearest_word, alternatives, excerpt, integer_text, real_text, &
                       read_real, read_integer
   use dst_faults, only: faults_t
-  use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line
+  use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
   use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, keys_of, in_range, range_text, &
-                        is_available, available_choices, condition_text, sweep_group, &
-                        longest_text, most_values, real_kind, reals_kind, &
+                        condition_text, sweep_group, longest_text, most_values, real_kind, reals_kind, &
                         integer_kind, text_kind, texts_kind, choice_kind
   use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, set_default, &
                              is_default, used, unused
@@ -267,7 +266,9 @@ contains
     group = lower_case(trim(adjustl(text(:max(0, dot - 1)))))
     key = trim(adjustl(text(dot + 1:max(dot, equals - 1))))
     problem = ''
-    if (equals == 0) then
+    if (.not. is_plain_text(text)) then
+      problem = 'control characters, or a character that is not UTF-8: give plain UTF-8 text'
+    else if (equals == 0) then
       problem = "no '=': write --set GROUP.KEY=VALUE"
     else if (dot == 0) then
       problem = 'no group: write --set GROUP.KEY=VALUE'
@@ -539,22 +540,18 @@ contains
     value%valid = .false.
   end subroutine check_text
 
-  !> '' when this version knows the choice.
+  !> '' when the key has this choice.
   function choice_problem(key, given) result(problem)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
     character(:), allocatable :: problem
 
     problem = ''
-    if (is_available(key, given)) return
-    if (has_word(key%choices, given)) then
-      problem = trim(key%name)//" '"//given//"' is not available in this version: choose "//alternatives(available_choices(key))
-    else
-      problem = 'unknown '//trim(key%name)//" '"//excerpt(given)//"': "
-      if (nearest_word(given, trim(key%choices)) /= '') &
-        problem = problem//"the nearest is '"//nearest_word(given, trim(key%choices))//"', "
-      problem = problem//'choose '//alternatives(available_choices(key))
-    end if
+    if (has_word(key%choices, given)) return
+    problem = 'unknown '//trim(key%name)//" '"//excerpt(given)//"': "
+    if (nearest_word(given, trim(key%choices)) /= '') &
+      problem = problem//"the nearest is '"//nearest_word(given, trim(key%choices))//"', "
+    problem = problem//'choose '//alternatives(trim(key%choices))
   end function choice_problem
 
   !> Keys that the user set though nothing uses them, or to a value that only an unused key may have.

@@ -2,8 +2,7 @@
 module dst_deck_text
   use dst_errors, only: error_t, raise, usage_error
   use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, nearest_word, alternatives
-  use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, available_choices, is_available, &
-                        range_text, &
+  use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, range_text, &
                         real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind, condition_count, condition_key, &
                         condition_choices, condition_text
   use dst_deck_values, only: deck_t, value_t, usage, used
@@ -135,15 +134,12 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     associate (key => schema(find_name('model')))
-      if (is_available(key, model)) then
+      if (has_word(key%choices, model)) then
         return
-      else if (has_word(key%choices, model)) then
-        call raise(error, usage_error, "model '"//model//"' is not available in this version: choose "// &
-                   alternatives(available_choices(key)))
       else if (nearest_word(model, key%choices) /= '') then
         call raise(error, usage_error, "unknown model '"//model//"': the nearest is '"//nearest_word(model, key%choices)//"'")
       else
-        call raise(error, usage_error, "unknown model '"//model//"': choose "//alternatives(available_choices(key)))
+        call raise(error, usage_error, "unknown model '"//model//"': choose "//alternatives(trim(key%choices)))
       end if
     end associate
   end subroutine check_model
@@ -203,7 +199,7 @@ contains
     case (texts_kind)
       text = 'list: '//alternatives(trim(key%choices))
     case (choice_kind)
-      text = alternatives(available_choices(key))
+      text = alternatives(trim(key%choices))
     case default
       text = 'text'
     end select

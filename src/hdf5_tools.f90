@@ -7,14 +7,14 @@ module dst_hdf5_tools
   use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_size_t, c_char, c_null_char, c_null_ptr, &
     c_associated, c_loc, c_funloc, c_f_pointer
   use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, &
-    h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, &
+    h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, h5pset_libver_bounds_f, h5f_libver_v18_f, &
     h5tcopy_f, h5tset_cset_f, h5tclose_f, h5tis_variable_str_f, h5screate_f, h5screate_simple_f, h5sclose_f, &
     h5sselect_hyperslab_f, &
     h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, &
     h5aclose_f, h5aget_type_f, &
     h5dcreate_f, h5dopen_f, h5dclose_f, h5dget_type_f, h5dread_f, h5dwrite_f, h5dset_extent_f, h5dget_space_f, h5gcreate_f, &
     h5lexists_f, h5ldelete_f, &
-    h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, &
+    h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, h5pset_fletcher32_f, &
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
   use dst_kinds, only: wp, real64, int64
@@ -24,9 +24,9 @@ module dst_hdf5_tools
   private
 
   public :: start_hdf5, open_file, failure_reason, file_descriptor
-  public :: put_attribute, get_attribute, put_text, get_text, put_number
+  public :: put_attribute, get_attribute, put_text, put_texts, get_text, put_number
   public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, column_checksum
-  public :: make_scale, attach_scale, table_t, create_table, append_rows, put_texts
+  public :: make_scale, attach_scale, table_t, create_table, append_rows, put_messages
 
   !> A one-dimensional dataset that grows.
   type :: column_t
@@ -43,7 +43,7 @@ module dst_hdf5_tools
 
   !> Create or overwrite an attribute of a file, group or dataset.
   interface put_attribute
-    module procedure put_text_attribute, put_integer_attribute
+    module procedure put_text_attribute, put_integer_attribute, put_real_attribute
   end interface put_attribute
 
   interface get_attribute
@@ -120,6 +120,9 @@ contains
     call h5pcreate_f(h5p_file_access_f, access, status)
     if (status < 0) return
     call h5pset_fclose_degree_f(access, h5f_close_strong_f, status)
+    if (status < 0) return
+    ! The oldest format with checksums of what describes the data. A newer one would have to be freed by h5clear after a kill.
+    call h5pset_libver_bounds_f(access, h5f_libver_v18_f, h5f_libver_v18_f, status)
     if (status < 0) return
     if (mode == h5f_acc_trunc_f) then
       call h5fcreate_f(file_name, mode, file, status, access_prp=access)
@@ -214,6 +217,17 @@ contains
     value = number
     call write_attribute(object, name, h5t_std_i32le, h5t_native_integer, c_loc(value), status)
   end subroutine put_integer_attribute
+
+  subroutine put_real_attribute(object, name, number, status)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name
+    real(wp), intent(in) :: number
+    integer, intent(inout) :: status
+    real(real64), target :: value
+
+    value = real(number, real64)
+    call write_attribute(object, name, h5t_ieee_f64le, h5t_native_double, c_loc(value), status)
+  end subroutine put_real_attribute
 
   !> Write an attribute's value, and create the attribute when it is not there.
   subroutine write_attribute(object, name, file_type, memory_type, value, status)
@@ -332,6 +346,38 @@ contains
     call release_type(text_type, status)
   end subroutine put_text
 
+  !> A column of texts, whole, with `scale` as its coordinate; trailing blanks do not count.
+  subroutine put_texts(group, quantity, texts, scale, status)
+    integer(hid_t), intent(in) :: group
+    type(quantity_t), intent(in) :: quantity
+    character(*), intent(in) :: texts(:)
+    type(column_t), intent(in) :: scale
+    integer, intent(inout) :: status
+    character(c_char), target :: bytes(len(texts) + 1, size(texts))
+    type(c_ptr), target :: addresses(size(texts))
+    type(column_t) :: column
+    integer(hid_t) :: text_type, space
+    integer :: i, length, ignored
+
+    if (status < 0) return
+    do i = 1, size(texts)
+      length = len_trim(texts(i))
+      bytes(:length + 1, i) = c_bytes(texts(i)(:length))
+      addresses(i) = c_loc(bytes(1, i))
+    end do
+    call create_text_type(text_type, status)
+    if (status < 0) return
+    call h5screate_simple_f(1, [size(texts, kind=hsize_t)], space, status)
+    if (status < 0) return
+    call h5dcreate_f(group, trim(quantity%name), text_type, space, column%dataset, status)
+    if (status < 0) return
+    call h5dwrite_f(column%dataset, text_type, c_loc(addresses), status)
+    call describe(column%dataset, quantity, status)
+    call attach_scale(column, scale, status)
+    call h5sclose_f(space, ignored)
+    call release_type(text_type, status)
+  end subroutine put_texts
+
   !> Read a scalar dataset of text.
   subroutine get_text(object, name, text, status)
     integer(hid_t), intent(in) :: object
@@ -429,7 +475,8 @@ contains
     status = min(status, 0)
   end subroutine delete_link
 
-  !> An empty column of `file_type` in chunks of `chunk_rows`, with room for one chunk in the cache.
+  !> An empty column of `file_type` in chunks of `chunk_rows`, with room for one chunk in the cache. Each chunk has a checksum,
+  !> so that damage is found when it is read.
   subroutine create_column(group, quantity, file_type, chunk_rows, column, status)
     integer(hid_t), intent(in) :: group, file_type
     type(quantity_t), intent(in) :: quantity
@@ -445,6 +492,8 @@ contains
     call h5pcreate_f(h5p_dataset_create_f, creation, status)
     if (status < 0) return
     call h5pset_chunk_f(creation, 1, [int(chunk_rows, hsize_t)], status)
+    if (status < 0) return
+    call h5pset_fletcher32_f(creation, status)
     if (status < 0) return
     call create_access(chunk_rows, access, status)
     if (status < 0) return
@@ -646,7 +695,7 @@ contains
   end subroutine append_rows
 
   !> A dataset of texts.
-  subroutine put_texts(group, quantity, texts, status)
+  subroutine put_messages(group, quantity, texts, status)
     integer(hid_t), intent(in) :: group
     type(quantity_t), intent(in) :: quantity
     type(path_t), intent(in) :: texts(:)
@@ -675,7 +724,7 @@ contains
     call h5sclose_f(space, ignored)
     call h5dclose_f(dataset, ignored)
     call release_type(text_type, status)
-  end subroutine put_texts
+  end subroutine put_messages
 
   subroutine create_text_type(text_type, status)
     integer(hid_t), intent(out) :: text_type

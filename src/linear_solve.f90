@@ -1,7 +1,8 @@
 !> Solution of one small dense linear system.
 !>
 !> LAPACK's dgesv does the same; for orders up to 14 its overhead costs more than the arithmetic
-!> (bench/linear_solve measures both). Newton's kernels include the same body with the order fixed.
+!> (bench/linear_solve measures both). Newton's kernels include the body with the order fixed; here it stands
+!> for any order, to be tested and measured.
 module dst_linear_solve
   use dst_kinds, only: wp
   implicit none

@@ -2,6 +2,7 @@
 program dynstiction
   use, intrinsic :: iso_fortran_env, only: output_unit, error_unit
   use, intrinsic :: iso_c_binding, only: c_int
+  use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: one_per_line
   use dst_disk, only: file_exists, is_folder, folder_of, true_path
@@ -12,6 +13,10 @@ program dynstiction
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
   use dst_signals, only: listen_to_signals
   use dst_stability_report, only: stability_report
+  use dst_trade, only: trade_t
+  use dst_trade_advice, only: check_wish, cheapest, advice
+  use dst_trade_report, only: trade_report
+  use dst_trade_run, only: trade_deck
   use dst_build_info, only: program_name, version, git_revision, compiler
   implicit none
 
@@ -51,6 +56,8 @@ contains
       call check_decks()
     case ('stability')
       call report_stability()
+    case ('trade')
+      call compare_settings()
     case ('run', 'merge')
       call run_decks()
     case ('resume')
@@ -105,6 +112,36 @@ contains
       deallocate (deck)
     end do
   end subroutine report_stability
+
+  !> Measure error against cost on a deck's scene, and recommend settings.
+  subroutine compare_settings()
+    type(deck_t), allocatable :: deck
+    type(trade_t), allocatable :: trade
+    type(argument_t) :: output(1)
+    type(error_t), allocatable :: error
+    integer :: best
+
+    if (command%accuracy > 0.0_wp) call check_wish(command%accuracy, command%quantity, error)
+    if (.not. allocated(error)) then
+      allocate (deck, trade)
+      call read_deck(command%operands(1)%text, setting_list(command), deck, error)
+    end if
+    if (.not. allocated(error)) then
+      output(1)%text = command%output
+      if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
+      call check_output(output, 1, error)
+    end if
+    call listen_to_signals()
+    if (.not. allocated(error)) &
+      call trade_deck(deck, output(1)%text, command%overwrite, command%quiet, command%budget, trade, error)
+    call complain(error)
+    if (allocated(error)) return
+    if (.not. command%quiet) call print_text(trade_report(trade))
+    if (.not. command%accuracy > 0.0_wp) return
+    call cheapest(trade, command%accuracy, command%quantity, best, error)
+    call complain(error)
+    if (best > 0) call print_text(advice(deck, trade, best))
+  end subroutine compare_settings
 
   !> Nothing runs unless every deck is sound and every output file may be written.
   subroutine run_decks()
@@ -181,17 +218,25 @@ contains
   function output_of(deck) result(file_name)
     type(deck_t), intent(in) :: deck
     character(:), allocatable :: file_name
-    integer :: first, last
 
     file_name = command%output
     if (file_name == '') file_name = deck%text_of('output', 'file')
-    if (file_name /= '') return
+    if (file_name == '') file_name = name_after(deck, '.h5')
+  end function output_of
+
+  !> The deck's name with another ending, in the current directory.
+  function name_after(deck, ending) result(file_name)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: ending
+    character(:), allocatable :: file_name
+    integer :: first, last
+
     first = index(deck%name, '/', back=.true.) + 1
     last = index(deck%name, '.', back=.true.) - 1
     ! A dot that begins the name or stands in a folder's name begins no extension.
     if (last < first) last = len(deck%name)
-    file_name = deck%name(first:last)//'.h5'
-  end function output_of
+    file_name = deck%name(first:last)//ending
+  end function name_after
 
   !> Whether output `i` may be created, and is that of no other deck.
   subroutine check_output(outputs, i, error)

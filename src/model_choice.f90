@@ -195,7 +195,7 @@ contains
     end do
     reached = elastic%position
     if (.not. reached > 0.0_wp) return
-    error = (3.0_wp*inertia + expansion)/reached + 2.0_wp*(ripple(scene, slider, reached*length) + fast_growth(slider))
+    error = (5.0_wp*inertia + expansion)/reached + 2.0_wp*(ripple(scene, slider, reached*length) + fast_growth(slider))
   end function creep_error
 
   !> Whether the closed form gives the columns asked for.
@@ -249,24 +249,28 @@ contains
     end if
   end function elasticity_error
 
-  !> Of the advance X(t_end), before slip: what a finite k_y changes in the exact creep, and the fast oscillation.
+  !> Of the advance X(t) over X(t_end), before slip: what a finite k_y changes in the exact creep, and the fast oscillation.
   pure real(wp) function elasticity_error_in_creep(scene, slider, slow) result(error)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     type(slow_motion_t), intent(in) :: slow
-    real(wp) :: length, phi, tau
+    real(wp) :: length, phi, tau, apart
     type(creep_t) :: rigid, elastic
+    integer :: i
 
     error = excluded
     length = slider%law%onset/slider%stiffness(1)
-    tau = abs(scene%drive_velocity(1))*scene%t_end/length
-    if (tau >= 1.0_wp .or. slow%cycles > 0.0_wp) return
+    if (abs(scene%drive_velocity(1))*scene%t_end >= length .or. slow%cycles > 0.0_wp) return
     phi = atan2(abs(slider%along(2)), slider%along(1))
-    rigid = creep_exact(phi, 0.0_wp, tau)
-    elastic = creep_exact(phi, slider%stiffness(1)/slider%stiffness(2), tau)
+    apart = 0.0_wp
+    do i = 1, size(slow%time)
+      tau = abs(scene%drive_velocity(1))*slow%time(i)/length
+      rigid = creep_exact(phi, 0.0_wp, tau)
+      elastic = creep_exact(phi, slider%stiffness(1)/slider%stiffness(2), tau)
+      apart = max(apart, abs(elastic%position - rigid%position))
+    end do
     if (.not. elastic%position > 0.0_wp) return
-    error = 2.0_wp*abs(elastic%position - rigid%position)/elastic%position + 2.0_wp*fast_growth(slider) &
-      + ripple(scene, slider, elastic%position*length)
+    error = 3.0_wp*apart/elastic%position + 2.0_wp*(fast_growth(slider) + ripple(scene, slider, elastic%position*length))
   end function elasticity_error_in_creep
 
   !> Largest relative error of period, peak force and slip length. With F' the steepest weakening, F'^2 against m k_y

@@ -10,7 +10,14 @@ module dst_namelist
   private
 
   public :: namelist_t, group_entry_t, assignment_t, token_t, name_length
-  public :: scan_namelist, scan_values, token_text, last_line
+  public :: scan_namelist, scan_values, token_text, last_line, is_plain_text
+
+  !> Where a check of UTF-8 stands: how many continuation bytes are to come, and what the next one may be.
+  type :: utf8_t
+    integer :: following = 0
+    integer :: low = 128, high = 191
+    logical :: sound = .true.
+  end type utf8_t
 
   !> A longer name is cut; no valid name is as long.
   integer, parameter :: name_length = 64
@@ -106,11 +113,11 @@ contains
     character(*), intent(in) :: text
     type(faults_t), intent(inout) :: faults
     logical, intent(out) :: plain
-    integer :: i, line, following, bad_line
+    type(utf8_t) :: utf8
+    integer :: i, line, bad_line
 
     plain = .true.
     bad_line = 0
-    following = 0
     line = 1
     do i = 1, len(text)
       if (.not. is_plain(text, i)) then
@@ -119,12 +126,27 @@ contains
         plain = .false.
         return
       end if
-      if (bad_line == 0) call follow_utf8(iachar(text(i:i)), line, following, bad_line)
+      call follow_utf8(iachar(text(i:i)), utf8)
+      if (bad_line == 0 .and. .not. utf8%sound) bad_line = line
       if (text(i:i) == newline) line = line + 1
     end do
-    if (following > 0) bad_line = line
+    if (bad_line == 0 .and. utf8%following > 0) bad_line = line
     if (bad_line > 0) call faults%add(bad_line, 'a character is not UTF-8: save the deck as UTF-8 text')
   end subroutine check_bytes
+
+  !> Whether `text` is UTF-8 without control characters.
+  logical function is_plain_text(text)
+    character(*), intent(in) :: text
+    type(utf8_t) :: utf8
+    integer :: i
+
+    is_plain_text = .true.
+    do i = 1, len(text)
+      call follow_utf8(iachar(text(i:i)), utf8)
+      is_plain_text = is_plain_text .and. is_plain(text, i)
+    end do
+    is_plain_text = is_plain_text .and. utf8%sound .and. utf8%following == 0
+  end function is_plain_text
 
   !> Whether byte `i` may stand in a text: no control character but tab and the ends of lines.
   pure logical function is_plain(text, i)
@@ -142,25 +164,32 @@ contains
     end select
   end function is_plain
 
-  !> Take one byte; `following` is the number of continuation bytes still to come, `bad_line` where one is wrong.
-  pure subroutine follow_utf8(code, line, following, bad_line)
-    integer, intent(in) :: code, line
-    integer, intent(inout) :: following, bad_line
+  !> Take one byte; RFC 3629, table in section 4: no code may be longer than it need be, a surrogate, or beyond U+10FFFF.
+  pure subroutine follow_utf8(code, utf8)
+    integer, intent(in) :: code
+    type(utf8_t), intent(inout) :: utf8
 
-    if (following > 0) then
-      following = following - 1
-      if (iand(code, 192) == 128) return
-      bad_line = line
-      following = 0
-    else if (code >= 194 .and. code <= 223) then
-      following = 1
-    else if (code >= 224 .and. code <= 239) then
-      following = 2
-    else if (code >= 240 .and. code <= 244) then
-      following = 3
-    else if (code >= 128) then
-      bad_line = line
+    if (utf8%following > 0) then
+      utf8%sound = utf8%sound .and. code >= utf8%low .and. code <= utf8%high
+      utf8%following = utf8%following - 1
+      utf8%low = 128
+      utf8%high = 191
+      return
     end if
+    select case (code)
+    case (194:223)
+      utf8%following = 1
+    case (224:239)
+      utf8%following = 2
+      if (code == 224) utf8%low = 160
+      if (code == 237) utf8%high = 159
+    case (240:244)
+      utf8%following = 3
+      if (code == 240) utf8%low = 144
+      if (code == 244) utf8%high = 143
+    case (128:193, 245:)
+      utf8%sound = .false.
+    end select
   end subroutine follow_utf8
 
   !> Everything from `&` to the end of the group.

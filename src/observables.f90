@@ -1,6 +1,6 @@
 !> Output columns: what can be said of the motion at one instant.
 !>
-!> Adding a column: one line in `columns` and one case in `value_of`.
+!> Adding a column: its number, one line in `columns` and one case in `value_of`.
 !> Source of the formulas: Nakano & Popov (2020), Eqs. (4)-(6) and (10).
 module dst_observables
   use dst_kinds, only: wp, pi
@@ -12,6 +12,11 @@ module dst_observables
 
   public :: columns, find_column, default_columns, damping_ratio_exists
   public :: instant_t, observe, row_of, slip_velocity, drive_velocity, direction_of
+
+  !> Numbers of the columns, in the order of the table.
+  integer, parameter :: c_time = 1, c_u_x = 2, c_u_y = 3, c_w_x = 4, c_w_y = 5, c_x = 6, c_y = 7, c_x_rate = 8
+  integer, parameter :: c_y_rate = 9, c_spring_force_x = 10, c_spring_force_y = 11
+  integer, parameter :: c_friction = 12, c_theta = 13, c_psi = 14, c_sticking = 15, c_zeta = 16
 
   type(quantity_t), parameter :: columns(16) = [ &
     quantity_t('time', 's', 'time'), &
@@ -121,7 +126,8 @@ contains
     if (trajectory%exact_contact) then
       instant%theta = motion%y(2) - 2.0_wp*pi*anint(motion%y(2)/(2.0_wp*pi))
     else
-      instant%friction = magnitude(1)*speed/max(sqrt(speed**2 + trajectory%slider%smoothing), tiny(speed))
+      if (trajectory%slider%smoothing > 0.0_wp) &
+        instant%friction = magnitude(1)*speed/sqrt(speed**2 + trajectory%slider%smoothing)
       instant%theta = direction_of(instant%velocity)
     end if
     ! A rigid spring has the force that guides the object.
@@ -148,52 +154,53 @@ contains
     integer :: i
 
     do i = 1, size(selected)
-      row(i) = value_of(columns(selected(i))%name, trajectory, instant)
+      row(i) = value_of(selected(i), trajectory, instant)
     end do
   end subroutine row_of
 
-  pure real(wp) function value_of(name, trajectory, instant) result(value)
-    character(*), intent(in) :: name
+  pure real(wp) function value_of(column, trajectory, instant) result(value)
+    integer, intent(in) :: column
     type(trajectory_t), intent(in) :: trajectory
     type(instant_t), intent(in) :: instant
 
     associate (u => instant%motion%u, w => instant%velocity, e => trajectory%slider%along, slider => trajectory%slider)
-      select case (name)
-      case ('time')
+      select case (column)
+      case (c_time)
         value = instant%motion%time
-      case ('u_x')
+      case (c_u_x)
         value = u(1)
-      case ('u_y')
+      case (c_u_y)
         value = u(2)
-      case ('w_x')
+      case (c_w_x)
         value = w(1)
-      case ('w_y')
+      case (c_w_y)
         value = w(2)
-      case ('X')
+      case (c_x)
         value = instant%motion%position
-      case ('Y')
+      case (c_y)
         value = u(1)*e(2) - u(2)*e(1)
-      case ('X_rate')
+      case (c_x_rate)
         value = w(1)*e(1) + w(2)*e(2)
-      case ('Y_rate')
+      case (c_y_rate)
         value = w(2)*e(1) - w(1)*e(2)
-      case ('spring_force_x')
+      case (c_spring_force_x)
         value = instant%spring_force(1)
-      case ('spring_force_y')
+      case (c_spring_force_y)
         value = instant%spring_force(2)
-      case ('friction')
+      case (c_friction)
         value = instant%friction
-      case ('theta')
+      case (c_theta)
         value = instant%theta
-      case ('psi')
+      case (c_psi)
         value = instant%theta - atan2(e(2), e(1))
         value = value - 2.0_wp*pi*anint(value/(2.0_wp*pi))
-      case ('sticking')
+      case (c_sticking)
         value = merge(1.0_wp, 0.0_wp, instant%sticking)
-      case default
-        ! zeta
+      case (c_zeta)
         value = slider%law%onset*abs(sin(instant%theta))**3 &
           /(2.0_wp*abs(instant%drive_velocity*e(2))*sqrt(slider%mass*slider%stiffness(1)))
+      case default
+        value = 0.0_wp
       end select
     end associate
   end function value_of

@@ -52,7 +52,7 @@ contains
     call settle_model(scene, model_choice)
     call run%simulation%start(scene, error)
     if (allocated(error)) return
-    call describe_run(deck, scene%model, run%simulation%method_name(), model_choice, metadata)
+    call describe_run(deck, run%simulation%scene%model, run%simulation%method_name(), model_choice, metadata)
     call create_hdf5(run%writer, result_file, overwrite, metadata, run%simulation%output_columns(), error, &
       expected_rows(scene))
     if (allocated(error)) return

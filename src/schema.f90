@@ -11,7 +11,7 @@ module dst_schema
   public :: key_t, range_t, schema, key_count, group_names, sweep_group
   public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind
   public :: longest_text, most_values
-  public :: find_key, find_name, keys_of, in_range, range_text, is_available, available_choices
+  public :: find_key, find_name, keys_of, in_range, range_text
   public :: condition_count, condition_key, condition_choices, condition_text
 
   integer, parameter :: real_kind = 1, integer_kind = 2, text_kind = 3, choice_kind = 4
@@ -55,9 +55,6 @@ module dst_schema
   character(*), parameter :: methods = 'radau5 radau9 radau13 rk4 dopri5 dop853 moreau_jean'
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
     'friction theta psi sticking zeta'
-  !> What of them this version can run.
-  character(*), parameter :: implemented_models = models
-  character(*), parameter :: implemented_methods = methods
 
   character(*), parameter :: dynamic = 'model=full|low_frequency|high_frequency|auto'
   character(*), parameter :: elastic = 'model=full|high_frequency|creep|auto'
@@ -228,29 +225,6 @@ contains
     end if
   end function limit_text
 
-  !> Whether this version can run this choice of this key.
-  pure logical function is_available(key, choice)
-    type(key_t), intent(in) :: key
-    character(*), intent(in) :: choice
-
-    is_available = has_word(available_choices(key), choice)
-  end function is_available
-
-  !> The choices of a key that this version can run, blank-separated.
-  pure function available_choices(key) result(list)
-    type(key_t), intent(in) :: key
-    character(:), allocatable :: list
-
-    select case (key%name)
-    case ('model')
-      list = implemented_models
-    case ('method')
-      list = implemented_methods
-    case default
-      list = trim(key%choices)
-    end select
-  end function available_choices
-
   pure integer function condition_count(key)
     type(key_t), intent(in) :: key
 
@@ -281,23 +255,16 @@ contains
     end do
   end function condition_choices
 
-  !> 'law weakening', 'method dopri5 | dop853 and contact exact', of what this version can run; '' when always used.
+  !> 'law weakening', 'method dopri5 | dop853 and contact exact'; '' when always used.
   pure function condition_text(key) result(text)
     type(key_t), intent(in) :: key
     character(:), allocatable :: text
-    character(:), allocatable :: choices, available
-    integer :: n, i, on
+    integer :: n
 
     text = ''
     do n = 1, condition_count(key)
-      on = condition_key(key, n)
-      choices = condition_choices(key, n)
-      available = ''
-      do i = 1, word_count(choices)
-        if (is_available(schema(on), word(choices, i))) available = available//word(choices, i)//' '
-      end do
       if (n > 1) text = text//' and '
-      text = text//trim(schema(on)%name)//' '//alternatives(available)
+      text = text//trim(schema(condition_key(key, n))%name)//' '//alternatives(condition_choices(key, n))
     end do
   end function condition_text
 end module dst_schema

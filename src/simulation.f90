@@ -45,6 +45,8 @@ module dst_simulation
     real(wp) :: elapsed = 0.0_wp
     real(wp) :: elapsed_before = 0.0_wp
     integer(int64) :: advances = 0
+    !> Instants to sample [s], from 0 to t_end, where they shall not have equal distances.
+    real(wp), allocatable :: instants(:)
     !> Whether all samples and the event of the last advance have been taken.
     logical :: recorded = .false.
     !> Samples taken so far, and rows waiting for the writer.
@@ -400,7 +402,7 @@ contains
     self%recorded = all_taken
   end subroutine record
 
-  !> The samples at multiples of the interval, up to a buffer full; `all_taken` tells whether these were all.
+  !> The samples due by now, up to a buffer full; `all_taken` tells whether these were all.
   subroutine take_samples(self, writer, all_taken, error)
     class(simulation_t), intent(inout) :: self
     class(writer_t), intent(inout) :: writer
@@ -419,10 +421,14 @@ contains
     all_taken = .false.
   end subroutine take_samples
 
-  !> Time of the next sample [s] at equal distances.
+  !> Time of the next sample [s].
   pure real(wp) function sample_time(self)
     class(simulation_t), intent(in) :: self
 
+    if (allocated(self%instants)) then
+      sample_time = self%instants(min(self%samples + 1, size(self%instants, kind=int64)))
+      return
+    end if
     sample_time = real(self%samples, wp)*self%scene%interval
     ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
     if (sample_time >= self%scene%t_end*(1.0_wp - 4.0_wp*epsilon(sample_time))) sample_time = self%scene%t_end

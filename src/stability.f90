@@ -171,7 +171,7 @@ contains
     call check_slider(slider, error)
     drift = abs(velocity*slider%along(2))
     if (.not. allocated(error) .and. .not. (drift > 0.0_wp .and. drift <= huge(drift))) &
-      call raise(error, usage_error, 'V sin(phi) = '//shown(drift)//' m/s: Eq. (10) divides by it, '// &
+      call raise(error, usage_error, 'V sin(phi) = '//trim(shown(drift))//' m/s: Eq. (10) divides by it, '// &
                  'so V and the misalignment must be finite and not 0')
     if (.not. allocated(error)) lambda = slider%law%onset/(2.0_wp*drift*sqrt(slider%mass*slider%stiffness(1)))
   end subroutine damping_scale
@@ -186,7 +186,7 @@ contains
     if (lambda >= 1.0_wp) then
       angle = asin(lambda**(-1.0_wp/3.0_wp))
     else
-      call raise(error, usage_error, 'Lambda = '//shown(lambda)// &
+      call raise(error, usage_error, 'Lambda = '//trim(shown(lambda))// &
                  ': the slow motion is overdamped at no angle; theta* exists for Lambda >= 1')
     end if
   end subroutine overdamped_angle
@@ -235,7 +235,7 @@ contains
     if (allocated(error)) return
     speed = abs(velocity)
     if (.not. (speed > 0.0_wp .and. speed <= huge(speed))) then
-      call raise(error, usage_error, 'V = '//shown(velocity)// &
+      call raise(error, usage_error, 'V = '//trim(shown(velocity))// &
                  ' m/s: there is no steady sliding; the drive velocity must be finite and not 0')
       return
     end if
@@ -277,18 +277,17 @@ contains
 
       if (allocated(error)) return
       if (.not. (value > 0.0_wp .and. value <= huge(value))) &
-        call raise(error, usage_error, name//' = '//shown(value)//' '//unit//': it must be finite and > 0')
+        call raise(error, usage_error, name//' = '//trim(shown(value))//' '//unit//': it must be finite and > 0')
     end subroutine check
   end subroutine check_slider
 
-  !> A number as a message shows it, finite or not.
-  pure function shown(value) result(text)
+  !> A number as a message shows it, finite or not. Of fixed length, because several threads may be here: gfortran keeps the
+  !> length of an allocatable text that a function returns in static storage.
+  pure character(12) function shown(value) result(text)
     real(wp), intent(in) :: value
-    character(:), allocatable :: text
-    character(12) :: buffer
 
-    write (buffer, '(es12.4)') value
-    text = trim(adjustl(buffer))
+    write (text, '(es12.4)') value
+    text = adjustl(text)
   end function shown
 
   pure logical function differ(pair)

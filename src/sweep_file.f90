@@ -7,7 +7,7 @@ module dst_sweep_file
   use dst_disk, only: path_t, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, ignore_size_limit_signal
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
-    make_scale, attach_scale, table_t, create_table, append_rows, put_texts
+    make_scale, attach_scale, table_t, create_table, append_rows, put_messages
   use dst_hdf5_writer, only: run_metadata_t, write_metadata
   use dst_kinds, only: wp, int64, real64
   use dst_schema, only: schema
@@ -245,7 +245,7 @@ contains
     call create_column(group, quantity_t('case', '1', 'number of a case that failed'), h5t_std_i32le, &
       max(1, min(1024, output%failures)), numbers, status)
     call append(numbers, real(output%failed(:output%failures), real64), status)
-    call put_texts(group, quantity_t('result_text', '1', 'why it failed'), output%failure(:output%failures), status)
+    call put_messages(group, quantity_t('result_text', '1', 'why it failed'), output%failure(:output%failures), status)
   end subroutine write_failures
 
   subroutine put_ending(output, sweep, index, status)

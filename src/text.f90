@@ -294,6 +294,8 @@ contains
       problem = 'is below the range of double precision'
     else
       read (text, *) value
+      ! Digits beyond double precision may round up to what would not be read again.
+      if (abs(value) >= 10.0_wp**(highest + 1)) problem = 'is beyond the range of double precision'
     end if
   end subroutine read_real
 

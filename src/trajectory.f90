@@ -9,7 +9,7 @@ module dst_trajectory
   use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, step_underflow, too_many_rejections, chattering, release_failed
   use dst_bernstein, only: first_zero
-  use dst_contact, only: holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
+  use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
     release_t, release_series
   use dst_drive, only: drive_t, drive_segment_t
   use dst_interpolation, only: grid_t, new_grid, max_degree
@@ -280,6 +280,9 @@ contains
     self%sticking = .false.
     self%just_released = .true.
     self%next_step = self%release_step
+    ! The load has to grow beyond its own roundoff before it moves anything.
+    if (onset%curvature(1) > 0.0_wp .and. .not. self%fixed_step > 0.0_wp) self%next_step = max(self%release_step, &
+      10.0_wp*self%system%acceleration_noise/onset%curvature(1))
     self%release_rate = onset%rate(1)
     self%now%y = onset%y
     call self%system%face(onset%y(2))
@@ -346,6 +349,7 @@ contains
     else if (self%exact_contact .and. .not. self%stepper%explicit .and. self%now%y(1) < cut_level(self)) then
       call finish_stop(self, horizon)
     end if
+    if (fades(self)) call come_to_rest(self)
   end subroutine slide
 
   !> Whether the next step is so much shorter than the `longest` [s] that was tried that it is none, and does not move
@@ -373,6 +377,16 @@ contains
         'parameters are meant')
     end if
   end subroutine give_up
+
+  !> Whether slip against a force that grows with the speed, which dies away without an end, is over by any measure: the
+  !> square of such a share of the largest slip speed would soon underflow.
+  pure logical function fades(self)
+    class(trajectory_t), intent(in) :: self
+
+    fades = .false.
+    if (.not. self%exact_contact .or. self%sticking .or. self%just_released) return
+    if (self%now%y(1) <= epsilon(1.0_wp)**2*self%stepper%peak_speed) fades = holds(self%slider, self%now%u, velocity_now(self))
+  end function fades
 
   !> Whether the object is at rest now, as the method has found it, and the event that this is.
   subroutine note_rest(self)
@@ -564,10 +578,9 @@ contains
     self%just_released = .false.
     associate (drive => self%drive%segment(self%segment), grid => self%closed_form_grid)
       release = release_series(self%slider, drive, self%from, self%release_rate, self%stepper%release_tolerance)
-      if (.not. release%moves) then
+      if (.not. release%moves .and. load(self%slider, self%from%u) > 0.0_wp) then
         ! As much force as friction, and no growth: it stays.
-        self%now%y = 0.0_wp
-        self%sticking = .true.
+        call come_to_rest(self)
         return
       end if
       if (.not. release%accurate) then
@@ -650,11 +663,10 @@ contains
     grid = new_grid([(sin(0.5_wp*pi*real(i, wp)/real(max_degree, wp))**2, i=0, max_degree)])
   end function closed_form_grid
 
-  !> 't = 1.25 s (u = … m, y = …)'
-  pure function at_time(motion) result(text)
+  !> 't = 1.25 s (u = … m, y = …)'. Of fixed length: gfortran keeps the length of an allocatable text that a function returns
+  !> in static storage, and several threads advance at once.
+  pure character(160) function at_time(motion) result(text)
     type(motion_t), intent(in) :: motion
-    ! Not of deferred length: gfortran keeps such a length in static storage, where threads would meet.
-    character(160) :: text
 
     write (text, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
   end function at_time

@@ -1,22 +1,28 @@
 #!/usr/bin/env bash
-# tools/test.sh [--quick | --full]: installs what is missing, builds, and runs every test.
-# --quick leaves out the build with run-time checks; --full adds the heavier proofs, and the build in quadruple precision.
+# tools/test.sh [--quick | --full | --sanitize]: installs what is missing, builds, and runs every test.
+# --quick leaves out the builds with run-time checks and sanitizers; --full adds the heavier proofs, the decks under the
+# sanitizers and the build in quadruple precision; --sanitize runs the sanitizers and valgrind alone. See docs/testing.md.
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 
+with_release=yes
 with_debug=yes
+with_sanitizers=yes
 with_quad=no
 selection=(-m 'not full')
 for argument in "$@"; do
   case $argument in
-    --quick) with_debug=no ;;
+    --quick) with_debug=no with_sanitizers=no ;;
+    --sanitize) with_release=no with_debug=no ;;
     --full) selection=() with_quad=yes DYNSTICTION_FULL=1; export DYNSTICTION_FULL ;;
-    *) die "unknown option $argument: tools/test.sh [--quick | --full]" ;;
+    *) die "unknown option $argument: tools/test.sh [--quick | --full | --sanitize]" ;;
   esac
 done
 
 debug=$checkout/build/debug
 quad=$checkout/build/quad
+sanitized=$checkout/build/sanitized
+threaded=$checkout/build/threaded
 checks='-fcheck=all -ffpe-trap=invalid,zero,overflow -fbacktrace'
 summaries=()
 failed=0
@@ -33,7 +39,32 @@ run_tests() {
 
 unit_tests() { run_tests "$1" '^(Ok|Fail|Expected Fail|Skipped|Timeout):' meson test -C "$2" --no-rebuild --print-errorlogs; }
 python_tests() {
-  run_tests "$1" '^=+ .*(passed|failed|error|skipped|no tests ran).* =+$' python -m pytest "${@:2}" "$checkout/tests/python"
+  run_tests "$1" '^=+ .*(passed|failed|error|skipped|no tests ran).* =+$' python -m pytest "${@:2}" "$checkout"/tests/{python,extremes}
+}
+
+# What the tests of the checked build have reached of src/, by file: lines, share, name; last the total. The flat layer for
+# Python is not in that build.
+print_coverage() {
+  local table=$checkout/build/coverage.txt
+  say '== Line coverage of src/ by the tests with run-time checks'
+  (cd "$debug" && find src -name '*.gcda' -exec gcov --no-output --relative-only {} +) 2> /dev/null | awk '
+    /^File / { name = $2; gsub(/.*\/|\047/, "", name); wanted = $2 ~ /src\// && name != "python_api.f90" }
+    /^Lines executed:/ && wanted {
+      split($2, part, /[:%]/); lines = $4; reached = part[2]*lines/100; all += lines; all_reached += reached; wanted = 0
+      printf "%6d %6.1f %%  %s\n", lines, part[2], name | "sort -k2 -n"
+    }
+    END { close("sort -k2 -n"); printf "%6d %6.1f %%  total\n", all, 100*all_reached/all }' | tee "$table"
+  summaries+=("Line coverage of src/: $(awk 'END { print $2, $3 }' "$table")")
+}
+
+# One short run.
+memcheck() {
+  if ! have valgrind; then
+    summaries+=('Valgrind: skipped, valgrind is not installed')
+    return
+  fi
+  run_tests 'Valgrind on a short run' 'ERROR SUMMARY' valgrind --error-exitcode=1 --child-silent-after-fork=yes --leak-check=full --errors-for-leak-kinds=definite \
+    "$release/src/dynstiction" run inputs/fig3.nml --set scene.t_end=0.05 --quiet --overwrite -o "$checkout/build/memcheck.h5"
 }
 
 prepare
@@ -45,14 +76,32 @@ if [[ $with_quad == yes ]]; then
   export DYNSTICTION_QUAD_EXE=$quad/src/dynstiction-quad
   unit_tests 'Fortran unit tests in quadruple precision' "$quad"
 fi
-unit_tests 'Fortran unit tests' "$release"
-python_tests 'Python tests' ${selection[@]+"${selection[@]}"}
+if [[ $with_release == yes ]]; then
+  unit_tests 'Fortran unit tests' "$release"
+  python_tests 'Python tests' ${selection[@]+"${selection[@]}"}
+fi
 
 if [[ $with_debug == yes ]]; then
-  build "$debug" -Dpython=false -Doptimization=1 -Ddebug=true "-Dfortran_args=$checks"
+  build "$debug" -Dpython=false -Doptimization=1 -Ddebug=true -Dwerror=true -Db_coverage=true "-Dfortran_args=$checks"
+  find "$debug" -name '*.gcda' -delete
   export DYNSTICTION_EXE=$debug/src/dynstiction
   unit_tests 'Fortran unit tests with run-time checks' "$debug"
   python_tests 'Decks with run-time checks' -m 'deck and not full'
+  print_coverage
+fi
+
+if [[ $with_sanitizers == yes ]]; then
+  # libgfortran and HDF5 keep their buffers until the program ends.
+  export ASAN_OPTIONS=detect_leaks=0 DYNSTICTION_EXE=$sanitized/src/dynstiction
+  build "$sanitized" -Dpython=false -Doptimization=1 -Ddebug=true -Db_sanitize=address,undefined -Db_lundef=false \
+    -Dfortran_args=-fno-sanitize-recover=all -Dc_args=-fno-sanitize-recover=all
+  unit_tests 'Fortran unit tests with AddressSanitizer and UBSan' "$sanitized"
+  if [[ ${DYNSTICTION_FULL:-} == 1 ]]; then
+    python_tests 'Decks with AddressSanitizer and UBSan' -m 'deck and not full'
+  fi
+  memcheck
+  build "$threaded" -Dpython=false -Doptimization=1 -Ddebug=true -Db_sanitize=thread -Db_lundef=false
+  run_tests 'Threads with ThreadSanitizer' '^(Ok|Fail):' meson test -C "$threaded" --no-rebuild --print-errorlogs threads
 fi
 
 printf '\n'

@@ -12,6 +12,7 @@ Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a
 from . import _native
 from ._run import run
 from ._sweep import sweep
+from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import jacobian, rhs
 from .errors import (
@@ -49,6 +50,7 @@ __all__ = [
     "Scene",
     "SolverError",
     "Spectrogram",
+    "Trade",
     "UsageError",
     "creep_asymptotic",
     "creep_exact",
@@ -58,6 +60,7 @@ __all__ = [
     "damping_ratio",
     "jacobian",
     "open",
+    "open_trade",
     "oscillation_frequency",
     "rhs",
     "ridge",
@@ -65,4 +68,5 @@ __all__ = [
     "sweep",
     "spectrogram",
     "steady_sliding_eigenvalues",
+    "trade",
 ]

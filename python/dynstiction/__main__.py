@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
+from ._trade import holds_trade, open_trade
 from .errors import Error, FileError, IncompleteWarning, UsageError
 from .result import Result, open
 
@@ -47,8 +48,8 @@ def _add_plot(commands: argparse._SubParsersAction[_Parser]) -> None:
     parser.add_argument("file", metavar="FILE.h5", type=Path)
     parser.add_argument(
         "--kind",
-        default="history",
-        help="history (the default), velocities, spectrogram, damping, creep or path",
+        help="of a run history (the default), velocities, spectrogram, damping, creep or path; "
+        "of dynstiction trade work_precision",
     )
     parser.add_argument("-o", "--output", metavar="PNG", type=Path, help="default: FILE.png; also .pdf, .svg")
     parser.set_defaults(command=_plot)
@@ -57,7 +58,7 @@ def _add_plot(commands: argparse._SubParsersAction[_Parser]) -> None:
 def _plot(options: argparse.Namespace) -> None:
     from . import plot  # noqa: PLC0415
 
-    result = _open(options.file)
+    result = open_trade(options.file) if holds_trade(options.file) else _open(options.file)
     plot.save(result, options.output or options.file.with_suffix(".png"), options.kind)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import threading
 import warnings
@@ -24,6 +25,10 @@ EVENTS = {
     "kind": Info("kind", "1", "1 = stick begins, 2 = slip begins"),
 }
 TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
+# The oldest format with checksums of what describes the data.
+FORMAT = ("v108", "v108")
+# No compression that HDF5 knows shrinks data by more: what claims to is damaged, and would fill the memory.
+MOST_EXPANSION = 1100
 STORED_AS = {"sticking": np.int8, "kind": np.int8}
 
 
@@ -33,7 +38,7 @@ def write(result: Record, path: str | os.PathLike[str], *, overwrite: bool) -> N
     _refuse_to_replace(target, overwrite)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.{threading.get_ident()}")
     try:
-        with h5py.File(temporary, "x") as file:
+        with h5py.File(temporary, "x", libver=FORMAT) as file:
             _write_contents(file, result)
         temporary.replace(target)
     except OSError as error:
@@ -71,7 +76,8 @@ def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[np.ge
     """Columns over the group's time, which becomes the dimension scale of the others."""
     for info, values in entries:
         stored = values.astype(STORED_AS.get(info.name, np.float64), copy=False)
-        _describe(group.create_dataset(info.name, data=stored), info)
+        # With a checksum, so that damage is found when it is read.
+        _describe(group.create_dataset(info.name, data=stored, chunks=True, fletcher32=True), info)
     group["time"].make_scale("time")
     for name in group:
         if name != "time":
@@ -91,12 +97,15 @@ def _describe(dataset: h5py.Dataset, info: Info) -> None:
 def read(path: str | os.PathLike[str]) -> Record:
     """Read a result; see `dynstiction.open`."""
     name = os.fspath(path)
+    # A pipe would wait for its writer for ever.
+    if os.path.exists(name) and not os.path.isfile(name):
+        raise FileError(f"{name}: is not a regular file")
     try:
         with h5py.File(name, "r") as file:
             result = _read_contents(file, name)
     except FileError:
         raise
-    except (OSError, RuntimeError, KeyError) as error:  # h5py raises all three on damaged files
+    except Exception as error:  # whatever h5py and NumPy make of damaged files
         reason = "no such file" if isinstance(error, FileNotFoundError) else str(error)
         raise FileError(f"{name}: cannot be read: {reason}") from error
     if not result.complete:
@@ -116,26 +125,47 @@ def _read_contents(file: h5py.File, name: str) -> Record:
         raise FileError(f"{name}: holds a sweep, not one run: open its group 'sweep' with h5py or xarray")
     if "time_series/time" not in file:
         raise FileError(f"{name}: holds no time series: the run was stopped before it began")
-    columns = dict(_read_group(file["time_series"]))
-    # A killed run may have flushed its columns at different lengths.
-    rows = min(values.shape[0] for values in columns.values())
+    columns = _read_columns(file["time_series"], name)
+    events_by_name = {info.name: values for info, values in _read_columns(file["events"], name).items()}
+    events = np.empty(events_by_name["time"].size, dtype=EVENT_DTYPE)
+    for column in EVENTS:
+        events[column] = events_by_name[column]
     ordered = sorted(columns, key=lambda info: info.name != "time")
-    kinds, times = file["events/kind"], file["events/time"]
-    events = np.empty(min(kinds.shape[0], times.shape[0]), dtype=EVENT_DTYPE)
-    events["time"], events["kind"] = times[: events.size], kinds[: events.size]
+    for times in (columns[ordered[0]], events["time"]):
+        # Also false for NaN.
+        if not np.all(np.diff(times, prepend=0.0) >= 0.0):
+            raise FileError(f"{name}: is damaged: its times do not ascend")
+    deck = _read_text(file, "deck/text")
+    if hashlib.sha256(deck.encode("utf-8", "surrogateescape")).hexdigest() != file.attrs["deck_sha256"]:
+        raise FileError(f"{name}: is damaged: its deck does not have the checksum that the file states")
     attributes: dict[str, str | int] = {"complete": 0}
     for key, value in file.attrs.items():
         attributes[key] = value if isinstance(value, str) else int(value)
     return Record(
-        columns=Described((info, np.array(columns[info][:rows], dtype=np.float64)) for info in ordered),
+        columns=Described((info, columns[info]) for info in ordered),
         events=events,
         summary=Described(_read_scalars(file, "summary")),
         statistics=Described(_read_scalars(file, "statistics")),
         parameters=Described(_read_scalars(file, "parameters")),
         attributes=attributes,
-        deck=_read_text(file, "deck/text"),
+        deck=deck,
         resolved_deck=_read_text(file, "deck/resolved"),
     )
+
+
+def _read_columns(group: h5py.Group, name: str) -> dict[Info, NDArray[np.float64]]:
+    """All columns of a group, cut to the length of the shortest: a killed run may have flushed them unevenly."""
+    datasets = dict(_read_group(group))
+    most_bytes = MOST_EXPANSION * os.path.getsize(name)
+    for info, dataset in datasets.items():
+        if dataset.ndim != 1 or dataset.dtype.kind not in "fi":
+            raise FileError(f"{name}: is damaged: '{group.name}/{info.name}' is no list of numbers")
+        if dataset.nbytes > most_bytes:
+            raise FileError(
+                f"{name}: is damaged: '{group.name}/{info.name}' is longer than the file can hold"
+            )
+    rows = min(dataset.shape[0] for dataset in datasets.values())
+    return {info: np.array(dataset[:rows], dtype=np.float64) for info, dataset in datasets.items()}
 
 
 def _read_group(group: h5py.Group) -> Iterable[tuple[Info, h5py.Dataset]]:

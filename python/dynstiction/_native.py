@@ -17,6 +17,7 @@ from .record import Info
 __all__ = [
     "Advance",
     "BuildInfo",
+    "Comparison",
     "Run",
     "Sweep",
     "build_info",
@@ -135,6 +136,78 @@ class Run:
     def _text(self, which: int) -> str:
         length = _core.run_text_length(self._handle, which)
         return text_from(_core.run_text(self._handle, which, length).astype(np.uint8).tobytes())
+
+
+class Comparison:
+    """A comparison of settings in the core, from deck to table; a context manager, so that it is always closed."""
+
+    def __init__(
+        self, text: str, name: str, settings: Sequence[str], quantity: str, accuracy: float, budget: float
+    ) -> None:
+        self._handle, status = _core.trade_open(
+            _bytes(text), _bytes(name), _bytes("\n".join(settings)), _bytes(quantity), accuracy, budget
+        )
+        self._raise(status)
+
+    def __enter__(self) -> Comparison:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the comparison; closing twice does no harm."""
+        handle, self._handle = self._handle, 0
+        if handle != 0:
+            _core.trade_close(handle)
+
+    def _raise(self, status: int) -> None:
+        if status != 0:
+            message = self.shortfall()
+            self.close()
+            raise error_for(status, message)
+
+    def advance(self, seconds: float) -> bool:
+        """Go on for at most `seconds` of wall time, without the interpreter's lock; whether that was the end."""
+        finished, status = _core.trade_advance(self._handle, seconds)
+        self._raise(status)
+        return bool(finished)
+
+    def table(self) -> list[tuple[Info, NDArray[np.float64] | list[str]]]:
+        """Columns of a finished comparison, one row a point."""
+        n_columns, n_rows = _core.trade_size(self._handle)
+        return [self._column(i + 1, n_rows) for i in range(n_columns)]
+
+    def _column(self, i: int, n: int) -> tuple[Info, NDArray[np.float64] | list[str]]:
+        *about, is_text = _core.trade_column(self._handle, i)
+        if is_text:
+            return _info(*about), [_text(column) for column in _core.trade_texts(self._handle, i, n).T]
+        return _info(*about), _core.trade_numbers(self._handle, i, n)
+
+    def report(self) -> str:
+        """All points as a text, after `table`."""
+        return self._any_text(1)
+
+    def recommendation(self) -> str:
+        """The recommended settings as namelist groups, after `table`; empty if there are none."""
+        return self._any_text(2)
+
+    def settings(self) -> list[str]:
+        """The recommended settings, ``group.key=value`` each, after `table`."""
+        return self._any_text(3).splitlines()
+
+    def shortfall(self) -> str:
+        """Why there is no recommendation, after `table`."""
+        return self._any_text(4)
+
+    def _any_text(self, which: int) -> str:
+        length = _core.trade_text_length(self._handle, which)
+        return text_from(_core.trade_text(self._handle, which, length).astype(np.uint8).tobytes())
 
 
 class Sweep:

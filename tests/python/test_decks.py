@@ -583,7 +583,7 @@ def test_two_decks_cannot_share_an_output(call, tmp_path):
         (["resume"], "resume FILE.h5"),
         (["resume", "x.h5", "--overwrite"], "remove it"),
         (["template", "ful"], "nearest is 'full'"),
-        (["trade", "deck.nml"], "not available in this version"),
+        (["trade"], "trade DECK"),
     ],
 )
 def test_wrong_usage(arguments, remedy, call, tmp_path):
@@ -597,7 +597,7 @@ def test_wrong_usage(arguments, remedy, call, tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["run", "--help"], ["check", "--help"], ["template", "-h"], ["stability", "--help"]],
+    [["--help"], ["run", "--help"], ["check", "--help"], ["template", "-h"], ["stability", "--help"], ["trade", "--help"]],
 )
 def test_help(arguments, call):
     result = call(*arguments)

@@ -408,13 +408,92 @@ def test_incomplete_file_opens_with_a_warning(tmp_path: Path, fig3_result: ds.Re
 # Threads, signals, memory
 
 
-def test_four_threads_give_the_same_bits(fig3: ds.Scene) -> None:
-    scenes = [fig3.replace(scene={"t_end": 0.5}, system={"misalignment_deg": phi}) for phi in (1, 2, 5, 10)]
-    alone = [ds.run(scene) for scene in scenes]
-    with ThreadPoolExecutor(4) as pool:
-        for together in (list(pool.map(ds.run, scenes)) for _ in range(3)):
-            for a, b in zip(together, alone, strict=True):
-                assert_same(a, b)
+CREEP: dict[str, dict[str, object]] = {
+    "system": {"mass": None},
+    "friction": {"law": None, "mu_inf": None, "v_f": None},
+    "initial": {"velocity_ratio": None},
+    "integrator": {"method": None, "rtol": None},
+}
+SMOOTHED = {"contact": "smoothed", "v_smooth": 1e-6}
+# Every model and method, one scene each: what one run leaves behind would change the next.
+THREAD_SCENES: list[dict[str, dict[str, object]]] = [
+    {"integrator": {"method": "radau5"}},
+    {"integrator": {"method": "radau9"}, "system": {"misalignment_deg": 5.0}},
+    {"integrator": {"method": "radau13"}, "system": {"misalignment_deg": 10.0}},
+    {"integrator": {"method": "dopri5"}, "system": {"misalignment_deg": 20.0}},
+    {"integrator": {"method": "dop853"}, "drive": {"velocity": 3e-3}},
+    {"integrator": {"method": "moreau_jean", "step": 1e-5}},
+    {"integrator": {"method": "rk4", "step": 1e-6}, "friction": SMOOTHED},
+    {"scene": {"model": "low_frequency"}, "system": {"stiffness_y": None}},
+    {"scene": {"model": "high_frequency"}, "initial": {"elongation_x": 1e-4}},
+    {"scene": {"model": "creep"}, **CREEP},
+    {"scene": {"model": "creep_asymptotic"}, **CREEP, "system": {"mass": None, "stiffness_y": None}},
+    {"scene": {"model": "auto"}},
+]
+
+
+@pytest.fixture(scope="module")
+def thread_scenes(fig3: ds.Scene) -> list[ds.Scene]:
+    return [
+        fig3.replace(**{**changes, "scene": {"t_end": 0.2, **changes.get("scene", {})}})
+        for changes in THREAD_SCENES
+    ]
+
+
+@pytest.fixture(scope="module")
+def alone(thread_scenes: list[ds.Scene]) -> list[ds.Result]:
+    return [ds.run(scene) for scene in thread_scenes]
+
+
+@pytest.mark.parametrize("threads", [2, 4, 16])
+def test_threads_give_the_same_bits(
+    threads: int, thread_scenes: list[ds.Scene], alone: list[ds.Result]
+) -> None:
+    with ThreadPoolExecutor(threads) as pool:
+        together = list(pool.map(ds.run, thread_scenes * 2))
+    for a, b in zip(together, alone * 2, strict=True):
+        assert_same(a, b)
+
+
+@pytest.mark.parametrize("threads", [2, 4, 16])
+def test_functions_give_the_same_bits_in_threads(threads: int) -> None:
+    angle = np.linspace(0.01, 3.0, 2000)
+    motion = np.random.default_rng(1).normal(scale=1e-3, size=(2000, 4))
+
+    def everything(_: int) -> list[bytes]:
+        found = [
+            ds.rhs(motion, **SLIDER),
+            ds.jacobian(motion, **SLIDER),
+            ds.damping_ratio(angle, **SLIDER),
+            ds.steady_sliding_eigenvalues(**SLIDER),
+            *ds.critical_misalignment(**SLIDER),
+        ]
+        return [np.asarray(values).tobytes() for values in found]
+
+    expected = everything(0)
+    with ThreadPoolExecutor(threads) as pool:
+        for found in pool.map(everything, range(2 * threads)):
+            assert found == expected
+
+
+def test_errors_in_threads_keep_their_texts(fig3: ds.Scene) -> None:
+    scenes = [fig3.replace(integrator={"max_steps": n}) for n in (100, 3000, 1000)]
+
+    def message(n: int) -> str:
+        try:
+            if n % 2:
+                ds.run(scenes[n % 3])
+            else:
+                ds.damping_ratio(1.0, **{**SLIDER, "mass": -(10.0 ** -(n % 5))})
+        except ds.Error as error:
+            return str(error)
+        return "no error"
+
+    expected = [message(n) for n in range(30)]
+    assert "no error" not in expected
+    with ThreadPoolExecutor(16) as pool:
+        for n, found in zip(range(300), pool.map(lambda n: message(n % 30), range(300)), strict=True):
+            assert found == expected[n % 30]
 
 
 def test_other_threads_go_on_during_a_run(fig3: ds.Scene) -> None:

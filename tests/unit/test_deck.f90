@@ -5,7 +5,7 @@ program test_deck
   use dst_errors, only: error_t, deck_error, usage_error
   use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
                       has_word, lower_case, alternatives, one_per_line
-  use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, is_available, &
+  use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, &
                         condition_count, condition_key, condition_choices, condition_text, real_kind, reals_kind, integer_kind, &
                         choice_kind
   use dst_deck, only: deck_t, parse_deck, read_deck, resolved, template
@@ -93,6 +93,7 @@ contains
     call check_no_real('1e400', 'is beyond the range of double precision')
     call check_no_real('-1e99999999999999999999', 'is beyond the range of double precision')
     call check_no_real(repeat('1', 250)//'e99', 'is beyond the range of double precision')
+    call check_no_real('9.99999999999999999999e307', 'is beyond the range of double precision')
     call check_no_real('9e308', 'is beyond the range of double precision')
     call check_no_real('1e-400', 'is below the range of double precision')
     call check_no_real('0.'//repeat('0', 240)//'1e-99', 'is below the range of double precision')
@@ -173,7 +174,7 @@ contains
         call check('group of '//key%name, has_word(group_names, trim(key%group)))
         call check('meaning of '//key%name, key%meaning /= '')
         call check('a required key has a sample: '//key%name, .not. key%required .or. key%sample /= '' .or. key%default /= '')
-        if (key%kind == choice_kind) call check('default of '//key%name, is_available(key, trim(key%default)))
+        if (key%kind == choice_kind) call check('default of '//key%name, has_word(key%choices, trim(key%default)))
         if (key%kind == real_kind .and. .not. key%required) then
           call read_real(trim(key%default), x, problem)
           call check('default in range: '//key%name, problem == '' .and. in_range(key%range, x))
@@ -365,6 +366,11 @@ contains
     call refuse_once('NUL', whole//achar(0), 'bad.nml:5: NUL bytes in the deck')
     call refuse_once('control character', '!'//achar(27)//n//whole, 'bad.nml:1: control characters in the deck')
     call refuse_once('Latin-1', '! '//char(228)//' '//n//whole, 'bad.nml:1: a character is not UTF-8')
+    call refuse_once('overlong UTF-8', '! '//char(224)//char(128)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
+    call refuse_once('surrogate', '! '//char(237)//char(160)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
+    call refuse_once('beyond Unicode', '! '//char(244)//char(144)//char(128)//char(128)//n//whole, &
+                     'bad.nml:1: a character is not UTF-8')
+    call refuse_once('cut UTF-8', whole//'! '//char(226)//char(130), 'bad.nml:5: a character is not UTF-8')
   end subroutine test_bad_syntax
 
   subroutine test_bad_choices()
@@ -522,6 +528,8 @@ contains
     call set('unused', ['friction.law=constant'], "'v_f' is not used with law constant")
     call set('empty sweep', ['sweep.count=3'], '&sweep varies nothing')
     call set('control character', ['scene.title=a'//achar(10)//'b'], "control characters in 'title'")
+    call set('Latin-1', ['scene.title='//char(228)], 'a character that is not UTF-8: give plain UTF-8 text')
+    call set('DEL', ['scene.title='//achar(127)], 'control characters, or a character that is not UTF-8')
     call set('rk4', ['integrator.method=rk4'], "--set 1 (integrator.method=rk4): method 'rk4' cannot follow")
   end subroutine test_settings
 
@@ -690,7 +698,7 @@ contains
     call misused('', 'no command')
     call misused('rum a.nml', "the nearest is 'run'")
     call misused('simulate', 'there are run | resume | merge | check | template')
-    call misused('trade a.nml', 'not available in this version')
+    call misused('trade', 'trade DECK')
     call misused('run', "'run' without a deck")
     call misused('run a.nml --overwite', "the nearest is '--overwrite'")
     call misused('run a.nml -o', '-o without a file name')

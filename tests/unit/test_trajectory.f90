@@ -53,6 +53,8 @@ program test_trajectory
     call test_every_advance(along_a_line(fig3(4.0_wp, trim(methods(i)), 1.0e-8_wp)), trim(methods(i))//', along a line')
     call test_every_advance(reversing(trim(methods(i))), trim(methods(i))//', reversing')
     call test_saturation(trim(methods(i)))
+    call test_viscous_creep(trim(methods(i)), 'full')
+    call test_viscous_creep(trim(methods(i)), 'low_frequency')
   end do
   call finish()
 
@@ -475,4 +477,61 @@ contains
     call check_close(method//', saturation: largest u_y''', largest, side, 1.0e-9_wp*side)
     call check(method//', saturation: a stick a period', stick_count > 450 .and. stick_count < 510)
   end subroutine test_saturation
+
+  !> Nearly without mass and with friction that grows with the speed, u creeps: k u = F(v), u' = V - v, here by the classical
+  !> Runge-Kutta method. The slip velocity follows u, so its error is that of u, which the error estimate has to see.
+  subroutine test_viscous_creep(method, model)
+    character(*), intent(in) :: method, model
+    type(scene_t) :: scene
+    type(result_t) :: found
+    character(:), allocatable :: title
+    real(wp) :: rtol, u
+    integer :: k
+
+    title = method//', viscous creep of '//model
+    do k = 4, 10, 2
+      rtol = 10.0_wp**(-k)
+      scene = along_a_line(fig3(1.0_wp, method, rtol))
+      scene%model = model
+      scene%mass = 1.0e-9_wp
+      scene%mu_inf = 0.24_wp
+      scene%v_f = 1.0e-3_wp
+      scene%velocity_ratio = 0.0_wp
+      scene%elongation_x = 2.05e-3_wp
+      found = run(scene)
+      call check(title//': runs to the end', found%sound)
+      u = creep_by_runge_kutta(scene)
+      call check_close(title//': u', found%motion%u(1), u, 0.05_wp*rtol*u)
+      call check_close(title//': w', found%velocity(1), creep_speed(scene, u), &
+        (100.0_wp*rtol + 1.0e-10_wp)*creep_speed(scene, u))
+    end do
+  end subroutine test_viscous_creep
+
+  !> u at the end of the scene [m].
+  pure real(wp) function creep_by_runge_kutta(scene) result(u)
+    type(scene_t), intent(in) :: scene
+    integer, parameter :: steps = 4000
+    real(wp) :: h, k1, k2, k3, k4
+    integer :: i
+
+    h = scene%t_end/real(steps, wp)
+    u = scene%elongation_x
+    associate (v => scene%drive_velocity(1))
+      do i = 1, steps
+        k1 = v - creep_speed(scene, u)
+        k2 = v - creep_speed(scene, u + 0.5_wp*h*k1)
+        k3 = v - creep_speed(scene, u + 0.5_wp*h*k2)
+        k4 = v - creep_speed(scene, u + h*k3)
+        u = u + h/6.0_wp*(k1 + 2.0_wp*k2 + 2.0_wp*k3 + k4)
+      end do
+    end associate
+  end function creep_by_runge_kutta
+
+  !> The slip velocity at which friction balances the spring [m/s].
+  pure real(wp) function creep_speed(scene, u)
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: u
+
+    creep_speed = -scene%v_f*log((scene%mu_inf - scene%stiffness_x*u/scene%normal_load)/(scene%mu_inf - scene%mu_0))
+  end function creep_speed
 end program test_trajectory

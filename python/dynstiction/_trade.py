@@ -1,0 +1,228 @@
+"""Measured error against cost: which model, method and tolerance a scene needs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import h5py  # type: ignore[import-untyped]
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from .errors import FileError, UsageError
+from .record import Described, Info
+from .scene import DeckLike, Group, Scene
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["Trade", "holds_trade", "open_trade", "trade"]
+
+CHUNK_SECONDS = 0.05
+"""Wall time between two looks at Ctrl-C."""
+
+RESOLUTION = 100.0
+"""An error counts as measured from this multiple of the reference's own on."""
+
+Column = NDArray[np.float64] | NDArray[np.str_]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Trade:
+    """What `trade` has measured: a table with one row a point.
+
+    Row 0 is the reference, row 1 the run whose difference from it is the reference's error, the others are
+    candidates in the order in which they were planned, those that were skipped or failed included.
+
+    Attributes
+    ----------
+    columns : Described of ndarray, shape (n,)
+        ``role``, ``model``, ``form``, ``method``, ``contact``, ``text`` (str); ``rtol``, ``step`` [s], ``v_smooth`` [m/s],
+        ``seconds`` [s], ``steps``, ``rhs``, ``newton``, ``result_code``, and ``error_<quantity>`` [1], NaN where
+        there is none.
+    report : str
+        The table as the executable prints it; empty if it was read from a file.
+    recommendation : str
+        Cheapest settings that meet the accuracy, as namelist groups; empty if there are none or none were asked for.
+    settings : dict
+        The same by group, for ``dynstiction.run(deck, **trade.settings)``.
+    shortfall : str
+        Why there is no recommendation.
+    """
+
+    columns: Described[Column]
+    report: str = ""
+    recommendation: str = ""
+    settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    shortfall: str = ""
+
+    def __getitem__(self, name: str) -> Column:
+        try:
+            return self.columns[name]
+        except KeyError:
+            raise UsageError(f"no column '{name}', only {', '.join(self.columns)}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Quantities that the scene has."""
+        names = (name for name in self.columns if name.startswith("error_"))
+        return tuple(n.removeprefix("error_") for n in names if not np.isnan(self.error(n[6:])[1]))
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Which rows are candidates that were measured."""
+        return np.asarray((self["role"] == "candidate") & (self["result_code"] == 0))
+
+    def error(self, quantity: str) -> NDArray[np.float64]:
+        """Errors of a quantity in all rows, NaN where there is none."""
+        return self.number(f"error_{quantity}")
+
+    def number(self, name: str) -> NDArray[np.float64]:
+        """A column of numbers."""
+        return np.asarray(self[name], dtype=np.float64)
+
+    def floor(self, quantity: str) -> float:
+        """What an error must exceed to be measured: 100 times the reference's own."""
+        return max(RESOLUTION * float(self.error(quantity)[1]), float(np.finfo(float).eps))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The table as an `xarray.Dataset` over ``point``."""
+        import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
+
+        variables = {
+            info.name: ("point", values, {"units": info.units, "long_name": info.long_name})
+            for info, values in self.columns.info()
+        }
+        return xarray.Dataset(
+            {name: variable for name, variable in variables.items() if name != "point"},
+            coords={"point": variables["point"]},
+        )
+
+    def __repr__(self) -> str:
+        n, done = len(self["role"]) - 2, int(np.count_nonzero(self.done))
+        head = f"<Trade: {n} candidates, {done} measured: {', '.join(self.quantities)}"
+        return "\n".join(part for part in (head, self.recommendation or self.shortfall) if part) + ">"
+
+
+def trade(
+    deck: DeckLike,
+    accuracy: float | None = None,
+    budget: float = 10.0,
+    *,
+    quantity: str = "",
+    **groups: Group,
+) -> Trade:
+    """Measure error against cost of models, methods and tolerances on a scene.
+
+    Parameters
+    ----------
+    deck : str, PathLike or Scene
+        Path of a deck, text of a deck, or a scene.
+    accuracy : float, optional
+        Look for the cheapest settings whose errors are below it, with a margin of 3.
+    budget : float
+        Wall time [s].
+    quantity : str
+        Of which quantity the accuracy is meant, or ``"all"``; by default final_elongation, period, peak_force and
+        creep_velocity, as far as the scene has them.
+    **groups : mapping
+        Overrides by group, as for `dynstiction.run`.
+
+    Returns
+    -------
+    Trade
+        All points, and the recommendation.
+
+    Raises
+    ------
+    DeckError
+        If the scene is refused.
+    UsageError
+        If accuracy, budget or quantity cannot be meant.
+    Error
+        If the budget does not suffice for the reference, or there is none.
+
+    Examples
+    --------
+    >>> result = trade("inputs/fig3.nml", accuracy=1e-3)                   # doctest: +SKIP
+    >>> print(result.recommendation)                                       # doctest: +SKIP
+    >>> run("inputs/fig3.nml", **result.settings)                          # doctest: +SKIP
+    """
+    scene = Scene(deck, **groups)
+    wanted = 0.0 if accuracy is None else float(accuracy)
+    if accuracy is not None and not 0.0 < wanted <= 1.0:
+        raise UsageError(f"accuracy={accuracy}: it must be > 0 and <= 1")
+    with _native.Comparison(scene.text, scene.name, scene.settings, quantity, wanted, budget) as core:
+        while not core.advance(CHUNK_SECONDS):
+            pass
+        columns = Described((info, _array(info, values)) for info, values in core.table())
+        return Trade(
+            columns=columns,
+            report=core.report(),
+            recommendation=core.recommendation(),
+            settings=_groups(core.settings()),
+            shortfall=core.shortfall(),
+        )
+
+
+def _array(info: Info, values: NDArray[np.float64] | Sequence[str]) -> Column:
+    if info.name.startswith("error_"):
+        errors = np.array(values, dtype=np.float64)
+        errors[errors < 0.0] = np.nan
+        return errors
+    return np.asarray(values)
+
+
+def _groups(settings: Sequence[str]) -> dict[str, dict[str, object]]:
+    groups: dict[str, dict[str, object]] = {}
+    for setting in settings:
+        name, _, value = setting.partition("=")
+        group, key = name.split(".")
+        groups.setdefault(group, {})[key] = _number_or_text(value) if value else None
+    return groups
+
+
+def _number_or_text(value: str) -> float | str:
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
+def holds_trade(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is one that ``dynstiction trade`` has written."""
+    try:
+        with h5py.File(path, "r") as file:
+            return "trade" in file
+    except OSError:
+        return False
+
+
+def open_trade(path: str | os.PathLike[str]) -> Trade:
+    """Points in a file written by ``dynstiction trade``.
+
+    Raises
+    ------
+    FileError
+        If the file is missing, damaged, or of something else.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            if "trade" not in file:
+                raise FileError(f"{os.fspath(path)}: holds no comparison of dynstiction trade")
+            entries = []
+            for name, dataset in file["trade"].items():
+                info = Info(name, dataset.attrs["units"], dataset.attrs["long_name"])
+                text = h5py.check_string_dtype(dataset.dtype) is not None
+                entries.append((info, _array(info, list(dataset.asstr()[:]) if text else dataset[:])))
+    except FileError:
+        raise
+    except (OSError, RuntimeError, KeyError) as error:  # h5py raises all three on damaged files
+        raise FileError(f"{os.fspath(path)}: cannot be read: {error}") from error
+    return Trade(Described(entries))

@@ -1,0 +1,132 @@
+"""Work-precision diagram: what every point of a comparison errs and costs."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from .._trade import Trade
+from ..errors import UsageError
+from .samples import Floats
+from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, ORANGE, PURPLE, SKY, VERMILION, letter
+
+__all__ = ["Family", "draw_work_precision", "families"]
+
+COLOURS = {
+    "radau5": ORANGE,
+    "radau9": BLUE,
+    "radau13": SKY,
+    "dopri5": VERMILION,
+    "dop853": PURPLE,
+    "moreau_jean": GREEN,
+    "rk4": BLACK,
+    "": BLACK,
+}
+KINDS = {
+    "full": ("full model, exact contact", "o", "full"),
+    "smoothed": ("full model, smoothed contact", "s", "none"),
+    "low_frequency": ("low-frequency model", "^", "none"),
+    "high_frequency": ("high-frequency model", "v", "none"),
+    "creep": ("creep in closed form", "*", "full"),
+}
+"""Kinds of equations: name in the legend, mark, filled or not."""
+
+PANELS = ("final_elongation", "period", "creep_velocity", "fast_phase")
+"""Quantities that get a panel, as far as the scene has them; at most three."""
+
+LABELS = {
+    "final_elongation": "error of the final elongation",
+    "period": "error of the period",
+    "creep_velocity": "error of the creep velocity",
+    "fast_phase": r"error of the fast phase, over $\pi$",
+}
+
+
+class Family(NamedTuple):
+    """Points that differ in tolerance or step only, the coarse ones first.
+
+    Errors below the floor, what the reference can tell, stand at it: `known` is False there.
+    """
+
+    kind: str
+    method: str
+    error: Floats
+    seconds: Floats
+    known: np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+def families(trade: Trade, quantity: str) -> list[Family]:
+    """Measured points of a comparison by family, for one quantity."""
+    error, floor = trade.error(quantity), trade.floor(quantity)
+    coarseness = np.fmax(trade.number("rtol"), trade.number("step"))
+    rows: dict[tuple[str, str, float], list[int]] = {}
+    for i in np.flatnonzero(trade.done):
+        model = str(trade["model"][i]).removesuffix("_asymptotic")
+        kind = "smoothed" if trade["contact"][i] == "smoothed" else model
+        rows.setdefault((kind, str(trade["method"][i]), float(trade["v_smooth"][i])), []).append(int(i))
+    found = []
+    for (kind, method, _), members in rows.items():
+        members.sort(key=lambda i: -float(coarseness[i]))
+        size = error[members]
+        known = size > floor
+        found.append(
+            Family(kind, method, np.where(known, size, floor), trade.number("seconds")[members], known)
+        )
+    return found
+
+
+def draw_work_precision(trade: Trade, figure: Figure) -> None:
+    """Cost against error, one panel a quantity; the grey part is below what the reference can tell."""
+    shown = [name for name in PANELS if name in trade.quantities][:3]
+    if not shown or not trade.done.any():
+        raise UsageError("nothing to draw: no point was measured: give dynstiction trade a larger --budget")
+    figure.set_size_inches(COLUMN_WIDTH, (25.0 + 55.0 * len(shown)) * MM)
+    axes = figure.subplots(len(shown), 1, squeeze=False, sharey=True)[:, 0]
+    drawn: set[str] = set()
+    for name, axis, quantity in zip("abc", axes, shown, strict=False):
+        drawn |= _draw_panel(axis, trade, quantity)
+        letter(axis, name)
+    figure.legend(
+        handles=_legend(drawn), loc="outside lower center", ncols=2, handletextpad=0.3, columnspacing=1.0
+    )
+
+
+def _draw_panel(axis: Axes, trade: Trade, quantity: str) -> set[str]:
+    """Draw the points of one quantity; returns methods and kinds that occur."""
+    drawn: set[str] = set()
+    for family in families(trade, quantity):
+        drawn |= {family.kind, family.method}
+        _, mark, fill = KINDS[family.kind]
+        colour = COLOURS[family.method]
+        style: Any = {"color": colour, "markersize": 3.5, "markeredgewidth": 0.7}
+        if family.kind == "full":
+            axis.plot(family.error, family.seconds, color=colour, alpha=0.6)
+        known = family.known
+        axis.plot(family.error[known], family.seconds[known], mark, fillstyle=fill, **style)
+        axis.plot(family.error[~known], family.seconds[~known], "<", fillstyle="none", **style)
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.axvspan(axis.get_xlim()[0], trade.floor(quantity), color="0.9", linewidth=0.0)
+    axis.set_xlim(left=0.3 * trade.floor(quantity))
+    axis.set_xlabel(LABELS[quantity])
+    axis.set_ylabel("wall time [s]")
+    return drawn
+
+
+def _legend(drawn: set[str]) -> list[Line2D]:
+    """Methods by colour, equations by mark."""
+    methods = [
+        Line2D([], [], color=colour, label=name, linewidth=1.2)
+        for name, colour in COLOURS.items()
+        if name and name in drawn
+    ]
+    kinds = [
+        Line2D([], [], color="0.4", marker=mark, fillstyle=fill, markersize=3.5, linestyle="none", label=text)  # type: ignore[arg-type]
+        for kind, (text, mark, fill) in KINDS.items()
+        if kind in drawn
+    ]
+    return methods + kinds

@@ -1,0 +1,171 @@
+"""What every scene must end in: a sound result, or an error that says what is wrong and what would help."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+
+import dynstiction as ds
+import numpy as np
+from matrix import FIG3, Groups
+
+WALL_LIMIT = 60.0
+"""A run that lasts longer hangs [s]; `max_steps` ends every sound one long before."""
+
+
+@dataclass
+class Ending:
+    """How one scene ended: the result code, the text of an error, and the faults found."""
+
+    code: int
+    text: str
+    faults: list[str]
+    result: ds.Result | None = None
+
+
+def finish(groups: Groups) -> Ending:
+    """Run a scene and look for whatever must not be."""
+    deck = {**groups, "output": {**groups.get("output", {}), "wall_limit": WALL_LIMIT}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ds.IncompleteWarning)
+        try:
+            result = ds.run(ds.Scene(**deck))
+        except ds.DeckError as error:
+            return Ending(2, str(error), refusal_faults(str(error)))
+        except ds.SolverError as error:
+            assert isinstance(error.result, ds.Result)
+            faults = solver_error_faults(str(error)) + state_faults(error.result, groups)
+            return Ending(error.code, str(error), faults, error.result)
+    faults = state_faults(result, groups) + balance_faults(result, groups)
+    code = int(result.attributes["result_code"])
+    if code != 0:
+        faults.append(f"hangs: {result.attributes['result_text']}")
+    elif result.time[-1] != groups["scene"]["t_end"]:
+        faults.append(f"ends at {result.time[-1]!r} and not at t_end")
+    return Ending(code, "", faults, result)
+
+
+def refusal_faults(text: str) -> list[str]:
+    """A refusal names the key or the model that is at fault."""
+    keys = "|".join({key for keys in FIG3.values() for key in keys} | {"t_end", "method", "model", "time"})
+    named = re.search(rf"\b({keys})\b|V t/l_x|Eq\. \(8\)", text)
+    return [] if named else [f"says nothing of a key: {text}"]
+
+
+def solver_error_faults(text: str) -> list[str]:
+    """A solver that gives up says where, and what to do."""
+    faults = []
+    if not re.search(r"t = +-?[0-9.]+(E[+-]\d+)? s", text):
+        faults.append(f"gives no time: {text}")
+    if not re.search(r"\b(use|raise|see|reduce)\b", text):
+        faults.append(f"gives no remedy: {text}")
+    return faults
+
+
+def state_faults(result: ds.Result, groups: Groups) -> list[str]:
+    """Finite values, Coulomb's law, the sequence of events, and the position."""
+    faults = [name for name in result if not np.isfinite(result[name]).all()]
+    if faults:
+        return [f"not finite: {', '.join(faults)}"]
+    time = result.time
+    if time.size and (time[0] != 0 or (np.diff(time) < 0).any()):
+        faults.append("the time does not run on from 0")
+    if "u_x" in result:
+        faults += contact_faults(result, groups) + position_faults(result, groups)
+    faults += event_faults(result)
+    return faults
+
+
+def contact_faults(result: ds.Result, groups: Groups) -> list[str]:
+    friction = groups["friction"]
+    limit = friction["mu_0"] * friction["normal_load"]  # type: ignore[operator]
+    stuck = result["sticking"] == 1
+    load = np.hypot(result["spring_force_x"], result["spring_force_y"])
+    speed = np.hypot(result["w_x"], result["w_y"])
+    forward = result["w_x"] * np.cos(result["theta"]) + result["w_y"] * np.sin(result["theta"])
+    faults = []
+    # To Moreau and Jean's scheme rest is a step that ends with w = 0, also one that turns under any load.
+    if result.attributes["method"] != "moreau_jean" and (load[stuck] > limit * (1 + 1e-9)).any():
+        faults.append(
+            f"sticks under {load[stuck].max() / limit if limit else np.inf:.16g} of the static limit"
+        )
+    if speed[stuck].any():
+        faults.append("moves while it sticks")
+    if (forward < -1e-9 * speed.max(initial=0.0)).any():
+        faults.append("friction along the slip: v < 0")
+    if (result["friction"] < 0).any():
+        faults.append("negative friction")
+    return faults
+
+
+def position_faults(result: ds.Result, groups: Groups) -> list[str]:
+    """X = D(t) - u.e but for a constant, where both elongations move."""
+    if result.attributes["model"] not in {"full", "creep"}:
+        return []
+    phi = np.radians(groups["system"]["misalignment_deg"])  # type: ignore[call-overload]
+    stretch = result["u_x"] * np.cos(phi) + result["u_y"] * np.sin(phi)
+    driven = distance(groups["drive"], result.time)
+    open_ = result["X"] - (driven - stretch)
+    scale = max(np.abs(driven).max(), np.abs(result["u_x"]).max(), np.abs(result["u_y"]).max())
+    gap = np.abs(open_ - open_[0]).max()
+    return [f"X differs from D - u.e by {gap / scale:.1e}"] if gap > 1e-9 * scale else []
+
+
+def distance(drive: dict[str, object], time: np.ndarray) -> np.ndarray:
+    """Way of the drive D [m] at times [s]: the integral of a piecewise-linear velocity."""
+    velocity = np.atleast_1d(np.asarray(drive["velocity"], dtype=float))
+    knots = np.atleast_1d(np.asarray(drive.get("time", [0.0]), dtype=float))
+    way = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (velocity[1:] + velocity[:-1]) / 2)])
+    i = np.searchsorted(knots, time, side="right") - 1
+    elapsed = time - knots[i]
+    last = np.append(np.diff(velocity), 0.0)[i]
+    span = np.append(np.diff(knots), 1.0)[i]
+    share = np.divide(elapsed, span, out=np.zeros_like(elapsed), where=span > 0)
+    return np.asarray(way[i] + elapsed * (velocity[i] + last * share / 2))
+
+
+def event_faults(result: ds.Result) -> list[str]:
+    time, kind = result.events["time"], result.events["kind"]
+    faults = []
+    if (np.diff(time) < 0).any():
+        faults.append("events out of order")
+    if (kind[1:] == kind[:-1]).any():
+        faults.append("stick and slip do not take turns")
+    if "sticking" in result and time.size:
+        # At the instant of an event both states are true.
+        between = ~np.isin(result.time, time)
+        last = np.searchsorted(time, result.time, side="right") - 1
+        known = between & (last >= 0)
+        state = kind[last[known]] == ds.record.STICK_BEGINS
+        if (state != (result["sticking"][known] == 1)).any():
+            faults.append("the column sticking contradicts the events")
+    return faults
+
+
+def balance_faults(result: ds.Result, groups: Groups) -> list[str]:
+    """The energy balance is closed to the tolerance of the steps, over all works and the largest energy."""
+    summary = result.summary
+    if "energy_residual" not in summary or result.attributes["method"] == "rk4":
+        return []
+    system = groups["system"]
+    stiffness = [system.get(f"stiffness_{axis}", 0.0) for axis in "xy"]
+    # The low-frequency motion across is guided; its inertia is in no balance.
+    across = 0.0 if result.attributes["model"] == "low_frequency" else result["w_y"]
+    energy = 0.5 * (
+        system["mass"] * (result["w_x"] ** 2 + across**2)  # type: ignore[operator]
+        + stiffness[0] * result["u_x"] ** 2  # type: ignore[operator]
+        + stiffness[1] * result["u_y"] ** 2  # type: ignore[operator]
+    )
+    # An explicit method ends slip below a share of V in closed form, and does not resolve what is slow against V.
+    unresolved = 0.0
+    if result.attributes["method"] in {"dopri5", "dop853"}:
+        unresolved = system["mass"] * np.abs(groups["drive"]["velocity"]).max() ** 2
+    works = abs(summary["drive_work"]) + abs(summary["friction_work"])
+    if not np.isfinite(works) or works + energy.max() == 0:
+        return [] if np.isfinite(works) else ["infinite work"]
+    residual = summary["energy_residual"] * (works + energy[0]) / (works + energy.max() + unresolved)
+    tolerance = (
+        max(1e3, float(result.statistics["steps"])) * 10 * float(groups["integrator"].get("rtol", 1e-8))
+    )  # type: ignore[arg-type]
+    return [f"energy balance open by {residual:.1e}"] if abs(residual) > tolerance else []

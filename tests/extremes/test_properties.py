@@ -1,0 +1,199 @@
+"""What holds for every scene, searched for in the space between and beyond the ends of the matrix.
+
+All values are drawn as factors of Fig. 3's, so that a counterexample shrinks towards Fig. 3.
+"""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, assume, given, settings
+from hypothesis import strategies as st
+from invariants import Ending, finish
+from matrix import FIG3, KINDS, Groups, Kind, Profile, scene_of
+
+FULL = "DYNSTICTION_FULL" in os.environ
+MOTIONS = [kind for kind in KINDS if kind.model in {"full", "low_frequency", "high_frequency"}]
+SMOOTH_STEP = [kind for kind in MOTIONS if kind.method in {"radau5", "radau9", "radau13"}]
+
+# The examples are the same in every run: what is found once is found again. The many come with --full.
+examples = settings(
+    max_examples=2000 if FULL else 150,
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+    phases=(Phase.explicit, Phase.generate, Phase.shrink),
+)
+
+
+def factor(least: float, most: float) -> st.SearchStrategy[float]:
+    """Log-uniform between 10**least and 10**most."""
+    return st.floats(least, most, allow_nan=False).map(lambda exponent: 10.0**exponent)
+
+
+def signed(strategy: st.SearchStrategy[float]) -> st.SearchStrategy[float]:
+    return st.one_of(
+        st.just(0.0), st.builds(lambda x, side: x * side, strategy, st.sampled_from([1.0, -1.0]))
+    )
+
+
+def linear(least: float, most: float) -> st.SearchStrategy[float]:
+    """Not so close to 0 that squares underflow."""
+    return st.floats(least, most, allow_nan=False).map(lambda x: round(x, 12))
+
+
+misalignments = st.one_of(
+    st.sampled_from([1.0, 0.0, 90.0, -90.0, 180.0, 8.655]),
+    signed(factor(-12, 0)),
+    linear(-360.0, 360.0),
+)
+
+
+@st.composite
+def parameters(draw: st.DrawFn) -> Groups:
+    """Parameters of the full model; lengths, loads and velocities are tied so that most scenes move."""
+    groups: Groups = {group: dict(keys) for group, keys in FIG3.items()}
+    system, friction = groups["system"], groups["friction"]
+    system["mass"] = 0.25 * draw(factor(-12, 6))
+    system["stiffness_x"] = 1e3 * draw(factor(-6, 6))
+    system["stiffness_y"] = system["stiffness_x"] * 1e4 * draw(factor(-7, 8))
+    system["misalignment_deg"] = draw(misalignments)
+    friction["normal_load"] = 10.0 * draw(st.one_of(st.just(1.0), st.just(0.0), factor(-9, 9)))
+    friction["mu_0"] = 0.20 * draw(st.one_of(st.just(1.0), st.just(0.0), factor(-3, 3)))
+    friction["mu_inf"] = friction["mu_0"] * draw(st.one_of(st.just(0.75), st.just(1.0), linear(0, 3)))
+    friction["v_f"] = 0.010 * draw(factor(-7, 11))
+    groups["drive"]["velocity"] = 1e-3 * draw(st.one_of(st.just(1.0), signed(factor(-9, 5))))
+    limit = (
+        0.20 * 10.0
+        if friction["mu_0"] * friction["normal_load"] == 0
+        else friction["mu_0"] * friction["normal_load"]
+    )
+    initial = groups["initial"]
+    initial["velocity_ratio"] = draw(st.one_of(st.just(0.0), signed(factor(-9, 3))))
+    initial["elongation_x"] = limit / system["stiffness_x"] * draw(st.one_of(st.just(0.0), linear(-3, 3)))
+    initial["elongation_y"] = limit / system["stiffness_y"] * draw(st.one_of(st.just(0.0), linear(-3, 3)))
+    groups["integrator"]["rtol"] = draw(st.sampled_from([1e-8, 1e-4, 1e-11]))
+    return groups
+
+
+@st.composite
+def profiles(draw: st.DrawFn) -> Profile:
+    """Mostly none; else up to six knots with jumps, holds and reversals."""
+    shares = sorted(draw(st.lists(st.sampled_from([0.1, 0.2, 0.2, 0.5, 0.5, 0.8]), max_size=5)))
+    if not shares:
+        return ()
+    knots = [0.0, *(share for i, share in enumerate(shares) if i < 2 or share > shares[i - 2])]
+    return tuple((share, draw(st.sampled_from([1.0, 0.0, -1.0, 1e-6, 30.0]))) for share in knots)
+
+
+@examples
+@given(parameters(), st.sampled_from(KINDS), profiles())
+def test_any_scene_ends_well(groups: Groups, kind: Kind, profile: Profile) -> None:
+    assert finish(scene_of(groups, kind, profile)).faults == []
+
+
+def columns(ending: Ending) -> dict[str, np.ndarray]:
+    assert ending.result is not None, ending.text
+    result = ending.result
+    return {
+        **{name: result[name] for name in result},
+        "event time": result.events["time"],
+        "event": result.events["kind"],
+    }
+
+
+@examples
+@given(parameters(), st.sampled_from(MOTIONS), profiles())
+def test_mirror_image(groups: Groups, kind: Kind, profile: Profile) -> None:
+    """In the mirror, phi -> -phi, what is across the soft axis changes its sign, and nothing else, bit for bit.
+
+    Slip straight backwards has the angle pi and not -pi also in the mirror, and sin(pi) is not quite 0: there must be a motion across.
+    """
+    pulled = groups["drive"]["velocity"] != 0 and (not profile or profile[0][1] != 0)
+    assume(groups["system"]["misalignment_deg"] % 180 != 0)  # type: ignore[operator]
+    assume(pulled or groups["initial"]["elongation_y"] != 0)
+    mirrored = {group: dict(keys) for group, keys in groups.items()}
+    for group, key in (("system", "misalignment_deg"), ("initial", "elongation_y")):
+        mirrored[group][key] = -groups[group][key]  # type: ignore[operator]
+    here, there = (finish(scene_of(each, kind, profile)) for each in (groups, mirrored))
+    assert here.code == there.code
+    if here.code == 2:
+        return
+    ours, theirs = columns(here), columns(there)
+    for name in (
+        "time",
+        "u_x",
+        "w_x",
+        "X_rate",
+        "spring_force_x",
+        "friction",
+        "sticking",
+        "event time",
+        "event",
+    ):
+        np.testing.assert_array_equal(ours[name], theirs[name], err_msg=name)
+    for name in ("u_y", "w_y", "Y", "Y_rate", "spring_force_y"):
+        np.testing.assert_array_equal(ours[name], -theirs[name], err_msg=name)
+    way = max(np.abs(ours[name]).max() for name in ("X", "u_x"))
+    np.testing.assert_allclose(ours["X"], theirs["X"], rtol=0, atol=1e-15 * way)
+
+
+powers = st.integers(-6, 6).map(lambda exponent: 2.0**exponent)
+
+
+@examples
+@given(parameters(), st.sampled_from(SMOOTH_STEP), profiles(), powers, powers, powers)
+def test_units(groups: Groups, kind: Kind, profile: Profile, length: float, time: float, mass: float) -> None:
+    """Other units of length, time and mass, powers of two of ours, give the same numbers, bit for bit."""
+    scene = scene_of(groups, kind, profile)
+    units = {
+        ("scene", "t_end"): time,
+        ("system", "mass"): mass,
+        ("system", "stiffness_x"): mass / time**2,
+        ("system", "stiffness_y"): mass / time**2,
+        ("friction", "normal_load"): mass * length / time**2,
+        ("friction", "v_f"): length / time,
+        ("friction", "v_smooth"): length / time,
+        ("drive", "time"): time,
+        ("drive", "velocity"): length / time,
+        ("initial", "elongation_x"): length,
+        ("initial", "elongation_y"): length,
+    }
+    scaled = {
+        group: {key: rescaled(value, units.get((group, key), 1.0)) for key, value in keys.items()}
+        for group, keys in scene.items()
+    }
+    here, there = finish(scene), finish(scaled)
+    assert here.code == there.code
+    if here.code == 2:
+        return
+    ours, theirs = columns(here), columns(there)
+    for name, unit in {
+        "time": time,
+        "u_x": length,
+        "u_y": length,
+        "w_x": length / time,
+        "w_y": length / time,
+        "X": length,
+        "friction": mass * length / time**2,
+        "theta": 1.0,
+        "sticking": 1.0,
+        "event time": time,
+    }.items():
+        # What underflows loses digits.
+        np.testing.assert_allclose(theirs[name], unit * ours[name], rtol=0, atol=1e-290, err_msg=name)
+
+
+def rescaled(value: object, unit: float) -> object:
+    if isinstance(value, list):
+        return [unit * x for x in value]
+    return unit * value if isinstance(value, float) and unit != 1.0 else value
+
+
+@pytest.mark.parametrize("kind", SMOOTH_STEP, ids=lambda kind: kind.name)
+def test_the_search_starts_at_fig3(kind: Kind) -> None:
+    """What the counterexamples shrink to is itself sound."""
+    assert finish(scene_of(FIG3, kind)).code == 0

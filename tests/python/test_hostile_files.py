@@ -1,0 +1,198 @@
+"""Result files that are cut, bent, or somebody else's: `ds.open` refuses them with a `FileError`, and soon."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import dynstiction as ds
+import h5py
+import numpy as np
+import pytest
+
+SHORT = {"t_end": 0.05}
+
+
+@pytest.fixture(scope="module", params=["executable", "python"])
+def sound(request, executable: Path, fig3_text: str, tmp_path_factory) -> Path:
+    """The file of a short run, as each of the two writers makes it."""
+    folder = tmp_path_factory.mktemp("sound")
+    file = folder / "run.h5"
+    if request.param == "python":
+        ds.run(fig3_text, scene=SHORT).save(file)
+    else:
+        deck = folder / "fig3.nml"
+        deck.write_text(fig3_text)
+        command = [executable, "run", deck, "-o", file, "--quiet", "--set", "scene.t_end=0.05"]
+        subprocess.run(command, check=True, timeout=60)
+    ds.open(file)
+    return file
+
+
+def cut(bytes_left: Callable[[int], int]) -> Callable[[Path], None]:
+    """Damage that keeps only the beginning of a file, given its size."""
+
+    def damage(file: Path) -> None:
+        os.truncate(file, bytes_left(file.stat().st_size))
+
+    return damage
+
+
+def flip(file: Path, place: int, bit: int = 0) -> None:
+    with open(file, "r+b") as stream:
+        stream.seek(place)
+        byte = stream.read(1)[0] ^ (1 << bit)
+        stream.seek(place)
+        stream.write(bytes([byte]))
+
+
+def flip_at(place: int) -> Callable[[Path], None]:
+    return lambda file: flip(file, place)
+
+
+def flip_in_column(name: str) -> Callable[[Path], None]:
+    """Damage of the last bit of the second number of a column."""
+
+    def damage(file: Path) -> None:
+        with h5py.File(file) as data:
+            place = data[name].id.get_chunk_info(0).byte_offset + data[name].dtype.itemsize
+        flip(file, place)
+
+    return damage
+
+
+def flip_after(mark: bytes) -> Callable[[Path], None]:
+    """Damage of the byte after the first `mark`."""
+
+    def damage(file: Path) -> None:
+        flip(file, file.read_bytes().index(mark) + len(mark))
+
+    return damage
+
+
+def edit(change: Callable[[h5py.File], object]) -> Callable[[Path], None]:
+    """Damage that HDF5 itself takes for a sound file."""
+
+    def damage(file: Path) -> None:
+        with h5py.File(file, "r+") as data:
+            change(data)
+
+    return damage
+
+
+def replace(name: str, **how: object) -> Callable[[Path], None]:
+    """Damage that puts another dataset in the place of one."""
+
+    def change(data: h5py.File) -> None:
+        del data[name]
+        data.create_dataset(name, **how)
+
+    return edit(change)
+
+
+def with_times(times: list[float]) -> Callable[[Path], None]:
+    def change(data: h5py.File) -> None:
+        data["time_series/time"][: len(times)] = times
+
+    return edit(change)
+
+
+DAMAGES: dict[str, Callable[[Path], None]] = {
+    "empty": cut(lambda size: 0),
+    "cut in the signature": cut(lambda size: 4),
+    "cut in the superblock": cut(lambda size: 50),
+    "cut after the superblock": cut(lambda size: 96),
+    "cut early": cut(lambda size: 2048),
+    "cut in the middle": cut(lambda size: size // 2),
+    "cut late": cut(lambda size: size - 600),
+    "cut by one byte": cut(lambda size: size - 1),
+    "bit of the signature": flip_at(0),
+    "bit of the superblock's version": flip_at(8),
+    "bit of the size of offsets": flip_at(13),
+    "bit of the size of lengths": flip_at(14),
+    "bit of the end of file": flip_at(46),
+    "bit of the root's address": flip_at(68),
+    "bit of a time": flip_in_column("time_series/time"),
+    "bit of an elongation": flip_in_column("time_series/u_x"),
+    "bit of a sticking flag": flip_in_column("time_series/sticking"),
+    "bit of an event's time": flip_in_column("events/time"),
+    "bit of an event's kind": flip_in_column("events/kind"),
+    "bit of the deck": flip_after(b"normal_load = 10"),
+    "text": lambda file: file.write_text("&scene /\n"),
+    "another program's": edit(lambda data: data.attrs.__setitem__("program", "other")),
+    "no program": edit(lambda data: data.attrs.__delitem__("program")),
+    "no time series": edit(lambda data: data.__delitem__("time_series")),
+    "no time": edit(lambda data: data.__delitem__("time_series/time")),
+    "no events": edit(lambda data: data.__delitem__("events")),
+    "no kinds of events": edit(lambda data: data.__delitem__("events/kind")),
+    "no deck": edit(lambda data: data.__delitem__("deck/text")),
+    "no checksum of the deck": edit(lambda data: data.attrs.__delitem__("deck_sha256")),
+    "a group as column": edit(lambda data: data.create_group("time_series/extra")),
+    "a broken link as column": edit(
+        lambda data: data["time_series"].__setitem__("extra", h5py.SoftLink("/nowhere"))
+    ),
+    "a link to another file as column": edit(
+        lambda data: data["time_series"].__setitem__("extra", h5py.ExternalLink("none.h5", "/"))
+    ),
+    "a table as column": replace("time_series/u_x", data=np.zeros((5, 5))),
+    "a number as column": replace("time_series/u_x", data=1.0),
+    "texts as column": replace("time_series/u_x", data=["a", "b"]),
+    "a column beyond all memory": replace("time_series/u_x", shape=(10**14,), dtype="f8", chunks=(1000,)),
+    "columns of ten gigabytes": replace("time_series/u_x", shape=(10**9,), dtype="f8", chunks=(1000,)),
+    "descending times": with_times([1.0, 0.5]),
+    "a time that is no number": with_times([0.0, float("nan")]),
+    "a list as attribute": edit(lambda data: data.attrs.__setitem__("result_code", [1, 2])),
+    "a number as deck": replace("deck/text", data=3.0),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES.keys())
+def test_damage_is_refused(sound: Path, tmp_path: Path, damage: Callable[[Path], None]) -> None:
+    damaged = tmp_path / "damaged.h5"
+    damaged.write_bytes(sound.read_bytes())
+    damage(damaged)
+    with pytest.raises(ds.FileError, match=r"damaged\.h5"):
+        ds.open(damaged)
+
+
+def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for place in (tmp_path, pipe, Path("/dev/zero")):
+        with pytest.raises(ds.FileError, match="not a regular file"):
+            ds.open(place)
+
+
+# In a process of its own, because damage might end the process or never end.
+FLIPS = """
+import os, random, sys, warnings
+import dynstiction as ds
+warnings.simplefilter("ignore")
+sound, folder, count = open(sys.argv[1], "rb").read(), sys.argv[2], int(sys.argv[3])
+file = os.path.join(folder, "bent.h5")
+refused = 0
+for seed in range(count):
+    dice = random.Random(seed)
+    bent = bytearray(sound)
+    for _ in range(dice.choice((1, 1, 10, 100))):
+        bent[dice.randrange(len(bent))] ^= 1 << dice.randrange(8)
+    with open(file, "wb") as stream:
+        stream.write(bent[: dice.randrange(len(bent))] if dice.random() < 0.2 else bent)
+    try:
+        ds.open(file)
+    except ds.FileError:
+        refused += 1
+print(refused)
+"""
+
+
+@pytest.mark.parametrize("count", [200, pytest.param(5000, marks=pytest.mark.full)])
+def test_any_damage_is_read_or_refused(sound: Path, tmp_path: Path, count: int) -> None:
+    command = [sys.executable, "-c", FLIPS, str(sound), str(tmp_path), str(count)]
+    # A read takes some 10 ms; one that never ends fails here.
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20 + count, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > count / 4

@@ -1,0 +1,376 @@
+"""Error against cost: the file of `dynstiction trade`, what it lists, what it recommends, and its figure."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+
+import dynstiction as ds
+import h5py
+import numpy as np
+import pytest
+import xarray
+from dynstiction import plot
+from dynstiction.__main__ import main
+from dynstiction.plot.paper import deck as paper_deck
+from dynstiction.plot.samples import first_release
+from dynstiction.plot.work_precision import families
+
+# Half a second of the creep of Fig. 3, and its first stick-slips.
+CREEP = {"scene": {"t_end": 0.3}}
+STICK_SLIP = {"scene": {"t_end": 4.0}}
+BUDGET = 2.0
+SLICE = 1.0  # s, what a crowded machine may take beyond the budget
+
+TEXTS = {"role", "model", "form", "method", "contact", "text"}
+NUMBERS = {"point", "rtol", "step", "v_smooth", "seconds", "steps", "rhs", "newton", "result_code"}
+QUANTITIES = (
+    "final_elongation",
+    "final_velocity",
+    "period",
+    "peak_force",
+    "valley_force",
+    "slip_length",
+    "max_X_rate",
+    "creep_velocity",
+    "fast_amplitude",
+    "fast_phase",
+    "sticks",
+)
+
+
+@pytest.fixture(scope="module")
+def creep(fig3):
+    return ds.trade(fig3, budget=BUDGET, **CREEP)
+
+
+@pytest.fixture
+def command(executable, tmp_path, fig3_text):
+    """Run ``dynstiction trade`` on the creep of Fig. 3."""
+    (tmp_path / "deck.nml").write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.3"))
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        words = [str(executable), *arguments]
+        return subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=60, check=False, text=True)
+
+    return run
+
+
+def row(trade, **wanted):
+    """Index of the one row with these values."""
+    found = [i for i in range(len(trade["role"])) if all(trade[k][i] == v for k, v in wanted.items())]
+    assert len(found) == 1, (wanted, found)
+    return found[0]
+
+
+def test_file(command, tmp_path):
+    result = command("trade", "deck.nml", "--budget", "1")
+    assert (result.returncode, result.stderr) == (0, "")
+    with h5py.File(tmp_path / "deck_trade.h5") as file:
+        assert set(file) == {"deck", "parameters", "summary", "statistics", "trade"}
+        assert file.attrs["complete"] == 1
+        assert file.attrs["result_code"] == 0
+        assert (file.attrs["model"], file.attrs["method"]) == ("full", "radau13")
+        assert "t_end = 0.3" in file["deck/text"].asstr()[()]
+        table = file["trade"]
+        assert set(table) == TEXTS | NUMBERS | {f"error_{name}" for name in QUANTITIES}
+        assert len({dataset.shape for dataset in table.values()}) == 1
+        assert all(dataset.attrs["units"] and dataset.attrs["long_name"] for dataset in table.values())
+        # Creep has no period: the fill value says so, and no NaN is written.
+        assert table["error_period"].attrs["_FillValue"] == -1.0
+        assert np.all(table["error_period"][:] == -1.0)
+    opened = xarray.open_dataset(tmp_path / "deck_trade.h5", group="trade", engine="h5netcdf")
+    assert opened.sizes == {"point": opened.sizes["point"]}
+    assert np.all(np.isnan(opened["error_period"]))
+    trade = ds.open_trade(tmp_path / "deck_trade.h5")
+    assert list(trade["role"][:3]) == ["reference", "check", "candidate"]
+    assert "period" not in trade.quantities
+
+
+def test_every_candidate_is_printed(command, tmp_path):
+    lines = command("trade", "deck.nml", "--budget", "1", "-o", "x.h5").stdout.splitlines()
+    trade = ds.open_trade(tmp_path / "x.h5")
+    # Two lines of headings, and one before those without result.
+    assert len(lines) == len(trade["role"]) + 3
+    failed = lines[lines.index("Without result:") + 1 :]
+    assert len(failed) == np.count_nonzero((trade["role"] == "candidate") & (trade["result_code"] != 0))
+
+
+def test_reasons(creep):
+    """What was not measured says why; what was measured says done."""
+    measured = creep["result_code"] == 0
+    assert np.all(creep["text"][measured] == "done")
+    assert not np.any((creep["text"] == "done") | (creep["text"] == ""), where=~measured)
+    high = row(creep, model="high_frequency")
+    assert creep["result_code"][high] == 2
+    assert "holds the load" in creep["text"][high]
+    skipped = creep["result_code"] == 75
+    assert all("budget" in text for text in creep["text"][skipped])
+
+
+def test_errors_of_the_solver_are_listed(fig3):
+    """Fourth order with a step beyond its stability."""
+    trade = ds.trade(fig3, budget=BUDGET, scene={"t_end": 1e-5})
+    assert np.all(np.isnan(trade.error("final_elongation")[trade["result_code"] != 0]))
+    assert len(trade["role"]) > 100
+
+
+def test_asymptotics_beyond_their_range(fig3):
+    trade = ds.trade(fig3, budget=BUDGET, scene={"t_end": 2.1})
+    printed = row(trade, form="printed")
+    assert trade["result_code"][printed] == 2
+    assert "V t/l_x < 1" in trade["text"][printed]
+
+
+def test_creep_is_known_in_closed_form(creep):
+    """The closed form errs by what it leaves out, the printed exponent by far more."""
+    error = creep.error("creep_velocity")
+    third = error[row(creep, form="third_order")]
+    assert error[row(creep, model="creep", role="candidate")] < 2e-3
+    assert third < 2e-3
+    assert error[row(creep, form="printed")] > 0.1
+    # Eq. (8) says nothing of the elongation.
+    assert creep.error("final_elongation")[row(creep, form="printed")] == 1.0
+
+
+def test_the_reference_is_better_than_what_is_shown(creep):
+    assert creep["method"][0] == "radau13"
+    assert creep["rtol"][0] == pytest.approx(1e-13)
+    for name in ("final_elongation", "final_velocity", "creep_velocity", "fast_amplitude", "fast_phase"):
+        own = creep.error(name)[1]
+        assert 0.0 <= own < 1e-8
+        assert creep.floor(name) >= 100.0 * own
+
+
+def test_errors_fall_with_the_tolerance(creep):
+    coarse = row(creep, model="full", method="radau9", rtol=1e-4, contact="exact")
+    fine = row(creep, model="full", method="radau9", rtol=1e-8, contact="exact")
+    for name in ("final_elongation", "final_velocity", "fast_phase"):
+        error = creep.error(name)
+        assert error[fine] < 1e-2 * error[coarse] < 1e-4
+    assert creep["newton"][fine] > creep["newton"][coarse] > 0
+
+
+def test_fast_oscillation(creep):
+    """A smoothing velocity of V sin(phi) damps it; the low-frequency model has none."""
+    amplitude = creep.error("fast_amplitude")
+    slow = row(creep, model="low_frequency", method="radau9", rtol=1e-6)
+    assert amplitude[slow] == creep.error("fast_phase")[slow] == 1.0
+    assert creep.error("sticks")[slow] == 1.0
+    widest = creep["v_smooth"].max()
+    assert amplitude[row(creep, method="radau9", rtol=1e-6, v_smooth=widest)] > 0.5
+
+
+def test_budget_is_kept(fig3):
+    began = time.monotonic()
+    trade = ds.trade(fig3, budget=1.0, **CREEP)
+    assert time.monotonic() - began < 1.0 + SLICE
+    assert np.any(trade["result_code"] == 75)
+
+
+def test_budget_too_small_for_the_reference(command, tmp_path):
+    result = command("trade", "deck.nml", "--budget", "1e-3")
+    assert result.returncode == 75
+    assert "does not suffice for the reference" in result.stderr
+    with h5py.File(tmp_path / "deck_trade.h5") as file:
+        assert file.attrs["complete"] == 0
+        assert file.attrs["result_code"] == 75
+    with pytest.raises(ds.FileError, match="holds no comparison"):
+        ds.open_trade(tmp_path / "deck_trade.h5")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "remedy"),
+    [
+        (["--accuracy", "0"], 1, "give a number > 0"),
+        (["--accuracy", "2"], 1, "<= 1.0"),
+        (["--accuracy", "fine"], 1, "not a real number"),
+        (["--budget", "-1"], 1, "give a number > 0"),
+        (["--budget"], 1, "without a value"),
+        (["--quantity", "period"], 1, "--accuracy"),
+        (["--accuracy", "1e-3", "--quantity", "perod"], 1, "nearest is 'period'"),
+        (["deck.nml"], 1, "one deck"),
+        (["--set", "system.mass=heavy"], 2, "not a real number"),
+        (["-o", "no/where.h5"], 3, "create it first"),
+    ],
+)
+def test_wrong_use(arguments, status, remedy, command, tmp_path):
+    result = command("trade", "deck.nml", *arguments)
+    assert result.returncode == status
+    assert remedy in result.stderr
+    assert not list(tmp_path.glob("*.h5"))
+
+
+def test_closed_form_has_nothing_to_compare():
+    deck = paper_deck("creep")
+    with pytest.raises(ds.DeckError, match="choose model = 'full'"):
+        ds.trade(deck)
+
+
+def test_options_of_trade_alone(command):
+    result = command("run", "deck.nml", "--budget", "3")
+    assert result.returncode == 1
+    assert "takes no --budget" in result.stderr
+
+
+def test_existing_file(command):
+    assert command("trade", "deck.nml", "--budget", "0.5", "--quiet").returncode == 0
+    again = command("trade", "deck.nml", "--budget", "0.5", "--quiet")
+    assert again.returncode == 3
+    assert command("trade", "deck.nml", "--budget", "0.5", "--quiet", "--overwrite").returncode == 0
+
+
+def test_unattainable_accuracy(command):
+    result = command("trade", "deck.nml", "--budget", "1", "--quiet", "--accuracy", "1e-15")
+    assert result.returncode == 75
+    assert "no setting that was measured meets" in result.stderr
+    assert result.stdout == ""
+
+
+def test_quantity_that_the_scene_lacks(fig3):
+    trade = ds.trade(fig3, accuracy=1e-2, budget=1.0, quantity="period", **CREEP)
+    assert trade.recommendation == ""
+    assert "no 'period'" in trade.shortfall
+
+
+def test_recommended_command_can_be_pasted(command, tmp_path):
+    """The low-frequency model has no stiffness across: the key must go."""
+    arguments = ["--budget", "1", "--quiet", "--accuracy", "2e-2", "--quantity", "final_elongation"]
+    result = command("trade", "deck.nml", *arguments)
+    assert result.returncode == 0, result.stderr
+    assert "&integrator" in result.stdout or "model = 'creep'" in result.stdout
+    (pasted,) = (line for line in result.stdout.splitlines() if "dynstiction run" in line)
+    again = command(*pasted.split("dynstiction ")[1].split(), "-o", "again.h5")
+    assert again.returncode == 0, again.stderr
+    with h5py.File(tmp_path / "again.h5") as file:
+        assert f"model = '{file.attrs['model']}'" in result.stdout
+
+
+def test_figure_of_a_file(command, tmp_path):
+    assert command("trade", "deck.nml", "--budget", "1", "--quiet").returncode == 0
+    file = tmp_path / "deck_trade.h5"
+    assert main(["plot", str(file)]) == 0
+    assert main(["plot", str(file), "--kind", "work_precision", "-o", str(tmp_path / "x.svg")]) == 0
+    assert main(["plot", str(file), "--kind", "history"]) == 1
+    assert (tmp_path / "deck_trade.png").stat().st_size > 10000
+
+
+def test_figure_shows_every_measured_point(creep):
+    figure = plot.draw(creep)
+    assert figure.get_size_inches()[0] * 25.4 == pytest.approx(86.0)
+    labels = [axis.get_xlabel() for axis in figure.axes]
+    # The creep has no period.
+    assert labels == [f"error of the {name}" for name in ("final elongation", "creep velocity")] + [
+        r"error of the fast phase, over $\pi$"
+    ]
+    for axis, quantity in zip(figure.axes, ("final_elongation", "creep_velocity", "fast_phase"), strict=True):
+        marks = [line for line in axis.get_lines() if line.get_marker() != "None"]
+        error = np.sort(np.concatenate([line.get_xdata() for line in marks]))
+        wanted = np.sort(np.fmax(creep.error(quantity)[creep.done], creep.floor(quantity)))
+        np.testing.assert_array_equal(error, wanted)
+        seconds = np.sort(np.concatenate([line.get_ydata() for line in marks]))
+        np.testing.assert_array_equal(seconds, np.sort(creep["seconds"][creep.done]))
+
+
+def test_families(creep):
+    """A family holds one method's points, the coarse ones first."""
+    full = [f for f in families(creep, "final_velocity") if (f.kind, f.method) == ("full", "radau9")]
+    (family,) = full
+    assert family.error.size == np.count_nonzero(
+        (creep["method"] == "radau9")
+        & (creep["model"] == "full")
+        & (creep["contact"] == "exact")
+        & creep.done
+    )
+    assert family.error[0] > 1e3 * family.error[-1]
+    assert family.error.min() >= creep.floor("final_velocity")
+
+
+# Scenes that were not used to build trade: changes of Fig. 3, and the accuracy asked for.
+SCENES = {
+    "phi 0.3": ({"system": {"misalignment_deg": 0.3}}, 1e-3),
+    "phi 3": ({"system": {"misalignment_deg": 3.0}}, 1e-2),
+    "no misalignment": ({"system": {"misalignment_deg": 0.0}}, 1e-5),
+    "reversal": (
+        {
+            "scene": {"t_end": 5.0},
+            "drive": {"time": [0.0, 2.2, 2.7, 5.0], "velocity": [1e-3, 1e-3, -1e-3, -1e-3]},
+        },
+        1e-4,
+    ),
+    "phi -1": ({"system": {"misalignment_deg": -1.0}}, 1e-6),
+    "phi 7": ({"system": {"misalignment_deg": 7.0}}, 1e-3),
+    "phi 20": ({"system": {"misalignment_deg": 20.0}, "scene": {"t_end": 2.0}}, 1e-4),
+    "slow drive": ({"drive": {"velocity": 5e-4}, "scene": {"t_end": 6.0}}, 1e-3),
+    "fast drive": ({"drive": {"velocity": 5e-3}, "scene": {"t_end": 2.0}}, 1e-5),
+    "very fast drive": ({"drive": {"velocity": 2e-2}, "scene": {"t_end": 1.0}}, 1e-4),
+    "light": ({"system": {"mass": 0.05}}, 1e-2),
+    "heavy": ({"system": {"mass": 1.0}}, 1e-4),
+    "much friction": ({"friction": {"mu_0": 0.3, "mu_inf": 0.2}, "scene": {"t_end": 5.0}}, 1e-3),
+    "little weakening": ({"friction": {"mu_0": 0.2, "mu_inf": 0.18}}, 1e-4),
+    "strong weakening": ({"friction": {"mu_0": 0.2, "mu_inf": 0.05}}, 1e-3),
+    "constant friction": (
+        {"friction": {"law": "constant", "mu_inf": None, "v_f": None}, "scene": {"t_end": 3.0}},
+        1e-5,
+    ),
+    "gradual weakening": ({"friction": {"v_f": 0.03}}, 1e-3),
+    "soft across": ({"system": {"stiffness_y": 1e6}}, 1e-4),
+    "stiff along": ({"system": {"stiffness_x": 3e3}, "scene": {"t_end": 2.0}}, 1e-3),
+    "slide, hold, slide": (
+        {
+            "scene": {"t_end": 5.0},
+            "drive": {"time": [0.0, 2.5, 2.5, 3.0, 3.0], "velocity": [1e-3, 1e-3, 0.0, 0.0, 1e-3]},
+        },
+        1e-2,
+    ),
+    "loaded start": ({"initial": {"elongation_x": 1e-3}, "scene": {"t_end": 3.0}}, 1e-5),
+    "smoothed": ({"friction": {"contact": "smoothed", "v_smooth": 1e-6}, "scene": {"t_end": 3.0}}, 1e-4),
+}
+FEW = ("phi 3", "no misalignment", "reversal", "phi -1")
+
+
+def independent_errors(scene: ds.Scene, settings) -> dict[str, float]:
+    """Errors of the recommended settings against radau9 at its smallest tolerance, by definitions of our own."""
+    step = {"output": {"interval": 1e-3}}
+    best = ds.run(scene.replace(integrator={"method": "radau9", "rtol": 1e-13}, **step))
+    tried = ds.run(scene.replace(**step), **settings)
+    size = np.hypot(best["u_x"], best["u_y"]).max()
+    gives = "u_x" in tried
+    last = [np.array([r["u_x"][-1], r["u_y"][-1]]) if gives else np.zeros(2) for r in (best, tried)]
+    errors = {"final_elongation": float(np.hypot(*(last[1] - last[0]))) / size}
+    for name in ("period", "peak_force"):
+        if name in best.summary:
+            errors[name] = abs(tried.summary.get(name, 0.0) / best.summary[name] - 1.0)
+    end = first_release(best["spring_force_x"])
+    middle = slice(end // 4, 3 * end // 4)
+    way = [np.ptp(r["X"][middle]) for r in (best, tried)]
+    # Where nothing moves there is no relative error.
+    if way[0] > 1e-9 * size:
+        errors["creep_velocity"] = abs(way[1] / way[0] - 1.0)
+    return errors
+
+
+def meets(name: str, fig3: ds.Scene, budget: float) -> str:
+    groups, accuracy = SCENES[name]
+    groups = {**groups, "scene": {"t_end": 4.0, **groups.get("scene", {})}}
+    scene = fig3.replace(**groups)
+    trade = ds.trade(scene, accuracy=accuracy, budget=budget)
+    assert trade.recommendation, (name, trade.shortfall)
+    errors = independent_errors(scene, trade.settings)
+    line = trade.recommendation.splitlines()[0]
+    text = (
+        f"{name}: asked {accuracy:g}, got {max(errors.values()):.1e} ({len(errors)} quantities); {line[2:70]}"
+    )
+    assert max(errors.values()) <= accuracy, text + str(errors)
+    return text
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_recommendation_meets_the_accuracy(name, fig3):
+    meets(name, fig3, budget=3.0)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", SCENES)
+def test_recommendation_meets_the_accuracy_on_all_scenes(name, fig3):
+    print(meets(name, fig3, budget=5.0))
