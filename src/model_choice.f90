@@ -11,7 +11,7 @@ module dst_model_choice
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t, slider_from_scene
   use dst_slider, only: slider_t
-  use dst_text, only: real_text
+  use dst_text, only: formatted
   use dst_writer, only: outcome_t
   implicit none
   private
@@ -30,6 +30,9 @@ module dst_model_choice
   !> Most steps that the choice may cost.
   integer, parameter :: affordable_steps = 100000
   real(wp), parameter :: excluded = huge(1.0_wp)
+
+  !> Format of the numbers in messages.
+  character(*), parameter :: short = '(es8.1)'
 
 contains
 
@@ -64,8 +67,8 @@ contains
     error = elasticity_error(scene, slider, slow)
     if (accept('low_frequency')) return
     reason = 'full: low_frequency is not known to be that accurate here'
-    if (error < excluded) reason = 'full: low_frequency may err by '//short(error)
-    reason = reason//', more than accuracy = '//short(scene%accuracy)
+    if (error < excluded) reason = 'full: low_frequency may err by '//formatted(short, error)
+    reason = reason//', more than accuracy = '//formatted(short, scene%accuracy)
 
   contains
 
@@ -75,19 +78,10 @@ contains
       accept = error <= scene%accuracy
       if (.not. accept) return
       scene%model = model
-      reason = model//': for '//trim(scene%quantities)//' it errs by at most '//short(error)//' (estimated), accuracy = '// &
-        short(scene%accuracy)
+      reason = model//': for '//trim(scene%quantities)//' it errs by at most '//formatted(short, error)// &
+        ' (estimated), accuracy = '//formatted(short, scene%accuracy)
     end function accept
   end subroutine settle_model
-
-  pure function short(value) result(text)
-    real(wp), intent(in) :: value
-    character(:), allocatable :: text
-    character(16) :: buffer
-
-    write (buffer, '(es8.1)') value
-    text = trim(adjustl(buffer))
-  end function short
 
   !> Why no reduced model may be considered; '' if one may.
   function obstacle_to_reduction(scene, slider) result(text)

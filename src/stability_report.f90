@@ -8,7 +8,7 @@ module dst_stability_report
   use dst_stability, only: critical_t, low_branch, fast_branch, steady_sliding_eigenvalues, critical_misalignment, &
                            low_frequency_limit, is_stable, damping_scale, overdamped_angle, damping_ratio, &
                            weakening_damping_ratio
-  use dst_text, only: text_builder_t
+  use dst_text, only: text_builder_t, formatted
   implicit none
   private
 
@@ -76,8 +76,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     logical :: stable
 
-    call page%line('# '//name//': steady sliding at V = '//number('(es13.6)', velocity)//' m/s, phi = '// &
-                   number('(f11.6)', misalignment_deg)//' deg')
+    call page%line('# '//name//': steady sliding at V = '//formatted('(es13.6)', velocity)//' m/s, phi = '// &
+                   formatted('(f11.6)', misalignment_deg)//' deg')
     call list_eigenvalues(page, slider, velocity, error)
     if (.not. allocated(error)) call is_stable(slider, velocity, stable, error)
     if (allocated(error)) return
@@ -129,12 +129,12 @@ contains
       call put_row(page, 'critical angle', 'none between 0 and 90 deg')
     end if
     if (critical%window(2) > critical%window(1)) then
-      call put_row(page, 'stable for', number('(f12.6)', critical%window(1)/degree)//' deg < |phi| < '// &
-                 number('(f12.6)', critical%window(2)/degree)//' deg')
+      call put_row(page, 'stable for', formatted('(f12.6)', critical%window(1)/degree)//' deg < |phi| < '// &
+                 formatted('(f12.6)', critical%window(2)/degree)//' deg')
     else
       call put_row(page, 'stable for', 'no angle')
     end if
-    call put_row(page, 'critical angle, rigid stiff axis', number('(f12.6)', limit/degree)//' deg, atan(sqrt(-V F''(V)/F(V)))')
+    call put_row(page, 'critical angle, rigid stiff axis', formatted('(f12.6)', limit/degree)//' deg, atan(sqrt(-V F''(V)/F(V)))')
 
   contains
 
@@ -142,9 +142,9 @@ contains
       integer, intent(in) :: branch
       character(:), allocatable :: text
 
-      text = number('(f12.6)', critical%angle(branch)/degree)//' deg, at '// &
-        number('(es14.7)', critical%frequency(branch))//' rad/s = '// &
-        number('(es14.7)', critical%frequency(branch)/(2.0_wp*pi))//' Hz'
+      text = formatted('(f12.6)', critical%angle(branch)/degree)//' deg, at '// &
+        formatted('(es14.7)', critical%frequency(branch))//' rad/s = '// &
+        formatted('(es14.7)', critical%frequency(branch)/(2.0_wp*pi))//' Hz'
     end function angle_and_frequency
   end subroutine list_critical_angles
 
@@ -163,16 +163,17 @@ contains
       return
     end if
     misalignment = atan2(slider%along(2), slider%along(1))
-    call put_row(page, 'Lambda', number('(es14.7)', lambda))
+    call put_row(page, 'Lambda', formatted('(es14.7)', lambda))
     if (contact /= 'exact') call put_row(page, '', 'Lambda, zeta and theta* take the contact as exact')
-    call put_row(page, 'zeta at theta = phi', number('(es14.7)', damping_ratio(lambda, misalignment))//', friction held at mu_0 W')
+    call put_row(page, 'zeta at theta = phi', formatted('(es14.7)', damping_ratio(lambda, misalignment))// &
+      ', friction held at mu_0 W')
     call weakening_damping_ratio(slider, velocity, misalignment, zeta, error)
-    if (.not. allocated(error)) call put_row(page, '', number('(es14.7)', zeta)//', with F(v)')
+    if (.not. allocated(error)) call put_row(page, '', formatted('(es14.7)', zeta)//', with F(v)')
     call overdamped_angle(lambda, angle, error)
     if (allocated(error)) then
       call put_row(page, 'theta*', 'no value: '//error%text)
     else
-      call put_row(page, 'theta*', number('(f12.6)', angle/degree)//' deg, where zeta = 1 with friction held at mu_0 W')
+      call put_row(page, 'theta*', formatted('(f12.6)', angle/degree)//' deg, where zeta = 1 with friction held at mu_0 W')
     end if
   end subroutine list_damping
 
@@ -184,14 +185,4 @@ contains
     column = name
     call page%line(column//value)
   end subroutine put_row
-
-  function number(form, value) result(text)
-    character(*), intent(in) :: form
-    real(wp), intent(in) :: value
-    character(:), allocatable :: text
-    character(40) :: buffer
-
-    write (buffer, form) value
-    text = trim(adjustl(buffer))
-  end function number
 end module dst_stability_report

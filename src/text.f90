@@ -6,7 +6,7 @@ module dst_text
 
   public :: text_builder_t
   public :: lower_case, starts_with, word, word_count, has_word, nearest_word, alternatives, excerpt, one_per_line
-  public :: real_text, integer_text, quoted_text, read_real, read_integer
+  public :: real_text, integer_text, formatted, quoted_text, read_real, read_integer
 
   !> Text that grows; appending costs time in proportion to what is appended.
   type :: text_builder_t
@@ -368,4 +368,15 @@ contains
     rest = text
     if (scan(text, '+-') == 1) rest = text(2:)
   end function unsigned
+
+  !> A number in the format `form`, without blanks around it: for people, where `real_text` would have too many digits.
+  pure function formatted(form, value) result(text)
+    character(*), intent(in) :: form
+    real(wp), intent(in) :: value
+    character(:), allocatable :: text
+    character(40) :: buffer
+
+    write (buffer, form) value
+    text = trim(adjustl(buffer))
+  end function formatted
 end module dst_text

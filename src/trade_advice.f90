@@ -5,7 +5,7 @@ module dst_trade_advice
   use dst_deck_values, only: usage, unused, is_default
   use dst_errors, only: error_t, raise, result_done, usage_error, stopped_early
   use dst_schema, only: schema, key_count, find_key, longest_text, group_names, text_kind, choice_kind
-  use dst_text, only: text_builder_t, real_text, quoted_text, word, word_count, has_word, nearest_word
+  use dst_text, only: text_builder_t, real_text, quoted_text, formatted, word, word_count, has_word, nearest_word
   use dst_trade, only: trade_t
   use dst_trade_plan, only: candidate_t, same_family
   use dst_trade_quantities, only: quantities, quantity_count
@@ -18,6 +18,9 @@ module dst_trade_advice
   character(*), parameter :: usual_quantities = 'final_elongation period peak_force creep_velocity'
   !> Errors scatter: a setting is trusted if its error is smaller than asked for by this factor.
   real(wp), parameter :: margin = 3.0_wp
+
+  !> Format of the numbers in messages.
+  character(*), parameter :: short = '(es8.1)'
 
 contains
 
@@ -74,10 +77,10 @@ contains
     if (nearest == 0) then
       call raise(error, stopped_early, 'no setting was measured: raise --budget')
     else
-      call raise(error, stopped_early, 'no setting that was measured meets '//short(accuracy)//' with a margin of '// &
-        short(margin)//': the best, '//described(trade%points(nearest)%candidate)//', errs by '// &
-        short(largest_error(trade, nearest, wanted))//', known to '//short(maxval(trade%reference_error, mask=wanted))// &
-        ': raise --budget or --accuracy')
+      call raise(error, stopped_early, 'no setting that was measured meets '//formatted(short, accuracy)//' with a margin of '// &
+        formatted(short, margin)//': the best, '//described(trade%points(nearest)%candidate)//', errs by '// &
+        formatted(short, largest_error(trade, nearest, wanted))//', known to '// &
+        formatted(short, maxval(trade%reference_error, mask=wanted))//': raise --budget or --accuracy')
     end if
   end subroutine cheapest
 
@@ -131,7 +134,7 @@ contains
     integer :: g, first, width
 
     associate (candidate => trade%points(best)%candidate)
-      call builder%line('! '//described(candidate)//': '//short(trade%points(best)%seconds)//' s, errors '// &
+      call builder%line('! '//described(candidate)//': '//formatted(short, trade%points(best)%seconds)//' s, errors '// &
         errors_text(trade, best))
       do g = 1, word_count(group_names)
         call add_group(candidate, word(group_names, g), builder)
@@ -194,7 +197,7 @@ contains
     do q = 1, quantity_count
       if (trade%points(i)%error(q) < 0.0_wp) cycle
       if (text /= '') text = text//', '
-      text = text//trim(quantities(q)%name)//' '//short(trade%points(i)%error(q))
+      text = text//trim(quantities(q)%name)//' '//formatted(short, trade%points(i)%error(q))
     end do
   end function errors_text
 
@@ -274,13 +277,4 @@ contains
       if (candidate%v_smooth > 0.0_wp) value = real_text(candidate%v_smooth)
     end select
   end function value_text
-
-  pure function short(value) result(text)
-    real(wp), intent(in) :: value
-    character(:), allocatable :: text
-    character(16) :: buffer
-
-    write (buffer, '(es8.1)') value
-    text = trim(adjustl(buffer))
-  end function short
 end module dst_trade_advice
