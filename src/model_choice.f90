@@ -26,6 +26,16 @@ module dst_model_choice
     real(wp) :: swing = 0.0_wp     !! mean fall of k_x u_x over the static limit
   end type slow_motion_t
 
+  !> The advance X/l_x at the same times in three ways.
+  type :: advances_t
+    real(wp) :: length = 0.0_wp                !! l_x, m
+    real(wp), allocatable :: tau(:)
+    real(wp), allocatable :: slow(:)           !! low-frequency motion
+    real(wp), allocatable :: rigid(:)          !! exact creep, rigid k_y
+    real(wp), allocatable :: elastic(:)        !! exact creep
+    real(wp) :: reached = 0.0_wp               !! the last of these
+  end type advances_t
+
   integer, parameter :: samples = 64
   !> Most steps that the choice may cost.
   integer, parameter :: affordable_steps = 100000
@@ -145,52 +155,75 @@ contains
     slow%known = .true.
     slow%time = writer%samples(1, :writer%rows)
     slow%position = writer%samples(2, :writer%rows)
-    slow%cycles = summary_value('cycles')
-    slow%swing = abs(summary_value('peak_force') - summary_value('valley_force'))/slider%law%onset
-
-  contains
-
-    pure real(wp) function summary_value(name)
-      character(*), intent(in) :: name
-      integer :: i
-
-      summary_value = 0.0_wp
-      do i = 1, size(outcome%summary)
-        if (outcome%summary(i)%name == name) summary_value = outcome%summary_value(i)
-      end do
-    end function summary_value
+    slow%cycles = outcome%summary_of('cycles')
+    slow%swing = abs(outcome%summary_of('peak_force') - outcome%summary_of('valley_force'))/slider%law%onset
   end subroutine follow_slow_motion
 
+  !> Exact creep beside the low-frequency motion.
+  pure subroutine compare_advances(scene, slider, slow, advances)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(slow_motion_t), intent(in) :: slow
+    type(advances_t), intent(out) :: advances
+    type(creep_t) :: creep(size(slow%time))
+
+    associate (n => size(slow%time))
+      allocate (advances%tau(n), advances%slow(n), advances%rigid(n), advances%elastic(n))
+    end associate
+    advances%length = slider%law%onset/slider%stiffness(1)
+    advances%tau = abs(scene%drive_velocity(1))*slow%time/advances%length
+    advances%slow = abs(slow%position)/advances%length
+    creep = creep_exact(misalignment(slider), 0.0_wp, advances%tau)
+    advances%rigid = creep%position
+    creep = creep_exact(misalignment(slider), slider%stiffness(1)/slider%stiffness(2), advances%tau)
+    advances%elastic = creep%position
+    advances%reached = advances%elastic(size(advances%elastic))
+  end subroutine compare_advances
+
+  !> |phi| [rad].
+  pure real(wp) function misalignment(slider)
+    type(slider_t), intent(in) :: slider
+
+    misalignment = atan2(abs(slider%along(2)), slider%along(1))
+  end function misalignment
+
+  !> Whether the drive moves by less than l_x: slip, and the end of Eq. (8), lie beyond.
+  pure logical function is_before_slip(scene, slider)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+
+    is_before_slip = abs(scene%drive_velocity(1))*scene%t_end < slider%law%onset/slider%stiffness(1)
+  end function is_before_slip
+
   !> Largest error of X(t) over X(t_end) that a closed form makes: what it differs from the low-frequency motion where
-  !> both have a rigid k_y, what the asymptotics differ from the exact creep, and the ripple of the fast oscillation.
+  !> both have a rigid k_y, what the asymptotics differ from the exact creep, and the fast oscillation.
   pure real(wp) function creep_error(scene, slider, slow, asymptotic) result(error)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     type(slow_motion_t), intent(in) :: slow
     logical, intent(in) :: asymptotic
-    real(wp) :: phi, length, velocity, tau, reached, inertia, expansion
-    type(creep_t) :: rigid, elastic
-    integer :: i
+    type(advances_t) :: advances
+    real(wp) :: inertia, expansion
 
     error = excluded
-    length = slider%law%onset/slider%stiffness(1)
-    velocity = abs(scene%drive_velocity(1))
     if (.not. slow%known .or. .not. gives_fields(scene, asymptotic)) return
-    if (asymptotic .and. velocity*scene%t_end >= length) return
-    phi = atan2(abs(slider%along(2)), slider%along(1))
-    inertia = 0.0_wp
+    if (asymptotic .and. .not. is_before_slip(scene, slider)) return
+    call compare_advances(scene, slider, slow, advances)
+    if (.not. advances%reached > 0.0_wp) return
+    inertia = maxval(abs(advances%slow - advances%rigid))
     expansion = 0.0_wp
-    do i = 1, size(slow%time)
-      tau = velocity*slow%time(i)/length
-      rigid = creep_exact(phi, 0.0_wp, tau)
-      elastic = creep_exact(phi, slider%stiffness(1)/slider%stiffness(2), tau)
-      inertia = max(inertia, abs(abs(slow%position(i))/length - rigid%position))
-      if (asymptotic) expansion = max(expansion, abs(position_third_order(phi, tau) - elastic%position))
-    end do
-    reached = elastic%position
-    if (.not. reached > 0.0_wp) return
-    error = (5.0_wp*inertia + expansion)/reached + 2.0_wp*(ripple(scene, slider, reached*length) + fast_growth(slider))
+    if (asymptotic) expansion = maxval(abs(position_third_order(misalignment(slider), advances%tau) - advances%elastic))
+    error = (5.0_wp*inertia + expansion)/advances%reached + fast_effect(scene, slider, advances)
   end function creep_error
+
+  !> What the fast oscillation may do to the advance, over it.
+  pure real(wp) function fast_effect(scene, slider, advances)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(advances_t), intent(in) :: advances
+
+    fast_effect = 2.0_wp*(ripple(scene, slider, advances%reached*advances%length) + fast_growth(slider))
+  end function fast_effect
 
   !> Whether the closed form gives the columns asked for.
   pure logical function gives_fields(scene, asymptotic)
@@ -248,23 +281,13 @@ contains
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     type(slow_motion_t), intent(in) :: slow
-    real(wp) :: length, phi, tau, apart
-    type(creep_t) :: rigid, elastic
-    integer :: i
+    type(advances_t) :: advances
 
     error = excluded
-    length = slider%law%onset/slider%stiffness(1)
-    if (abs(scene%drive_velocity(1))*scene%t_end >= length .or. slow%cycles > 0.0_wp) return
-    phi = atan2(abs(slider%along(2)), slider%along(1))
-    apart = 0.0_wp
-    do i = 1, size(slow%time)
-      tau = abs(scene%drive_velocity(1))*slow%time(i)/length
-      rigid = creep_exact(phi, 0.0_wp, tau)
-      elastic = creep_exact(phi, slider%stiffness(1)/slider%stiffness(2), tau)
-      apart = max(apart, abs(elastic%position - rigid%position))
-    end do
-    if (.not. elastic%position > 0.0_wp) return
-    error = 3.0_wp*apart/elastic%position + 2.0_wp*(fast_growth(slider) + ripple(scene, slider, elastic%position*length))
+    if (slow%cycles > 0.0_wp .or. .not. is_before_slip(scene, slider)) return
+    call compare_advances(scene, slider, slow, advances)
+    if (.not. advances%reached > 0.0_wp) return
+    error = 3.0_wp*maxval(abs(advances%elastic - advances%rigid))/advances%reached + fast_effect(scene, slider, advances)
   end function elasticity_error_in_creep
 
   !> Largest relative error of period, peak force and slip length. With F' the steepest weakening, F'^2 against m k_y

@@ -6,7 +6,7 @@ module dst_observables
   use dst_kinds, only: wp, pi
   use dst_stepper, only: motion_t
   use dst_trajectory, only: trajectory_t
-  use dst_writer, only: quantity_t
+  use dst_writer, only: quantity_t, find_quantity
   implicit none
   private
 
@@ -53,9 +53,7 @@ contains
   pure integer function find_column(name)
     character(*), intent(in) :: name
 
-    do find_column = size(columns), 1, -1
-      if (columns(find_column)%name == name) return
-    end do
+    find_column = find_quantity(columns, name)
   end function find_column
 
   !> The columns that 'default' stands for: all, the damping ratio only where it exists.

@@ -232,7 +232,7 @@ contains
       select case (self%stage)
       case (survey)
         call plan_observation(self%run, self%samples, self%plan)
-        self%seconds_per_rhs = self%run%elapsed/max(1.0_wp, number_of(outcome, 'rhs'))
+        self%seconds_per_rhs = self%run%elapsed/max(1.0_wp, outcome%statistic('rhs'))
       case (reference)
         call tune_frequency(self%run, self%samples, self%plan)
         call observe_run(self%plan, self%run, self%samples, outcome, self%best_observation)
@@ -324,25 +324,14 @@ contains
     type(outcome_t), intent(in) :: outcome
 
     point%seconds = seconds
-    point%steps = number_of(outcome, 'steps')
-    point%rhs = number_of(outcome, 'rhs')
-    point%newton = number_of(outcome, 'newton')
+    point%steps = outcome%statistic('steps')
+    point%rhs = outcome%statistic('rhs')
+    point%newton = outcome%statistic('newton')
     if (outcome%result_code == result_done) then
       point%result_code = result_done
       point%text = 'done'
     end if
   end subroutine take_work
-
-  pure real(wp) function number_of(outcome, name)
-    type(outcome_t), intent(in) :: outcome
-    character(*), intent(in) :: name
-    integer :: i
-
-    number_of = 0.0_wp
-    do i = 1, size(outcome%statistics)
-      if (outcome%statistics(i)%name == name) number_of = outcome%statistics_value(i)
-    end do
-  end function number_of
 
   !> Give up the candidate that runs; its cost is kept as what it would have been at the pace so far.
   subroutine abandon(self)

@@ -14,7 +14,7 @@ module dst_trade_quantities
   use dst_observables, only: find_column
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
-  use dst_writer, only: quantity_t, outcome_t
+  use dst_writer, only: quantity_t, outcome_t, find_quantity
   implicit none
   private
 
@@ -186,11 +186,10 @@ contains
       integer, intent(in) :: q
       integer :: i
 
-      do i = 1, size(outcome%summary)
-        if (outcome%summary(i)%name /= quantities(q)%name) cycle
-        observation%has(q) = .true.
-        observation%value(1, q) = outcome%summary_value(i)
-      end do
+      i = find_quantity(outcome%summary, quantities(q)%name)
+      if (i == 0) return
+      observation%has(q) = .true.
+      observation%value(1, q) = outcome%summary_value(i)
     end subroutine take_summary
   end subroutine observe_run
 

@@ -5,7 +5,8 @@ module dst_trade_report
   use dst_text, only: text_builder_t
   use dst_trade, only: trade_t, point_t, resolution
   use dst_trade_plan, only: candidate_t
-  use dst_trade_quantities, only: quantities, quantity_count
+  use dst_trade_quantities, only: quantities
+  use dst_writer, only: find_quantity
   implicit none
   private
 
@@ -86,16 +87,13 @@ contains
     character(:), allocatable :: text
     character(name_width) :: name
     character(40) :: costs
-    integer :: i, q
+    integer :: i
 
     name = name_of(point%candidate)
     if (role /= '') name(54:) = role
     text = name
     do i = 1, size(shown)
-      do q = 1, quantity_count
-        if (quantities(q)%name /= shown(i)) cycle
-        text = text//' '//error_text(q)
-      end do
+      text = text//' '//error_text(find_quantity(quantities, shown(i)))
     end do
     write (costs, '(es13.2,2i12)') point%seconds, nint(point%newton), nint(min(point%rhs, 2.0e9_wp))
     text = text//costs

@@ -7,7 +7,7 @@ module dst_writer
   implicit none
   private
 
-  public :: writer_t, quantity_t, outcome_t, table_column_t
+  public :: writer_t, quantity_t, outcome_t, table_column_t, find_quantity
 
   !> What a column of the time series, a summary value or a counter is.
   type :: quantity_t
@@ -32,6 +32,9 @@ module dst_writer
     real(wp), allocatable :: summary_value(:)
     type(quantity_t), allocatable :: statistics(:)
     real(wp), allocatable :: statistics_value(:)
+  contains
+    procedure :: summary_of
+    procedure :: statistic
   end type outcome_t
 
   type, abstract :: writer_t
@@ -75,4 +78,38 @@ module dst_writer
       type(error_t), allocatable, intent(out) :: error
     end subroutine finish
   end interface
+
+contains
+
+  !> Number of the quantity `name` in a list, 0 if it is not there.
+  pure integer function find_quantity(quantities, name)
+    type(quantity_t), intent(in) :: quantities(:)
+    character(*), intent(in) :: name
+
+    do find_quantity = size(quantities), 1, -1
+      if (quantities(find_quantity)%name == name) return
+    end do
+  end function find_quantity
+
+  !> Value of a summary quantity, 0 if the run has none.
+  pure real(wp) function summary_of(self, name)
+    class(outcome_t), intent(in) :: self
+    character(*), intent(in) :: name
+    integer :: i
+
+    summary_of = 0.0_wp
+    i = find_quantity(self%summary, name)
+    if (i > 0) summary_of = self%summary_value(i)
+  end function summary_of
+
+  !> Value of a counter.
+  pure real(wp) function statistic(self, name)
+    class(outcome_t), intent(in) :: self
+    character(*), intent(in) :: name
+    integer :: i
+
+    statistic = 0.0_wp
+    i = find_quantity(self%statistics, name)
+    if (i > 0) statistic = self%statistics_value(i)
+  end function statistic
 end module dst_writer
