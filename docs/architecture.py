@@ -12,33 +12,38 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).resolve().parent.parent
-WIDTH, HEIGHT = 1000, 944
+WIDTH, HEIGHT = 1000, 976
+# fmt: off
 TONES = {
     "ground": "#e9e9e9", "physics": "#d9ead8", "numerics": "#d6e4f2", "deck": "#f6e7cf", "meeting": "#e2dcef",
     "simulation": "#e2dcef", "writers": "#f3dcd8", "executable": "#eef0d2", "comparison": "#e2dcef", "python": "#eef0d2",
+    "sweeps": "#e2dcef",
 }
 
 # room: (title, x, y, width, height, rooms it may use besides itself, modules)
 ROOMS = {
     "executable": ("the executable", 20, 66, 570, 130,
-                   "ground deck simulation comparison writers slider stability", "main command_line run trade_run progress signals stability_report"),
-    "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison writers", "python_api"),
-    "comparison": ("comparing runs of one scene", 20, 220, 960, 78, "ground physics deck simulation writers observables linear_solve",
+                   "ground deck simulation comparison sweeps writers slider stability",
+                   "main command_line run trade_run sweep_runner ranks progress signals stability_report"),
+    "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison sweeps writers", "python_api"),
+    "comparison": ("comparing runs of one scene", 20, 220, 560, 110, "ground physics deck simulation writers observables linear_solve",
                    "trade trade_plan trade_quantities trade_advice trade_report trade_table"),
-    "simulation": ("the one run routine", 20, 320, 300, 110,
+    "sweeps": ("many cases of one scene", 600, 220, 380, 110, "ground deck simulation writers observables summary",
+               "sweep sweep_shard sweep_points sweep_file"),
+    "simulation": ("the one run routine", 20, 352, 300, 110,
                    "ground physics numerics scene meeting memory_writer",
                    "simulation model_choice"),
-    "writers": ("where results go", 340, 320, 320, 110, "ground sha256",
+    "writers": ("where results go", 340, 352, 320, 110, "ground sha256",
                  "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint disk"),
-    "meeting": ("where physics and numerics meet", 20, 454, 640, 112, "ground physics numerics",
+    "meeting": ("where physics and numerics meet", 20, 486, 640, 112, "ground physics numerics",
                 "contact trajectory observables summary moreau_jean creep_motion"),
-    "physics": ("physics", 20, 590, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
-    "numerics": ("numerics", 240, 590, 420, 240, "ground slip_system drive",
+    "physics": ("physics", 20, 622, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
+    "numerics": ("numerics", 240, 622, 420, 240, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
                  "interpolation stepper"),
-    "deck": ("the deck", 680, 320, 300, 510, "ground",
-             "scene parameters deck deck_text deck_values schema namelist faults sha256"),
-    "ground": ("ground", 20, 854, 960, 72, "", "kinds errors text archive writer"),
+    "deck": ("the deck", 680, 352, 300, 510, "ground",
+             "scene parameters deck deck_sweep deck_text deck_values schema namelist faults sha256"),
+    "ground": ("ground", 20, 886, 960, 72, "", "kinds errors text archive writer"),
 }
 
 SAY = {
@@ -49,6 +54,8 @@ SAY = {
     "disk": "the system", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
     "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
+    "sweep": "what a case is", "sweep_shard": "finished cases", "sweep_points": "lists of cases", "sweep_file": "one file of all",
+    "sweep_runner": "all cases, all cores", "ranks": "MPI, or none", "deck_sweep": "&sweep",
     "model_choice": "what auto is", "trade": "compares", "trade_plan": "what to try", "trade_quantities": "errors",
     "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
     "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
@@ -64,7 +71,8 @@ SAY = {
 DOORS = {"slip_system", "stepper", "writer"}
 
 # The way of a deck: number, x, y of its mark, as in architecture.md.
-MARKS = [(1, 38, 66), (2, 698, 320), (3, 962, 320), (4, 38, 320), (5, 38, 454), (6, 642, 454), (7, 642, 320), (8, 572, 66)]
+MARKS = [(1, 38, 66), (2, 698, 352), (3, 962, 352), (4, 38, 352), (5, 38, 486), (6, 642, 486), (7, 642, 352), (8, 572, 66)]
+# fmt: on
 
 
 def main() -> None:
@@ -80,10 +88,15 @@ def main() -> None:
     (ROOT / "docs" / "architecture.svg").write_text("\n".join([*parts, "</svg>", ""]), encoding="utf-8")
 
 
+def module_of(file: Path) -> str:
+    """The file's stem; ranks_mpi and ranks_serial are two ways to build one module."""
+    return "ranks" if file.stem.startswith("ranks_") else file.stem
+
+
 def complaints(room_of: dict[str, str]) -> list[str]:
     found = []
     for file in sorted((ROOT / "src").glob("*.f90")):
-        module = file.stem
+        module = module_of(file)
         if module not in room_of:
             found.append(f"{file.name}: has no room")
             continue
@@ -96,7 +109,7 @@ def complaints(room_of: dict[str, str]) -> list[str]:
                 found.append(f"{file.name}: uses {used[1]}, which has no room")
             elif used[1] not in allowed and room_of[used[1]] not in allowed:
                 found.append(f"{file.name} ({room_of[module]}) uses {used[1]} ({room_of[used[1]]})")
-    here = {file.stem for file in (ROOT / "src").glob("*.f90")}
+    here = {module_of(file) for file in (ROOT / "src").glob("*.f90")}
     return found + [f"{module}: drawn, but not in src/" for module in sorted(set(room_of) - here)]
 
 
@@ -116,7 +129,7 @@ def draw_room(room: str, title: str, x: int, y: int, width: int, height: int, _:
     ]
     chips = modules.split()
     wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {"executable": 4, "comparison": 6, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 5}.get(room, 1)
+    columns = {"executable": 5, "comparison": 3, "sweeps": 2, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 5}.get(room, 1)
     rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
     gap, top = 8, 28
     chip_width = (width - gap * (columns + 1)) / columns

@@ -21,12 +21,14 @@ module dst_command_line
     character(:), allocatable :: quantity          !! of --quantity; '' = not given
     real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
     real(wp) :: budget = 10.0_wp                   !! of --budget, s
-    logical :: overwrite = .false., quiet = .false.
+    logical :: overwrite = .false., quiet = .false., keep_shards = .false.
+    integer :: shard = 0, shards = 0               !! of --shard I/N
     logical :: help = .false.                      !! help on the command is wanted, not the command
   end type command_t
 
-  character(*), parameter :: commands = 'run resume check template stability trade'
-  character(*), parameter :: all_options = '-o --set --accuracy --budget --quantity --overwrite --quiet --help --version'
+  character(*), parameter :: commands = 'run resume merge check template stability trade'
+  character(*), parameter :: all_options = &
+    '-o --set --accuracy --budget --quantity --overwrite --quiet --shard --keep-shards --help --version'
   character(*), parameter :: see_help = ', see dynstiction --help'
 
 contains
@@ -109,12 +111,14 @@ contains
     option = arguments(i)%text
     if (starts_with(option, '--set=')) option = '--set'
     select case (option)
-    case ('-o', '--set')
+    case ('-o', '--set', '--shard')
       call option_value(arguments, i, option, value, error)
       if (allocated(error)) return
       if (option == '-o') then
         if (has_word(options, '-o')) call raise(error, usage_error, '-o given twice: give one output file')
         command%output = value
+      else if (option == '--shard') then
+        call take_shard(value, command, error)
       else
         command%setting_count = command%setting_count + 1
         command%settings(command%setting_count)%text = value
@@ -127,6 +131,8 @@ contains
       command%overwrite = .true.
     case ('--quiet')
       command%quiet = .true.
+    case ('--keep-shards')
+      command%keep_shards = .true.
     case ('--version')
       version = .true.
     case ('--help', '-h')
@@ -178,12 +184,31 @@ contains
     if (len(value) > 0) return
     if (option == '-o') then
       call raise(error, usage_error, '-o without a file name: write -o FILE')
+    else if (option == '--shard') then
+      call raise(error, usage_error, '--shard without its number: write --shard I/N')
     else if (option /= '--set') then
       call raise(error, usage_error, option//' without a value: see dynstiction trade --help')
     else
       call raise(error, usage_error, '--set without a setting: write --set GROUP.KEY=VALUE')
     end if
   end subroutine option_value
+
+  !> 'I/N': of N processes that share a sweep, the I-th.
+  subroutine take_shard(value, command, error)
+    character(*), intent(in) :: value
+    type(command_t), intent(inout) :: command
+    type(error_t), allocatable, intent(out) :: error
+    integer, parameter :: most = 999999
+    integer :: slash, status
+
+    slash = index(value, '/')
+    status = 1
+    if (slash > 1 .and. slash < len(value) .and. verify(value, '0123456789/') == 0 .and. len(value) < 16) &
+      read (value(:slash - 1), *, iostat=status) command%shard
+    if (status == 0) read (value(slash + 1:), *, iostat=status) command%shards
+    if (status /= 0 .or. command%shard < 1 .or. command%shard > command%shards .or. command%shards > most) &
+      call raise(error, usage_error, "--shard '"//excerpt(value)//"': write --shard I/N with 1 <= I <= N, like --shard 3/16")
+  end subroutine take_shard
 
   function unknown_text(what, given, valid) result(text)
     character(*), intent(in) :: what, given, valid
@@ -227,7 +252,7 @@ contains
     if (has_word(options, '--quantity')) call refuse('--quantity')
     if (allocated(error)) return
     select case (command%name)
-    case ('run')
+    case ('run', 'merge')
       return
     case ('check', 'stability')
       taken = '--set'
@@ -242,6 +267,8 @@ contains
       call refuse('--set')
     else if (command%overwrite) then
       call refuse('--overwrite')
+    else if (command%keep_shards .or. command%shards > 0) then
+      call refuse('--shard or --keep-shards')
     else if (command%quiet .and. taken /= '--quiet') then
       call refuse('--quiet')
     end if
@@ -309,11 +336,23 @@ contains
         '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
         '  --set GROUP.KEY=       as if the deck did not set the key'//n// &
         '  --overwrite            replace an existing output file'//n// &
-        '  --quiet                no progress'//n//n// &
+        '  --quiet                no progress'//n// &
+        '  --shard I/N            of a sweep: every N-th case from the I-th on; dynstiction merge joins the shards'//n// &
+        '  --keep-shards          of a sweep: do not remove the shards when the result file is whole'//n//n// &
+        'A deck with &sweep runs all its cases, on all cores; started again after a stop or a kill, it goes on.'//n//n// &
         'Examples:'//n// &
         '  dynstiction run inputs/fig3.nml'//n// &
         '  dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
         '  dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'//n//n// &
+        exit_codes(n)
+    case ('merge')
+      text = 'Usage: dynstiction merge DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--keep-shards]'//n//n// &
+        'Write the finished cases of a sweep from its shards FILE.shard-* to FILE. Deck, -o and --set are those of the run.'//n// &
+        'Cases that have not been run are rows of NaN with result_code -1; the shards are then kept.'//n//n// &
+        '  --overwrite            replace an existing result file'//n// &
+        '  --keep-shards          do not remove the shards when all cases are there'//n//n// &
+        'Example:'//n// &
+        '  dynstiction merge inputs/map_lambda.nml -o map_lambda.h5'//n//n// &
         exit_codes(n)
     case ('resume')
       text = 'Usage: dynstiction resume FILE.h5... [--quiet]'//n//n// &
@@ -375,6 +414,7 @@ contains
         'Usage:'//n// &
         '  dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n// &
         '  dynstiction resume FILE.h5... [--quiet]                go on with a run that was stopped or killed'//n// &
+        '  dynstiction merge DECK... [-o FILE]                    join the shards of a sweep'//n// &
         '  dynstiction check DECK... [--set GROUP.KEY=VALUE]...   print the deck as used, run nothing'//n// &
         '  dynstiction template [MODEL]                           print a deck with every key explained'//n// &
         '  dynstiction stability DECK... [--set GROUP.KEY=VALUE]...   whether steady sliding is stable'//n// &

@@ -14,7 +14,7 @@ module dst_creep_motion
   use dst_errors, only: error_t, raise, deck_error
   use dst_observables, only: instant_t, direction_of
   use dst_slider, only: slider_t
-  use dst_text, only: real_text
+  use dst_text, only: short_text
   implicit none
   private
 
@@ -89,7 +89,7 @@ contains
     else if (.not. motion%phi > 0.0_wp) then
       call raise(error, deck_error, 'Eq. (8) holds for 0 < |misalignment_deg| < 90')
     else if (travel >= motion%length) then
-      call raise(error, deck_error, 'Eq. (8) holds for V t/l_x < 1, while '//reach(motion)// &
+      call raise(error, deck_error, 'Eq. (8) holds for V t/l_x < 1, while '//trim(reach(motion))// &
         "; model = 'creep' has no such limit")
     end if
   end subroutine check_range
@@ -97,11 +97,11 @@ contains
   !> 'the drive has moved by less than l_x = mu_0*normal_load/stiffness_x = 0.002 m, t_end < 2 s'
   function reach(motion) result(text)
     type(creep_motion_t), intent(in) :: motion
-    character(:), allocatable :: text
+    character(160) :: text
 
-    text = 'the drive has moved by less than l_x = mu_0*normal_load/stiffness_x = '//real_text(motion%length)//' m'
+    text = 'the drive has moved by less than l_x = mu_0*normal_load/stiffness_x = '//trim(short_text(motion%length))//' m'
     if (size(motion%drive%segment) == 1) &
-      text = text//', t_end < '//real_text(motion%length/motion%drive%largest_speed())//' s'
+      text = trim(text)//', t_end < '//trim(short_text(motion%length/motion%drive%largest_speed()))//' s'
   end function reach
 
   !> When the spring force reaches the static limit [s]; huge if not before t_end.

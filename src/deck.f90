@@ -6,12 +6,13 @@ module dst_deck
                       read_real, read_integer
   use dst_faults, only: faults_t
   use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
-  use dst_schema, only: key_t, schema, key_count, group_names, later_groups, find_key, find_name, keys_of, in_range, range_text, &
-                        condition_text, longest_text, most_values, real_kind, reals_kind, &
+  use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, keys_of, in_range, range_text, &
+                        condition_text, sweep_group, longest_text, most_values, real_kind, reals_kind, &
                         integer_kind, text_kind, texts_kind, choice_kind
   use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, set_default, &
                              is_default, used, unused
   use dst_deck_text, only: resolved, template, has_other_condition
+  use dst_deck_sweep, only: check_sweep
   implicit none
   private
 
@@ -102,6 +103,7 @@ contains
       call check_contact(deck, faults)
       call check_drive(deck, faults)
       call check_fields(deck, faults)
+      call check_sweep(deck, line_of(group_number(sweep_group)), faults)
     end if
     if (faults%count > 0) call raise(error, deck_error, faults%report(name))
   end subroutine parse_deck
@@ -166,9 +168,7 @@ contains
     character(*), intent(in) :: group
     character(:), allocatable :: text
 
-    if (has_word(later_groups, lower_case(group))) then
-      text = 'group &'//lower_case(group)//' is not available in this version: remove it'
-    else if (nearest_word(group, group_names) /= '') then
+    if (nearest_word(group, group_names) /= '') then
       text = "unknown group '&"//excerpt(group)//"': the nearest is &"//nearest_word(group, group_names)
     else
       text = "unknown group '&"//excerpt(group)//"': the groups are "//group_names

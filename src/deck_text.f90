@@ -2,7 +2,7 @@
 module dst_deck_text
   use dst_errors, only: error_t, raise, usage_error
   use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, nearest_word, alternatives
-  use dst_schema, only: key_t, schema, key_count, group_names, find_name, range_text, &
+  use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, range_text, &
                         real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind, condition_count, condition_key, &
                         condition_choices, condition_text
   use dst_deck_values, only: deck_t, value_t, usage, used
@@ -27,9 +27,10 @@ contains
     call builder%line('! The deck as used: every key, its source (user or default), unit and meaning.')
     do g = 1, word_count(group_names)
       group = word(group_names, g)
+      if (group == sweep_group .and. .not. deck%is_sweep()) cycle
       call builder%line('&'//group)
       do i = 1, key_count
-        if (schema(i)%group /= group .or. usage(deck, i) /= used) cycle
+        if (schema(i)%group /= group .or. usage(deck, i) /= used .or. element_count(schema(i), deck%value(i)) == 0) cycle
         call add_entry(builder, schema(i), deck%value(i), trim(merge('user   ', 'default', deck%value(i)%user))// &
                        unit_text(schema(i))//'; '//trim(schema(i)%meaning))
       end do
@@ -116,6 +117,8 @@ contains
     call builder%line('! One value a key unless it says list; text in quotes; groups and keys in any order.')
     do g = 1, word_count(group_names)
       group = word(group_names, g)
+      ! Most decks are no sweep, and its keys have no defaults that could stand there.
+      if (group == sweep_group) cycle
       call builder%line('')
       call builder%line('&'//group)
       do i = 1, key_count

@@ -3,7 +3,7 @@ module dst_deck_values
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
   use dst_text, only: has_word, read_real, read_integer
-  use dst_schema, only: key_t, schema, key_count, find_key, longest_text, real_kind, reals_kind, integer_kind, &
+  use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, longest_text, real_kind, reals_kind, integer_kind, &
                         condition_count, condition_key, condition_choices
   implicit none
   private
@@ -39,6 +39,7 @@ module dst_deck_values
     procedure :: texts_of
     procedure :: is_set
     procedure :: is_used
+    procedure :: is_sweep
   end type deck_t
 
 contains
@@ -124,6 +125,13 @@ contains
     i = find_key(group, key)
     if (i > 0) is_used = usage(self, i) == used
   end function is_used
+
+  !> Whether the deck is a sweep of many cases.
+  pure logical function is_sweep(self)
+    class(deck_t), intent(in) :: self
+
+    is_sweep = any(self%value%user .and. schema%group == sweep_group)
+  end function is_sweep
 
   !> Whether key `i` is used: all its conditions hold, and the keys they name are used themselves.
   pure recursive function usage(deck, i) result(answer)

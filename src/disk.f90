@@ -10,13 +10,38 @@ module dst_disk
 
   public :: prepare_file, reserve_space, set_file_size, move_file, place_file, delete_file
   public :: read_bytes, checksum_of_file, replace_file, make_durable, is_child, end_child, lock_file, unlock_file, wait_seconds
+  public :: open_for_appending, append_words, close_descriptor, matching_files, path_t
   public :: file_exists, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
 
   ! Error numbers that mean "no room" on Linux.
   integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122
   integer(c_int), parameter :: sigxfsz = 25
 
+  type :: path_t
+    character(:), allocatable :: text
+  end type path_t
+
+  !> What glob() finds: the first members of glob_t, and room for the others.
+  type, bind(c) :: found_paths_t
+    integer(c_size_t) :: count = 0
+    type(c_ptr) :: paths = c_null_ptr
+    integer(c_int64_t) :: others(16) = 0
+  end type found_paths_t
+
   interface
+    integer(c_int) function c_glob(pattern, flags, on_error, found) bind(c, name='glob')
+      import :: c_int, c_char, c_ptr, found_paths_t
+      character(c_char), intent(in) :: pattern(*)
+      integer(c_int), value :: flags
+      type(c_ptr), value :: on_error
+      type(found_paths_t), intent(inout) :: found
+    end function c_glob
+
+    subroutine c_globfree(found) bind(c, name='globfree')
+      import :: found_paths_t
+      type(found_paths_t), intent(inout) :: found
+    end subroutine c_globfree
+
     integer(c_int) function posix_fallocate(descriptor, offset, length) bind(c)
       import :: c_int, c_int64_t
       integer(c_int), value :: descriptor
@@ -45,10 +70,10 @@ module dst_disk
       integer(c_int), value :: permissions
     end function c_creat
 
-    integer(c_int) function c_open(path, flags) bind(c, name='open')
+    integer(c_int) function c_open(path, flags, permissions) bind(c, name='open')
       import :: c_int, c_char
       character(c_char), intent(in) :: path(*)
-      integer(c_int), value :: flags
+      integer(c_int), value :: flags, permissions
     end function c_open
 
     integer(c_intptr_t) function c_write(descriptor, bytes, count) bind(c, name='write')
@@ -265,13 +290,87 @@ contains
     if (c_close(descriptor) /= 0 .and. .not. allocated(reason)) reason = system_reason()
   end subroutine write_bytes
 
+  !> Open a file, created if need be, to append to it and nothing else; another process that has it open so is refused.
+  subroutine open_for_appending(file_name, descriptor, reason)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(out) :: descriptor
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(c_int), parameter :: read_write_create_append = 2 + 64 + 1024, everyone_may_read = int(o'644', c_int)
+    integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11
+    integer(c_int), pointer :: number
+
+    call ignore_size_limit_signal()
+    descriptor = c_open(c_text(file_name), read_write_create_append, everyone_may_read)
+    if (descriptor < 0) then
+      reason = system_reason()
+      return
+    end if
+    if (c_flock(descriptor, exclusive_or_fail) == 0) return
+    call c_f_pointer(c_error_number(), number)
+    ! A file system without locks is trusted.
+    if (number == would_block) then
+      reason = 'another process is writing it: wait until it ends'
+      call close_descriptor(descriptor)
+    end if
+  end subroutine open_for_appending
+
+  !> Append 64-bit words in one call of the system: what is killed in between has written all or nothing, or a part at the end.
+  subroutine append_words(descriptor, words, reason)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in), target, contiguous :: words(:)
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(c_intptr_t) :: count
+    integer(c_size_t) :: bytes
+
+    bytes = 8_c_size_t*size(words, kind=c_size_t)
+    count = c_write(descriptor, c_loc(words(1)), bytes)
+    if (count < 0) then
+      reason = system_reason()
+    else if (count < int(bytes, c_intptr_t)) then
+      reason = with_remedy('No space left')
+    end if
+  end subroutine append_words
+
+  subroutine close_descriptor(descriptor)
+    integer(c_int), intent(inout) :: descriptor
+    integer(c_int) :: ignored
+
+    if (descriptor >= 0) ignored = c_close(descriptor)
+    descriptor = -1
+  end subroutine close_descriptor
+
+  !> The files whose names begin with `beginning`, in alphabetical order.
+  subroutine matching_files(beginning, files)
+    character(*), intent(in) :: beginning
+    type(path_t), allocatable, intent(out) :: files(:)
+    type(found_paths_t) :: found
+    type(c_ptr), pointer :: paths(:)
+    character(:), allocatable :: pattern
+    integer :: i
+
+    pattern = ''
+    do i = 1, len(beginning)
+      if (scan(beginning(i:i), '\*?[') > 0) pattern = pattern//'\'
+      pattern = pattern//beginning(i:i)
+    end do
+    i = c_glob(c_text(pattern//'*'), 0_c_int, c_null_ptr, found)
+    if (i /= 0) found%count = 0
+    allocate (files(found%count))
+    if (found%count == 0) return
+    call c_f_pointer(found%paths, paths, [found%count])
+    do i = 1, size(files)
+      files(i)%text = fortran_text(paths(i))
+    end do
+    call c_globfree(found)
+  end subroutine matching_files
+
   !> Let a file's entry in its folder survive a power failure, where the system can do that.
   subroutine make_name_durable(file_name)
     character(*), intent(in) :: file_name
     integer(c_int), parameter :: read_only = 0
     integer(c_int) :: descriptor, ignored
 
-    descriptor = c_open(c_text(folder_of(file_name)), read_only)
+    descriptor = c_open(c_text(folder_of(file_name)), read_only, 0_c_int)
     if (descriptor < 0) return
     ignored = c_fsync(descriptor)
     ignored = c_close(descriptor)

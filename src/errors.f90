@@ -7,7 +7,7 @@ module dst_errors
   private
 
   public :: error_t, raise, exit_status
-  public :: result_done, usage_error, deck_error, file_error
+  public :: result_done, usage_error, deck_error, file_error, some_failed
   public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, release_failed, stopped_early
 
   !> What went wrong. `code` is one of the constants below and also the `result_code` of a file.
@@ -20,6 +20,7 @@ module dst_errors
   integer, parameter :: usage_error = 1
   integer, parameter :: deck_error = 2
   integer, parameter :: file_error = 3
+  integer, parameter :: some_failed = 5   ! cases of a sweep
   ! The solver gave up: 40 to 49.
   integer, parameter :: step_underflow = 41
   integer, parameter :: too_many_steps = 42

@@ -18,6 +18,7 @@ module dst_hdf5_tools
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
   use dst_kinds, only: wp, real64, int64
+  use dst_disk, only: path_t
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -25,7 +26,7 @@ module dst_hdf5_tools
   public :: start_hdf5, open_file, failure_reason, file_descriptor
   public :: put_attribute, get_attribute, put_text, put_texts, get_text, put_number
   public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, column_checksum
-  public :: make_scale, attach_scale
+  public :: make_scale, attach_scale, table_t, create_table, append_rows, put_messages
 
   !> A one-dimensional dataset that grows.
   type :: column_t
@@ -33,6 +34,12 @@ module dst_hdf5_tools
     integer(hsize_t) :: rows = 0
     integer(int64) :: checksum = 0   !! of all rows
   end type column_t
+
+  !> A two-dimensional dataset that grows row by row.
+  type :: table_t
+    integer(hid_t) :: dataset = -1
+    integer(hsize_t) :: rows = 0
+  end type table_t
 
   !> Create or overwrite an attribute of a file, group or dataset.
   interface put_attribute
@@ -638,6 +645,86 @@ contains
     if (status < 0) return
     status = h5dsattach_scale(int(column%dataset, c_int64_t), int(scale%dataset, c_int64_t), 0_c_int)
   end subroutine attach_scale
+
+  !> An empty table of doubles with rows of `length` values.
+  subroutine create_table(group, quantity, length, table, status)
+    integer(hid_t), intent(in) :: group
+    type(quantity_t), intent(in) :: quantity
+    integer, intent(in) :: length
+    type(table_t), intent(out) :: table
+    integer, intent(inout) :: status
+    integer(hsize_t), parameter :: usual_chunk = 16384
+    integer(hid_t) :: space, creation
+    integer(hsize_t) :: chunk(2)
+    integer :: ignored
+
+    if (status < 0) return
+    call h5screate_simple_f(2, [int(length, hsize_t), 0_hsize_t], space, status, [int(length, hsize_t), h5s_unlimited_f])
+    if (status < 0) return
+    call h5pcreate_f(h5p_dataset_create_f, creation, status)
+    chunk = [min(int(length, hsize_t), usual_chunk), 1_hsize_t]
+    if (status >= 0) call h5pset_chunk_f(creation, 2, chunk, status)
+    if (status >= 0) call h5dcreate_f(group, trim(quantity%name), h5t_ieee_f64le, space, table%dataset, status, creation)
+    if (status < 0) return
+    call h5pclose_f(creation, ignored)
+    call h5sclose_f(space, ignored)
+    call describe(table%dataset, quantity, status)
+  end subroutine create_table
+
+  !> Append rows: values(place in the row, row).
+  subroutine append_rows(table, values, status)
+    type(table_t), intent(inout) :: table
+    real(real64), intent(in), contiguous, target :: values(:, :)
+    integer, intent(inout) :: status
+    integer(hid_t) :: file_space, memory_space
+    integer(hsize_t) :: count(2)
+    integer :: ignored
+
+    count = shape(values)
+    if (status < 0 .or. size(values) == 0) return
+    call h5dset_extent_f(table%dataset, [count(1), table%rows + count(2)], status)
+    if (status >= 0) call h5dget_space_f(table%dataset, file_space, status)
+    if (status < 0) return
+    call h5sselect_hyperslab_f(file_space, h5s_select_set_f, [0_hsize_t, table%rows], count, status)
+    if (status >= 0) call h5screate_simple_f(2, count, memory_space, status)
+    if (status >= 0) call h5dwrite_f(table%dataset, h5t_native_double, c_loc(values(1, 1)), status, memory_space, file_space)
+    if (status < 0) return
+    call h5sclose_f(memory_space, ignored)
+    call h5sclose_f(file_space, ignored)
+    table%rows = table%rows + count(2)
+  end subroutine append_rows
+
+  !> A dataset of texts.
+  subroutine put_messages(group, quantity, texts, status)
+    integer(hid_t), intent(in) :: group
+    type(quantity_t), intent(in) :: quantity
+    type(path_t), intent(in) :: texts(:)
+    integer, intent(inout) :: status
+    character(c_char), allocatable, target :: bytes(:)
+    type(c_ptr), target :: addresses(max(1, size(texts)))
+    integer(hid_t) :: space, dataset, text_type
+    integer :: i, first, ignored
+
+    if (status < 0) return
+    allocate (bytes(sum([(len(texts(i)%text) + 1, i=1, size(texts))]) + 1))
+    first = 1
+    do i = 1, size(texts)
+      associate (length => len(texts(i)%text) + 1)
+        bytes(first:first + length - 1) = c_bytes(texts(i)%text)
+        addresses(i) = c_loc(bytes(first))
+        first = first + length
+      end associate
+    end do
+    call create_text_type(text_type, status)
+    if (status >= 0) call h5screate_simple_f(1, [int(size(texts), hsize_t)], space, status)
+    if (status >= 0) call h5dcreate_f(group, trim(quantity%name), text_type, space, dataset, status)
+    if (status < 0) return
+    if (size(texts) > 0) call h5dwrite_f(dataset, text_type, c_loc(addresses(1)), status)
+    call describe(dataset, quantity, status)
+    call h5sclose_f(space, ignored)
+    call h5dclose_f(dataset, ignored)
+    call release_type(text_type, status)
+  end subroutine put_messages
 
   subroutine create_text_type(text_type, status)
     integer(hid_t), intent(out) :: text_type

@@ -24,7 +24,7 @@ module dst_hdf5_writer
   implicit none
   private
 
-  public :: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5
+  public :: write_metadata, hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5
 
   !> A parameter of the deck whose value is text.
   type :: text_parameter_t
@@ -540,15 +540,24 @@ contains
     call self%reserve()
     if (.not. allocated(self%failure)) then
       status = 0
-      call put_root_attributes(self%file, metadata, status)
-      call put_deck(self%file, metadata, status)
-      call put_parameters(self%file, metadata, status)
+      call write_metadata(self%file, metadata, status)
       call create_columns(self, columns, status)
       call flush_file(self, status)
       if (status < 0) call self%fail(failure_reason(), sound=.false.)
     end if
     if (allocated(self%failure)) error = self%failure
   end subroutine write_header
+
+  !> What every result file says about its origin.
+  subroutine write_metadata(file, metadata, status)
+    integer(hid_t), intent(in) :: file
+    type(run_metadata_t), intent(in) :: metadata
+    integer, intent(inout) :: status
+
+    call put_root_attributes(file, metadata, status)
+    call put_deck(file, metadata, status)
+    call put_parameters(file, metadata, status)
+  end subroutine write_metadata
 
   subroutine put_root_attributes(file, metadata, status)
     integer(hid_t), intent(in) :: file

@@ -3,13 +3,14 @@ program dynstiction
   use, intrinsic :: iso_fortran_env, only: output_unit, error_unit
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp
-  use dst_errors, only: error_t, raise, exit_status, result_done, file_error, stopped_early
+  use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: one_per_line
   use dst_disk, only: file_exists, is_folder, folder_of, true_path
   use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_command_line, only: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
+  use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
   use dst_signals, only: listen_to_signals
   use dst_stability_report, only: stability_report
   use dst_trade, only: trade_t
@@ -57,7 +58,7 @@ contains
       call report_stability()
     case ('trade')
       call compare_settings()
-    case ('run')
+    case ('run', 'merge')
       call run_decks()
     case ('resume')
       call resume_runs()
@@ -163,13 +164,40 @@ contains
     if (status /= result_done) return
     call listen_to_signals()
     do i = 1, size(decks)
-      call run_deck(decks(i), outputs(i)%text, command%overwrite, command%quiet, error)
+      call carry_out(decks(i), outputs(i)%text, error)
       if (.not. allocated(error)) cycle
-      if (error%code /= file_error) error%text = decks(i)%name//': '//error%text
+      if (error%code /= file_error .and. error%text /= '') error%text = decks(i)%name//': '//error%text
       call complain(error)
       if (error%code == stopped_early) exit
     end do
   end subroutine run_decks
+
+  !> One run, or a sweep of many.
+  subroutine carry_out(deck, output, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: output
+    type(error_t), allocatable, intent(out) :: error
+    type(sweep_options_t) :: options
+
+    options%overwrite = command%overwrite
+    options%quiet = command%quiet
+    options%keep_shards = command%keep_shards
+    options%shard = command%shard
+    options%shards = command%shards
+    if (command%name == 'merge') then
+      if (deck%is_sweep()) then
+        call merge_sweep(deck, output, options, error)
+      else
+        call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
+      end if
+    else if (deck%is_sweep()) then
+      call run_sweep(deck, output, options, error)
+    else if (options%shards > 0) then
+      call raise(error, usage_error, 'has no &sweep: run it without --shard')
+    else
+      call run_deck(deck, output, options%overwrite, options%quiet, error)
+    end if
+  end subroutine carry_out
 
   !> Go on with each run in turn.
   subroutine resume_runs()
@@ -248,7 +276,8 @@ contains
     type(error_t), allocatable, intent(in) :: error
 
     if (.not. allocated(error)) return
-    write (error_unit, '(a)', advance='no') one_per_line(error%text, 'dynstiction: ')
+    ! Of a process that leaves the words to another one, only the status counts.
+    if (error%text /= '') write (error_unit, '(a)', advance='no') one_per_line(error%text, 'dynstiction: ')
     if (status == result_done) status = exit_status(error%code)
   end subroutine complain
 

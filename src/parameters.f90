@@ -2,7 +2,7 @@
 module dst_parameters
   use dst_kinds, only: wp
   use dst_deck, only: deck_t
-  use dst_schema, only: schema, key_count, real_kind, reals_kind, integer_kind
+  use dst_schema, only: schema, key_count, sweep_group, real_kind, reals_kind, integer_kind
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -28,7 +28,7 @@ contains
     n = 0
     do i = 1, key_count
       associate (key => schema(i))
-        if (.not. deck%is_used(trim(key%group), trim(key%name))) cycle
+        if (key%group == sweep_group .or. .not. deck%is_used(trim(key%group), trim(key%name))) cycle
         if (key%kind == reals_kind) then
           if (size(deck%reals_of(trim(key%group), trim(key%name))) /= 1) cycle
         end if

@@ -19,6 +19,8 @@ module dst_progress
     real(wp) :: next = 0.0_wp      !! wall time of the next line, s
   contains
     procedure :: show
+    procedure :: show_cases
+    procedure, private :: put_line
     procedure :: remark
     procedure :: close
   end type progress_t
@@ -54,16 +56,41 @@ contains
     share = done/total
     write (text, '(a,f6.1,a,es10.3,a,es10.3,a,f0.1,a)') self%label//':', 100.0_wp*share, ' %, t =', done, ' of', total, &
       ' s, ', elapsed*(1.0_wp - share)/max(share, epsilon(share)), ' s left'
+    call self%put_line(trim(text), elapsed)
+  end subroutine show
+
+  !> Report that `done` of `total` cases, `failed` of them in vain, took `elapsed` wall time [s], if it is time to.
+  subroutine show_cases(self, done, total, failed, elapsed)
+    class(progress_t), intent(inout) :: self
+    integer, intent(in) :: done, total, failed
+    real(wp), intent(in) :: elapsed
+    character(200) :: text
+    character(24) :: rate
+    real(wp) :: left
+
+    if (self%quiet .or. elapsed < self%next) return
+    left = elapsed*real(total - done, wp)/real(max(1, done), wp)
+    write (rate, '(es10.3)') real(done, wp)/elapsed
+    write (text, '(a, i0, a, i0, a, i0, 4a, f0.1, a)') self%label//': ', done, ' of ', total, ' cases, ', failed, ' failed, ', &
+      trim(adjustl(rate)), ' cases/s', ', ', left, ' s left'
+    call self%put_line(trim(text), elapsed)
+  end subroutine show_cases
+
+  subroutine put_line(self, text, elapsed)
+    class(progress_t), intent(inout) :: self
+    character(*), intent(in) :: text
+    real(wp), intent(in) :: elapsed
+
     if (self%terminal) then
-      write (error_unit, '(a)', advance='no') achar(13)//trim(text)//achar(27)//'[K'
+      write (error_unit, '(a)', advance='no') achar(13)//text//achar(27)//'[K'
       flush (error_unit)
       self%next = elapsed + terminal_interval
     else
-      write (error_unit, '(a)') trim(text)
+      write (error_unit, '(a)') text
       self%next = elapsed + plain_interval
     end if
     self%shown = .true.
-  end subroutine show
+  end subroutine put_line
 
   !> One line that stays.
   subroutine remark(self, text)

@@ -18,11 +18,13 @@ module dst_python_api
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
   use dst_scene, only: scene_t, scene_from_deck
+  use dst_schema, only: schema
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: stage_terms_t, new_terms
   use dst_stability, only: critical_t, steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, &
                            damping_scale, damping_ratio, weakening_damping_ratio
+  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, value_count, value_quantities
   use dst_trade, only: trade_t, start_trade
   use dst_trade_advice, only: check_wish, cheapest, advice, advised_settings
   use dst_trade_report, only: trade_report
@@ -33,6 +35,7 @@ module dst_python_api
 
   public :: run_open, run_columns, column_info, run_advance, run_samples, run_events, run_outcome, run_counts
   public :: summary_info, statistics_info, parameter_info, parameter_text, run_text_length, run_text, run_close
+  public :: sweep_open, sweep_sizes, sweep_axis, sweep_value_info, sweep_run, sweep_stop, sweep_message, sweep_close
   public :: trade_open, trade_advance, trade_size, trade_column, trade_numbers, trade_texts, trade_text_length, trade_text
   public :: trade_close
   public :: build_text, rhs, jacobian, creep_exact, creep_asymptotic, eigenvalues, critical, slow_damping
@@ -50,6 +53,19 @@ module dst_python_api
     character(:), allocatable :: model_choice
   end type session_t
 
+  !> A sweep. Its threads only read it, but for `stop`.
+  type :: sweep_session_t
+    type(sweep_t) :: sweep
+    type(error_t), allocatable :: error
+    logical :: stop = .false.
+  end type sweep_session_t
+
+  type, extends(watch_t) :: stop_watch_t
+    type(sweep_session_t), pointer :: session => null()
+  contains
+    procedure :: asked_to_stop
+  end type stop_watch_t
+
   !> A comparison of settings, and what is wished of it.
   type :: comparison_t
     type(deck_t) :: deck
@@ -61,6 +77,170 @@ module dst_python_api
   end type comparison_t
 
 contains
+
+  !> Read a deck and the parameters that are varied: their names one a line, the number of values of each, all values one
+  !> after the other. Without names the deck's own &sweep is taken. `is_list` = 1: the values of a case have the same place.
+  subroutine sweep_open(n_deck, deck, n_name, name, n_settings, settings, n_names, names, n_axes, sizes, n_values, values, &
+                        is_list, handle, cases, axes, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_names, n_axes, n_values
+    integer(c_int), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), names(n_names), sizes(n_axes), is_list
+    real(c_double), intent(in) :: values(n_values)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: cases, axes, status
+    type(sweep_session_t), pointer :: session
+    type(axis_t), allocatable :: given(:)
+    character(max(1, n_names)), allocatable :: lines(:)
+    type(deck_t), allocatable :: parsed
+    integer :: i, first
+
+    allocate (session, parsed)
+    handle = int(transfer(c_loc(session), 0_c_intptr_t), c_long_long)
+    call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), parsed, session%error)
+    if (.not. allocated(session%error)) then
+      lines = lines_of(text_of(names))
+      if (size(lines) > 0) then
+        allocate (given(size(lines)))
+        first = 1
+        do i = 1, size(given)
+          given(i)%name = lines(i)
+          given(i)%values = real(values(first:first + sizes(i) - 1), wp)
+          first = first + sizes(i)
+        end do
+        call new_sweep(parsed, session%sweep, session%error, given, is_list == 1)
+      else if (parsed%is_sweep()) then
+        call new_sweep(parsed, session%sweep, session%error)
+      else
+        call raise(session%error, usage_error, 'nothing is varied: give parameters, or a deck with &sweep')
+      end if
+    end if
+    status = 0
+    cases = 0
+    axes = 0
+    if (allocated(session%error)) then
+      status = int(session%error%code, c_int)
+      return
+    end if
+    cases = int(session%sweep%cases, c_int)
+    axes = int(size(session%sweep%axes), c_int)
+  end subroutine sweep_open
+
+  !> Number of values of axis i (from 1), and of a case.
+  subroutine sweep_sizes(handle, i, n_axis, n_case)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: n_axis, n_case
+    type(sweep_session_t), pointer :: session
+
+    session => sweep_of(handle)
+    n_axis = int(size(session%sweep%axes(i)%values), c_int)
+    n_case = int(value_count, c_int)
+  end subroutine sweep_sizes
+
+  !> Axis i (from 1): its name, units, meaning and values.
+  subroutine sweep_axis(handle, i, n, name, units, long_name, values)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i, n
+    integer(c_int), intent(out) :: name(40), units(8), long_name(96)
+    real(c_double), intent(out) :: values(n)
+    type(sweep_session_t), pointer :: session
+
+    session => sweep_of(handle)
+    associate (axis => session%sweep%axes(i))
+      call put_text(axis%name, name)
+      call put_text(schema(axis%key)%unit, units)
+      call put_text(schema(axis%key)%meaning, long_name)
+      values = real(axis%values, c_double)
+    end associate
+  end subroutine sweep_axis
+
+  !> Value i (from 1) of every case.
+  subroutine sweep_value_info(i, name, units, long_name)
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
+    type(quantity_t) :: quantities(value_count)
+
+    quantities = value_quantities()
+    call put_description(quantities(i), name, units, long_name)
+  end subroutine sweep_value_info
+
+  !> Run the cases `first` to `first + n - 1`: values (value, case), result codes, messages. Several threads may do so at
+  !> once. After `sweep_stop` fewer are `done`.
+  subroutine sweep_run(handle, first, n, n_values, values, codes, messages, done)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: first, n, n_values
+    real(c_double), intent(out) :: values(n_values, n)
+    integer(c_int), intent(out) :: codes(n), messages(200, n), done
+    !f2py threadsafe
+    type(sweep_session_t), pointer :: session
+    type(stop_watch_t) :: watch
+    type(worker_t) :: worker
+    type(case_t) :: case
+    logical :: finished
+
+    session => sweep_of(handle)
+    watch%session => session
+    !$omp critical (deck_copy)
+    call new_worker(session%sweep, worker)
+    !$omp end critical (deck_copy)
+    values = 0.0_c_double
+    codes = -1
+    messages = iachar(' ')
+    done = 0
+    do while (done < n)
+      call worker%run_case(session%sweep, int(first + done), watch, case, finished)
+      if (.not. finished) exit
+      done = done + 1
+      values(:, done) = real(case%values, c_double)
+      codes(done) = int(case%result_code, c_int)
+      if (case%result_code /= 0) call put_text(case%result_text, messages(:, done))
+    end do
+  end subroutine sweep_run
+
+  !> Give up what is under way.
+  subroutine sweep_stop(handle)
+    integer(c_long_long), intent(in) :: handle
+    type(sweep_session_t), pointer :: session
+
+    session => sweep_of(handle)
+    !$omp atomic write
+    session%stop = .true.
+  end subroutine sweep_stop
+
+  !> Why `sweep_open` failed, cut at 4096 bytes.
+  subroutine sweep_message(handle, message)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(out) :: message(4096)
+    type(sweep_session_t), pointer :: session
+
+    session => sweep_of(handle)
+    call put_text('', message)
+    if (allocated(session%error)) call put_text(session%error%text, message)
+  end subroutine sweep_message
+
+  !> Free the sweep; the handle is void afterwards.
+  subroutine sweep_close(handle)
+    integer(c_long_long), intent(in) :: handle
+    type(sweep_session_t), pointer :: session
+
+    session => sweep_of(handle)
+    deallocate (session)
+  end subroutine sweep_close
+
+  logical function asked_to_stop(self)
+    class(stop_watch_t), intent(inout) :: self
+
+    !$omp atomic read
+    asked_to_stop = self%session%stop
+  end function asked_to_stop
+
+  function sweep_of(handle) result(session)
+    integer(c_long_long), intent(in) :: handle
+    type(sweep_session_t), pointer :: session
+    type(c_ptr) :: address
+
+    address = transfer(int(handle, c_intptr_t), address)
+    call c_f_pointer(address, session)
+  end function sweep_of
 
   !> Read a deck (text, name for messages, overrides 'group.key=value' one a line) and get ready to
   !> run. On failure the handle is still valid until run_close, and text 3 is the message.
@@ -77,6 +257,8 @@ contains
     allocate (session)
     handle = int(transfer(c_loc(session), 0_c_intptr_t), c_long_long)
     call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
+    if (.not. allocated(session%error) .and. session%deck%is_sweep()) call raise(session%error, usage_error, &
+      'the deck has a &sweep of many cases: use dynstiction.sweep, or remove the group')
     if (.not. allocated(session%error)) then
       call scene_from_deck(session%deck, scene)
       call settle_model(scene, session%model_choice)

@@ -1,12 +1,12 @@
 !> A scene: what a deck asks for, typed. The deck has been checked; nothing is checked here.
 module dst_scene
   use dst_kinds, only: wp, int64
-  use dst_schema, only: longest_text
+  use dst_schema, only: schema, key_count, longest_text, real_kind, integer_kind
   use dst_deck, only: deck_t
   implicit none
   private
 
-  public :: scene_t, scene_from_deck
+  public :: scene_t, scene_from_deck, set_number
 
   type :: scene_t
     character(:), allocatable :: title
@@ -21,7 +21,7 @@ module dst_scene
     real(wp) :: stiffness_y = 0.0_wp                     !! N/m; 0 where the model has none
     real(wp) :: misalignment_deg = 0.0_wp                !! deg
     real(wp) :: mu_0 = 0.0_wp                            !! friction coefficient at rest
-    real(wp) :: mu_inf = 0.0_wp                          !! at high slip velocity; mu_0 for the constant law
+    real(wp) :: mu_inf = 0.0_wp                          !! at high slip velocity; mu_0 where there is none
     real(wp) :: v_f = 1.0_wp                             !! m/s; without effect for the constant law
     real(wp) :: normal_load = 0.0_wp                     !! N
     real(wp) :: v_smooth = 0.0_wp                        !! m/s
@@ -47,73 +47,99 @@ contains
   subroutine scene_from_deck(deck, scene)
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(out) :: scene
+    character(longest_text), allocatable :: fields(:)
 
     scene%title = deck%text_of('scene', 'title')
     scene%model = deck%text_of('scene', 'model')
     scene%form = deck%text_of('scene', 'form')
     scene%quantities = deck%text_of('scene', 'quantities')
-    scene%accuracy = deck%real_of('scene', 'accuracy')
-    scene%t_end = deck%real_of('scene', 't_end')
-    call take_system(deck, scene)
-    call take_friction(deck, scene)
-    scene%drive_time = deck%reals_of('drive', 'time')
-    scene%drive_velocity = deck%reals_of('drive', 'velocity')
-    scene%velocity_ratio = deck%real_of('initial', 'velocity_ratio')
-    scene%elongation_x = deck%real_of('initial', 'elongation_x')
-    scene%elongation_y = deck%real_of('initial', 'elongation_y')
-    call take_integrator(deck, scene)
-    call take_output(deck, scene)
-  end subroutine scene_from_deck
-
-  subroutine take_system(deck, scene)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(inout) :: scene
-
-    if (deck%is_used('system', 'mass')) scene%mass = deck%real_of('system', 'mass')
-    scene%stiffness_x = deck%real_of('system', 'stiffness_x')
-    if (deck%is_used('system', 'stiffness_y')) scene%stiffness_y = deck%real_of('system', 'stiffness_y')
-    scene%misalignment_deg = deck%real_of('system', 'misalignment_deg')
-  end subroutine take_system
-
-  subroutine take_friction(deck, scene)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(inout) :: scene
-
     scene%law = deck%text_of('friction', 'law')
     scene%contact = deck%text_of('friction', 'contact')
-    scene%mu_0 = deck%real_of('friction', 'mu_0')
-    scene%mu_inf = scene%mu_0
-    scene%v_f = 1.0_wp
-    if (deck%is_used('friction', 'mu_inf')) scene%mu_inf = deck%real_of('friction', 'mu_inf')
-    if (deck%is_used('friction', 'v_f')) scene%v_f = deck%real_of('friction', 'v_f')
-    scene%normal_load = deck%real_of('friction', 'normal_load')
-    scene%v_smooth = deck%real_of('friction', 'v_smooth')
-  end subroutine take_friction
-
-  subroutine take_integrator(deck, scene)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(inout) :: scene
-
+    scene%drive_time = deck%reals_of('drive', 'time')
+    scene%drive_velocity = deck%reals_of('drive', 'velocity')
     scene%method = deck%text_of('integrator', 'method')
-    scene%rtol = deck%real_of('integrator', 'rtol')
-    scene%step = deck%real_of('integrator', 'step')
-    scene%v_cut = deck%real_of('integrator', 'v_cut')
-    scene%step_max = deck%real_of('integrator', 'step_max')
-    scene%max_steps = deck%integer_of('integrator', 'max_steps')
-  end subroutine take_integrator
-
-  subroutine take_output(deck, scene)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(inout) :: scene
-    character(longest_text), allocatable :: fields(:)
-
     allocate (fields, source=deck%texts_of('output', 'fields'))
     allocate (scene%fields(size(fields)))
     scene%fields = fields(:)(:len(scene%fields))
     scene%output_file = deck%text_of('output', 'file')
-    scene%interval = deck%real_of('output', 'interval')
-    scene%checkpoint_interval = deck%real_of('output', 'checkpoint_interval')
-    scene%wall_limit = deck%real_of('output', 'wall_limit')
-    scene%flush_seconds = deck%real_of('output', 'flush_seconds')
-  end subroutine take_output
+    call take_numbers(deck, scene)
+  end subroutine scene_from_deck
+
+  !> Every key with one number. Of a physical one that is not used the scene keeps what switches it off.
+  subroutine take_numbers(deck, scene)
+    type(deck_t), intent(in) :: deck
+    type(scene_t), intent(inout) :: scene
+    integer :: i
+
+    do i = 1, key_count
+      associate (key => schema(i))
+        if (key%required .and. .not. deck%is_used(trim(key%group), trim(key%name))) cycle
+        select case (key%kind)
+        case (real_kind)
+          call set_number(scene, trim(key%name), deck%real_of(trim(key%group), trim(key%name)))
+        case (integer_kind)
+          call set_number(scene, trim(key%name), real(deck%integer_of(trim(key%group), trim(key%name)), wp))
+        end select
+      end associate
+    end do
+  end subroutine take_numbers
+
+  !> Set what the key `name` stands for, in its unit. Safe in threads: no text of deferred length is used.
+  subroutine set_number(scene, name, value)
+    type(scene_t), intent(inout) :: scene
+    character(*), intent(in) :: name
+    real(wp), intent(in) :: value
+
+    select case (name)
+    case ('accuracy')
+      scene%accuracy = value
+    case ('t_end')
+      scene%t_end = value
+    case ('mass')
+      scene%mass = value
+    case ('stiffness_x')
+      scene%stiffness_x = value
+    case ('stiffness_y')
+      scene%stiffness_y = value
+    case ('misalignment_deg')
+      scene%misalignment_deg = value
+    case ('mu_0')
+      scene%mu_0 = value
+      if (scene%law == 'constant' .or. index(scene%model, 'creep') == 1) scene%mu_inf = value
+    case ('mu_inf')
+      scene%mu_inf = value
+    case ('v_f')
+      scene%v_f = value
+    case ('normal_load')
+      scene%normal_load = value
+    case ('v_smooth')
+      scene%v_smooth = value
+    case ('velocity')
+      scene%drive_velocity = value
+    case ('velocity_ratio')
+      scene%velocity_ratio = value
+    case ('elongation_x')
+      scene%elongation_x = value
+    case ('elongation_y')
+      scene%elongation_y = value
+    case ('rtol')
+      scene%rtol = value
+    case ('step')
+      scene%step = value
+    case ('v_cut')
+      scene%v_cut = value
+    case ('step_max')
+      scene%step_max = value
+    case ('max_steps')
+      scene%max_steps = nint(value, int64)
+    case ('interval')
+      scene%interval = value
+    case ('checkpoint_interval')
+      scene%checkpoint_interval = value
+    case ('wall_limit')
+      scene%wall_limit = value
+    case ('flush_seconds')
+      scene%flush_seconds = value
+    end select
+  end subroutine set_number
 end module dst_scene

@@ -8,7 +8,7 @@ module dst_schema
   implicit none
   private
 
-  public :: key_t, range_t, schema, key_count, group_names, later_groups
+  public :: key_t, range_t, schema, key_count, group_names, sweep_group
   public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind
   public :: longest_text, most_values
   public :: find_key, find_name, keys_of, in_range, range_text
@@ -47,9 +47,9 @@ module dst_schema
   !> From 1e-13 on in double precision, from 1e-31 on in quadruple precision.
   type(range_t), parameter :: tolerances = range_t(low=10.0_wp**(2 - precision(1.0_wp)), high=1.0e-1_wp)
 
-  character(*), parameter :: group_names = 'scene system friction drive initial integrator output'
-  !> Groups of the deck language that this version cannot run.
-  character(*), parameter :: later_groups = 'sweep'
+  character(*), parameter :: group_names = 'scene system friction drive initial integrator output sweep'
+  !> The group that turns a deck into many cases; a deck without it is one run.
+  character(*), parameter :: sweep_group = 'sweep'
 
   character(*), parameter :: models = 'full low_frequency high_frequency creep creep_asymptotic auto'
   character(*), parameter :: methods = 'radau5 radau9 radau13 rk4 dopri5 dop853 moreau_jean'
@@ -136,7 +136,21 @@ module dst_schema
     key_t('output', 'checkpoint_interval', real_kind, 's', non_negative, may, '600.0', '', '', '', &
           'wall time between checkpoints; 0 = only when the run is stopped'), &
     key_t('output', 'wall_limit', real_kind, 's', non_negative, may, '0.0', '', '', '', &
-          'wall time after which the run stops; 0 = no limit')]
+          'wall time after which the run stops; 0 = no limit'), &
+    key_t('sweep', 'parameter', texts_kind, '', any_real, may, '', '', '', '', &
+          'keys that are varied, as GROUP.KEY; the last varies fastest'), &
+    key_t('sweep', 'first', reals_kind, '', any_real, may, '', '', '', '', &
+          'first value of each parameter, in its own unit'), &
+    key_t('sweep', 'last', reals_kind, '', any_real, may, '', '', '', '', &
+          'last value of each parameter'), &
+    key_t('sweep', 'count', reals_kind, '1', range_t(low=1.0_wp, high=1.0e9_wp), may, '', '', '', '', &
+          'number of values of each parameter'), &
+    key_t('sweep', 'spacing', texts_kind, '', any_real, may, 'linear', '', 'linear log', '', &
+          'distance of the values: one for all parameters, or one for each'), &
+    key_t('sweep', 'points', text_kind, '', any_real, may, '', '', '', '', &
+          'CSV file with a column for each GROUP.KEY and a case a row, in place of the above'), &
+    key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series', '', &
+          'what is kept of a case: its summary, or the time series too')]
 
   integer, parameter :: key_count = size(schema)
 

@@ -20,7 +20,7 @@ module dst_simulation
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_straight_slip, only: new_straight_slip
   use dst_summary, only: summary_t, start_summary, follow, describe
-  use dst_text, only: real_text
+  use dst_text, only: short_text
   use dst_trajectory, only: trajectory_t, no_event, stick_begins, slip_begins, at_time
   use dst_writer, only: writer_t, quantity_t, outcome_t
   implicit none
@@ -109,7 +109,7 @@ contains
         slider%turns = .false.
         if (abs(slider%stiffness(1)*scene%elongation_x) >= slider%law%onset) then
           call raise(error, deck_error, 'high_frequency holds for a longitudinal load below the static limit: '// &
-            '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//real_text(slider%law%onset)//' N')
+            '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//trim(short_text(slider%law%onset))//' N')
           return
         end if
         trajectory%system = new_straight_slip(slider, 2, [scene%elongation_x, 0.0_wp])
@@ -543,7 +543,7 @@ contains
     class(simulation_t), intent(in) :: self
     character(:), allocatable :: text
 
-    text = at_time(self%trajectory%now)
+    text = trim(at_time(self%trajectory%now))
   end function state_text
 
   !> Save or load, between two calls of `proceed`. A simulation is loaded after it has been started.

@@ -13,9 +13,25 @@ module dst_summary
   implicit none
   private
 
-  public :: summary_t, start_summary, follow, describe
+  public :: summary_t, start_summary, follow, describe, summary_quantities, summary_values
 
   real(wp), parameter :: threshold = 0.01_wp
+
+  !> What `summary_values` gives, in its order.
+  type(quantity_t), parameter :: summary_quantities(*) = [ &
+    quantity_t('cycles', '1', 'completed stick-slip cycles, peak to peak'), &
+    quantity_t('period', 's', 'mean time from peak to peak of k_x u_x'), &
+    quantity_t('peak_force', 'N', 'mean peak of k_x u_x'), &
+    quantity_t('valley_force', 'N', 'mean valley of k_x u_x'), &
+    quantity_t('stick_duration', 's', 'mean time from valley to peak: dynamic stiction'), &
+    quantity_t('slip_duration', 's', 'mean time from peak to valley'), &
+    quantity_t('slip_length', 'm', 'mean advance in X from peak to valley'), &
+    quantity_t('max_X_rate', 'm s-1', 'largest slip velocity along the drive'), &
+    quantity_t('sticks', '1', 'times that the object came to rest, the start included'), &
+    quantity_t('sticking_time', 's', 'time at rest'), &
+    quantity_t('drive_work', 'J', 'work of the drive on the spring'), &
+    quantity_t('friction_work', 'J', 'work done against friction'), &
+    quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged')]
 
   !> Mean of a quantity that comes one by one.
   type :: mean_t
@@ -286,22 +302,14 @@ contains
     real(wp), intent(in) :: wall_time
     type(outcome_t), intent(inout) :: outcome
     type(work_count_t) :: work
+    real(wp) :: value(size(summary_quantities))
+    logical :: given(size(summary_quantities))
 
-    allocate (outcome%summary(0), outcome%summary_value(0), outcome%statistics(0), outcome%statistics_value(0))
-    if (allocated(trajectory%stepper)) then
-      work = trajectory%stepper%count
-      call put('cycles', '1', 'completed stick-slip cycles, peak to peak', real(self%period%count, wp))
-    end if
-    call put_mean('period', 's', 'mean time from peak to peak of k_x u_x', self%period)
-    call put_mean('peak_force', 'N', 'mean peak of k_x u_x', self%peak)
-    call put_mean('valley_force', 'N', 'mean valley of k_x u_x', self%valley)
-    call put_mean('stick_duration', 's', 'mean time from valley to peak: dynamic stiction', self%stick)
-    call put_mean('slip_duration', 's', 'mean time from peak to valley', self%slip)
-    call put_mean('slip_length', 'm', 'mean advance in X from peak to valley', self%length)
-    call put('max_X_rate', 'm s-1', 'largest slip velocity along the drive', self%largest_rate)
-    call put('sticks', '1', 'times that the object came to rest, the start included', real(self%sticks, wp))
-    call put('sticking_time', 's', 'time at rest', self%sticking_time)
-    if (allocated(trajectory%stepper)) call put_energy()
+    call summary_values(self, trajectory, value, given)
+    outcome%summary = pack(summary_quantities, given)
+    outcome%summary_value = pack(value, given)
+    allocate (outcome%statistics(0), outcome%statistics_value(0))
+    if (allocated(trajectory%stepper)) work = trajectory%stepper%count
     call put_count('steps', 'accepted steps', work%steps)
     call put_count('rejected', 'rejected steps', work%rejected)
     call put_count('rhs', 'evaluations of the equations of motion', work%rhs)
@@ -314,32 +322,6 @@ contains
 
   contains
 
-    subroutine put_energy()
-      real(wp) :: change, exchanged
-
-      change = energy(trajectory, self%velocity) - self%first_energy
-      exchanged = abs(trajectory%now%drive_work) + abs(trajectory%now%friction_work) + self%first_energy
-      call put('drive_work', 'J', 'work of the drive on the spring', trajectory%now%drive_work)
-      call put('friction_work', 'J', 'work done against friction', trajectory%now%friction_work)
-      if (exchanged > 0.0_wp) exchanged = (trajectory%now%drive_work - trajectory%now%friction_work - change)/exchanged
-      call put('energy_residual', '1', 'open energy balance over all energy exchanged', exchanged)
-    end subroutine put_energy
-
-    subroutine put(name, units, long_name, value)
-      character(*), intent(in) :: name, units, long_name
-      real(wp), intent(in) :: value
-
-      outcome%summary = [outcome%summary, quantity_t(name, units, long_name)]
-      outcome%summary_value = [outcome%summary_value, value]
-    end subroutine put
-
-    subroutine put_mean(name, units, long_name, mean)
-      character(*), intent(in) :: name, units, long_name
-      type(mean_t), intent(in) :: mean
-
-      if (mean%count > 0) call put(name, units, long_name, mean%sum/real(mean%count, wp))
-    end subroutine put_mean
-
     subroutine put_count(name, long_name, count)
       character(*), intent(in) :: name, long_name
       integer(int64), intent(in) :: count
@@ -348,6 +330,46 @@ contains
       outcome%statistics_value = [outcome%statistics_value, real(count, wp)]
     end subroutine put_count
   end subroutine describe
+
+  !> The values of all `summary_quantities`, and which of them this run has; the others are 0.
+  subroutine summary_values(self, trajectory, value, given)
+    type(summary_t), intent(in) :: self
+    type(trajectory_t), intent(in) :: trajectory
+    real(wp), intent(out) :: value(:)
+    logical, intent(out) :: given(:)
+    real(wp) :: change, exchanged
+
+    value = 0.0_wp
+    given = .true.
+    value(1) = real(self%period%count, wp)
+    given(1) = allocated(trajectory%stepper)
+    call put_mean(2, self%period)
+    call put_mean(3, self%peak)
+    call put_mean(4, self%valley)
+    call put_mean(5, self%stick)
+    call put_mean(6, self%slip)
+    call put_mean(7, self%length)
+    value(8) = self%largest_rate
+    value(9) = real(self%sticks, wp)
+    value(10) = self%sticking_time
+    given(11:) = allocated(trajectory%stepper)
+    if (.not. allocated(trajectory%stepper)) return
+    change = energy(trajectory, self%velocity) - self%first_energy
+    exchanged = abs(trajectory%now%drive_work) + abs(trajectory%now%friction_work) + self%first_energy
+    value(11) = trajectory%now%drive_work
+    value(12) = trajectory%now%friction_work
+    if (exchanged > 0.0_wp) value(13) = (trajectory%now%drive_work - trajectory%now%friction_work - change)/exchanged
+
+  contains
+
+    subroutine put_mean(i, mean)
+      integer, intent(in) :: i
+      type(mean_t), intent(in) :: mean
+
+      given(i) = mean%count > 0
+      if (given(i)) value(i) = mean%sum/real(mean%count, wp)
+    end subroutine put_mean
+  end subroutine summary_values
 
   !> Save or load.
   subroutine exchange(self, archive)

@@ -6,7 +6,7 @@ module dst_text
 
   public :: text_builder_t
   public :: lower_case, starts_with, word, word_count, has_word, nearest_word, alternatives, excerpt, one_per_line
-  public :: real_text, integer_text, formatted, quoted_text, read_real, read_integer
+  public :: real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
 
   !> Text that grows; appending costs time in proportion to what is appended.
   type :: text_builder_t
@@ -220,6 +220,25 @@ contains
     text = decimal_text(mantissa, exponent)
     if (sign(1.0_wp, value) < 0.0_wp) text = '-'//text
   end function real_text
+
+  !> A number with four digits, for messages of the solver. Not of deferred length as `real_text`: gfortran keeps such a
+  !> length in static storage, where threads would meet.
+  pure function short_text(value) result(text)
+    real(wp), intent(in) :: value
+    character(11) :: text
+    integer :: i
+
+    if (abs(value) >= 0.1_wp .and. abs(value) < 1.0e4_wp) then
+      write (text, '(f11.4)') value
+      do i = len(text), 3, -1
+        if (text(i:i) /= '0' .or. text(i - 1:i - 1) == '.') exit
+        text(i:i) = ' '
+      end do
+    else
+      write (text, '(es11.4e3)') value
+    end if
+    text = adjustl(text)
+  end function short_text
 
   !> d.ddd·10^exponent from its significant digits, without an exponent where that is easy to read.
   pure function decimal_text(mantissa, exponent) result(text)

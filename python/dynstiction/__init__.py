@@ -11,6 +11,7 @@ Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a
 
 from . import _native
 from ._run import run
+from ._sweep import sweep
 from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import jacobian, rhs
@@ -66,5 +67,6 @@ __all__ = [
     "run",
     "spectrogram",
     "steady_sliding_eigenvalues",
+    "sweep",
     "trade",
 ]

@@ -19,6 +19,7 @@ __all__ = [
     "BuildInfo",
     "Comparison",
     "Run",
+    "Sweep",
     "build_info",
     "creep_asymptotic",
     "creep_exact",
@@ -207,6 +208,70 @@ class Comparison:
     def _any_text(self, which: int) -> str:
         length = _core.trade_text_length(self._handle, which)
         return text_from(_core.trade_text(self._handle, which, length).astype(np.uint8).tobytes())
+
+
+class Sweep:
+    """The cases of a sweep in the core; a context manager, so that it is always closed."""
+
+    def __init__(
+        self,
+        text: str,
+        name: str,
+        settings: Sequence[str],
+        axes: Sequence[tuple[str, NDArray[np.float64]]],
+        is_list: bool,
+    ) -> None:
+        values = [np.asarray(axis, dtype=np.float64) for _, axis in axes]
+        self._handle, self.cases, n_axes, status = _core.sweep_open(
+            _bytes(text),
+            _bytes(name),
+            _bytes("\n".join(settings)),
+            _bytes("\n".join(key for key, _ in axes)),
+            np.array([axis.size for axis in values], dtype=np.int32),
+            np.concatenate([np.empty(0), *values]),
+            int(is_list),
+        )
+        if status != 0:
+            message = _text(_core.sweep_message(self._handle))
+            self.close()
+            raise error_for(status, message)
+        self.axes = [self._axis(i + 1) for i in range(n_axes)]
+        _, self._n_values = _core.sweep_sizes(self._handle, 1)
+        self.quantities = [_info(*_core.sweep_value_info(i + 1)) for i in range(self._n_values)]
+
+    def _axis(self, i: int) -> tuple[Info, NDArray[np.float64]]:
+        size, _ = _core.sweep_sizes(self._handle, i)
+        name, units, long_name, values = _core.sweep_axis(self._handle, i, size)
+        return _info(name, units, long_name), values
+
+    def __enter__(self) -> Sweep:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def run(
+        self, first: int, count: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[int, str], int]:
+        """Run cases `first` (from 0) and following: values (done, value), codes, messages, number done."""
+        values, codes, messages, done = _core.sweep_run(self._handle, first + 1, count, self._n_values)
+        failed = {first + int(i): _text(messages[:, i]) for i in np.flatnonzero(codes[:done])}
+        return values.T[:done], codes[:done], failed, done
+
+    def stop(self) -> None:
+        """Let all threads give up what they do."""
+        _core.sweep_stop(self._handle)
+
+    def close(self) -> None:
+        """Free the sweep; closing twice does no harm."""
+        handle, self._handle = self._handle, 0
+        if handle != 0:
+            _core.sweep_close(handle)
 
 
 @cache

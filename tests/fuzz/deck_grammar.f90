@@ -2,7 +2,7 @@
 module deck_grammar
   use dst_kinds, only: wp, int64
   use dst_text, only: word, word_count, has_word, real_text, integer_text, quoted_text
-  use dst_schema, only: key_t, schema, key_count, group_names, find_name, in_range, condition_count, &
+  use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_key, in_range, condition_count, &
                         condition_key, condition_choices, real_kind, reals_kind, integer_kind, texts_kind, choice_kind
   use fuzz_cases, only: case_t, dice_t, mutate, hostile_word, most_settings
   implicit none
@@ -16,6 +16,7 @@ module deck_grammar
   type :: plan_t
     character(24) :: choice(key_count) = ''
     logical :: profile = .false.              !! several velocities, with their times
+    logical :: sweeps = .false.               !! many cases
   end type plan_t
 
 contains
@@ -51,6 +52,7 @@ contains
       choices = trim(schema(i)%choices)
       plan%choice(i) = word(choices, 1 + dice%below(word_count(choices)))
     end do
+    plan%sweeps = dice%chance(15) .and. plan%choice(find_key('scene', 'model')) /= 'auto'
   end subroutine choose
 
   !> Whether a key has a meaning with these choices.
@@ -79,6 +81,10 @@ contains
     first = dice%below(word_count(group_names))
     do g = 1, word_count(group_names)
       group = word(group_names, 1 + mod(g + first, word_count(group_names)))
+      if (group == sweep_group) then
+        if (plan%sweeps) text = text//sweep_text(dice, plan)
+        cycle
+      end if
       text = text//gap(dice)//'&'//group//gap(dice)//newline
       start = dice%below(key_count)
       do i = 1, key_count
@@ -94,6 +100,38 @@ contains
     end do
     if (dice%chance(80)) text = text//newline
   end function deck_text
+
+  !> A grid over one or two keys that the deck uses.
+  function sweep_text(dice, plan) result(text)
+    type(dice_t), intent(inout) :: dice
+    type(plan_t), intent(in) :: plan
+    character(:), allocatable :: text, names, first, last, counts
+    integer :: i, axes, varied(2)
+
+    axes = 1 + dice%below(2)
+    names = ''
+    first = ''
+    last = ''
+    counts = ''
+    varied = 0
+    do i = 1, axes
+      do
+        varied(i) = 1 + dice%below(key_count)
+        if (schema(varied(i))%kind == real_kind .and. .not. has_word('output sweep', trim(schema(varied(i))%group)) &
+          .and. is_used(varied(i), plan%choice) .and. varied(1) /= varied(2)) exit
+      end do
+      associate (key => schema(varied(i)))
+        names = names//quoted(dice, trim(key%group)//'.'//trim(key%name))//blank(dice)
+        first = first//number_text(dice, key)//blank(dice)
+        last = last//number_text(dice, key)//blank(dice)
+        counts = counts//integer_text(int(1 + dice%below(40), int64))//blank(dice)
+      end associate
+    end do
+    text = gap(dice)//'&sweep'//gap(dice)//newline//'parameter = '//names//'first ='//gap(dice)//first//'last = '//last// &
+      'count = '//counts
+    if (dice%chance(30)) text = text//"spacing = 'linear'"//blank(dice)
+    text = text//'/'
+  end function sweep_text
 
   subroutine add_setting(dice, plan, case)
     type(dice_t), intent(inout) :: dice

@@ -84,7 +84,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     ),
     "unknown group": (GOOD + "&sytem\n x = 1\n/\n", 19, "'&sytem'", "nearest is &system"),
     "unlike any group": (GOOD + "&zz\n/\n", 19, "'&zz'", "scene system friction"),
-    "sweep": (GOOD + "&sweep\n count = 2\n/\n", 19, "&sweep", "remove it"),
+    "sweep": (GOOD + "&sweep\n count = 2\n/\n", 19, "&sweep varies nothing", "name parameter"),
     "repeated group": (GOOD + "&scene\n/\n", 19, "&scene", "line 1"),
     "repeated group in capitals": (GOOD + "&SCENE\n/\n", 19, "&scene", "line 1"),
     "no group name": (instead("&scene", "& scene"), 1, "'&'", "right after it"),
@@ -424,7 +424,7 @@ def test_settings_win(call, tmp_path):
         ("integrator.method=radau", "'radau'", "nearest is 'radau5'"),
         ("friction.law=constant", "'v_f'", "law weakening"),
         ("scene.title='x", "unclosed quote", "close it"),
-        ("sweep.count=3", "&sweep", "not available"),
+        ("sweep.count=3", "&sweep varies nothing", "name parameter"),
     ],
 )
 def test_bad_setting(setting, word, remedy, call, tmp_path):
@@ -531,7 +531,7 @@ def test_f90nml_reads_the_same(source, call, tmp_path):
         for key in [k for k in keys if k not in used[group]]:
             assert key in {"v_smooth", "step", "v_cut"}
             del given[group][key]
-    assert len(used) == 7
+    assert len(used) == 7 + ("sweep" in given)
     assert same(given, used)
 
 
@@ -573,7 +573,7 @@ def test_two_decks_cannot_share_an_output(call, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "remedy"),
     [
-        ([], "run | resume | check | template"),
+        ([], "run | resume | merge | check | template"),
         (["rnu", "deck.nml"], "nearest is 'run'"),
         (["run"], "run DECK"),
         (["run", "deck.nml", "--overwite"], "nearest is '--overwrite'"),
@@ -597,7 +597,14 @@ def test_wrong_usage(arguments, remedy, call, tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["run", "--help"], ["check", "--help"], ["template", "-h"], ["stability", "--help"], ["trade", "--help"]],
+    [
+        ["--help"],
+        ["run", "--help"],
+        ["check", "--help"],
+        ["template", "-h"],
+        ["stability", "--help"],
+        ["trade", "--help"],
+    ],
 )
 def test_help(arguments, call):
     result = call(*arguments)

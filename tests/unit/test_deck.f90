@@ -5,7 +5,7 @@ program test_deck
   use dst_errors, only: error_t, deck_error, usage_error
   use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
                       has_word, lower_case, alternatives, one_per_line
-  use dst_schema, only: schema, key_count, group_names, keys_of, find_key, find_name, in_range, &
+  use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, &
                         condition_count, condition_key, condition_choices, condition_text, real_kind, reals_kind, integer_kind, &
                         choice_kind
   use dst_deck, only: deck_t, parse_deck, read_deck, resolved, template
@@ -306,7 +306,7 @@ contains
     call refuse_once('unknown group', whole//'&sytem'//n//' a = 1'//n//'/', &
                      "bad.nml:5: unknown group '&sytem': the nearest is &system")
     call refuse_once('misnamed group', '&scen t_end = 1 /'//n//rest, "bad.nml:1: unknown group '&scen': the nearest is &scene")
-    call refuse_once('sweep', whole//'&sweep count = 3 /', 'bad.nml:5: group &sweep is not available in this version')
+    call refuse_once('sweep', whole//'&sweep count = 3 /', 'bad.nml:5: &sweep varies nothing')
     call refuse_once('repeated group', whole//scene_group(:6)//'/', 'bad.nml:5: group &scene given again: it began in line 1')
     call refuse_once('unknown key', s//" titel='x' /"//n//rest, "bad.nml:2: unknown key 'titel' in &scene: the nearest is 'title'")
     call refuse_once('far key', s//' zz=1 /'//n//rest, &
@@ -526,7 +526,7 @@ contains
     call set('choice', ['integrator.method=radau8'], "unknown method 'radau8': the nearest is 'radau5'")
     call set('twice', [character(13) :: 'system.mass=1', 'system.mass=2'], "--set 2 (system.mass=2): 'mass' set again")
     call set('unused', ['friction.law=constant'], "'v_f' is not used with law constant")
-    call set('later group', ['sweep.count=3'], 'group &sweep is not available')
+    call set('empty sweep', ['sweep.count=3'], '&sweep varies nothing')
     call set('control character', ['scene.title=a'//achar(10)//'b'], "control characters in 'title'")
     call set('Latin-1', ['scene.title='//char(228)], 'a character that is not UTF-8: give plain UTF-8 text')
     call set('DEL', ['scene.title='//achar(127)], 'control characters, or a character that is not UTF-8')
@@ -611,6 +611,9 @@ contains
       call check('template', .not. allocated(error))
       call accept('the template is a deck: '//word(models, k), text, deck)
       do i = 1, key_count
+        ! A template is of one run.
+        if (schema(i)%group == sweep_group) found(i) = .true.
+        if (schema(i)%group == sweep_group) cycle
         associate (stands => index(text, n//'  '//trim(schema(i)%name)//' = ') > 0)
           found(i) = found(i) .or. stands
           if (deck%is_used(trim(schema(i)%group), trim(schema(i)%name))) &
@@ -694,7 +697,7 @@ contains
                .and. index(help_text(''), 'Exit status') > 0)
     call misused('', 'no command')
     call misused('rum a.nml', "the nearest is 'run'")
-    call misused('simulate', 'there are run | resume | check | template')
+    call misused('simulate', 'there are run | resume | merge | check | template')
     call misused('trade', 'trade DECK')
     call misused('run', "'run' without a deck")
     call misused('run a.nml --overwite', "the nearest is '--overwrite'")

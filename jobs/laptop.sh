@@ -1,0 +1,6 @@
+#!/usr/bin/env bash
+# A sweep on all cores of this machine. Stopped or killed, start it again: it goes on.
+#   jobs/laptop.sh inputs/map_lambda.nml map_lambda.h5
+set -euo pipefail
+deck=${1:?deck with &sweep} output=${2:?result file}
+exec nice "${DYNSTICTION:-dynstiction}" run "$deck" -o "$output"

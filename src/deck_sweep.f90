@@ -1,0 +1,223 @@
+!> The group &sweep of a deck: which keys may be varied, and whether its lists fit together.
+module dst_deck_sweep
+  use dst_kinds, only: wp, int64
+  use dst_deck_values, only: deck_t, usage, failing_condition, used
+  use dst_faults, only: faults_t
+  use dst_schema, only: schema, sweep_group, find_key, in_range, range_text, real_kind, reals_kind, integer_kind, longest_text
+  use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word
+  implicit none
+  private
+
+  public :: check_sweep, varied_key, variation_problem, range_problem, many_cases
+
+  !> Groups whose keys say how a case is written, not what it is.
+  character(*), parameter :: fixed_groups = 'output sweep'
+  !> More cases than one result file presents.
+  real(wp), parameter :: many_cases = 1.0e9_wp
+
+contains
+
+  !> All faults of the group; `line` is its line in the deck, 0 if it is absent.
+  subroutine check_sweep(deck, line, faults)
+    type(deck_t), intent(in) :: deck
+    integer, intent(in) :: line
+    type(faults_t), intent(inout) :: faults
+    character(longest_text), allocatable :: names(:)
+    integer :: i, n
+
+    if (line == 0 .and. .not. deck%is_sweep()) return
+    if (.not. all(deck%value%valid .or. schema%group /= sweep_group)) return
+    if (deck%text_of('scene', 'model') == 'auto') call note(faults, deck, 'scene', 'model', &
+      "model 'auto' in a sweep would mix models in one map: name the model")
+    if (deck%text_of(sweep_group, 'keep') == 'series' .and. .not. deck%real_of('output', 'interval') > 0.0_wp) &
+      call note(faults, deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
+    allocate (names, source=deck%texts_of(sweep_group, 'parameter'))
+    n = size(names)
+    if (deck%text_of(sweep_group, 'keep') == 'series' .and. any(names == 'scene.t_end')) &
+      call note(faults, deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: do not vary scene.t_end")
+    if (deck%text_of(sweep_group, 'points') /= '') then
+      call check_no_grid(deck, faults)
+      return
+    else if (names(1) == '') then
+      call note_nothing_varied(deck, line, faults)
+      return
+    end if
+    call check_lengths(deck, n, faults)
+    if (faults%count > 0) return
+    do i = 1, n
+      call check_axis(deck, trim(names(i)), i, faults)
+      if (count(names(:i) == names(i)) > 1) &
+        call note(faults, deck, sweep_group, 'parameter', "'"//trim(names(i))//"' is varied twice: name it once")
+    end do
+    if (product(deck%reals_of(sweep_group, 'count')) > many_cases) &
+      call note(faults, deck, sweep_group, 'count', 'more than '//real_text(many_cases)//' cases: use smaller counts')
+  end subroutine check_sweep
+
+  !> At the group, or at the first of its keys where only a setting gives some.
+  subroutine note_nothing_varied(deck, line, faults)
+    type(deck_t), intent(in) :: deck
+    integer, intent(in) :: line
+    type(faults_t), intent(inout) :: faults
+    character(*), parameter :: text = "&sweep varies nothing: name parameter = 'GROUP.KEY', or points = 'FILE'"
+    integer :: k
+
+    if (line > 0) then
+      call faults%add(line, text)
+      return
+    end if
+    do k = 1, size(schema)
+      if (schema(k)%group /= sweep_group .or. .not. deck%value(k)%user) cycle
+      call note(faults, deck, sweep_group, trim(schema(k)%name), text)
+      return
+    end do
+  end subroutine note_nothing_varied
+
+  !> A list of points stands alone.
+  subroutine check_no_grid(deck, faults)
+    type(deck_t), intent(in) :: deck
+    type(faults_t), intent(inout) :: faults
+    character(9), parameter :: keys(5) = [character(9) :: 'parameter', 'first', 'last', 'count', 'spacing']
+    integer :: i
+
+    do i = 1, size(keys)
+      if (deck%text_of(sweep_group, trim(keys(i))) == 'linear') cycle
+      if (deck%is_set(sweep_group, trim(keys(i))) .and. .not. &
+          (keys(i) == 'parameter' .and. deck%text_of(sweep_group, 'parameter') == '')) &
+        call note(faults, deck, sweep_group, trim(keys(i)), &
+          "'"//trim(keys(i))//"' beside 'points': give a grid or a list of points")
+    end do
+  end subroutine check_no_grid
+
+  !> As many limits and counts as parameters; one spacing or as many.
+  subroutine check_lengths(deck, n, faults)
+    type(deck_t), intent(in) :: deck
+    integer, intent(in) :: n
+    type(faults_t), intent(inout) :: faults
+
+    call check_length('first', size(deck%reals_of(sweep_group, 'first')))
+    call check_length('last', size(deck%reals_of(sweep_group, 'last')))
+    call check_length('count', size(deck%reals_of(sweep_group, 'count')))
+    associate (given => size(deck%texts_of(sweep_group, 'spacing')))
+      if (given /= 1) call check_length('spacing', given)
+    end associate
+
+  contains
+
+    subroutine check_length(key, given)
+      character(*), intent(in) :: key
+      integer, intent(in) :: given
+
+      if (given /= n) call note(faults, deck, sweep_group, key, number(given)//" value(s) of '"//key//"' but "//number(n)// &
+        " of 'parameter': give one for each")
+    end subroutine check_length
+  end subroutine check_lengths
+
+  !> One parameter and its values.
+  subroutine check_axis(deck, name, i, faults)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: name
+    integer, intent(in) :: i
+    type(faults_t), intent(inout) :: faults
+    character(:), allocatable :: problem
+    real(wp) :: limits(2), steps
+    logical :: is_log
+
+    problem = variation_problem(deck, name)
+    if (problem /= '') then
+      call note(faults, deck, sweep_group, 'parameter', problem)
+      return
+    end if
+    limits(1) = element(deck%reals_of(sweep_group, 'first'), i)
+    limits(2) = element(deck%reals_of(sweep_group, 'last'), i)
+    problem = range_problem(varied_key(name), limits(1))
+    if (problem /= '') call note(faults, deck, sweep_group, 'first', problem)
+    problem = range_problem(varied_key(name), limits(2))
+    if (problem /= '') call note(faults, deck, sweep_group, 'last', problem)
+    steps = element(deck%reals_of(sweep_group, 'count'), i)
+    if (abs(steps - anint(steps)) > 0.0_wp) &
+      call note(faults, deck, sweep_group, 'count', &
+        real_text(steps)//' is no whole number: count says how many values '//name//' has')
+    is_log = spacing_of(deck%texts_of(sweep_group, 'spacing'), i) == 'log'
+    if (is_log .and. .not. limits(1)*limits(2) > 0.0_wp) call note(faults, deck, sweep_group, 'spacing', &
+      "spacing 'log' of "//name//' from '//real_text(limits(1))//' to '//real_text(limits(2))// &
+      ': both must have the same sign, and not be 0')
+  end subroutine check_axis
+
+  pure real(wp) function element(list, i)
+    real(wp), intent(in) :: list(:)
+    integer, intent(in) :: i
+
+    element = list(i)
+  end function element
+
+  !> Of all, or of each.
+  pure function spacing_of(list, i) result(spacing)
+    character(*), intent(in) :: list(:)
+    integer, intent(in) :: i
+    character(len(list)) :: spacing
+
+    spacing = list(min(i, size(list)))
+  end function spacing_of
+
+  !> Index of the key 'group.name' in the schema; 0 if there is none.
+  pure integer function varied_key(name)
+    character(*), intent(in) :: name
+    integer :: dot
+
+    dot = index(name, '.')
+    varied_key = find_key(lower_case(name(:max(0, dot - 1))), lower_case(trim(name(dot + 1:))))
+  end function varied_key
+
+  !> Why the deck's key 'group.name' cannot be varied; '' if it can.
+  function variation_problem(deck, name) result(problem)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: name
+    character(:), allocatable :: problem
+    integer :: k
+
+    problem = ''
+    k = varied_key(name)
+    if (k == 0) then
+      problem = "there is no key '"//excerpt(name)//"': name it as GROUP.KEY, like system.misalignment_deg"
+    else if (has_word(fixed_groups, trim(schema(k)%group)) .or. &
+             .not. any(schema(k)%kind == [real_kind, reals_kind, integer_kind])) then
+      problem = "'"//name//"' cannot be varied: name a number of &scene, &system, &friction, &drive, &initial or &integrator"
+    else if (usage(deck, k) /= used) then
+      problem = "'"//name//"' is not used with "//failing_condition(deck, k)//': vary another key'
+    else if (schema(k)%kind == reals_kind .and. size(deck%reals_of(trim(schema(k)%group), trim(schema(k)%name))) /= 1) then
+      problem = "'"//name//"' is a list in this deck: only a single value can be varied"
+    end if
+  end function variation_problem
+
+  !> Why key `k` cannot have this value; '' if it can.
+  function range_problem(k, value) result(problem)
+    integer, intent(in) :: k
+    real(wp), intent(in) :: value
+    character(:), allocatable :: problem
+
+    problem = ''
+    if (.not. in_range(schema(k)%range, value)) then
+      problem = real_text(value)//' is out of range for '//trim(schema(k)%name)//': it must be finite'
+      if (range_text(schema(k)) /= '') problem = problem//' and '//range_text(schema(k))
+    else if (schema(k)%kind == integer_kind .and. abs(value - anint(value)) > 0.0_wp) then
+      problem = real_text(value)//' is no whole number: '//trim(schema(k)%name)//' takes integers'
+    end if
+  end function range_problem
+
+  subroutine note(faults, deck, group, key, text)
+    type(faults_t), intent(inout) :: faults
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: group, key, text
+
+    associate (value => deck%value(find_key(group, key)))
+      call faults%add(value%line, text, value%setting, trim(value%argument))
+    end associate
+  end subroutine note
+
+  pure function number(i) result(text)
+    integer, intent(in) :: i
+    character(:), allocatable :: text
+
+    text = integer_text(int(i, int64))
+  end function number
+end module dst_deck_sweep

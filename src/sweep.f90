@@ -1,0 +1,374 @@
+!> A sweep: many cases of one deck that differ in a few numbers. Here is what a case is and how it is run; no file is touched.
+!>
+!> Cases are numbered from 1; of a grid the last parameter varies fastest. A case depends on its number alone, so that its
+!> result is the same whichever thread, process or machine computes it.
+module dst_sweep
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use dst_kinds, only: wp, int64
+  use dst_deck, only: deck_t
+  use dst_deck_sweep, only: varied_key, variation_problem, range_problem, many_cases
+  use dst_errors, only: error_t, raise, result_done, deck_error
+  use dst_memory_writer, only: memory_writer_t
+  use dst_observables, only: columns, find_column
+  use dst_scene, only: scene_t, scene_from_deck, set_number
+  use dst_schema, only: schema, sweep_group
+  use dst_simulation, only: simulation_t, wall_clock
+  use dst_summary, only: summary_quantities, summary_values
+  use dst_text, only: integer_text
+  use dst_writer, only: quantity_t
+  implicit none
+  private
+
+  public :: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker
+  public :: value_count, value_quantities, wall_time_value, series_quantities
+
+  !> A parameter and its values: along one side of a grid, or of each case of a list.
+  type :: axis_t
+    character(40) :: name = ''            !! 'system.misalignment_deg'
+    integer :: key = 0                    !! in the schema
+    real(wp), allocatable :: values(:)    !! in the deck's unit
+  end type axis_t
+
+  type :: sweep_t
+    type(deck_t) :: deck
+    type(axis_t), allocatable :: axes(:)
+    logical :: is_list = .false.          !! the axes are columns of a list of cases, not sides of a grid
+    logical :: keeps_series = .false.
+    integer :: cases = 0
+  contains
+    procedure :: coordinates
+    procedure :: series_rows
+    procedure :: series_values
+  end type sweep_t
+
+  !> What a case came to.
+  type :: case_t
+    integer :: number = 0
+    integer :: result_code = 0
+    character(:), allocatable :: result_text          !! '' if done
+    real(wp), allocatable :: values(:)                !! as value_quantities; NaN where the case has none
+    real(wp), allocatable :: series(:, :)             !! (column, row); no columns if it is not kept
+  end type case_t
+
+  !> Who decides whether a case under way goes on; asked every `slice`.
+  type, abstract :: watch_t
+  contains
+    procedure(asked_to_stop), deferred :: asked_to_stop
+  end type watch_t
+
+  abstract interface
+    logical function asked_to_stop(self)
+      import :: watch_t
+      class(watch_t), intent(inout) :: self
+    end function asked_to_stop
+  end interface
+
+  !> What a thread needs to run cases one after the other.
+  type :: worker_t
+    private
+    type(scene_t) :: scene
+  contains
+    procedure :: run_case
+  end type worker_t
+
+  !> The series of a case; its events are in the summary.
+  type, extends(memory_writer_t) :: case_writer_t
+  contains
+    procedure :: write_events => forget_events
+  end type case_writer_t
+
+  !> Wall time between two looks at the watch [s].
+  real(wp), parameter :: slice = 0.02_wp
+
+  character(6), parameter :: final_columns(4) = [character(6) :: 'u_x', 'u_y', 'X', 'X_rate']
+  integer, parameter :: summary_count = size(summary_quantities)
+  integer, parameter :: final_count = size(final_columns)
+  !> Summary, last state, number of steps, wall time.
+  integer, parameter :: value_count = summary_count + final_count + 2
+  integer, parameter :: wall_time_value = value_count
+
+contains
+
+  !> The quantities of `case_t%values`.
+  pure function value_quantities() result(quantities)
+    type(quantity_t) :: quantities(value_count)
+    integer :: i
+
+    quantities(:summary_count) = summary_quantities
+    do i = 1, final_count
+      associate (quantity => quantities(summary_count + i), column => columns(find_column(final_columns(i))))
+        quantity%name = 'final_'//final_columns(i)
+        quantity%units = column%units
+        quantity%long_name = trim(column%long_name)//' at t_end'
+      end associate
+    end do
+    quantities(value_count - 1) = quantity_t('steps', '1', 'accepted steps')
+    quantities(wall_time_value) = quantity_t('wall_time', 's', 'wall time of the case')
+  end function value_quantities
+
+  !> The sweep of a deck that has been checked. `axes` stands for the list of points or the grid that the deck does not hold.
+  subroutine new_sweep(deck, sweep, error, axes, is_list)
+    type(deck_t), intent(in) :: deck
+    type(sweep_t), intent(out) :: sweep
+    type(error_t), allocatable, intent(out) :: error
+    type(axis_t), intent(in), optional :: axes(:)
+    logical, intent(in), optional :: is_list
+    real(wp) :: cases
+    integer :: i
+
+    sweep%deck = deck
+    sweep%keeps_series = deck%text_of(sweep_group, 'keep') == 'series'
+    if (present(axes)) then
+      sweep%axes = axes
+      sweep%is_list = is_list
+      call check_axes(sweep, error)
+      if (allocated(error)) return
+    else
+      call axes_of_deck(deck, sweep%axes)
+    end if
+    cases = 1.0_wp
+    do i = 1, size(sweep%axes)
+      cases = cases*real(size(sweep%axes(i)%values), wp)
+      if (sweep%is_list) cases = real(size(sweep%axes(1)%values), wp)
+    end do
+    if (cases > many_cases .or. cases < 1.0_wp) then
+      call raise(error, deck_error, deck%name//': a sweep has from 1 to '//integer_text(int(many_cases, int64))//' cases')
+    else
+      sweep%cases = nint(cases)
+    end if
+  end subroutine new_sweep
+
+  !> Names and values that did not come with the deck.
+  subroutine check_axes(sweep, error)
+    type(sweep_t), intent(inout) :: sweep
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: problem
+    integer :: i, j
+
+    do i = 1, size(sweep%axes)
+      associate (axis => sweep%axes(i))
+        axis%key = varied_key(trim(axis%name))
+        problem = variation_problem(sweep%deck, trim(axis%name))
+        do j = 1, i - 1
+          if (sweep%axes(j)%key == axis%key .and. problem == '') problem = "'"//trim(axis%name)//"' is varied twice: name it once"
+        end do
+        do j = 1, size(axis%values)
+          if (problem /= '') exit
+          problem = range_problem(axis%key, axis%values(j))
+          if (problem /= '') problem = 'value '//integer_text(int(j, int64))//': '//problem
+        end do
+      end associate
+      if (problem == '') cycle
+      call raise(error, deck_error, sweep%deck%name//': '//problem)
+      return
+    end do
+  end subroutine check_axes
+
+  !> The grid of the group &sweep.
+  subroutine axes_of_deck(deck, axes)
+    type(deck_t), intent(in) :: deck
+    type(axis_t), allocatable, intent(out) :: axes(:)
+    character(256), allocatable :: names(:), spacing(:)
+    real(wp), allocatable :: first(:), last(:), counts(:)
+    integer :: i
+
+    allocate (names, source=deck%texts_of(sweep_group, 'parameter'))
+    allocate (spacing, source=deck%texts_of(sweep_group, 'spacing'))
+    first = deck%reals_of(sweep_group, 'first')
+    last = deck%reals_of(sweep_group, 'last')
+    counts = deck%reals_of(sweep_group, 'count')
+    allocate (axes(size(names)))
+    do i = 1, size(axes)
+      axes(i)%name = names(i)(:len(axes%name))
+      axes(i)%key = varied_key(trim(names(i)))
+      call spaced(first(i), last(i), nint(counts(i)), trim(spacing(min(i, size(spacing)))), axes(i)%values)
+    end do
+  end subroutine axes_of_deck
+
+  !> `count` values from `first` to `last`, both exact, at equal distances or in equal ratios.
+  pure subroutine spaced(first, last, count, spacing, values)
+    real(wp), intent(in) :: first, last
+    integer, intent(in) :: count
+    character(*), intent(in) :: spacing
+    real(wp), allocatable, intent(out) :: values(:)
+    real(wp) :: share
+    integer :: i
+
+    allocate (values(count))
+    do i = 1, count
+      share = real(i - 1, wp)/real(max(1, count - 1), wp)
+      if (spacing == 'log') then
+        values(i) = first*(last/first)**share
+      else
+        values(i) = first + (last - first)*share
+      end if
+    end do
+    values(1) = first
+    if (count > 1) values(count) = last
+  end subroutine spaced
+
+  !> Values of the parameters in a case, each in its deck's unit.
+  pure function coordinates(self, number) result(values)
+    class(sweep_t), intent(in) :: self
+    integer, intent(in) :: number
+    real(wp) :: values(size(self%axes))
+    integer :: i, rest, place
+
+    rest = number - 1
+    do i = size(self%axes), 1, -1
+      place = number
+      if (.not. self%is_list) then
+        place = modulo(rest, size(self%axes(i)%values)) + 1
+        rest = rest/size(self%axes(i)%values)
+      end if
+      values(i) = self%axes(i)%values(place)
+    end do
+  end function coordinates
+
+  !> Samples of a case; 0 if they are not kept.
+  pure integer function series_rows(self)
+    class(sweep_t), intent(in) :: self
+    real(wp) :: intervals
+
+    series_rows = 0
+    if (.not. self%keeps_series) return
+    ! As dst_simulation samples: a multiple of the interval within roundoff of the end is the end.
+    intervals = self%deck%real_of('scene', 't_end')*(1.0_wp - 4.0_wp*epsilon(1.0_wp))/self%deck%real_of('output', 'interval')
+    series_rows = ceiling(intervals) + 1
+  end function series_rows
+
+  !> Values of the series of a case.
+  integer function series_values(self)
+    class(sweep_t), intent(in) :: self
+
+    series_values = self%series_rows()*size(series_quantities(self))
+  end function series_values
+
+  !> Columns of the series, the first is time; none if it is not kept.
+  function series_quantities(sweep) result(quantities)
+    type(sweep_t), intent(in) :: sweep
+    type(quantity_t), allocatable :: quantities(:)
+    type(scene_t) :: scene
+    integer :: i
+
+    allocate (quantities(0))
+    if (.not. sweep%keeps_series) return
+    call scene_from_deck(sweep%deck, scene)
+    call adapt_output(scene, .true.)
+    quantities = [columns(1), (columns(find_column(scene%fields(i))), i=1, size(scene%fields))]
+  end function series_quantities
+
+  subroutine new_worker(sweep, worker)
+    type(sweep_t), intent(in) :: sweep
+    type(worker_t), intent(out) :: worker
+
+    call scene_from_deck(sweep%deck, worker%scene)
+    call adapt_output(worker%scene, sweep%keeps_series)
+  end subroutine new_worker
+
+  !> Run case `number`. If the watch asks to stop first, `done` is false and nothing of the case remains.
+  subroutine run_case(self, sweep, number, watch, result, done)
+    class(worker_t), intent(inout) :: self
+    type(sweep_t), intent(in) :: sweep
+    integer, intent(in) :: number
+    class(watch_t), intent(inout) :: watch
+    type(case_t), intent(inout) :: result
+    logical, intent(out) :: done
+    type(simulation_t) :: simulation
+    type(case_writer_t) :: writer
+    type(error_t), allocatable :: error
+    real(wp) :: begun, coordinates(size(sweep%axes))
+    integer :: i
+
+    begun = wall_clock()
+    coordinates = sweep%coordinates(number)
+    do i = 1, size(coordinates)
+      call set_number(self%scene, trim(schema(sweep%axes(i)%key)%name), coordinates(i))
+    end do
+    if (.not. (sweep%keeps_series .or. is_closed_form(self%scene%model))) self%scene%interval = self%scene%t_end
+    call simulation%start(self%scene, error)
+    done = allocated(error)
+    do while (.not. done)
+      call simulation%proceed(slice, writer, error)
+      done = simulation%finished .or. allocated(error)
+      if (done) exit
+      if (watch%asked_to_stop()) return
+    end do
+    call take_result(simulation, writer, error, sweep%keeps_series, result)
+    result%number = number
+    result%values(wall_time_value) = wall_clock() - begun
+  end subroutine run_case
+
+  pure logical function is_closed_form(model)
+    character(*), intent(in) :: model
+
+    is_closed_form = index(model, 'creep') == 1
+  end function is_closed_form
+
+  !> The last state is among the columns, and the limit is that of the sweep. A summary needs no series; only the largest
+  !> velocity of slow creep, which is known in closed form, is looked for among its samples.
+  subroutine adapt_output(scene, keeps_series)
+    type(scene_t), intent(inout) :: scene
+    logical, intent(in) :: keeps_series
+    integer :: i
+
+    scene%wall_limit = 0.0_wp
+    if (.not. keeps_series) then
+      deallocate (scene%fields)
+      allocate (scene%fields(0))
+    else if (scene%fields(1) == 'default') then
+      ! The damping ratio does not exist in every case; it follows from theta.
+      scene%fields = pack(columns%name, columns%name /= 'time' .and. columns%name /= 'zeta')
+      if (scene%model == 'creep_asymptotic') scene%fields = [character(len(scene%fields)) :: 'X', 'X_rate']
+    end if
+    do i = 1, final_count
+      if (scene%model == 'creep_asymptotic' .and. index(final_columns(i), 'X') /= 1) cycle
+      if (all(scene%fields /= final_columns(i))) &
+        scene%fields = [character(len(scene%fields)) :: scene%fields, final_columns(i)]
+    end do
+  end subroutine adapt_output
+
+  subroutine take_result(simulation, writer, error, keeps_series, result)
+    type(simulation_t), intent(in) :: simulation
+    type(case_writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(in) :: error
+    logical, intent(in) :: keeps_series
+    type(case_t), intent(inout) :: result
+    logical :: given(summary_count)
+    integer :: i, column
+
+    if (.not. allocated(result%values)) allocate (result%values(value_count))
+    result%values = ieee_value(1.0_wp, ieee_quiet_nan)
+    result%result_code = result_done
+    result%result_text = ''
+    if (allocated(error)) then
+      result%result_code = error%code
+      result%result_text = error%text
+    end if
+    if (allocated(result%series)) deallocate (result%series)
+    if (.not. allocated(simulation%rows)) return
+    call summary_values(simulation%summary, simulation%trajectory, result%values(:summary_count), given)
+    where (.not. given) result%values(:summary_count) = ieee_value(1.0_wp, ieee_quiet_nan)
+    if (allocated(simulation%trajectory%stepper)) &
+      result%values(value_count - 1) = real(simulation%trajectory%stepper%count%steps, wp)
+    if (writer%rows > 0 .and. .not. allocated(error)) then
+      do i = 1, final_count
+        do column = 1, size(simulation%selected)
+          if (columns(simulation%selected(column))%name == final_columns(i)) &
+            result%values(summary_count + i) = writer%samples(column, writer%rows)
+        end do
+      end do
+    end if
+    if (keeps_series) result%series = writer%samples(:, :writer%rows)
+  end subroutine take_result
+
+  subroutine forget_events(self, time, kind, error)
+    class(case_writer_t), intent(inout) :: self
+    real(wp), intent(in) :: time(:)
+    integer, intent(in) :: kind(:)
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (unused => self, also_unused => time, unused_too => kind)
+    end associate
+  end subroutine forget_events
+end module dst_sweep

@@ -1,0 +1,450 @@
+!> Run a sweep, and present its shards as one result file: what `dynstiction run` does with a deck that has &sweep, and `merge`.
+!>
+!> A process has one shard. Its threads take the next case whenever they have finished one; the first thread also looks after
+!> signals, limits, progress and the other processes, between two slices of its case.
+module dst_sweep_runner
+  use dst_build_info, only: version, git_revision
+  use dst_deck, only: deck_t, resolved
+  use dst_deck_values, only: set_default
+  use dst_disk, only: path_t, delete_file, file_exists, wait_seconds
+  use dst_errors, only: error_t, raise, usage_error, file_error, some_failed, stopped_early
+  use dst_hdf5_writer, only: run_metadata_t
+  use dst_kinds, only: wp, int64
+  use dst_progress, only: progress_t, new_progress
+  use dst_ranks, only: ranks_t, start_ranks
+  use dst_run, only: describe_run
+  use dst_scene, only: scene_t, scene_from_deck
+  use dst_schema, only: schema, find_key, sweep_group
+  use dst_sha256, only: sha256
+  use dst_signals, only: stop_signal
+  use dst_simulation, only: wall_clock
+  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, series_quantities
+  use dst_sweep_file, only: merge_shards
+  use dst_sweep_points, only: read_points
+  use dst_sweep_shard, only: shard_t, index_t, shard_name, shards_of, open_shard, scan_shard
+  use dst_text, only: integer_text, real_text
+  implicit none
+  private
+
+  public :: sweep_options_t, run_sweep, merge_sweep
+
+  type :: sweep_options_t
+    logical :: overwrite = .false., quiet = .false., keep_shards = .false.
+    integer :: shard = 0, shards = 0     !! this process does every `shards`-th case from `shard` on; 0 = all
+  end type sweep_options_t
+
+  !> What the threads of a process share.
+  type :: state_t
+    integer, allocatable :: pending(:)   !! cases to run, in the order in which they are dealt out
+    integer :: next = 1, last = 0        !! of them, those that this process has still to begin
+    logical :: none_left = .false.       !! no more will be dealt out to this process
+    logical :: stop = .false.            !! cases under way are given up
+    integer :: at_work = 0               !! threads
+    integer :: finished = 0, failed = 0  !! of this process
+    integer :: done_before = 0, failed_before = 0
+    real(wp) :: begun = 0.0_wp, limit = 0.0_wp
+    type(shard_t) :: shard
+    type(error_t), allocatable :: error  !! the first one of the shard
+    type(ranks_t) :: ranks
+    type(progress_t) :: progress
+  end type state_t
+
+  type, extends(watch_t) :: sweep_watch_t
+    type(state_t), pointer :: state => null()
+    logical :: is_first = .false.        !! of the process's threads
+  contains
+    procedure :: asked_to_stop
+  end type sweep_watch_t
+
+  !> Keys that say how a sweep is run, not what its cases are.
+  character(19), parameter :: changeable(5) = [character(19) :: 'title', 'file', 'flush_seconds', 'checkpoint_interval', &
+    'wall_limit']
+
+contains
+
+  !> Run all cases that no shard has yet, and merge the shards when all are done.
+  subroutine run_sweep(deck, result_file, options, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: result_file
+    type(sweep_options_t), intent(in) :: options
+    type(error_t), allocatable, intent(out) :: error
+    type(sweep_t) :: sweep
+    type(state_t), target :: state
+    type(index_t) :: index
+    type(path_t), allocatable :: files(:)
+    integer :: code
+
+    call start_ranks(state%ranks, error)
+    if (.not. allocated(error)) call refuse_copies(state%ranks%count, error)
+    if (.not. allocated(error)) call sweep_of_deck(deck, sweep, error)
+    if (.not. allocated(error)) call look_at_shards(sweep, result_file, options%overwrite, state%ranks, index, files, error)
+    if (.not. allocated(error)) then
+      call choose_cases(sweep, index, options, state)
+      call state%ranks%share(state%pending)
+      call open_shard(state%shard, shard_name(result_file, merge(options%shard, state%ranks%rank, options%shards > 0)), &
+        identity_of(sweep), size(series_quantities(sweep)), error)
+    end if
+    code = 0
+    if (allocated(error)) code = error%code
+    call state%ranks%stop_all(code)
+    if (code == 0) then
+      call run_cases(sweep, state, options%quiet .or. state%ranks%rank > 0)
+      if (allocated(state%error)) call move_alloc(state%error, error)
+      if (allocated(error)) code = error%code
+      if (code == 0 .and. state%stop) code = stopped_early
+      call state%ranks%stop_all(code)
+      call state%shard%close()
+      if (code == 0) then
+        call present_result(sweep, result_file, options, state, error)
+      else if (code == stopped_early .and. state%ranks%rank == 0) then
+        call raise(error, stopped_early, stop_text(sweep, state))
+      end if
+    end if
+    call state%ranks%end()
+  end subroutine run_sweep
+
+  !> Write what the shards hold so far to the result file.
+  subroutine merge_sweep(deck, result_file, options, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: result_file
+    type(sweep_options_t), intent(in) :: options
+    type(error_t), allocatable, intent(out) :: error
+    type(sweep_t) :: sweep
+    type(index_t) :: index
+    type(ranks_t) :: ranks
+    type(path_t), allocatable :: files(:)
+
+    call sweep_of_deck(deck, sweep, error)
+    if (.not. allocated(error)) call look_at_shards(sweep, result_file, .false., ranks, index, files, error)
+    if (allocated(error)) return
+    if (index%done == 0) then
+      call raise(error, file_error, result_file//': there is no finished case to merge: run the deck first')
+    else
+      call write_result(sweep, result_file, index, files, options, error)
+    end if
+  end subroutine merge_sweep
+
+  subroutine sweep_of_deck(deck, sweep, error)
+    type(deck_t), intent(in) :: deck
+    type(sweep_t), intent(out) :: sweep
+    type(error_t), allocatable, intent(out) :: error
+    type(axis_t), allocatable :: axes(:)
+
+    if (deck%text_of(sweep_group, 'points') == '') then
+      call new_sweep(deck, sweep, error)
+    else
+      call read_points(deck%text_of(sweep_group, 'points'), deck%name, axes, error)
+      if (.not. allocated(error)) call new_sweep(deck, sweep, error, axes, .true.)
+    end if
+  end subroutine sweep_of_deck
+
+  !> Several copies that each believe to be alone would all do the same work.
+  subroutine refuse_copies(ranks, error)
+    integer, intent(in) :: ranks
+    type(error_t), allocatable, intent(out) :: error
+    character(20), parameter :: variables(4) = [character(20) :: 'OMPI_COMM_WORLD_SIZE', 'PMI_SIZE', 'MPI_LOCALNRANKS', &
+      'SLURM_STEP_NUM_TASKS']
+    character(32) :: value
+    integer :: i, copies, status
+
+    if (ranks > 1) return
+    do i = 1, size(variables)
+      call get_environment_variable(trim(variables(i)), value, status=status)
+      if (status /= 0) cycle
+      read (value, *, iostat=status) copies
+      if (status /= 0 .or. copies < 2) cycle
+      call raise(error, usage_error, 'this is one of '//integer_text(int(copies, int64))//' copies that know nothing of each '// &
+        'other ('//trim(variables(i))//'): start the program once, build it with -Dmpi=enabled for this MPI, or use --shard')
+      return
+    end do
+  end subroutine refuse_copies
+
+  !> What a shard must be of: every key that has an effect on a result, the values, the program.
+  function identity_of(sweep) result(identity)
+    type(sweep_t), intent(in) :: sweep
+    character(64) :: identity
+    type(deck_t) :: deck
+    integer(int64) :: checksum
+    integer :: i, j, k
+    character(16) :: digits
+
+    deck = sweep%deck
+    do i = 1, size(changeable)
+      k = find_key(trim(merge('scene ', 'output', changeable(i) == 'title')), trim(changeable(i)))
+      call set_default(schema(k), deck%value(k))
+    end do
+    checksum = 0
+    do i = 1, size(sweep%axes)
+      do j = 1, size(sweep%axes(i)%values)
+        checksum = ieor(ishftc(checksum, 5), transfer(sweep%axes(i)%values(j), checksum))
+      end do
+    end do
+    write (digits, '(z16.16)') checksum
+    identity = sha256(resolved(deck)//digits//version//git_revision)
+  end function identity_of
+
+  !> Which cases the shards beside `result_file` hold. Shards of another sweep are removed with `overwrite`, else refused.
+  subroutine look_at_shards(sweep, result_file, overwrite, ranks, index, files, error)
+    type(sweep_t), intent(in) :: sweep
+    character(*), intent(in) :: result_file
+    logical, intent(in) :: overwrite
+    type(ranks_t), intent(in) :: ranks
+    type(index_t), intent(out) :: index
+    type(path_t), allocatable, intent(out) :: files(:)
+    type(error_t), allocatable, intent(out) :: error
+    integer(int64) :: words
+    integer :: i
+
+    allocate (index%shard(sweep%cases), index%place(sweep%cases))
+    index%shard = 0
+    index%place = 0
+    allocate (files(0))
+    if (ranks%rank > 0) return
+    call shards_of(result_file, files)
+    do i = 1, size(files)
+      call scan_shard(files(i)%text, identity_of(sweep), size(series_quantities(sweep)), i, index, words, error)
+      if (.not. allocated(error)) cycle
+      if (.not. overwrite) return
+      deallocate (error)
+      call delete_file(files(i)%text)
+    end do
+  end subroutine look_at_shards
+
+  !> The cases of this process, or of all processes, that are not done.
+  subroutine choose_cases(sweep, index, options, state)
+    type(sweep_t), intent(in) :: sweep
+    type(index_t), intent(in) :: index
+    type(sweep_options_t), intent(in) :: options
+    type(state_t), intent(inout) :: state
+    integer :: i, n, pass
+
+    do pass = 1, 2
+      n = 0
+      do i = 1, sweep%cases
+        if (index%shard(i) > 0) cycle
+        if (options%shards > 0) then
+          if (modulo(i - 1, options%shards) /= options%shard - 1) cycle
+        end if
+        n = n + 1
+        if (pass == 2) state%pending(n) = i
+      end do
+      if (pass == 1) allocate (state%pending(n))
+    end do
+    state%done_before = index%done
+    state%failed_before = index%failed
+  end subroutine choose_cases
+
+  !> All threads of the process.
+  subroutine run_cases(sweep, state, quiet)
+    !$ use omp_lib, only: omp_get_max_threads
+    type(sweep_t), intent(in) :: sweep
+    type(state_t), intent(inout), target :: state
+    logical, intent(in) :: quiet
+
+    state%limit = sweep%deck%real_of('output', 'wall_limit')
+    state%begun = wall_clock()
+    state%progress = new_progress(sweep%deck%name, quiet)
+    call state%ranks%open_list(size(state%pending))
+    state%at_work = 1
+    !$ state%at_work = omp_get_max_threads()
+    !$omp parallel default(none) shared(sweep, state)
+    call work(sweep, state)
+    !$omp end parallel
+    call state%ranks%close_list(state%finished, state%failed)
+    call state%progress%close()
+  end subroutine run_cases
+
+  !> One thread: case after case.
+  subroutine work(sweep, state)
+    !$ use omp_lib, only: omp_get_thread_num
+    type(sweep_t), intent(in) :: sweep
+    type(state_t), intent(inout), target :: state
+    type(sweep_watch_t) :: watch
+    type(worker_t), allocatable :: worker
+    type(case_t) :: case
+    integer :: number
+    logical :: done, none_left
+
+    watch%state => state
+    watch%is_first = .true.
+    !$ watch%is_first = omp_get_thread_num() == 0
+    allocate (worker)
+    !$omp critical (deck_copy)
+    call new_worker(sweep, worker)
+    !$omp end critical (deck_copy)
+    do
+      if (watch%asked_to_stop()) exit
+      call take_number(state, number, none_left)
+      if (none_left) exit
+      if (number == 0) then
+        call wait_seconds(2.0e-4_wp)
+        cycle
+      end if
+      call worker%run_case(sweep, number, watch, case, done)
+      if (.not. done) exit
+      call keep(state, case)
+    end do
+    if (watch%is_first) call wait_for_others(state)
+    !$omp atomic
+    state%at_work = state%at_work - 1
+  end subroutine work
+
+  !> The first thread, without work itself, still looks around for the others.
+  subroutine wait_for_others(state)
+    type(state_t), intent(inout) :: state
+    integer :: at_work
+
+    do
+      !$omp atomic read
+      at_work = state%at_work
+      if (at_work <= 1) exit
+      call look_around(state)
+      call wait_seconds(1.0e-3_wp)
+    end do
+  end subroutine wait_for_others
+
+  !> The next case of this process; 0 if there is none now.
+  subroutine take_number(state, number, none_left)
+    type(state_t), intent(inout) :: state
+    integer, intent(out) :: number
+    logical, intent(out) :: none_left
+
+    number = 0
+    !$omp critical (dealing)
+    if (state%next <= state%last) then
+      number = state%pending(state%next)
+      state%next = state%next + 1
+    end if
+    none_left = number == 0 .and. state%none_left
+    !$omp end critical (dealing)
+  end subroutine take_number
+
+  subroutine keep(state, case)
+    type(state_t), intent(inout) :: state
+    type(case_t), intent(in) :: case
+    type(error_t), allocatable :: error
+
+    !$omp critical (keeping)
+    if (.not. allocated(state%error)) then
+      call state%shard%append(case, error)
+      if (allocated(error)) then
+        call move_alloc(error, state%error)
+        !$omp atomic write
+        state%stop = .true.
+      else
+        state%finished = state%finished + 1
+        if (case%result_code /= 0) state%failed = state%failed + 1
+      end if
+    end if
+    !$omp end critical (keeping)
+  end subroutine keep
+
+  !> The first thread looks around.
+  logical function asked_to_stop(self)
+    class(sweep_watch_t), intent(inout) :: self
+
+    if (self%is_first) call look_around(self%state)
+    !$omp atomic read
+    asked_to_stop = self%state%stop
+  end function asked_to_stop
+
+  !> New work, signals, the limit, progress.
+  subroutine look_around(state)
+    type(state_t), intent(inout) :: state
+    integer :: range(2), finished, failed
+    logical :: wanted, none_left
+    real(wp) :: passed
+
+    !$omp critical (keeping)
+    finished = state%finished
+    failed = state%failed
+    !$omp end critical (keeping)
+    !$omp critical (dealing)
+    wanted = state%last < state%next .and. .not. state%none_left
+    none_left = state%none_left
+    !$omp end critical (dealing)
+    call state%ranks%deal(wanted, finished, failed, range, none_left)
+    !$omp critical (dealing)
+    if (range(2) >= range(1)) then
+      state%next = range(1)
+      state%last = range(2)
+    end if
+    state%none_left = none_left
+    !$omp end critical (dealing)
+    passed = wall_clock() - state%begun
+    if (stop_signal() /= '' .or. (state%limit > 0.0_wp .and. passed > state%limit)) then
+      !$omp atomic write
+      state%stop = .true.
+    end if
+    call state%progress%show_cases(state%ranks%finished, size(state%pending), state%ranks%failed, passed)
+  end subroutine look_around
+
+  !> The result file; or, of a part of the cases, how to get it.
+  subroutine present_result(sweep, result_file, options, state, error)
+    type(sweep_t), intent(in) :: sweep
+    character(*), intent(in) :: result_file
+    type(sweep_options_t), intent(in) :: options
+    type(state_t), intent(in) :: state
+    type(error_t), allocatable, intent(out) :: error
+    type(index_t) :: index
+    type(path_t), allocatable :: files(:)
+
+    if (options%shards > 0) then
+      if (state%failed > 0) call raise(error, some_failed, integer_text(int(state%failed, int64))//' cases failed')
+    else if (state%ranks%rank == 0) then
+      call look_at_shards(sweep, result_file, .false., state%ranks, index, files, error)
+      if (.not. allocated(error)) call write_result(sweep, result_file, index, files, options, error)
+    else if (state%ranks%failed + state%failed_before > 0) then
+      call raise(error, some_failed, '')
+    end if
+  end subroutine present_result
+
+  subroutine write_result(sweep, result_file, index, files, options, error)
+    type(sweep_t), intent(in) :: sweep
+    character(*), intent(in) :: result_file
+    type(index_t), intent(in) :: index
+    type(path_t), intent(in) :: files(:)
+    type(sweep_options_t), intent(in) :: options
+    type(error_t), allocatable, intent(out) :: error
+    type(run_metadata_t) :: metadata
+    type(scene_t) :: scene
+    integer :: i
+
+    call scene_from_deck(sweep%deck, scene)
+    call describe_run(sweep%deck, scene%model, method_of(scene), '', metadata)
+    call merge_shards(sweep, files, index, metadata, result_file, options%overwrite, error)
+    if (allocated(error)) return
+    if (index%done == sweep%cases .and. .not. options%keep_shards) then
+      do i = 1, size(files)
+        call delete_file(files(i)%text)
+      end do
+    end if
+    if (index%done < sweep%cases) then
+      call raise(error, stopped_early, integer_text(int(sweep%cases - index%done, int64))//' of '// &
+        integer_text(int(sweep%cases, int64))//' cases have not been run: run the deck again to go on')
+    else if (index%failed > 0) then
+      call raise(error, some_failed, integer_text(int(index%failed, int64))//' of '//integer_text(int(sweep%cases, int64))// &
+        ' cases failed: see result_code and failures in '//result_file)
+    end if
+  end subroutine write_result
+
+  !> The method, for the record.
+  function method_of(scene) result(name)
+    type(scene_t), intent(in) :: scene
+    character(:), allocatable :: name
+
+    name = scene%method
+    if (index(scene%model, 'creep') == 1) name = 'closed form'
+  end function method_of
+
+  function stop_text(sweep, state) result(text)
+    type(sweep_t), intent(in) :: sweep
+    type(state_t), intent(in) :: state
+    character(:), allocatable :: text
+
+    text = 'stopped at output.wall_limit'
+    if (stop_signal() /= '') text = 'stopped by '//stop_signal()
+    text = text//' after '//integer_text(int(state%done_before + state%ranks%finished, int64))//' of '// &
+      integer_text(int(sweep%cases, int64))//' cases: start it again to go on'
+  end function stop_text
+end module dst_sweep_runner
