@@ -613,7 +613,7 @@ contains
     text = text//', the '//trim(key%meaning)
   end function missing_text
 
-  !> The fixed step of rk4 cannot hit the events of the exact contact; moreau_jean knows no other contact.
+  !> The fixed step of rk4 cannot hit the events of the exact contact; moreau_jean knows no other contact; rodas4p none.
   subroutine check_contact(deck, faults)
     type(deck_t), intent(in) :: deck
     type(faults_t), intent(inout) :: faults
@@ -625,6 +625,8 @@ contains
       if (deck%text_of('integrator', 'method') == 'moreau_jean' .and. .not. &
           has_word('full auto', deck%text_of('scene', 'model'))) &
         call note(faults, source_of(method), "method 'moreau_jean' works on model 'full' only: choose another method")
+      if (deck%text_of('integrator', 'method') == 'rodas4p' .and. deck%text_of('scene', 'model') /= 'low_frequency') &
+        call note(faults, source_of(method), "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
       if (deck%text_of('scene', 'model') /= 'full') return
       if (deck%text_of('integrator', 'method') == 'moreau_jean' .and. deck%text_of('friction', 'contact') == 'smoothed') &
         call note(faults, source_of(method), "method 'moreau_jean' knows only the exact contact: "// &

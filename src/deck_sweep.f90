@@ -31,6 +31,8 @@ contains
       "model 'auto' in a sweep would mix models in one map: name the model")
     if (deck%text_of(sweep_group, 'keep') == 'series' .and. .not. deck%real_of('output', 'interval') > 0.0_wp) &
       call note(faults, deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
+    if (deck%text_of(sweep_group, 'keep') == 'series' .and. deck%text_of('integrator', 'method') == 'rodas4p') &
+      call note(faults, deck, 'integrator', 'method', "method 'rodas4p' keeps no series: use radau9, or keep = 'summary'")
     allocate (names, source=deck%texts_of(sweep_group, 'parameter'))
     n = size(names)
     if (deck%text_of(sweep_group, 'keep') == 'series' .and. any(names == 'scene.t_end')) &

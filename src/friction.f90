@@ -7,7 +7,7 @@ module dst_friction
   implicit none
   private
 
-  public :: friction_law_t, new_friction_law
+  public :: friction_law_t, new_friction_law, exponential_form
 
   type, abstract :: friction_law_t
     !> Friction force at the onset of slip, mu_0 W [N]; also the static limit.
@@ -61,6 +61,27 @@ contains
       law = constant_friction_t(onset=mu_0*normal_load)
     end select
   end subroutine new_friction_law
+
+  !> The law as F = limit + drop exp(-decay v), if it has this form: as numbers, many laws can be evaluated side by side.
+  pure subroutine exponential_form(law, limit, drop, decay, is_exponential)
+    class(friction_law_t), intent(in) :: law
+    real(wp), intent(out) :: limit, drop, decay       !! N, N, s/m
+    logical, intent(out) :: is_exponential
+
+    limit = law%onset
+    drop = 0.0_wp
+    decay = 0.0_wp
+    is_exponential = .true.
+    select type (law)
+    type is (weakening_friction_t)
+      limit = law%limit
+      drop = law%drop
+      decay = law%decay
+    type is (constant_friction_t)
+    class default
+      is_exponential = .false.
+    end select
+  end subroutine exponential_form
 
   pure subroutine evaluate_constant(self, n, speed, force, slope)
     class(constant_friction_t), intent(in) :: self

@@ -41,7 +41,7 @@ contains
     model%along = slider%along
     model%forward = slider%along
     model%along_stiffness = slider%stiffness*slider%along
-    model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
+    model%acceleration_noise = slider%acceleration_noise()
   end function new_full_polar
 
   !> With slider%smoothing > 0.
@@ -53,7 +53,7 @@ contains
     model%along = slider%along
     model%forward = slider%along
     model%along_stiffness = slider%stiffness*slider%along
-    model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
+    model%acceleration_noise = slider%acceleration_noise()
   end function new_full_smoothed
 
   pure subroutine polar_kinematics(self, stages, y, velocity, velocity_y)

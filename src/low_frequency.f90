@@ -40,7 +40,7 @@ contains
     model%forward = model%along
     model%carried = slider%along(2)**2
     model%guided = slider%along(2)
-    model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
+    model%acceleration_noise = slider%acceleration_noise()
   end function new_low_frequency
 
   pure subroutine kinematics(self, stages, y, velocity, velocity_y)

@@ -24,7 +24,8 @@ module dst_python_api
   use dst_slip_system, only: stage_terms_t, new_terms
   use dst_stability, only: critical_t, steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, &
                            damping_scale, damping_ratio, weakening_damping_ratio
-  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, value_count, value_quantities
+  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_count, &
+    value_quantities
   use dst_trade, only: trade_t, start_trade
   use dst_trade_advice, only: check_wish, cheapest, advice, advised_settings
   use dst_trade_report, only: trade_report
@@ -124,16 +125,17 @@ contains
     axes = int(size(session%sweep%axes), c_int)
   end subroutine sweep_open
 
-  !> Number of values of axis i (from 1), and of a case.
-  subroutine sweep_sizes(handle, i, n_axis, n_case)
+  !> Number of values of axis i (from 1), and of a case; and of the cases that run side by side.
+  subroutine sweep_sizes(handle, i, n_axis, n_case, n_at_once)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: n_axis, n_case
+    integer(c_int), intent(out) :: n_axis, n_case, n_at_once
     type(sweep_session_t), pointer :: session
 
     session => sweep_of(handle)
     n_axis = int(size(session%sweep%axes(i)%values), c_int)
     n_case = int(value_count, c_int)
+    n_at_once = int(cases_at_once(session%sweep), c_int)
   end subroutine sweep_sizes
 
   !> Axis i (from 1): its name, units, meaning and values.
@@ -163,18 +165,18 @@ contains
     call put_description(quantities(i), name, units, long_name)
   end subroutine sweep_value_info
 
-  !> Run the cases `first` to `first + n - 1`: values (value, case), result codes, messages. Several threads may do so at
-  !> once. After `sweep_stop` fewer are `done`.
-  subroutine sweep_run(handle, first, n, n_values, values, codes, messages, done)
+  !> Run the cases `first` to `first + n - 1`: values (value, case), result X
+  subroutine sweep_run(handle, first, n, n_values, values, codes, messages)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: first, n, n_values
     real(c_double), intent(out) :: values(n_values, n)
-    integer(c_int), intent(out) :: codes(n), messages(200, n), done
+    integer(c_int), intent(out) :: codes(n), messages(200, n)
     !f2py threadsafe
     type(sweep_session_t), pointer :: session
     type(stop_watch_t) :: watch
     type(worker_t) :: worker
     type(case_t) :: case
+    integer :: next
     logical :: finished
 
     session => sweep_of(handle)
@@ -185,14 +187,20 @@ contains
     values = 0.0_c_double
     codes = -1
     messages = iachar(' ')
-    done = 0
-    do while (done < n)
-      call worker%run_case(session%sweep, int(first + done), watch, case, finished)
+    next = int(first)
+    do
+      do while (worker%has_room() .and. next < first + n)
+        call worker%begin_case(session%sweep, next)
+        next = next + 1
+      end do
+      if (worker%is_idle()) exit
+      call worker%next_result(session%sweep, watch, case, finished)
       if (.not. finished) exit
-      done = done + 1
-      values(:, done) = real(case%values, c_double)
-      codes(done) = int(case%result_code, c_int)
-      if (case%result_code /= 0) call put_text(case%result_text, messages(:, done))
+      associate (i => case%number - int(first) + 1)
+        values(:, i) = real(case%values, c_double)
+        codes(i) = int(case%result_code, c_int)
+        if (case%result_code /= 0) call put_text(case%result_text, messages(:, i))
+      end associate
     end do
   end subroutine sweep_run
 

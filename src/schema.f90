@@ -52,7 +52,7 @@ module dst_schema
   character(*), parameter :: sweep_group = 'sweep'
 
   character(*), parameter :: models = 'full low_frequency high_frequency creep creep_asymptotic auto'
-  character(*), parameter :: methods = 'radau5 radau9 radau13 rk4 dopri5 dop853 moreau_jean'
+  character(*), parameter :: methods = 'radau5 radau9 radau13 rk4 dopri5 dop853 moreau_jean rodas4p'
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
     'friction theta psi sticking zeta'
 
@@ -62,7 +62,7 @@ module dst_schema
   character(*), parameter :: contacts = 'model=full|auto'
   character(*), parameter :: asymptotic = 'model=creep_asymptotic'
   character(*), parameter :: fixed_step = 'method=rk4|moreau_jean'
-  character(*), parameter :: adaptive = 'method=radau5|radau9|radau13|dopri5|dop853'
+  character(*), parameter :: adaptive = 'method=radau5|radau9|radau13|dopri5|dop853|rodas4p'
   character(*), parameter :: explicit_exact = 'method=dopri5|dop853 contact=exact'
 
   logical, parameter :: must = .true., may = .false.
@@ -114,7 +114,7 @@ module dst_schema
     key_t('initial', 'elongation_y', real_kind, 'm', any_real, may, '0.0', '', '', transverse, &
           'initial elongation of the spring along the stiff axis'), &
     key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau9', '', methods, dynamic, &
-          'radau*: implicit, of that order; dopri5, dop853, rk4: explicit; moreau_jean: nonsmooth'), &
+          'radau*: implicit; dopri5, dop853, rk4: explicit; moreau_jean: nonsmooth; rodas4p: sweeps'), &
     key_t('integrator', 'rtol', real_kind, '1', tolerances, may, '1.0e-8', '', '', adaptive, &
           'relative tolerance of a step'), &
     key_t('integrator', 'step', real_kind, 's', positive, must, '0.0', '', '', fixed_step, &

@@ -182,6 +182,10 @@ contains
         'use radau5 | radau9 | radau13 | dopri5 | dop853')
       return
     end if
+    if (scene%method == 'rodas4p') then
+      call raise(error, deck_error, "method 'rodas4p' is for the cases of a sweep, and keeps no series: use radau9")
+      return
+    end if
     trajectory%step_max = scene%step_max
     associate (components => trajectory%system%components)
       select case (scene%method)

@@ -22,6 +22,7 @@ module dst_slider
   contains
     procedure :: pulled
     procedure :: held_force
+    procedure :: acceleration_noise
   end type slider_t
 
 contains
@@ -42,6 +43,13 @@ contains
 
     force = (1.0_wp - self%follows)*self%stiffness*u
   end function held_force
+
+  !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced.
+  pure real(wp) function acceleration_noise(self)
+    class(slider_t), intent(in) :: self
+
+    acceleration_noise = 8.0_wp*epsilon(1.0_wp)*self%law%onset/self%mass
+  end function acceleration_noise
 
   !> (cos, sin) of an angle in degrees, exact at multiples of 90 and odd/even to the last bit.
   pure function cos_sin_degrees(angle) result(direction)

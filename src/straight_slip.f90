@@ -50,7 +50,7 @@ contains
     model%held = held
     model%along = slider%pulled()
     model%along_stiffness = slider%stiffness*model%along
-    model%acceleration_noise = 8.0_wp*epsilon(1.0_wp)*slider%law%onset/slider%mass
+    model%acceleration_noise = slider%acceleration_noise()
     call model%face(0.0_wp)
   end function new_straight_slip
 

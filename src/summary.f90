@@ -13,7 +13,8 @@ module dst_summary
   implicit none
   private
 
-  public :: summary_t, start_summary, follow, describe, summary_quantities, summary_values
+  public :: summary_t, energies_t, start_summary, follow, consider, describe, summary_quantities, summary_values, &
+    values_with_energies
 
   real(wp), parameter :: threshold = 0.01_wp
 
@@ -59,6 +60,11 @@ module dst_summary
     procedure :: exchange
   end type summary_t
 
+  !> Energies [J] that a motion began with, has now, and has exchanged.
+  type :: energies_t
+    real(wp) :: first = 0.0_wp, now = 0.0_wp, drive_work = 0.0_wp, friction_work = 0.0_wp
+  end type energies_t
+
 contains
 
   !> Begin with a trajectory that has been started.
@@ -69,7 +75,7 @@ contains
     self%velocity = velocity_of(trajectory, trajectory%now, trajectory%sticking)
     self%largest_rate = dot_product(self%velocity, trajectory%slider%along)
     self%first_energy = energy(trajectory, self%velocity)
-    call consider(self, trajectory, trajectory%now)
+    call consider_motion(self, trajectory, trajectory%now)
     if (trajectory%event == stick_begins) self%sticks = 1
   end subroutine start_summary
 
@@ -90,7 +96,7 @@ contains
       if (rate(1)*rate(2) < 0.0_wp) call refine_extreme(self, trajectory, rate)
       call follow_rate(self, trajectory, before)
     end if
-    call consider(self, trajectory, trajectory%now)
+    call consider_motion(self, trajectory, trajectory%now)
   end subroutine follow
 
   pure function velocity_of(trajectory, motion, sticking) result(velocity)
@@ -162,39 +168,44 @@ contains
       end if
       if (time(2) - time(1) <= 1.0e-8_wp*trajectory%stepper%step) exit
     end do
-    call consider(self, trajectory, motion)
+    call consider_motion(self, trajectory, motion)
   end subroutine refine_extreme
 
-  !> Take in the longitudinal spring force at one instant.
-  subroutine consider(self, trajectory, motion)
+  subroutine consider_motion(self, trajectory, motion)
     type(summary_t), intent(inout) :: self
     type(trajectory_t), intent(in) :: trajectory
     type(motion_t), intent(in) :: motion
-    real(wp) :: force, side
 
-    force = trajectory%slider%stiffness(1)*motion%u(1)
+    call consider(self, trajectory%slider%stiffness(1)*motion%u(1), motion%time, motion%position, trajectory%slider%law%onset)
+  end subroutine consider_motion
+
+  !> Take in the longitudinal spring force [N] at a time [s] and position X [m]; `onset` is the static limit [N].
+  pure subroutine consider(self, force, time, position, onset)
+    type(summary_t), intent(inout) :: self
+    real(wp), intent(in) :: force, time, position, onset
+    real(wp) :: side
+
     side = merge(1.0_wp, -1.0_wp, self%rising)
     if (side*(force - self%extreme_force) >= 0.0_wp) then
-      call set_extreme(self, force, motion)
-    else if (side*(self%extreme_force - force) > threshold*trajectory%slider%law%onset) then
+      call set_extreme(self, force, time, position)
+    else if (side*(self%extreme_force - force) > threshold*onset) then
       if (self%rising) then
         call confirm_peak(self)
       else
         call confirm_valley(self)
       end if
       self%rising = .not. self%rising
-      call set_extreme(self, force, motion)
+      call set_extreme(self, force, time, position)
     end if
   end subroutine consider
 
-  pure subroutine set_extreme(self, force, motion)
+  pure subroutine set_extreme(self, force, time, position)
     type(summary_t), intent(inout) :: self
-    real(wp), intent(in) :: force
-    type(motion_t), intent(in) :: motion
+    real(wp), intent(in) :: force, time, position
 
     self%extreme_force = force
-    self%extreme_time = motion%time
-    self%extreme_position = motion%position
+    self%extreme_time = time
+    self%extreme_position = position
   end subroutine set_extreme
 
   pure subroutine confirm_peak(self)
@@ -337,12 +348,29 @@ contains
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(out) :: value(:)
     logical, intent(out) :: given(:)
-    real(wp) :: change, exchanged
+
+    if (allocated(trajectory%stepper)) then
+      call values_with_energies(self, energies_t(self%first_energy, energy(trajectory, self%velocity), &
+        trajectory%now%drive_work, trajectory%now%friction_work), value, given)
+    else
+      call values_with_energies(self, energies_t(), value, given)
+      given(1) = .false.
+      given(11:) = .false.
+    end if
+    where (.not. given) value = 0.0_wp
+  end subroutine summary_values
+
+  !> The same for a motion whose energies are known.
+  subroutine values_with_energies(self, energies, value, given)
+    type(summary_t), intent(in) :: self
+    type(energies_t), intent(in) :: energies
+    real(wp), intent(out) :: value(:)
+    logical, intent(out) :: given(:)
+    real(wp) :: exchanged
 
     value = 0.0_wp
     given = .true.
     value(1) = real(self%period%count, wp)
-    given(1) = allocated(trajectory%stepper)
     call put_mean(2, self%period)
     call put_mean(3, self%peak)
     call put_mean(4, self%valley)
@@ -352,13 +380,11 @@ contains
     value(8) = self%largest_rate
     value(9) = real(self%sticks, wp)
     value(10) = self%sticking_time
-    given(11:) = allocated(trajectory%stepper)
-    if (.not. allocated(trajectory%stepper)) return
-    change = energy(trajectory, self%velocity) - self%first_energy
-    exchanged = abs(trajectory%now%drive_work) + abs(trajectory%now%friction_work) + self%first_energy
-    value(11) = trajectory%now%drive_work
-    value(12) = trajectory%now%friction_work
-    if (exchanged > 0.0_wp) value(13) = (trajectory%now%drive_work - trajectory%now%friction_work - change)/exchanged
+    value(11) = energies%drive_work
+    value(12) = energies%friction_work
+    exchanged = abs(energies%drive_work) + abs(energies%friction_work) + energies%first
+    if (exchanged > 0.0_wp) &
+      value(13) = (energies%drive_work - energies%friction_work - (energies%now - energies%first))/exchanged
 
   contains
 
@@ -369,7 +395,7 @@ contains
       given(i) = mean%count > 0
       if (given(i)) value(i) = mean%sum/real(mean%count, wp)
     end subroutine put_mean
-  end subroutine summary_values
+  end subroutine values_with_energies
 
   !> Save or load.
   subroutine exchange(self, archive)

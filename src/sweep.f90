@@ -5,6 +5,7 @@
 module dst_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
+  use dst_lanes, only: lanes_t, lane_count
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: varied_key, variation_problem, range_problem, many_cases
   use dst_errors, only: error_t, raise, result_done, deck_error
@@ -19,7 +20,7 @@ module dst_sweep
   implicit none
   private
 
-  public :: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker
+  public :: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once
   public :: value_count, value_quantities, wall_time_value, series_quantities
 
   !> A parameter and its values: along one side of a grid, or of each case of a list.
@@ -63,12 +64,19 @@ module dst_sweep
     end function asked_to_stop
   end interface
 
-  !> What a thread needs to run cases one after the other.
+  !> What a thread needs to run cases, one after the other or, with method 'rodas4p', some side by side.
   type :: worker_t
     private
     type(scene_t) :: scene
+    !> Cases under way, 0 where there is room for one; and when they began, by the wall clock [s].
+    integer, allocatable :: number(:)
+    real(wp), allocatable :: begun(:)
+    type(lanes_t), allocatable :: lanes
   contains
-    procedure :: run_case
+    procedure :: has_room
+    procedure :: is_idle
+    procedure :: begin_case
+    procedure :: next_result
   end type worker_t
 
   !> The series of a case; its events are in the summary.
@@ -77,8 +85,9 @@ module dst_sweep
     procedure :: write_events => forget_events
   end type case_writer_t
 
-  !> Wall time between two looks at the watch [s].
+  !> Wall time between two looks at the watch [s]; steps of all lanes between two.
   real(wp), parameter :: slice = 0.02_wp
+  integer, parameter :: steps_between_looks = 2000
 
   character(6), parameter :: final_columns(4) = [character(6) :: 'u_x', 'u_y', 'X', 'X_rate']
   integer, parameter :: summary_count = size(summary_quantities)
@@ -264,29 +273,122 @@ contains
 
     call scene_from_deck(sweep%deck, worker%scene)
     call adapt_output(worker%scene, sweep%keeps_series)
+    if (worker%scene%method == 'rodas4p') allocate (worker%lanes)
+    allocate (worker%number(cases_at_once(sweep)), worker%begun(cases_at_once(sweep)))
+    worker%number = 0
   end subroutine new_worker
 
-  !> Run case `number`. If the watch asks to stop first, `done` is false and nothing of the case remains.
-  subroutine run_case(self, sweep, number, watch, result, done)
+  !> Cases that a worker has under way.
+  integer function cases_at_once(sweep)
+    type(sweep_t), intent(in) :: sweep
+
+    cases_at_once = merge(lane_count, 1, sweep%deck%text_of('integrator', 'method') == 'rodas4p')
+  end function cases_at_once
+
+  pure logical function has_room(self)
+    class(worker_t), intent(in) :: self
+
+    has_room = any(self%number == 0)
+  end function has_room
+
+  pure logical function is_idle(self)
+    class(worker_t), intent(in) :: self
+
+    is_idle = all(self%number == 0)
+  end function is_idle
+
+  !> Take in case `number`, where there is room.
+  subroutine begin_case(self, sweep, number)
     class(worker_t), intent(inout) :: self
     type(sweep_t), intent(in) :: sweep
     integer, intent(in) :: number
+    real(wp) :: coordinates(size(sweep%axes))
+    integer :: i, place
+
+    place = findloc(self%number, 0, dim=1)
+    self%number(place) = number
+    self%begun(place) = wall_clock()
+    coordinates = sweep%coordinates(number)
+    do i = 1, size(coordinates)
+      call set_number(self%scene, trim(schema(sweep%axes(i)%key)%name), coordinates(i))
+    end do
+    if (allocated(self%lanes)) call self%lanes%load(place, self%scene)
+  end subroutine begin_case
+
+  !> Go on until a case is done. If the watch asks to stop first, `done` is false and nothing of the cases remains.
+  subroutine next_result(self, sweep, watch, result, done)
+    class(worker_t), intent(inout) :: self
+    type(sweep_t), intent(in) :: sweep
+    class(watch_t), intent(inout) :: watch
+    type(case_t), intent(inout) :: result
+    logical, intent(out) :: done
+    integer :: place
+
+    place = 1
+    if (.not. allocated(result%values)) allocate (result%values(value_count))
+    if (allocated(self%lanes)) then
+      call run_lanes(self%lanes, watch, place, done)
+      if (done) call take_lane(self%lanes, place, result)
+    else
+      call run_case(self%scene, sweep%keeps_series, watch, result, done)
+    end if
+    if (.not. done) return
+    result%number = self%number(place)
+    ! Cases side by side share the time.
+    result%values(wall_time_value) = (wall_clock() - self%begun(place))/real(size(self%number), wp)
+    self%number(place) = 0
+  end subroutine next_result
+
+  !> Go on in all lanes until one is done; `place` is the first of these.
+  subroutine run_lanes(lanes, watch, place, done)
+    type(lanes_t), intent(inout) :: lanes
+    class(watch_t), intent(inout) :: watch
+    integer, intent(out) :: place
+    logical, intent(out) :: done
+    integer :: i
+
+    do
+      do i = 1, steps_between_looks
+        place = findloc(lanes%done, .true., dim=1)
+        done = place > 0
+        if (done) return
+        call lanes%advance()
+      end do
+      if (watch%asked_to_stop()) return
+    end do
+  end subroutine run_lanes
+
+  !> What the case in a lane came to.
+  subroutine take_lane(lanes, place, result)
+    type(lanes_t), intent(inout) :: lanes
+    integer, intent(in) :: place
+    type(case_t), intent(inout) :: result
+    type(error_t), allocatable :: error
+    real(wp) :: final(final_count)
+    logical :: given(summary_count)
+    integer(int64) :: steps
+
+    call lanes%values(place, result%values(:summary_count), given, final, steps, error)
+    where (.not. given) result%values(:summary_count) = not_there()
+    result%values(value_count - 1) = real(steps, wp)
+    result%values(summary_count + 1:summary_count + final_count) = final
+    if (allocated(error)) result%values(summary_count + 1:summary_count + final_count) = not_there()
+    call take_code(error, result)
+  end subroutine take_lane
+
+  !> Run one case.
+  subroutine run_case(scene, keeps_series, watch, result, done)
+    type(scene_t), intent(inout) :: scene
+    logical, intent(in) :: keeps_series
     class(watch_t), intent(inout) :: watch
     type(case_t), intent(inout) :: result
     logical, intent(out) :: done
     type(simulation_t) :: simulation
     type(case_writer_t) :: writer
     type(error_t), allocatable :: error
-    real(wp) :: begun, coordinates(size(sweep%axes))
-    integer :: i
 
-    begun = wall_clock()
-    coordinates = sweep%coordinates(number)
-    do i = 1, size(coordinates)
-      call set_number(self%scene, trim(schema(sweep%axes(i)%key)%name), coordinates(i))
-    end do
-    if (.not. (sweep%keeps_series .or. is_closed_form(self%scene%model))) self%scene%interval = self%scene%t_end
-    call simulation%start(self%scene, error)
+    if (.not. (keeps_series .or. is_closed_form(scene%model))) scene%interval = scene%t_end
+    call simulation%start(scene, error)
     done = allocated(error)
     do while (.not. done)
       call simulation%proceed(slice, writer, error)
@@ -294,10 +396,25 @@ contains
       if (done) exit
       if (watch%asked_to_stop()) return
     end do
-    call take_result(simulation, writer, error, sweep%keeps_series, result)
-    result%number = number
-    result%values(wall_time_value) = wall_clock() - begun
+    call take_result(simulation, writer, error, keeps_series, result)
   end subroutine run_case
+
+  !> What stands for a value that a case does not have.
+  pure real(wp) function not_there()
+    not_there = ieee_value(1.0_wp, ieee_quiet_nan)
+  end function not_there
+
+  !> Code and message.
+  subroutine take_code(error, result)
+    type(error_t), allocatable, intent(in) :: error
+    type(case_t), intent(inout) :: result
+
+    result%result_code = result_done
+    result%result_text = ''
+    if (.not. allocated(error)) return
+    result%result_code = error%code
+    result%result_text = error%text
+  end subroutine take_code
 
   pure logical function is_closed_form(model)
     character(*), intent(in) :: model
@@ -337,18 +454,12 @@ contains
     logical :: given(summary_count)
     integer :: i, column
 
-    if (.not. allocated(result%values)) allocate (result%values(value_count))
-    result%values = ieee_value(1.0_wp, ieee_quiet_nan)
-    result%result_code = result_done
-    result%result_text = ''
-    if (allocated(error)) then
-      result%result_code = error%code
-      result%result_text = error%text
-    end if
+    result%values = not_there()
+    call take_code(error, result)
     if (allocated(result%series)) deallocate (result%series)
     if (.not. allocated(simulation%rows)) return
     call summary_values(simulation%summary, simulation%trajectory, result%values(:summary_count), given)
-    where (.not. given) result%values(:summary_count) = ieee_value(1.0_wp, ieee_quiet_nan)
+    where (.not. given) result%values(:summary_count) = not_there()
     if (allocated(simulation%trajectory%stepper)) &
       result%values(value_count - 1) = real(simulation%trajectory%stepper%count%steps, wp)
     if (writer%rows > 0 .and. .not. allocated(error)) then

@@ -274,13 +274,18 @@ contains
     !$omp end critical (deck_copy)
     do
       if (watch%asked_to_stop()) exit
-      call take_number(state, number, none_left)
-      if (none_left) exit
-      if (number == 0) then
+      none_left = .false.
+      do while (worker%has_room())
+        call take_number(state, number, none_left)
+        if (number == 0) exit
+        call worker%begin_case(sweep, number)
+      end do
+      if (worker%is_idle()) then
+        if (none_left) exit
         call wait_seconds(2.0e-4_wp)
         cycle
       end if
-      call worker%run_case(sweep, number, watch, case, done)
+      call worker%next_result(sweep, watch, case, done)
       if (.not. done) exit
       call keep(state, case)
     end do

@@ -236,11 +236,11 @@ class Sweep:
             self.close()
             raise error_for(status, message)
         self.axes = [self._axis(i + 1) for i in range(n_axes)]
-        _, self._n_values = _core.sweep_sizes(self._handle, 1)
+        _, self._n_values, self.at_once = _core.sweep_sizes(self._handle, 1)
         self.quantities = [_info(*_core.sweep_value_info(i + 1)) for i in range(self._n_values)]
 
     def _axis(self, i: int) -> tuple[Info, NDArray[np.float64]]:
-        size, _ = _core.sweep_sizes(self._handle, i)
+        size, _, _ = _core.sweep_sizes(self._handle, i)
         name, units, long_name, values = _core.sweep_axis(self._handle, i, size)
         return _info(name, units, long_name), values
 
@@ -255,13 +255,12 @@ class Sweep:
     ) -> None:
         self.close()
 
-    def run(
-        self, first: int, count: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[int, str], int]:
-        """Run cases `first` (from 0) and following: values (done, value), codes, messages, number done."""
-        values, codes, messages, done = _core.sweep_run(self._handle, first + 1, count, self._n_values)
-        failed = {first + int(i): _text(messages[:, i]) for i in np.flatnonzero(codes[:done])}
-        return values.T[:done], codes[:done], failed, done
+    def run(self, first: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[int, str]]:
+        """Run cases `first` (from 0) and following: values (case, value), codes (-1 if stopped), messages."""
+        values, codes, messages = _core.sweep_run(self._handle, first + 1, count, self._n_values)
+        values[:, codes < 0] = np.nan
+        failed = {first + int(i): _text(messages[:, i]) for i in np.flatnonzero(codes > 0)}
+        return values.T, codes, failed
 
     def stop(self) -> None:
         """Let all threads give up what they do."""

@@ -27,6 +27,9 @@ NOT_RUN = -1
 LONGEST_PIECE = 64
 """Cases that a thread takes at once, at most."""
 
+SHORTEST_PIECE = 4
+"""Where cases run side by side, each place is used so often before a thread fetches more."""
+
 
 def sweep(
     deck: DeckLike,
@@ -131,13 +134,14 @@ class _Work:
                 with self._lock:
                     first = self._next
                     left = self._core.cases - first
-                    count = max(1, min(LONGEST_PIECE, left // (4 * n_threads)))
+                    least = SHORTEST_PIECE * self._core.at_once if self._core.at_once > 1 else 1
+                    count = min(left, max(least, min(LONGEST_PIECE, left // (4 * n_threads))))
                     self._next += count
                 if left <= 0:
                     return
-                values, codes, messages, done = self._core.run(first, count)
-                self.values[first : first + done] = values
-                self.codes[first : first + done] = codes
+                values, codes, messages = self._core.run(first, count)
+                self.values[first : first + count] = values
+                self.codes[first : first + count] = codes
                 self.messages.update(messages)
         except BaseException as error:
             self._error = error

@@ -1,0 +1,427 @@
+!> Slow motion of several scenes side by side, one in each lane of the processor's vectors.
+!>
+!> The equations are those of dst_low_frequency for a steady drive, with v = sqrt(w^2 + (V s)^2),
+!>
+!>     u' = V c - w,      w' = (k u - F(v) w/v)/m =: f(u, w),
+!>
+!> and the method is RODAS4P, linearly implicit of order 4(3): with J the Jacobian at the start of a step of length h,
+!>
+!>     (1/(gamma h) - J) k_i = f(z_0 + sum_j a_ij k_j) + sum_j c_ij k_j/h,      z_1 = z_0 + sum_i b_i k_i.
+!>
+!> It needs no iteration, so that every lane does the same at the same time, each with its own step. It is made for loose
+!> tolerances, where a sweep wants many cases. The elongation is eliminated by hand: what is solved is a division.
+!>
+!> What happens inside a step is read from the polynomials of degree 5 that have the values and two derivatives of both ends.
+!> A lane's result does not depend on its neighbours.
+!>
+!> Source: Steinebach (1995), Preprint 1741, TH Darmstadt; Hairer & Wanner II, Sec. IV.7.
+module dst_lanes
+  use dst_kinds, only: wp, int64
+  use dst_errors, only: error_t, raise, deck_error, step_underflow, too_many_steps, too_many_rejections
+  use dst_friction, only: exponential_form
+  use dst_scene, only: scene_t
+  use dst_simulation, only: slider_from_scene
+  use dst_slider, only: slider_t
+  use dst_summary, only: summary_t, energies_t, consider, summary_quantities, values_with_energies
+  use dst_text, only: short_text
+  implicit none
+  private
+
+  public :: lanes_t, lane_count
+
+  integer, parameter :: lane_count = 8
+  integer, parameter :: stages = 6
+  real(wp), parameter :: gamma = 0.25_wp
+  real(wp), parameter :: a(stages, stages) = transpose(reshape([ &
+    0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+    3.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+    1.831036793486759_wp, 0.4955183967433795_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+    2.304376582692669_wp, -0.05249275245743001_wp, -1.176798761832782_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+    -7.170454962423024_wp, -4.741636671481785_wp, -16.31002631330971_wp, -1.062004044111401_wp, 0.0_wp, 0.0_wp, &
+    -7.170454962423024_wp, -4.741636671481785_wp, -16.31002631330971_wp, -1.062004044111401_wp, 1.0_wp, 0.0_wp], &
+    [stages, stages]))
+  real(wp), parameter :: c(stages, stages) = transpose(reshape([ &
+    0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+    -12.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+    -8.791795173947035_wp, -2.207865586973518_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+    10.81793056857153_wp, 6.780270611428266_wp, 19.53485944642410_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+    34.19095006749676_wp, 15.49671153725963_wp, 54.74760875964130_wp, 14.16005392148534_wp, 0.0_wp, 0.0_wp, &
+    34.62605830930532_wp, 15.30084976114473_wp, 56.99955578662667_wp, 18.40807009793095_wp, -5.714285714285717_wp, 0.0_wp], &
+    [stages, stages]))
+
+  !> Step times growth rate up to which the growth of unstable creep is followed, as in dst_radau.
+  real(wp), parameter :: longest_growth = 2.0_wp
+  real(wp), parameter :: largest_factor = 6.0_wp, smallest_factor = 0.2_wp
+  integer, parameter :: max_rejections = 60
+
+  !> What belongs to the start of a step.
+  type :: point_t
+    real(wp), dimension(lane_count) :: time = 0.0_wp, u = 0.0_wp, w = 1.0_wp
+    !> u', w', w'' and dw'/dw.
+    real(wp), dimension(lane_count) :: u_rate = 0.0_wp, w_rate = 0.0_wp, w_curvature = 0.0_wp, growth = 0.0_wp
+    !> Powers of drive and friction [W] and their rates.
+    real(wp), dimension(lane_count) :: supply = 0.0_wp, supply_rate = 0.0_wp, dissipation = 0.0_wp, dissipation_rate = 0.0_wp
+  end type point_t
+
+  type :: lanes_t
+    private
+    !> Which lanes have a case, and which of these are done.
+    logical :: busy(lane_count) = .false.
+    logical, public :: done(lane_count) = .false.
+    ! Of the scenes; refused are those that the method cannot follow.
+    logical :: refused(lane_count) = .false.
+    real(wp), dimension(lane_count) :: mass = 1.0_wp, stiffness = 1.0_wp, along = 1.0_wp, across = 0.0_wp
+    real(wp), dimension(lane_count) :: velocity = 0.0_wp, guided = 1.0_wp
+    real(wp), dimension(lane_count) :: limit = 0.0_wp, drop = 0.0_wp, decay = 0.0_wp, onset = 0.0_wp
+    real(wp), dimension(lane_count) :: t_end = 0.0_wp, tolerance = 1.0_wp, noise = 0.0_wp, longest_step = 0.0_wp
+    real(wp), dimension(lane_count) :: first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp, first_energy = 0.0_wp
+    integer(int64) :: max_steps(lane_count) = 0
+    ! Of the motion.
+    type(point_t) :: now, before
+    logical :: moved(lane_count) = .false.            !! since `before`
+    real(wp), dimension(lane_count) :: next_step = 1.0_wp, last_step = 1.0_wp, last_error = 0.0_wp
+    real(wp), dimension(lane_count) :: drive_work = 0.0_wp, friction_work = 0.0_wp
+    integer(int64) :: steps(lane_count) = 0
+    integer :: rejections(lane_count) = 0
+    type(summary_t) :: summary(lane_count)
+  contains
+    procedure :: load
+    procedure :: advance
+    procedure :: values
+  end type lanes_t
+
+contains
+
+  !> Put a scene into a free lane. What does not slide all the time is done at once.
+  subroutine load(self, lane, scene)
+    class(lanes_t), intent(inout) :: self
+    integer, intent(in) :: lane
+    type(scene_t), intent(in) :: scene
+    type(slider_t) :: slider
+    logical :: is_exponential
+
+    call slider_from_scene(scene, slider)
+    call exponential_form(slider%law, self%limit(lane), self%drop(lane), self%decay(lane), is_exponential)
+    self%refused(lane) = .not. (is_exponential .and. size(scene%drive_velocity) == 1 &
+      .and. abs(scene%drive_velocity(1)*slider%along(2)) > 0.0_wp)
+    self%mass(lane) = slider%mass
+    self%stiffness(lane) = slider%stiffness(1)
+    self%along(lane) = slider%along(1)
+    self%guided(lane) = slider%along(2)
+    self%velocity(lane) = scene%drive_velocity(1)
+    self%across(lane) = self%velocity(lane)*slider%along(2)
+    self%onset(lane) = slider%law%onset
+    self%t_end(lane) = scene%t_end
+    self%tolerance(lane) = scene%rtol
+    self%noise(lane) = slider%acceleration_noise()
+    self%longest_step(lane) = merge(scene%step_max, scene%t_end, scene%step_max > 0.0_wp)
+    self%max_steps(lane) = scene%max_steps
+    self%first_u(lane) = scene%elongation_x
+    self%second_u(lane) = scene%elongation_y
+    self%first_position(lane) = -dot_product([scene%elongation_x, scene%elongation_y], slider%along)
+    call begin(self, lane, scene%velocity_ratio*scene%drive_velocity(1)*slider%along(1))
+  end subroutine load
+
+  !> Place the object of a lane at time 0 with slip velocity w_x.
+  subroutine begin(self, lane, w)
+    class(lanes_t), intent(inout) :: self
+    integer, intent(in) :: lane
+    real(wp), intent(in) :: w
+
+    associate (now => self%now)
+      now%time(lane) = 0.0_wp
+      now%u(lane) = self%first_u(lane)
+      now%w(lane) = w
+      self%summary(lane) = summary_t()
+      self%summary(lane)%largest_rate = rate_along(self, lane, w)
+      self%first_energy(lane) = energy(self, lane)
+      call consider(self%summary(lane), self%stiffness(lane)*now%u(lane), 0.0_wp, self%first_position(lane), self%onset(lane))
+    end associate
+    self%busy(lane) = .true.
+    self%done(lane) = self%refused(lane)
+    self%moved(lane) = .false.
+    self%next_step(lane) = 0.01_wp*sqrt(self%mass(lane)/self%stiffness(lane))
+    self%last_error(lane) = 0.0_wp
+    self%drive_work(lane) = 0.0_wp
+    self%friction_work(lane) = 0.0_wp
+    self%steps(lane) = 0
+    self%rejections(lane) = 0
+  end subroutine begin
+
+  pure real(wp) function rate_along(self, lane, w)
+    class(lanes_t), intent(in) :: self
+    integer, intent(in) :: lane
+    real(wp), intent(in) :: w
+
+    rate_along = self%along(lane)*w + self%guided(lane)*self%across(lane)
+  end function rate_along
+
+  !> X, from what the drive moved and the spring did not follow.
+  pure real(wp) function position_of(self, lane, time, u)
+    class(lanes_t), intent(in) :: self
+    integer, intent(in) :: lane
+    real(wp), intent(in) :: time, u
+
+    position_of = self%first_position(lane) + self%velocity(lane)*time - self%along(lane)*(u - self%first_u(lane))
+  end function position_of
+
+  !> Kinetic and elastic energy of the motion along the soft axis [J].
+  pure real(wp) function energy(self, lane)
+    class(lanes_t), intent(in) :: self
+    integer, intent(in) :: lane
+
+    energy = 0.5_wp*(self%mass(lane)*self%now%w(lane)**2 + self%stiffness(lane)*self%now%u(lane)**2)
+  end function energy
+
+  !> One attempted step in every lane, unless a lane has just come to its end: then that is `done`.
+  subroutine advance(self)
+    class(lanes_t), intent(inout) :: self
+
+    call evaluate_start(self)
+    call take_in(self)
+    if (any(self%busy .and. self%done)) return
+    call attempt(self)
+  end subroutine advance
+
+  !> Everything that is known at the points where the lanes are.
+  subroutine evaluate_start(self)
+    class(lanes_t), intent(inout) :: self
+    real(wp) :: speed, part, friction, slope, share, across_share
+    integer :: i
+
+    associate (now => self%now)
+      do i = 1, lane_count
+        speed = sqrt(now%w(i)**2 + self%across(i)**2)
+        part = self%drop(i)*exp(-speed*self%decay(i))
+        friction = self%limit(i) + part
+        slope = -self%decay(i)*part
+        share = now%w(i)/speed
+        across_share = self%across(i)/speed
+        now%u_rate(i) = self%velocity(i)*self%along(i) - now%w(i)
+        now%w_rate(i) = (self%stiffness(i)*now%u(i) - friction*share)/self%mass(i)
+        now%growth(i) = -(slope*share**2 + friction*across_share**2/speed)/self%mass(i)
+        now%w_curvature(i) = self%stiffness(i)/self%mass(i)*now%u_rate(i) + now%growth(i)*now%w_rate(i)
+        now%supply(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u(i) + friction*self%across(i)*across_share
+        now%supply_rate(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u_rate(i) &
+          + (slope*speed - friction)*across_share**2*share*now%w_rate(i)
+        now%dissipation(i) = friction*speed
+        now%dissipation_rate(i) = (friction + slope*speed)*share*now%w_rate(i)
+      end do
+    end associate
+  end subroutine evaluate_start
+
+  !> Works, extremes and ends, in the lanes that have moved.
+  subroutine take_in(self)
+    class(lanes_t), intent(inout) :: self
+    integer :: i
+
+    do i = 1, lane_count
+      if (.not. (self%busy(i) .and. self%moved(i))) cycle
+      call take_works(self, i)
+      call take_extremes(self, i)
+      self%moved(i) = .false.
+      self%done(i) = .not. self%now%time(i) < self%t_end(i)
+    end do
+    self%before = self%now
+  end subroutine take_in
+
+  !> Powers integrated with the trapezium's rule and its correction from the slopes at both ends, of order 4.
+  pure subroutine take_works(self, i)
+    class(lanes_t), intent(inout) :: self
+    integer, intent(in) :: i
+    real(wp) :: h
+
+    associate (from => self%before, to => self%now)
+      h = self%last_step(i)
+      self%drive_work(i) = self%drive_work(i) + 0.5_wp*h*(from%supply(i) + to%supply(i) &
+        + h/6.0_wp*(from%supply_rate(i) - to%supply_rate(i)))
+      self%friction_work(i) = self%friction_work(i) + 0.5_wp*h*(from%dissipation(i) + to%dissipation(i) &
+        + h/6.0_wp*(from%dissipation_rate(i) - to%dissipation_rate(i)))
+    end associate
+  end subroutine take_works
+
+  !> Peaks and valleys of the spring force and the largest X'.
+  subroutine take_extremes(self, i)
+    class(lanes_t), intent(inout) :: self
+    integer, intent(in) :: i
+    real(wp) :: h, tau, u, w, time
+
+    h = self%last_step(i)
+    associate (from => self%before, to => self%now, summary => self%summary(i))
+      if (from%u_rate(i)*to%u_rate(i) < 0.0_wp) then
+        call find_extreme(h, [from%u(i), from%u_rate(i), -from%w_rate(i)], [to%u(i), to%u_rate(i), -to%w_rate(i)], tau, u)
+        time = from%time(i) + tau*h
+        call consider(summary, self%stiffness(i)*u, time, position_of(self, i, time, u), self%onset(i))
+      end if
+      call consider(summary, self%stiffness(i)*to%u(i), to%time(i), position_of(self, i, to%time(i), to%u(i)), self%onset(i))
+      if (self%along(i)*from%w_rate(i) > 0.0_wp .and. self%along(i)*to%w_rate(i) < 0.0_wp) then
+        call find_extreme(h, [from%w(i), from%w_rate(i), from%w_curvature(i)], [to%w(i), to%w_rate(i), to%w_curvature(i)], tau, w)
+        summary%largest_rate = max(summary%largest_rate, rate_along(self, i, w))
+      end if
+      summary%largest_rate = max(summary%largest_rate, rate_along(self, i, to%w(i)))
+    end associate
+  end subroutine take_extremes
+
+  !> Place tau in (0, 1) and value of the extreme, inside a step of length h, of the polynomial of degree 5 that has these
+  !> values, slopes and curvatures at the ends. The slopes have different signs.
+  pure subroutine find_extreme(h, first, last, tau, value)
+    real(wp), intent(in) :: h, first(3), last(3)
+    real(wp), intent(out) :: tau, value
+    real(wp) :: p(0:5), slope, bend, curve, left, right, found
+    integer :: iteration
+
+    p(0:2) = [first(1), h*first(2), 0.5_wp*h**2*first(3)]
+    slope = last(1) - sum(p(0:2))
+    bend = h*last(2) - p(1) - 2.0_wp*p(2)
+    curve = h**2*last(3) - 2.0_wp*p(2)
+    p(3) = 10.0_wp*slope - 4.0_wp*bend + 0.5_wp*curve
+    p(4) = -15.0_wp*slope + 7.0_wp*bend - curve
+    p(5) = 6.0_wp*slope - 3.0_wp*bend + 0.5_wp*curve
+    left = 0.0_wp
+    right = 1.0_wp
+    do iteration = 1, 40
+      tau = 0.5_wp*(left + right)
+      found = p(1) + tau*(2.0_wp*p(2) + tau*(3.0_wp*p(3) + tau*(4.0_wp*p(4) + tau*5.0_wp*p(5))))
+      if (found*first(2) > 0.0_wp) then
+        left = tau
+      else
+        right = tau
+      end if
+    end do
+    value = p(0) + tau*(p(1) + tau*(p(2) + tau*(p(3) + tau*(p(4) + tau*p(5)))))
+  end subroutine find_extreme
+
+  !> One attempt in all lanes. Idle lanes go through the motions.
+  subroutine attempt(self)
+    class(lanes_t), intent(inout) :: self
+    real(wp), dimension(lane_count, stages) :: k_u, k_w
+    real(wp), dimension(lane_count) :: h, u, w, sum_u, sum_w, speed, friction, fastest, pivot, error
+    integer :: i, j, l
+
+    associate (now => self%now)
+      do l = 1, lane_count
+        h(l) = min(self%next_step(l), self%longest_step(l))
+        if (now%time(l) + 1.000001_wp*h(l) >= self%t_end(l)) h(l) = self%t_end(l) - now%time(l)
+        if (.not. (self%busy(l) .and. h(l) > 0.0_wp)) h(l) = 1.0_wp
+        pivot(l) = gamma*h(l)/(1.0_wp - gamma*h(l)*(now%growth(l) - gamma*h(l)*self%stiffness(l)/self%mass(l)))
+        k_w(l, 1) = pivot(l)*(now%w_rate(l) + gamma*h(l)*self%stiffness(l)/self%mass(l)*now%u_rate(l))
+        k_u(l, 1) = gamma*h(l)*(now%u_rate(l) - k_w(l, 1))
+        fastest(l) = sqrt(now%w(l)**2 + self%across(l)**2)
+      end do
+      do i = 2, stages
+        u = now%u
+        w = now%w
+        sum_u = 0.0_wp
+        sum_w = 0.0_wp
+        do j = 1, i - 1
+          do l = 1, lane_count
+            u(l) = u(l) + a(i, j)*k_u(l, j)
+            w(l) = w(l) + a(i, j)*k_w(l, j)
+            sum_u(l) = sum_u(l) + c(i, j)*k_u(l, j)
+            sum_w(l) = sum_w(l) + c(i, j)*k_w(l, j)
+          end do
+        end do
+        do l = 1, lane_count
+          speed(l) = sqrt(w(l)**2 + self%across(l)**2)
+          friction(l) = self%limit(l) + self%drop(l)*exp(-speed(l)*self%decay(l))
+        end do
+        do l = 1, lane_count
+          sum_u(l) = self%velocity(l)*self%along(l) - w(l) + sum_u(l)/h(l)
+          sum_w(l) = (self%stiffness(l)*u(l) - friction(l)*w(l)/speed(l))/self%mass(l) + sum_w(l)/h(l)
+          k_w(l, i) = pivot(l)*(sum_w(l) + gamma*h(l)*self%stiffness(l)/self%mass(l)*sum_u(l))
+          k_u(l, i) = gamma*h(l)*(sum_u(l) - k_w(l, i))
+          fastest(l) = max(fastest(l), speed(l))
+        end do
+      end do
+      ! The method is stiffly accurate: the last stage's increment is the difference to the embedded solution.
+      do l = 1, lane_count
+        u(l) = u(l) + k_u(l, stages)
+        w(l) = w(l) + k_w(l, stages)
+        error(l) = sqrt(k_w(l, stages)**2 + self%stiffness(l)/self%mass(l)*k_u(l, stages)**2) &
+          /(self%tolerance(l)*fastest(l) + self%noise(l)*pivot(l)/gamma)
+      end do
+    end associate
+    do l = 1, lane_count
+      if (self%busy(l)) call decide(self, l, h(l), u(l), w(l), error(l))
+    end do
+  end subroutine attempt
+
+  !> Accept or reject the attempt of a lane, and choose its next step as dst_radau does for one component.
+  pure subroutine decide(self, l, h, u, w, estimate)
+    class(lanes_t), intent(inout) :: self
+    integer, intent(in) :: l
+    real(wp), intent(in) :: h, u, w, estimate
+    real(wp) :: error, factor, growth
+
+    error = 1.0e10_wp
+    if (abs(u) + abs(w) <= huge(u) .and. estimate < error) error = max(estimate, 1.0e-10_wp)
+    factor = 0.9_wp/sqrt(sqrt(error))
+    if (error <= 1.0_wp .and. self%last_error(l) > 0.0_wp) &
+      factor = min(factor, factor*(h/self%last_step(l))*sqrt(sqrt(self%last_error(l)/error)))
+    if (self%rejections(l) > 0 .and. error <= 1.0_wp) factor = min(factor, 1.0_wp)
+    growth = h*self%now%growth(l)
+    if (growth > longest_growth) then
+      factor = min(factor, 0.9_wp*longest_growth/growth)
+      error = max(error, growth/longest_growth)
+    end if
+    self%next_step(l) = h*min(largest_factor, max(smallest_factor, factor))
+    if (error > 1.0_wp) then
+      self%rejections(l) = self%rejections(l) + 1
+      self%done(l) = self%rejections(l) > max_rejections .or. .not. self%now%time(l) + self%next_step(l) > self%now%time(l)
+      return
+    end if
+    self%now%time(l) = self%now%time(l) + h
+    if (self%now%time(l) + 1.0e-6_wp*h >= self%t_end(l)) self%now%time(l) = self%t_end(l)
+    self%now%u(l) = u
+    self%now%w(l) = w
+    self%moved(l) = .true.
+    self%last_step(l) = h
+    self%last_error(l) = error
+    self%rejections(l) = 0
+    self%steps(l) = self%steps(l) + 1
+    self%done(l) = self%max_steps(l) > 0 .and. self%steps(l) >= self%max_steps(l) .and. self%now%time(l) < self%t_end(l)
+  end subroutine decide
+
+  !> What a lane that is done came to, which is free then: the summary's values, whether they exist, u_x, u_y, X and X' at
+  !> the end, and the number of steps; or why it did not get there.
+  subroutine values(self, lane, summary, given, final, steps, error)
+    class(lanes_t), intent(inout) :: self
+    integer, intent(in) :: lane
+    real(wp), intent(out) :: summary(size(summary_quantities)), final(4)
+    logical, intent(out) :: given(size(summary_quantities))
+    integer(int64), intent(out) :: steps
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (time => self%now%time(lane), u => self%now%u(lane))
+      call values_with_energies(self%summary(lane), energies_t(self%first_energy(lane), energy(self, lane), self%drive_work(lane), &
+        self%friction_work(lane)), summary, given)
+      final = [u, self%second_u(lane), position_of(self, lane, time, u), rate_along(self, lane, self%now%w(lane))]
+      steps = self%steps(lane)
+      if (time < self%t_end(lane)) call explain(self, lane, error)
+    end associate
+    self%busy(lane) = .false.
+    self%done(lane) = .false.
+  end subroutine values
+
+  !> Why a lane has stopped before its end.
+  subroutine explain(self, lane, error)
+    class(lanes_t), intent(in) :: self
+    integer, intent(in) :: lane
+    type(error_t), allocatable, intent(out) :: error
+    character(24) :: place
+
+    if (self%refused(lane)) then
+      call raise(error, deck_error, "method 'rodas4p' follows sliding without rest, driven steadily with V sin(phi) /= 0, "// &
+        'and friction that falls exponentially: use radau9')
+      return
+    end if
+    place = 't = '//trim(short_text(self%now%time(lane)))//' s'
+    if (self%max_steps(lane) > 0 .and. self%steps(lane) >= self%max_steps(lane)) then
+      call raise(error, too_many_steps, 'integrator.max_steps reached at '//trim(place)//': raise it, or use a larger rtol')
+    else if (self%rejections(lane) > max_rejections) then
+      call raise(error, too_many_rejections, 'too many rejected steps at '//trim(place)//': use another method or a larger rtol')
+    else
+      call raise(error, step_underflow, 'the step vanishes at '//trim(place)//': use another method or a larger rtol')
+    end if
+  end subroutine explain
+end module dst_lanes
