@@ -28,8 +28,8 @@ ROOMS = {
     "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison sweeps writers", "python_api"),
     "comparison": ("comparing runs of one scene", 20, 220, 560, 110, "ground physics deck simulation writers observables linear_solve",
                    "trade trade_plan trade_quantities trade_advice trade_report trade_table"),
-    "sweeps": ("many cases of one scene", 600, 220, 380, 110, "ground deck simulation writers observables summary",
-               "sweep sweep_shard sweep_points sweep_file"),
+    "sweeps": ("many cases of one scene", 600, 220, 380, 110, "ground deck simulation writers observables summary slider friction",
+               "sweep lanes sweep_shard sweep_points sweep_file"),
     "simulation": ("the one run routine", 20, 352, 300, 110,
                    "ground physics numerics scene meeting memory_writer",
                    "simulation model_choice"),
@@ -54,7 +54,7 @@ SAY = {
     "disk": "the system", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
     "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
-    "sweep": "what a case is", "sweep_shard": "finished cases", "sweep_points": "lists of cases", "sweep_file": "one file of all",
+    "sweep": "what a case is", "lanes": "cases side by side", "sweep_shard": "finished cases", "sweep_points": "lists of cases", "sweep_file": "one file of all",
     "sweep_runner": "all cases, all cores", "ranks": "MPI, or none", "deck_sweep": "&sweep",
     "model_choice": "what auto is", "trade": "compares", "trade_plan": "what to try", "trade_quantities": "errors",
     "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
@@ -129,7 +129,7 @@ def draw_room(room: str, title: str, x: int, y: int, width: int, height: int, _:
     ]
     chips = modules.split()
     wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {"executable": 5, "comparison": 3, "sweeps": 2, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 5}.get(room, 1)
+    columns = {"executable": 5, "comparison": 3, "sweeps": 3, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 5}.get(room, 1)
     rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
     gap, top = 8, 28
     chip_width = (width - gap * (columns + 1)) / columns

@@ -51,8 +51,11 @@ module dst_lanes
 
   !> Step times growth rate up to which the growth of unstable creep is followed, as in dst_radau.
   real(wp), parameter :: longest_growth = 2.0_wp
+  !> Step times relaxation rate up to which a step resolves the relaxation.
+  real(wp), parameter :: longest_relaxation = 10.0_wp
   real(wp), parameter :: largest_factor = 6.0_wp, smallest_factor = 0.2_wp
-  integer, parameter :: max_rejections = 60
+  !> Rejections of one step, and steps below the resolution of the time, after which a lane gives up.
+  integer, parameter :: max_rejections = 60, max_standing = 10000
 
   !> What belongs to the start of a step.
   type :: point_t
@@ -82,7 +85,7 @@ module dst_lanes
     real(wp), dimension(lane_count) :: next_step = 1.0_wp, last_step = 1.0_wp, last_error = 0.0_wp
     real(wp), dimension(lane_count) :: drive_work = 0.0_wp, friction_work = 0.0_wp
     integer(int64) :: steps(lane_count) = 0
-    integer :: rejections(lane_count) = 0
+    integer :: rejections(lane_count) = 0, standing(lane_count) = 0
     type(summary_t) :: summary(lane_count)
   contains
     procedure :: load
@@ -146,6 +149,7 @@ contains
     self%friction_work(lane) = 0.0_wp
     self%steps(lane) = 0
     self%rejections(lane) = 0
+    self%standing(lane) = 0
   end subroutine begin
 
   pure real(wp) function rate_along(self, lane, w)
@@ -245,16 +249,23 @@ contains
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: i
     real(wp) :: h, tau, u, w, time
+    logical :: resolved
 
     h = self%last_step(i)
     associate (from => self%before, to => self%now, summary => self%summary(i))
+      ! A step that passes over the relaxation of the slip velocity says nothing of its rates inside.
+      resolved = h*max(abs(from%growth(i)), abs(to%growth(i))) <= longest_relaxation
       if (from%u_rate(i)*to%u_rate(i) < 0.0_wp) then
-        call find_extreme(h, [from%u(i), from%u_rate(i), -from%w_rate(i)], [to%u(i), to%u_rate(i), -to%w_rate(i)], tau, u)
+        if (resolved) then
+          call find_extreme(h, [from%u(i), from%u_rate(i), -from%w_rate(i)], [to%u(i), to%u_rate(i), -to%w_rate(i)], tau, u)
+        else
+          call find_extreme(h, [from%u(i), from%u_rate(i)], [to%u(i), to%u_rate(i)], tau, u)
+        end if
         time = from%time(i) + tau*h
         call consider(summary, self%stiffness(i)*u, time, position_of(self, i, time, u), self%onset(i))
       end if
       call consider(summary, self%stiffness(i)*to%u(i), to%time(i), position_of(self, i, to%time(i), to%u(i)), self%onset(i))
-      if (self%along(i)*from%w_rate(i) > 0.0_wp .and. self%along(i)*to%w_rate(i) < 0.0_wp) then
+      if (resolved .and. self%along(i)*from%w_rate(i) > 0.0_wp .and. self%along(i)*to%w_rate(i) < 0.0_wp) then
         call find_extreme(h, [from%w(i), from%w_rate(i), from%w_curvature(i)], [to%w(i), to%w_rate(i), to%w_curvature(i)], tau, w)
         summary%largest_rate = max(summary%largest_rate, rate_along(self, i, w))
       end if
@@ -262,18 +273,24 @@ contains
     end associate
   end subroutine take_extremes
 
-  !> Place tau in (0, 1) and value of the extreme, inside a step of length h, of the polynomial of degree 5 that has these
-  !> values, slopes and curvatures at the ends. The slopes have different signs.
+  !> Place tau in (0, 1) and value of the extreme, inside a step of length h, of the polynomial of least degree that has these
+  !> values, slopes and, where given, curvatures at the ends. The slopes have different signs.
   pure subroutine find_extreme(h, first, last, tau, value)
-    real(wp), intent(in) :: h, first(3), last(3)
+    real(wp), intent(in) :: h, first(:), last(:)
     real(wp), intent(out) :: tau, value
     real(wp) :: p(0:5), slope, bend, curve, left, right, found
     integer :: iteration
 
-    p(0:2) = [first(1), h*first(2), 0.5_wp*h**2*first(3)]
+    p(0:1) = [first(1), h*first(2)]
+    if (size(first) == 3) then
+      p(2) = 0.5_wp*h**2*first(3)
+      curve = h**2*last(3) - 2.0_wp*p(2)
+    else
+      p(2) = 3.0_wp*(last(1) - p(0)) - 2.0_wp*p(1) - h*last(2)
+      curve = -12.0_wp*(last(1) - p(0)) + 6.0_wp*(p(1) + h*last(2))
+    end if
     slope = last(1) - sum(p(0:2))
     bend = h*last(2) - p(1) - 2.0_wp*p(2)
-    curve = h**2*last(3) - 2.0_wp*p(2)
     p(3) = 10.0_wp*slope - 4.0_wp*bend + 0.5_wp*curve
     p(4) = -15.0_wp*slope + 7.0_wp*bend - curve
     p(5) = 6.0_wp*slope - 3.0_wp*bend + 0.5_wp*curve
@@ -367,9 +384,10 @@ contains
     self%next_step(l) = h*min(largest_factor, max(smallest_factor, factor))
     if (error > 1.0_wp) then
       self%rejections(l) = self%rejections(l) + 1
-      self%done(l) = self%rejections(l) > max_rejections .or. .not. self%now%time(l) + self%next_step(l) > self%now%time(l)
+      self%done(l) = self%rejections(l) > max_rejections
       return
     end if
+    self%standing(l) = merge(0, self%standing(l) + 1, self%now%time(l) + h > self%now%time(l))
     self%now%time(l) = self%now%time(l) + h
     if (self%now%time(l) + 1.0e-6_wp*h >= self%t_end(l)) self%now%time(l) = self%t_end(l)
     self%now%u(l) = u
@@ -379,7 +397,8 @@ contains
     self%last_error(l) = error
     self%rejections(l) = 0
     self%steps(l) = self%steps(l) + 1
-    self%done(l) = self%max_steps(l) > 0 .and. self%steps(l) >= self%max_steps(l) .and. self%now%time(l) < self%t_end(l)
+    self%done(l) = self%standing(l) > max_standing .or. &
+      (self%max_steps(l) > 0 .and. self%steps(l) >= self%max_steps(l) .and. self%now%time(l) < self%t_end(l))
   end subroutine decide
 
   !> What a lane that is done came to, which is free then: the summary's values, whether they exist, u_x, u_y, X and X' at

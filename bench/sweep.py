@@ -1,0 +1,63 @@
+"""Cases a second and core of a low_frequency sweep at a measured error: what a reader can rerun.
+
+    python bench/sweep.py [--runs N] [--cases N]
+
+The cases are 64 angles from 1 to 8 degrees, Fig. 3 otherwise, 10 s, over and over. The error is the largest relative one of
+the final u_x against radau13 at rtol 1e-12; the time is the best processor time of N runs with one thread, methods and
+tolerances by turns.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import dynstiction as ds
+import numpy as np
+
+DECK = Path(__file__).resolve().parent.parent / "inputs" / "low_frequency.nml"
+ANGLES = np.linspace(1.0, 8.0, 64)
+SETTINGS = [
+    *(("rodas4p", rtol) for rtol in (1e-3, 2e-4, 1e-4, 1e-5, 3e-6, 1e-6)),
+    *(("radau9", rtol) for rtol in (1e-5, 3e-7, 1e-8)),
+    *(("radau13", rtol) for rtol in (1e-6, 1e-9)),
+]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--runs", type=int, default=5, help="runs of which the best is taken")
+    parser.add_argument("--cases", type=int, default=3200, help="cases of a run")
+    options = parser.parse_args()
+    angles = np.resize(ANGLES, options.cases)
+    exact = final(ANGLES, "radau13", 1e-12)
+    best = dict.fromkeys(SETTINGS, np.inf)
+    error = {}
+    for _ in range(options.runs):
+        for setting in SETTINGS:
+            begun = time.process_time()
+            found = final(angles, *setting)
+            best[setting] = min(best[setting], time.process_time() - begun)
+            error[setting] = np.max(np.abs(found[: ANGLES.size] / exact - 1))
+    print("method   rtol    error    cases/s and core")
+    for method, rtol in SETTINGS:
+        setting = method, rtol
+        print(f"{method:8} {rtol:.0e}  {error[setting]:.1e}  {options.cases / best[setting]:9.0f}")
+
+
+def final(angles: np.ndarray, method: str, rtol: float) -> np.ndarray:
+    """u_x at the end of every case [m]."""
+    cases = ds.sweep(
+        DECK,
+        {"system.misalignment_deg": angles},
+        points=True,
+        threads=1,
+        integrator={"method": method, "rtol": rtol},
+        scene={"t_end": 10.0},
+    )
+    return cases["final_u_x"].values
+
+
+if __name__ == "__main__":
+    main()
