@@ -307,10 +307,6 @@ contains
     integer :: looks_left
 
     begun = wall_clock()
-    if (allocated(self%creep)) then
-      call proceed_in_closed_form(self, seconds, writer, error)
-      return
-    end if
     passed = 0.0_wp
     looks_left = advances_between_looks
     do while (.not. (allocated(error) .or. at_end(self)))
@@ -352,14 +348,19 @@ contains
       .and. self%elapsed - self%elapsed_before + passed > self%scene%wall_limit
   end function over_time
 
-  !> One advance, checked and summed up.
+  !> One advance, checked and summed up; in closed form on to the next sample.
   subroutine advance(self, error)
     class(simulation_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error
 
+    self%advances = self%advances + 1
+    if (allocated(self%creep)) then
+      self%trajectory%now%time = sample_time(self)
+      self%recorded = .false.
+      return
+    end if
     call self%trajectory%advance(error)
     if (allocated(error)) return
-    self%advances = self%advances + 1
     call check(self, error)
     if (allocated(error)) return
     call follow(self%summary, self%trajectory)
@@ -391,6 +392,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     logical :: all_taken
 
+    if (allocated(self%creep)) then
+      call record_creep(self, writer, error)
+      return
+    end if
     all_taken = .true.
     associate (trajectory => self%trajectory)
       if (self%advances == 0) then
@@ -438,34 +443,20 @@ contains
     if (sample_time >= self%scene%t_end*(1.0_wp - 4.0_wp*epsilon(sample_time))) sample_time = self%scene%t_end
   end function sample_time
 
-  !> As `proceed`, where the motion is known at any time.
-  subroutine proceed_in_closed_form(self, seconds, writer, error)
+  !> The sample that is due now of a motion in closed form.
+  subroutine record_creep(self, writer, error)
     class(simulation_t), intent(inout) :: self
-    real(wp), intent(in) :: seconds
     class(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
     type(instant_t) :: instant
-    real(wp) :: begun, passed
 
-    begun = wall_clock()
-    passed = 0.0_wp
-    associate (now => self%trajectory%now%time)
-      if (self%samples == 0) call record_creep_events(self, writer, error)
-      do while (.not. (allocated(error) .or. passed >= seconds .or. over_time(self, passed) .or. self%finished))
-        now = sample_time(self)
-        instant = self%creep%at(now)
-        self%summary%largest_rate = max(self%summary%largest_rate, dot_product(instant%velocity, self%creep%slider%along))
-        call add_row(self, instant, writer, error)
-        self%finished = now >= self%scene%t_end
-        if (modulo(self%samples, int(advances_between_looks, int64)) == 0) passed = wall_clock() - begun
-      end do
-    end associate
-    if (.not. allocated(error)) call flush_rows(self, writer, error)
-    passed = wall_clock() - begun
-    if (.not. (allocated(error) .or. self%finished) .and. over_time(self, passed)) call raise_over_time(error)
-    self%elapsed = self%elapsed + passed
-    self%finished = self%finished .or. allocated(error)
-  end subroutine proceed_in_closed_form
+    if (self%samples == 0) call record_creep_events(self, writer, error)
+    if (allocated(error)) return
+    instant = self%creep%at(self%trajectory%now%time)
+    self%summary%largest_rate = max(self%summary%largest_rate, dot_product(instant%velocity, self%creep%slider%along))
+    call add_row(self, instant, writer, error)
+    self%recorded = .true.
+  end subroutine record_creep
 
   !> Slow creep begins after a true stick.
   subroutine record_creep_events(self, writer, error)
