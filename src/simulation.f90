@@ -4,7 +4,7 @@
 module dst_simulation
   use, intrinsic :: iso_fortran_env, only: int64
   use dst_archive, only: archive_t
-  use dst_kinds, only: wp, pi
+  use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, result_done, deck_error, too_many_steps, not_finite, stopped_early
   use dst_contact, only: default_cut_speed
   use dst_creep_motion, only: creep_motion_t, new_creep_motion
@@ -18,7 +18,7 @@ module dst_simulation
   use dst_runge_kutta, only: new_runge_kutta
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t, cos_sin_degrees
-  use dst_straight_slip, only: new_straight_slip
+  use dst_straight_slip, only: new_straight_slip, on_line
   use dst_summary, only: summary_t, start_summary, follow, describe
   use dst_text, only: short_text
   use dst_trajectory, only: trajectory_t, no_event, stick_begins, slip_begins, at_time
@@ -223,7 +223,7 @@ contains
     select case (scene%model)
     case ('low_frequency')
       y = [w(1), 0.0_wp]
-      if (trajectory%exact_contact) y = [abs(w(1)), merge(pi, 0.0_wp, w(1) < 0.0_wp)]
+      if (trajectory%exact_contact) y = on_line(w(1))
     case ('high_frequency')
       y = straight_slip_from(trajectory, w, u)
     case default

@@ -11,13 +11,13 @@
 !> V sin(phi) = 0 (i = 1): u_y = 0, theta = 0 or pi.
 module dst_straight_slip
   use dst_archive, only: archive_t
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, pi
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
   implicit none
   private
 
-  public :: straight_slip_t, new_straight_slip
+  public :: straight_slip_t, new_straight_slip, on_line
 
   type, extends(slip_system_t) :: straight_slip_t
     type(slider_t) :: slider
@@ -108,6 +108,14 @@ contains
       terms%supply_y(i, 1) = self%held_force
     end do
   end subroutine dynamics
+
+  !> The unknowns (v, theta) of slip along a line with velocity `w` [m/s].
+  pure function on_line(w) result(y)
+    real(wp), intent(in) :: w
+    real(wp) :: y(max_components)
+
+    y = [abs(w), merge(pi, 0.0_wp, w < 0.0_wp)]
+  end function on_line
 
   pure function slip_velocity(self, y, drive_velocity) result(velocity)
     class(straight_slip_t), intent(in) :: self

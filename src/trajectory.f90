@@ -15,6 +15,7 @@ module dst_trajectory
   use dst_interpolation, only: grid_t, new_grid, max_degree
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
+  use dst_straight_slip, only: on_line
   use dst_stepper, only: stepper_t, motion_t, attempt_t, column_u, column_y, column_position, n_columns
   implicit none
   private
@@ -169,7 +170,7 @@ contains
     call self%exchange_systems()
     associate (y => self%now%y)
       if (self%exact_contact) then
-        y = [abs(y(1)), merge(pi, 0.0_wp, y(1) < 0.0_wp)]
+        y = on_line(y(1))
       else
         y = [y(1)*cos(y(2)), 0.0_wp]
       end if
