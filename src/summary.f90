@@ -45,7 +45,7 @@ module dst_summary
     quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged'), &
     quantity_t('swing', 'N', 'largest less smallest k_x u_x in the second half of the run'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
-    quantity_t('slip_angle', 'rad', 'mean angle of friction to the soft axis when |k_x u_x| first exceeds F(v) in a cycle')]
+    quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)')]
 
   !> Mean of a quantity that comes one by one.
   type :: mean_t
@@ -72,9 +72,9 @@ module dst_summary
     !> The second half: extremes of k_x u_x, its length so far, and of it at rest or in creep.
     real(wp) :: late_highest = -huge(1.0_wp), late_lowest = huge(1.0_wp)
     real(wp) :: late_time = 0.0_wp, creep_time = 0.0_wp
-    !> Whether slip has begun since the last valley, and how friction pointed then.
-    logical :: slips = .false.
-    type(mean_t) :: slip_angle
+    !> Whether slip has begun, and how friction pointed then [rad].
+    logical :: has_slipped = .false.
+    real(wp) :: slip_angle = 0.0_wp
   contains
     procedure :: exchange
   end type summary_t
@@ -212,23 +212,22 @@ contains
       motion_at_zero(elongation_rate, trajectory, trajectory%from%time, trajectory%now%time, rate))
   end subroutine refine_extreme
 
-  !> Note how friction points when slip begins.
+  !> Note how friction points when slip begins for the first time.
   subroutine follow_slip(self, trajectory, before)
     type(summary_t), intent(inout) :: self
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(in) :: before(2)
     type(motion_t) :: motion
-    real(wp) :: ends(2), direction(2)
+    real(wp) :: ends(2)
 
-    if (self%slips) return
+    if (self%has_slipped) return
     ends(2) = level(excess_force, trajectory, trajectory%now, self%velocity)
     if (.not. ends(2) > 0.0_wp) return
     ends(1) = level(excess_force, trajectory, trajectory%from, before)
     motion = trajectory%now
     if (ends(1) < 0.0_wp) motion = motion_at_zero(excess_force, trajectory, trajectory%from%time, trajectory%now%time, ends)
-    direction = abs(slip_velocity(trajectory, motion))
-    call add(self%slip_angle, direction_of(direction))
-    self%slips = .true.
+    self%slip_angle = direction_of(abs(slip_velocity(trajectory, motion)))
+    self%has_slipped = .true.
   end subroutine follow_slip
 
   !> Time in the second half of the run, and of it at rest or in creep.
@@ -319,7 +318,6 @@ contains
     type(summary_t), intent(inout) :: self
 
     self%has_valley = .true.
-    self%slips = .false.
     self%valley_time = self%extreme_time
     call add(self%valley, self%extreme_force)
     call add(self%slip, self%extreme_time - self%peak_time)
@@ -469,7 +467,8 @@ contains
     if (exchanged > 0.0_wp) value(13) = (trajectory%now%drive_work - trajectory%now%friction_work - change)/exchanged
     given(14:15) = self%late_time > 0.0_wp
     if (given(14)) value(14:15) = [self%late_highest - self%late_lowest, self%creep_time/self%late_time]
-    call put_mean(16, self%slip_angle)
+    given(16) = self%has_slipped
+    value(16) = self%slip_angle
 
   contains
 
@@ -511,8 +510,8 @@ contains
     call archive%exchange(self%late_lowest)
     call archive%exchange(self%late_time)
     call archive%exchange(self%creep_time)
-    call archive%exchange(self%slips)
-    call self%slip_angle%exchange(archive)
+    call archive%exchange(self%has_slipped)
+    call archive%exchange(self%slip_angle)
   end subroutine exchange
 
   subroutine exchange_mean(self, archive)
