@@ -111,7 +111,7 @@ contains
       call follow_rate(self, trajectory, before)
       call follow_slip(self, trajectory, before)
     end if
-    call follow_creep(self, trajectory, before)
+    if (is_late(trajectory, trajectory%now%time)) call follow_late(self, trajectory, before)
     call consider(self, trajectory, trajectory%now)
   end subroutine follow
 
@@ -230,35 +230,47 @@ contains
     self%has_slipped = .true.
   end subroutine follow_slip
 
-  !> Time in the second half of the run, and of it at rest or in creep.
-  subroutine follow_creep(self, trajectory, before)
+  !> The second half of the run: its first instant, its time, and of that the time at rest or in creep.
+  subroutine follow_late(self, trajectory, before)
     type(summary_t), intent(inout) :: self
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(in) :: before(2)
-    type(motion_t) :: motion
-    real(wp) :: first, last, ends(2), share
+    type(motion_t) :: first
+    real(wp) :: velocity(2), ends(2), duration, share
 
-    last = trajectory%now%time
-    if (.not. is_late(trajectory, last)) return
-    first = max(trajectory%from%time, 0.5_wp*trajectory%t_end)
-    self%late_time = self%late_time + (last - first)
-    if (trajectory%was_sticking) then
-      self%creep_time = self%creep_time + (last - first)
-      return
+    first = trajectory%from
+    velocity = before
+    if (.not. is_late(trajectory, first%time)) then
+      first = trajectory%at(0.5_wp*trajectory%t_end)
+      velocity = velocity_of(trajectory, first, trajectory%was_sticking)
+      call widen(self, trajectory, first)
     end if
-    ends = [level(excess_rate, trajectory, trajectory%from, before), level(excess_rate, trajectory, trajectory%now, self%velocity)]
-    if (first > trajectory%from%time) then
-      motion = trajectory%at(first)
-      ends(1) = level(excess_rate, trajectory, motion, slip_velocity(trajectory, motion))
-    end if
+    duration = trajectory%now%time - first%time
+    ends = [level(excess_rate, trajectory, first, velocity), level(excess_rate, trajectory, trajectory%now, self%velocity)]
     share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
-    if (ends(1)*ends(2) < 0.0_wp) then
-      motion = motion_at_zero(excess_rate, trajectory, first, last, ends)
-      share = (motion%time - first)/(last - first)
+    if (trajectory%was_sticking) then
+      share = 1.0_wp
+    else if (ends(1)*ends(2) < 0.0_wp) then
+      associate (zero => motion_at_zero(excess_rate, trajectory, first%time, trajectory%now%time, ends))
+        share = (zero%time - first%time)/duration
+      end associate
       if (ends(2) < 0.0_wp) share = 1.0_wp - share
     end if
-    self%creep_time = self%creep_time + share*(last - first)
-  end subroutine follow_creep
+    self%late_time = self%late_time + duration
+    self%creep_time = self%creep_time + share*duration
+  end subroutine follow_late
+
+  !> Take the longitudinal spring force at one instant of the second half into its range.
+  pure subroutine widen(self, trajectory, motion)
+    type(summary_t), intent(inout) :: self
+    type(trajectory_t), intent(in) :: trajectory
+    type(motion_t), intent(in) :: motion
+    real(wp) :: force
+
+    force = trajectory%slider%stiffness(1)*motion%u(1)
+    self%late_highest = max(self%late_highest, force)
+    self%late_lowest = min(self%late_lowest, force)
+  end subroutine widen
 
   pure logical function is_late(trajectory, time)
     type(trajectory_t), intent(in) :: trajectory
@@ -275,10 +287,7 @@ contains
     real(wp) :: force, side
 
     force = trajectory%slider%stiffness(1)*motion%u(1)
-    if (is_late(trajectory, motion%time)) then
-      self%late_highest = max(self%late_highest, force)
-      self%late_lowest = min(self%late_lowest, force)
-    end if
+    if (is_late(trajectory, motion%time)) call widen(self, trajectory, motion)
     side = merge(1.0_wp, -1.0_wp, self%rising)
     if (side*(force - self%extreme_force) >= 0.0_wp) then
       call set_extreme(self, force, motion)
