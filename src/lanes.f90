@@ -22,7 +22,7 @@ module dst_lanes
   use dst_scene, only: scene_t
   use dst_simulation, only: slider_from_scene
   use dst_slider, only: slider_t
-  use dst_summary, only: summary_t, energies_t, consider, summary_quantities, values_with_energies
+  use dst_summary, only: summary_t, energies_t, consider, widen, summary_quantities, values_with_energies, tiny_rate
   use dst_text, only: short_text
   implicit none
   private
@@ -65,6 +65,18 @@ module dst_lanes
     !> Powers of drive and friction [W] and their rates.
     real(wp), dimension(lane_count) :: supply = 0.0_wp, supply_rate = 0.0_wp, dissipation = 0.0_wp, dissipation_rate = 0.0_wp
   end type point_t
+
+  !> The last step of a lane as polynomials in the share of the step.
+  type :: course_t
+    real(wp) :: start = 0.0_wp, step = 0.0_wp
+    real(wp) :: u(0:5) = 0.0_wp, w(0:5) = 0.0_wp
+    logical :: resolved = .false.
+  contains
+    procedure :: time => time_in_course
+  end type course_t
+
+  !> What passes through zero inside a step.
+  integer, parameter :: elongation_rate = 1, slip_rate = 2, excess_rate = 3, excess_force = 4
 
   type :: lanes_t
     private
@@ -138,7 +150,7 @@ contains
       self%summary(lane) = summary_t()
       self%summary(lane)%largest_rate = rate_along(self, lane, w)
       self%first_energy(lane) = energy(self, lane)
-      call consider(self%summary(lane), self%stiffness(lane)*now%u(lane), 0.0_wp, self%first_position(lane), self%onset(lane))
+      call take_force(self, lane, 0.0_wp, now%u(lane))
     end associate
     self%busy(lane) = .true.
     self%done(lane) = self%refused(lane)
@@ -244,69 +256,203 @@ contains
     end associate
   end subroutine take_works
 
-  !> Peaks and valleys of the spring force and the largest X'.
+  !> Peaks and valleys of the spring force, the largest X', the start of slip and the second half of the run.
   subroutine take_extremes(self, i)
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: i
-    real(wp) :: h, tau, u, w, time
-    logical :: resolved
+    type(course_t) :: course
+    real(wp) :: tau
 
-    h = self%last_step(i)
     associate (from => self%before, to => self%now, summary => self%summary(i))
-      ! A step that passes over the relaxation of the slip velocity says nothing of its rates inside.
-      resolved = h*max(abs(from%growth(i)), abs(to%growth(i))) <= longest_relaxation
       if (from%u_rate(i)*to%u_rate(i) < 0.0_wp) then
-        if (resolved) then
-          call find_extreme(h, [from%u(i), from%u_rate(i), -from%w_rate(i)], [to%u(i), to%u_rate(i), -to%w_rate(i)], tau, u)
-        else
-          call find_extreme(h, [from%u(i), from%u_rate(i)], [to%u(i), to%u_rate(i)], tau, u)
-        end if
-        time = from%time(i) + tau*h
-        call consider(summary, self%stiffness(i)*u, time, position_of(self, i, time, u), self%onset(i))
+        course = course_of(self, i)
+        tau = zero_of(self, i, course, elongation_rate)
+        call take_force(self, i, course%time(tau), value_of(course%u, tau))
       end if
-      call consider(summary, self%stiffness(i)*to%u(i), to%time(i), position_of(self, i, to%time(i), to%u(i)), self%onset(i))
-      if (resolved .and. self%along(i)*from%w_rate(i) > 0.0_wp .and. self%along(i)*to%w_rate(i) < 0.0_wp) then
-        call find_extreme(h, [from%w(i), from%w_rate(i), from%w_curvature(i)], [to%w(i), to%w_rate(i), to%w_curvature(i)], tau, w)
-        summary%largest_rate = max(summary%largest_rate, rate_along(self, i, w))
+      call take_force(self, i, to%time(i), to%u(i))
+      if (self%along(i)*from%w_rate(i) > 0.0_wp .and. self%along(i)*to%w_rate(i) < 0.0_wp) then
+        course = course_of(self, i)
+        if (course%resolved) summary%largest_rate = max(summary%largest_rate, &
+          rate_along(self, i, value_of(course%w, zero_of(self, i, course, slip_rate))))
       end if
       summary%largest_rate = max(summary%largest_rate, rate_along(self, i, to%w(i)))
     end associate
+    call take_slip(self, i)
+    if (self%now%time(i) >= 0.5_wp*self%t_end(i)) call take_late(self, i)
   end subroutine take_extremes
 
-  !> Place tau in (0, 1) and value of the extreme, inside a step of length h, of the polynomial of least degree that has these
-  !> values, slopes and, where given, curvatures at the ends. The slopes have different signs.
-  pure subroutine find_extreme(h, first, last, tau, value)
-    real(wp), intent(in) :: h, first(:), last(:)
-    real(wp), intent(out) :: tau, value
-    real(wp) :: p(0:5), slope, bend, curve, left, right, found
+  !> The longitudinal spring force at one instant.
+  pure subroutine take_force(self, i, time, u)
+    class(lanes_t), intent(inout) :: self
+    integer, intent(in) :: i
+    real(wp), intent(in) :: time, u
+
+    call consider(self%summary(i), self%stiffness(i)*u, time, position_of(self, i, time, u), self%onset(i))
+    if (time >= 0.5_wp*self%t_end(i)) call widen(self%summary(i), self%stiffness(i)*u)
+  end subroutine take_force
+
+  !> How friction points when slip begins for the first time.
+  pure subroutine take_slip(self, i)
+    class(lanes_t), intent(inout) :: self
+    integer, intent(in) :: i
+    type(course_t) :: course
+    real(wp) :: w
+
+    associate (summary => self%summary(i), from => self%before, to => self%now)
+      if (summary%has_slipped) return
+      if (.not. level(self, i, excess_force, to%u(i), to%w(i)) > 0.0_wp) return
+      w = to%w(i)
+      if (level(self, i, excess_force, from%u(i), from%w(i)) < 0.0_wp) then
+        course = course_of(self, i)
+        w = value_of(course%w, zero_of(self, i, course, excess_force))
+      end if
+      summary%slip_angle = atan2(abs(self%across(i)), abs(w))
+      summary%has_slipped = .true.
+    end associate
+  end subroutine take_slip
+
+  !> The second half of the run: its first instant, its time, and of that the time in creep.
+  pure subroutine take_late(self, i)
+    class(lanes_t), intent(inout) :: self
+    integer, intent(in) :: i
+    type(course_t) :: course
+    real(wp) :: first, ends(2), share, half
+
+    half = 0.5_wp*self%t_end(i)
+    first = 0.0_wp
+    associate (summary => self%summary(i), from => self%before, to => self%now)
+      ends = [level(self, i, excess_rate, from%u(i), from%w(i)), level(self, i, excess_rate, to%u(i), to%w(i))]
+      if (from%time(i) < half .or. ends(1)*ends(2) < 0.0_wp) course = course_of(self, i)
+      if (from%time(i) < half) then
+        first = (half - from%time(i))/self%last_step(i)
+        call widen(summary, self%stiffness(i)*value_of(course%u, first))
+        ends(1) = level(self, i, excess_rate, value_of(course%u, first), value_of(course%w, first))
+      end if
+      share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
+      if (ends(1)*ends(2) < 0.0_wp) then
+        share = (max(first, zero_of(self, i, course, excess_rate)) - first)/max(1.0_wp - first, tiny(first))
+        if (ends(2) < 0.0_wp) share = 1.0_wp - share
+      end if
+      summary%late_time = summary%late_time + (1.0_wp - first)*self%last_step(i)
+      summary%creep_time = summary%creep_time + share*(1.0_wp - first)*self%last_step(i)
+    end associate
+  end subroutine take_late
+
+  !> u and w over the last step. Where it passes over the relaxation of the slip velocity, the rates at the ends say nothing of
+  !> what is between them.
+  pure type(course_t) function course_of(self, i) result(course)
+    class(lanes_t), intent(in) :: self
+    integer, intent(in) :: i
+    real(wp) :: h
+
+    h = self%last_step(i)
+    associate (from => self%before, to => self%now)
+      course%start = from%time(i)
+      course%step = h
+      course%resolved = h*max(abs(from%growth(i)), abs(to%growth(i))) <= longest_relaxation
+      if (course%resolved) then
+        course%u = quintic([from%u(i), h*from%u_rate(i), -h**2*from%w_rate(i)], [to%u(i), h*to%u_rate(i), -h**2*to%w_rate(i)])
+        course%w = quintic([from%w(i), h*from%w_rate(i), h**2*from%w_curvature(i)], &
+          [to%w(i), h*to%w_rate(i), h**2*to%w_curvature(i)])
+      else
+        course%u = cubic([from%u(i), h*from%u_rate(i)], [to%u(i), h*to%u_rate(i)])
+        course%w(0:1) = [from%w(i), to%w(i) - from%w(i)]
+      end if
+    end associate
+  end function course_of
+
+  !> Coefficients of the polynomial with these values, slopes and curvatures at 0 and 1.
+  pure function quintic(first, last) result(p)
+    real(wp), intent(in) :: first(3), last(3)
+    real(wp) :: p(0:5), rest, slope, curve
+
+    p(0:2) = [first(1), first(2), 0.5_wp*first(3)]
+    rest = last(1) - sum(p(0:2))
+    slope = last(2) - p(1) - 2.0_wp*p(2)
+    curve = last(3) - first(3)
+    p(3) = 10.0_wp*rest - 4.0_wp*slope + 0.5_wp*curve
+    p(4) = -15.0_wp*rest + 7.0_wp*slope - curve
+    p(5) = 6.0_wp*rest - 3.0_wp*slope + 0.5_wp*curve
+  end function quintic
+
+  !> Coefficients of the polynomial with these values and slopes at 0 and 1.
+  pure function cubic(first, last) result(p)
+    real(wp), intent(in) :: first(2), last(2)
+    real(wp) :: p(0:5)
+
+    p = 0.0_wp
+    p(0:1) = first
+    p(2) = 3.0_wp*(last(1) - first(1)) - 2.0_wp*first(2) - last(2)
+    p(3) = -2.0_wp*(last(1) - first(1)) + first(2) + last(2)
+  end function cubic
+
+  pure real(wp) function time_in_course(self, tau)
+    class(course_t), intent(in) :: self
+    real(wp), intent(in) :: tau
+
+    time_in_course = self%start + tau*self%step
+  end function time_in_course
+
+  pure real(wp) function value_of(p, tau)
+    real(wp), intent(in) :: p(0:5), tau
+
+    value_of = p(0) + tau*(p(1) + tau*(p(2) + tau*(p(3) + tau*(p(4) + tau*p(5)))))
+  end function value_of
+
+  pure real(wp) function slope_of(p, tau)
+    real(wp), intent(in) :: p(0:5), tau
+
+    slope_of = p(1) + tau*(2.0_wp*p(2) + tau*(3.0_wp*p(3) + tau*(4.0_wp*p(4) + tau*5.0_wp*p(5))))
+  end function slope_of
+
+  !> What passes through zero inside a step, at u and w: |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N].
+  pure real(wp) function level(self, i, which, u, w)
+    class(lanes_t), intent(in) :: self
+    integer, intent(in) :: i, which
+    real(wp), intent(in) :: u, w
+
+    if (which == excess_rate) then
+      level = abs(rate_along(self, i, w)) - tiny_rate*abs(self%velocity(i))
+    else
+      level = abs(self%stiffness(i)*u) - self%limit(i) - self%drop(i)*exp(-sqrt(w**2 + self%across(i)**2)*self%decay(i))
+    end if
+  end function level
+
+  !> Position in (0, 1) of a zero of a level, or of a slope of the course; it has different signs at the ends.
+  pure real(wp) function zero_of(self, i, course, which) result(tau)
+    class(lanes_t), intent(in) :: self
+    integer, intent(in) :: i, which
+    type(course_t), intent(in) :: course
+    real(wp) :: left, right, last
     integer :: iteration
 
-    p(0:1) = [first(1), h*first(2)]
-    if (size(first) == 3) then
-      p(2) = 0.5_wp*h**2*first(3)
-      curve = h**2*last(3) - 2.0_wp*p(2)
-    else
-      p(2) = 3.0_wp*(last(1) - p(0)) - 2.0_wp*p(1) - h*last(2)
-      curve = -12.0_wp*(last(1) - p(0)) + 6.0_wp*(p(1) + h*last(2))
-    end if
-    slope = last(1) - sum(p(0:2))
-    bend = h*last(2) - p(1) - 2.0_wp*p(2)
-    p(3) = 10.0_wp*slope - 4.0_wp*bend + 0.5_wp*curve
-    p(4) = -15.0_wp*slope + 7.0_wp*bend - curve
-    p(5) = 6.0_wp*slope - 3.0_wp*bend + 0.5_wp*curve
     left = 0.0_wp
     right = 1.0_wp
+    last = found(right)
     do iteration = 1, 40
       tau = 0.5_wp*(left + right)
-      found = p(1) + tau*(2.0_wp*p(2) + tau*(3.0_wp*p(3) + tau*(4.0_wp*p(4) + tau*5.0_wp*p(5))))
-      if (found*first(2) > 0.0_wp) then
-        left = tau
-      else
+      if (found(tau)*last > 0.0_wp) then
         right = tau
+      else
+        left = tau
       end if
     end do
-    value = p(0) + tau*(p(1) + tau*(p(2) + tau*(p(3) + tau*(p(4) + tau*p(5)))))
-  end subroutine find_extreme
+
+  contains
+
+    pure real(wp) function found(place)
+      real(wp), intent(in) :: place
+
+      select case (which)
+      case (elongation_rate)
+        found = slope_of(course%u, place)
+      case (slip_rate)
+        found = slope_of(course%w, place)
+      case default
+        found = level(self, i, which, value_of(course%u, place), value_of(course%w, place))
+      end select
+    end function found
+  end function zero_of
 
   !> One attempt in all lanes. Idle lanes go through the motions.
   subroutine attempt(self)

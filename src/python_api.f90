@@ -26,6 +26,7 @@ module dst_python_api
                            damping_scale, damping_ratio, weakening_damping_ratio
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_count, &
     value_quantities
+  use dst_sweep_points, only: sweep_of_deck
   use dst_trade, only: trade_t, start_trade
   use dst_trade_advice, only: check_wish, cheapest, advice, advised_settings
   use dst_trade_report, only: trade_report
@@ -36,7 +37,8 @@ module dst_python_api
 
   public :: run_open, run_columns, column_info, run_advance, run_samples, run_events, run_outcome, run_counts
   public :: summary_info, statistics_info, parameter_info, parameter_text, run_text_length, run_text, run_close
-  public :: sweep_open, sweep_sizes, sweep_axis, sweep_value_info, sweep_run, sweep_stop, sweep_message, sweep_close
+  public :: sweep_open, sweep_sizes, sweep_axis, sweep_value_info, sweep_run, sweep_stop, sweep_message
+  public :: sweep_deck_length, sweep_deck, sweep_close
   public :: trade_open, trade_advance, trade_size, trade_column, trade_numbers, trade_texts, trade_text_length, trade_text
   public :: trade_close
   public :: build_text, rhs, jacobian, creep_exact, creep_asymptotic, eigenvalues, critical, slow_damping
@@ -57,6 +59,7 @@ module dst_python_api
   !> A sweep. Its threads only read it, but for `stop`.
   type :: sweep_session_t
     type(sweep_t) :: sweep
+    character(:), allocatable :: resolved
     type(error_t), allocatable :: error
     logical :: stop = .false.
   end type sweep_session_t
@@ -109,7 +112,7 @@ contains
         end do
         call new_sweep(parsed, session%sweep, session%error, given, is_list == 1)
       else if (parsed%is_sweep()) then
-        call new_sweep(parsed, session%sweep, session%error)
+        call sweep_of_deck(parsed, session%sweep, session%error)
       else
         call raise(session%error, usage_error, 'nothing is varied: give parameters, or a deck with &sweep')
       end if
@@ -121,21 +124,24 @@ contains
       status = int(session%error%code, c_int)
       return
     end if
+    session%resolved = resolved(session%sweep%deck)
     cases = int(session%sweep%cases, c_int)
     axes = int(size(session%sweep%axes), c_int)
   end subroutine sweep_open
 
-  !> Number of values of axis i (from 1), and of a case; and of the cases that run side by side.
-  subroutine sweep_sizes(handle, i, n_axis, n_case, n_at_once)
+  !> Number of values of axis i (from 1), and of a case; of the cases that run side by side; and `is_list` = 1: the values of a
+  !> case have the same place.
+  subroutine sweep_sizes(handle, i, n_axis, n_case, n_at_once, is_list)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: n_axis, n_case, n_at_once
+    integer(c_int), intent(out) :: n_axis, n_case, n_at_once, is_list
     type(sweep_session_t), pointer :: session
 
     session => sweep_of(handle)
     n_axis = int(size(session%sweep%axes(i)%values), c_int)
     n_case = int(value_count, c_int)
     n_at_once = int(cases_at_once(session%sweep), c_int)
+    is_list = merge(1_c_int, 0_c_int, session%sweep%is_list)
   end subroutine sweep_sizes
 
   !> Axis i (from 1): its name, units, meaning and values.
@@ -224,6 +230,27 @@ contains
     call put_text('', message)
     if (allocated(session%error)) call put_text(session%error%text, message)
   end subroutine sweep_message
+
+  !> Bytes of the resolved deck of a sweep.
+  subroutine sweep_deck_length(handle, n)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(out) :: n
+    type(sweep_session_t), pointer :: session
+
+    session => sweep_of(handle)
+    n = int(len(session%resolved), c_int)
+  end subroutine sweep_deck_length
+
+  !> The resolved deck of a sweep.
+  subroutine sweep_deck(handle, n, text)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: n
+    integer(c_int), intent(out) :: text(n)
+    type(sweep_session_t), pointer :: session
+
+    session => sweep_of(handle)
+    call put_text(session%resolved, text)
+  end subroutine sweep_deck
 
   !> Free the sweep; the handle is void afterwards.
   subroutine sweep_close(handle)

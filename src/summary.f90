@@ -3,20 +3,31 @@
 !>
 !> A stick-slip cycle is a fall and a rise of the longitudinal spring force k_x u_x by more than
 !> `threshold` of the static limit F_0: the 1 kHz ripple of dynamic stiction stays far below it.
+!>
+!> What a motion settles to is told by its second half, from t_end/2 on: `swing` is 0 in steady sliding and the amplitude
+!> of a stick-slip that goes on, `creep_share` the share of it in which the object looks at rest.
+!>
+!> Slip begins when the spring pulls harder along the soft axis than friction can hold in any direction,
+!> |k_x u_x| > F(v); until then friction turns towards the soft axis and keeps the balance. `slip_angle` is how far it has come.
 module dst_summary
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
-  use dst_observables, only: slip_velocity, drive_velocity
+  use dst_observables, only: slip_velocity, drive_velocity, direction_of
   use dst_stepper, only: motion_t, work_count_t
   use dst_trajectory, only: trajectory_t, stick_begins
   use dst_writer, only: quantity_t, outcome_t
   implicit none
   private
 
-  public :: summary_t, energies_t, start_summary, follow, consider, describe, summary_quantities, summary_values, &
-    values_with_energies
+  public :: summary_t, energies_t, start_summary, follow, consider, widen, describe, summary_quantities, summary_values, &
+    values_with_energies, tiny_rate
 
   real(wp), parameter :: threshold = 0.01_wp
+  !> An object that is slower than this share of the drive looks at rest.
+  real(wp), parameter :: tiny_rate = 0.1_wp
+
+  !> What may pass through zero inside an advance, see `level`.
+  integer, parameter :: elongation_rate = 1, excess_rate = 2, excess_force = 3
 
   !> What `summary_values` gives, in its order.
   type(quantity_t), parameter :: summary_quantities(*) = [ &
@@ -32,7 +43,10 @@ module dst_summary
     quantity_t('sticking_time', 's', 'time at rest'), &
     quantity_t('drive_work', 'J', 'work of the drive on the spring'), &
     quantity_t('friction_work', 'J', 'work done against friction'), &
-    quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged')]
+    quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged'), &
+    quantity_t('swing', 'N', 'largest less smallest k_x u_x in the second half of the run'), &
+    quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
+    quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)')]
 
   !> Mean of a quantity that comes one by one.
   type :: mean_t
@@ -56,6 +70,12 @@ module dst_summary
     integer(int64) :: sticks = 0
     real(wp) :: sticking_time = 0.0_wp
     real(wp) :: first_energy = 0.0_wp
+    !> The second half: extremes of k_x u_x, its length so far, and of it at rest or in creep.
+    real(wp) :: late_highest = -huge(1.0_wp), late_lowest = huge(1.0_wp)
+    real(wp) :: late_time = 0.0_wp, creep_time = 0.0_wp
+    !> Whether slip has begun, and how friction pointed then [rad].
+    logical :: has_slipped = .false.
+    real(wp) :: slip_angle = 0.0_wp
   contains
     procedure :: exchange
   end type summary_t
@@ -83,7 +103,7 @@ contains
   subroutine follow(self, trajectory)
     type(summary_t), intent(inout) :: self
     type(trajectory_t), intent(in) :: trajectory
-    real(wp) :: before(2), rate(2)
+    real(wp) :: before(2), ends(2)
 
     before = self%velocity
     self%velocity = velocity_of(trajectory, trajectory%now, trajectory%sticking)
@@ -91,11 +111,13 @@ contains
     if (trajectory%was_sticking) then
       self%sticking_time = self%sticking_time + (trajectory%now%time - trajectory%from%time)
     else
-      rate = [elongation_rate(trajectory, trajectory%from%time, before(1)), &
-        elongation_rate(trajectory, trajectory%now%time, self%velocity(1))]
-      if (rate(1)*rate(2) < 0.0_wp) call refine_extreme(self, trajectory, rate)
+      ends = [level(elongation_rate, trajectory, trajectory%from, before), &
+        level(elongation_rate, trajectory, trajectory%now, self%velocity)]
+      if (ends(1)*ends(2) < 0.0_wp) call refine_extreme(self, trajectory, ends)
       call follow_rate(self, trajectory, before)
+      call follow_slip(self, trajectory, before)
     end if
+    if (is_late(trajectory, trajectory%now%time)) call follow_late(self, trajectory, before)
     call consider_motion(self, trajectory, trajectory%now)
   end subroutine follow
 
@@ -109,15 +131,63 @@ contains
     if (.not. sticking) velocity = slip_velocity(trajectory, motion)
   end function velocity_of
 
-  !> u_x' [m/s].
-  pure real(wp) function elongation_rate(trajectory, time, slip)
+  !> What passes through zero: u_x' [m/s], |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N], of a motion with this slip velocity.
+  pure real(wp) function level(which, trajectory, motion, velocity)
+    integer, intent(in) :: which
     type(trajectory_t), intent(in) :: trajectory
-    real(wp), intent(in) :: time, slip
+    type(motion_t), intent(in) :: motion
+    real(wp), intent(in) :: velocity(2)
+    real(wp) :: force(1), slope(1)
 
-    elongation_rate = drive_velocity(trajectory, time)*trajectory%slider%along(1) - slip
-    ! High frequency: the longitudinal load is given.
-    if (.not. trajectory%slider%follows(1) > 0.0_wp) elongation_rate = 0.0_wp
-  end function elongation_rate
+    associate (slider => trajectory%slider)
+      select case (which)
+      case (elongation_rate)
+        level = drive_velocity(trajectory, motion%time)*slider%along(1) - velocity(1)
+        ! High frequency: the longitudinal load is given.
+        if (.not. slider%follows(1) > 0.0_wp) level = 0.0_wp
+      case (excess_rate)
+        level = abs(dot_product(velocity, slider%along)) - tiny_rate*abs(drive_velocity(trajectory, motion%time))
+      case default
+        call slider%law%evaluate(1, [hypot(velocity(1), velocity(2))], force, slope)
+        level = abs(slider%stiffness(1)*motion%u(1)) - force(1)
+      end select
+    end associate
+  end function level
+
+  !> The motion where a level passes through zero inside the last advance, by false position after Illinois: the end that
+  !> stays loses half its weight.
+  function motion_at_zero(which, trajectory, first, last, ends) result(motion)
+    integer, intent(in) :: which
+    type(trajectory_t), intent(in) :: trajectory
+    real(wp), intent(in) :: first, last       !! s
+    real(wp), intent(in) :: ends(2)           !! values there, of opposite signs
+    type(motion_t) :: motion
+    real(wp) :: time(2), value(2), middle, found
+    integer :: iteration, replaced
+
+    time = [first, last]
+    value = ends
+    replaced = 0
+    do iteration = 1, 40
+      middle = (time(1)*value(2) - time(2)*value(1))/(value(2) - value(1))
+      middle = min(time(2), max(time(1), middle))
+      motion = trajectory%at(middle)
+      found = level(which, trajectory, motion, slip_velocity(trajectory, motion))
+      if (abs(found) <= 1.0e-7_wp*maxval(abs(ends))) exit
+      if (found*value(1) > 0.0_wp) then
+        time(1) = middle
+        value(1) = found
+        if (replaced == 1) value(2) = 0.5_wp*value(2)
+        replaced = 1
+      else
+        time(2) = middle
+        value(2) = found
+        if (replaced == 2) value(1) = 0.5_wp*value(1)
+        replaced = 2
+      end if
+      if (time(2) - time(1) <= 1.0e-8_wp*trajectory%stepper%step) exit
+    end do
+  end function motion_at_zero
 
   !> Kinetic and elastic energy [J], without that of a motion which the drive guides.
   pure real(wp) function energy(trajectory, velocity)
@@ -136,46 +206,89 @@ contains
     type(summary_t), intent(inout) :: self
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(in) :: rate(2)
-    type(motion_t) :: motion
-    real(wp) :: time(2), slope(2), middle, found, velocity(2), reach, side
-    integer :: iteration, replaced
+    real(wp) :: reach, side
+    logical :: counts
 
-    side = merge(1.0_wp, -1.0_wp, self%rising)
-    if (side*rate(1) < 0.0_wp) return
-    time = [trajectory%from%time, trajectory%now%time]
-    slope = rate
-    reach = side*trajectory%from%u(1) + 0.5_wp*(time(2) - time(1))*side*rate(1)
-    if (trajectory%slider%stiffness(1)*reach < side*self%extreme_force) return
-    ! False position after Illinois: the end that stays loses half its weight.
-    replaced = 0
-    do iteration = 1, 40
-      middle = (time(1)*slope(2) - time(2)*slope(1))/(slope(2) - slope(1))
-      middle = min(time(2), max(time(1), middle))
-      motion = trajectory%at(middle)
-      velocity = slip_velocity(trajectory, motion)
-      found = elongation_rate(trajectory, middle, velocity(1))
-      if (abs(found) <= 1.0e-7_wp*maxval(abs(rate))) exit
-      if (found*slope(1) > 0.0_wp) then
-        time(1) = middle
-        slope(1) = found
-        if (replaced == 1) slope(2) = 0.5_wp*slope(2)
-        replaced = 1
-      else
-        time(2) = middle
-        slope(2) = found
-        if (replaced == 2) slope(1) = 0.5_wp*slope(1)
-        replaced = 2
-      end if
-      if (time(2) - time(1) <= 1.0e-8_wp*trajectory%stepper%step) exit
-    end do
-    call consider_motion(self, trajectory, motion)
+    side = sign(1.0_wp, rate(1))
+    reach = trajectory%slider%stiffness(1)*(trajectory%from%u(1) + 0.5_wp*(trajectory%now%time - trajectory%from%time)*rate(1))
+    counts = (side > 0.0_wp .eqv. self%rising) .and. side*reach >= side*self%extreme_force
+    if (is_late(trajectory, trajectory%now%time)) &
+      counts = counts .or. reach > self%late_highest .or. reach < self%late_lowest
+    if (counts) call consider_motion(self, trajectory, &
+      motion_at_zero(elongation_rate, trajectory, trajectory%from%time, trajectory%now%time, rate))
   end subroutine refine_extreme
 
+  !> Note how friction points when slip begins for the first time.
+  subroutine follow_slip(self, trajectory, before)
+    type(summary_t), intent(inout) :: self
+    type(trajectory_t), intent(in) :: trajectory
+    real(wp), intent(in) :: before(2)
+    type(motion_t) :: motion
+    real(wp) :: ends(2)
+
+    if (self%has_slipped) return
+    ends(2) = level(excess_force, trajectory, trajectory%now, self%velocity)
+    if (.not. ends(2) > 0.0_wp) return
+    ends(1) = level(excess_force, trajectory, trajectory%from, before)
+    motion = trajectory%now
+    if (ends(1) < 0.0_wp) motion = motion_at_zero(excess_force, trajectory, trajectory%from%time, trajectory%now%time, ends)
+    self%slip_angle = direction_of(abs(slip_velocity(trajectory, motion)))
+    self%has_slipped = .true.
+  end subroutine follow_slip
+
+  !> The second half of the run: its first instant, its time, and of that the time at rest or in creep.
+  subroutine follow_late(self, trajectory, before)
+    type(summary_t), intent(inout) :: self
+    type(trajectory_t), intent(in) :: trajectory
+    real(wp), intent(in) :: before(2)
+    type(motion_t) :: first
+    real(wp) :: velocity(2), ends(2), duration, share
+
+    first = trajectory%from
+    velocity = before
+    if (.not. is_late(trajectory, first%time)) then
+      first = trajectory%at(0.5_wp*trajectory%t_end)
+      velocity = velocity_of(trajectory, first, trajectory%was_sticking)
+      call widen(self, trajectory%slider%stiffness(1)*first%u(1))
+    end if
+    duration = trajectory%now%time - first%time
+    ends = [level(excess_rate, trajectory, first, velocity), level(excess_rate, trajectory, trajectory%now, self%velocity)]
+    share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
+    if (trajectory%was_sticking) then
+      share = 1.0_wp
+    else if (ends(1)*ends(2) < 0.0_wp) then
+      associate (zero => motion_at_zero(excess_rate, trajectory, first%time, trajectory%now%time, ends))
+        share = (zero%time - first%time)/duration
+      end associate
+      if (ends(2) < 0.0_wp) share = 1.0_wp - share
+    end if
+    self%late_time = self%late_time + duration
+    self%creep_time = self%creep_time + share*duration
+  end subroutine follow_late
+
+  !> Take the longitudinal spring force [N] at one instant of the second half into its range.
+  pure subroutine widen(self, force)
+    type(summary_t), intent(inout) :: self
+    real(wp), intent(in) :: force
+
+    self%late_highest = max(self%late_highest, force)
+    self%late_lowest = min(self%late_lowest, force)
+  end subroutine widen
+
+  pure logical function is_late(trajectory, time)
+    type(trajectory_t), intent(in) :: trajectory
+    real(wp), intent(in) :: time
+
+    is_late = time >= 0.5_wp*trajectory%t_end
+  end function is_late
+
+  !> Take in the longitudinal spring force at one instant.
   subroutine consider_motion(self, trajectory, motion)
     type(summary_t), intent(inout) :: self
     type(trajectory_t), intent(in) :: trajectory
     type(motion_t), intent(in) :: motion
 
+    if (is_late(trajectory, motion%time)) call widen(self, trajectory%slider%stiffness(1)*motion%u(1))
     call consider(self, trajectory%slider%stiffness(1)*motion%u(1), motion%time, motion%position, trajectory%slider%law%onset)
   end subroutine consider_motion
 
@@ -385,6 +498,10 @@ contains
     exchanged = abs(energies%drive_work) + abs(energies%friction_work) + energies%first
     if (exchanged > 0.0_wp) &
       value(13) = (energies%drive_work - energies%friction_work - (energies%now - energies%first))/exchanged
+    given(14:15) = self%late_time > 0.0_wp
+    if (given(14)) value(14:15) = [self%late_highest - self%late_lowest, self%creep_time/self%late_time]
+    given(16) = self%has_slipped
+    value(16) = self%slip_angle
 
   contains
 
@@ -422,6 +539,12 @@ contains
     call archive%exchange(self%sticks)
     call archive%exchange(self%sticking_time)
     call archive%exchange(self%first_energy)
+    call archive%exchange(self%late_highest)
+    call archive%exchange(self%late_lowest)
+    call archive%exchange(self%late_time)
+    call archive%exchange(self%creep_time)
+    call archive%exchange(self%has_slipped)
+    call archive%exchange(self%slip_angle)
   end subroutine exchange
 
   subroutine exchange_mean(self, archive)

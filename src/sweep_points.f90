@@ -1,15 +1,32 @@
-!> A list of points for a sweep, from a CSV file: names of keys in the first line, a case in each other line.
+!> The sweep of a deck: its grid, or its list of points from a CSV file: names of keys in the first line, a case in each other line.
 module dst_sweep_points
   use dst_errors, only: error_t, raise, file_error
   use dst_kinds, only: wp, int64
-  use dst_sweep, only: axis_t
+  use dst_deck, only: deck_t
+  use dst_schema, only: sweep_group
+  use dst_sweep, only: axis_t, sweep_t, new_sweep
   use dst_text, only: integer_text, read_real, word, word_count
   implicit none
   private
 
-  public :: read_points
+  public :: sweep_of_deck
 
 contains
+
+  !> The sweep of a deck that has been checked.
+  subroutine sweep_of_deck(deck, sweep, error)
+    type(deck_t), intent(in) :: deck
+    type(sweep_t), intent(out) :: sweep
+    type(error_t), allocatable, intent(out) :: error
+    type(axis_t), allocatable :: axes(:)
+
+    if (deck%text_of(sweep_group, 'points') == '') then
+      call new_sweep(deck, sweep, error)
+    else
+      call read_points(deck%text_of(sweep_group, 'points'), deck%name, axes, error)
+      if (.not. allocated(error)) call new_sweep(deck, sweep, error, axes, .true.)
+    end if
+  end subroutine sweep_of_deck
 
   !> Read `file_name`; a relative name is looked for beside the deck.
   subroutine read_points(file_name, deck_name, axes, error)

@@ -14,13 +14,13 @@ module dst_sweep_runner
   use dst_ranks, only: ranks_t, start_ranks
   use dst_run, only: describe_run
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema, find_key, sweep_group
+  use dst_schema, only: schema, find_key
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal
   use dst_simulation, only: wall_clock
-  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, series_quantities
+  use dst_sweep, only: sweep_t, case_t, watch_t, worker_t, new_worker, series_quantities
   use dst_sweep_file, only: merge_shards
-  use dst_sweep_points, only: read_points
+  use dst_sweep_points, only: sweep_of_deck
   use dst_sweep_shard, only: shard_t, index_t, shard_name, shards_of, open_shard, scan_shard
   use dst_text, only: integer_text, real_text
   implicit none
@@ -123,20 +123,6 @@ contains
       call write_result(sweep, result_file, index, files, options, error)
     end if
   end subroutine merge_sweep
-
-  subroutine sweep_of_deck(deck, sweep, error)
-    type(deck_t), intent(in) :: deck
-    type(sweep_t), intent(out) :: sweep
-    type(error_t), allocatable, intent(out) :: error
-    type(axis_t), allocatable :: axes(:)
-
-    if (deck%text_of(sweep_group, 'points') == '') then
-      call new_sweep(deck, sweep, error)
-    else
-      call read_points(deck%text_of(sweep_group, 'points'), deck%name, axes, error)
-      if (.not. allocated(error)) call new_sweep(deck, sweep, error, axes, .true.)
-    end if
-  end subroutine sweep_of_deck
 
   !> Several copies that each believe to be alone would all do the same work.
   subroutine refuse_copies(ranks, error)

@@ -11,7 +11,7 @@ Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a
 
 from . import _native
 from ._run import run
-from ._sweep import sweep
+from ._sweep import open_sweep, sweep
 from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import jacobian, rhs
@@ -60,6 +60,7 @@ __all__ = [
     "damping_ratio",
     "jacobian",
     "open",
+    "open_sweep",
     "open_trade",
     "oscillation_frequency",
     "rhs",

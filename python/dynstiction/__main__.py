@@ -8,11 +8,15 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
+from ._sweep import holds_sweep, open_sweep
 from ._trade import holds_trade, open_trade
 from .errors import Error, FileError, IncompleteWarning, UsageError
 from .result import Result, open
+
+if TYPE_CHECKING:
+    from .plot import Drawable
 
 # The plotting modules are imported where they are used: matplotlib is slow to import.
 
@@ -49,8 +53,9 @@ def _add_plot(commands: argparse._SubParsersAction[_Parser]) -> None:
     parser.add_argument(
         "--kind",
         help="of a run history (the default), velocities, spectrogram, damping, creep or path; "
-        "of dynstiction trade work_precision",
+        "of a sweep map (the default) or lambda; of dynstiction trade work_precision",
     )
+    parser.add_argument("--quantity", metavar="NAME", help="what a map of a sweep shows, like period (swing)")
     parser.add_argument("-o", "--output", metavar="PNG", type=Path, help="default: FILE.png; also .pdf, .svg")
     parser.set_defaults(command=_plot)
 
@@ -58,8 +63,8 @@ def _add_plot(commands: argparse._SubParsersAction[_Parser]) -> None:
 def _plot(options: argparse.Namespace) -> None:
     from . import plot  # noqa: PLC0415
 
-    result = open_trade(options.file) if holds_trade(options.file) else _open(options.file)
-    plot.save(result, options.output or options.file.with_suffix(".png"), options.kind)
+    result = _open_any(options.file)
+    plot.save(result, options.output or options.file.with_suffix(".png"), options.kind, options.quantity)
 
 
 def _add_paper(commands: argparse._SubParsersAction[_Parser]) -> None:
@@ -185,11 +190,26 @@ def _progress(what: str, total: int) -> Iterator[Callable[[], None]]:
 
 def _open(file: Path) -> Result:
     """A result file; that it is incomplete is said in one line."""
+    with _warnings_in_one_line():
+        return open(file)
+
+
+def _open_any(file: Path) -> Drawable:
+    """A file of a run, a comparison or a sweep."""
+    if holds_trade(file):
+        return open_trade(file)
+    if holds_sweep(file):
+        with _warnings_in_one_line():
+            return open_sweep(file)
+    return _open(file)
+
+
+@contextmanager
+def _warnings_in_one_line() -> Iterator[None]:
     with warnings.catch_warnings(record=True, action="always", category=IncompleteWarning) as caught:
-        result = open(file)
+        yield
     for warning in caught:
         print(f"dynstiction: {warning.message}", file=sys.stderr)
-    return result
 
 
 if __name__ == "__main__":

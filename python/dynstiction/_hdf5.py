@@ -122,7 +122,7 @@ def _read_contents(file: h5py.File, name: str) -> Record:
     if file.attrs.get("program") != PROGRAM:
         raise FileError(f"{name}: is no file of {PROGRAM}")
     if "sweep" in file:
-        raise FileError(f"{name}: holds a sweep, not one run: open its group 'sweep' with h5py or xarray")
+        raise FileError(f"{name}: holds a sweep, not one run: use dynstiction.open_sweep")
     if "time_series/time" not in file:
         raise FileError(f"{name}: holds no time series: the run was stopped before it began")
     columns = _read_columns(file["time_series"], name)

@@ -236,11 +236,14 @@ class Sweep:
             self.close()
             raise error_for(status, message)
         self.axes = [self._axis(i + 1) for i in range(n_axes)]
-        _, self._n_values, self.at_once = _core.sweep_sizes(self._handle, 1)
+        _, self._n_values, self.at_once, found_list = _core.sweep_sizes(self._handle, 1)
+        self.is_list = found_list == 1
         self.quantities = [_info(*_core.sweep_value_info(i + 1)) for i in range(self._n_values)]
+        length = _core.sweep_deck_length(self._handle)
+        self.resolved_deck = text_from(_core.sweep_deck(self._handle, length).astype(np.uint8).tobytes())
 
     def _axis(self, i: int) -> tuple[Info, NDArray[np.float64]]:
-        size, _, _ = _core.sweep_sizes(self._handle, i)
+        size, _, _, _ = _core.sweep_sizes(self._handle, i)
         name, units, long_name, values = _core.sweep_axis(self._handle, i, size)
         return _info(name, units, long_name), values
 

@@ -5,21 +5,26 @@ from __future__ import annotations
 import os
 import threading
 import warnings
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
+import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from .errors import IncompleteWarning, UsageError
+from .errors import FileError, IncompleteWarning, UsageError
 from .record import Info
 from .scene import DeckLike, Group, Scene
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["sweep"]
+__all__ = ["holds_sweep", "open_sweep", "sweep"]
+
+Floats: TypeAlias = NDArray[np.float64]
+Axis: TypeAlias = tuple[Info, Floats]
+"""A parameter and its values: along one side of a grid, or of each case of a list."""
 
 NOT_RUN = -1
 """Result code of a case that has not been run."""
@@ -47,7 +52,7 @@ def sweep(
         Path of a deck, text of a deck, or a scene.
     parameters : mapping, optional
         Values by key, ``{"system.misalignment_deg": phi, "drive.velocity": V}``, in the deck's units: the sides
-        of a grid. Without it the grid is that of the deck's ``&sweep``.
+        of a grid. Without it the grid, or the list of points, is that of the deck's ``&sweep``.
     points : bool
         Whether the values, all of one length, are those of the cases one by one, not the sides of a grid.
     threads : int, optional
@@ -60,7 +65,8 @@ def sweep(
     xarray.Dataset
         Summary of every case [SI units] with the parameters as coordinates (of a list: along ``case``),
         ``result_code`` (0 done, -1 not run), ``result_text`` (why a case failed) and ``wall_time`` [s].
-        What a case does not have is NaN. Units are in the attributes.
+        What a case does not have is NaN. Units are in the attributes; the attribute ``deck`` is the deck with every
+        key as used.
 
     Warns
     -----
@@ -93,7 +99,10 @@ def sweep(
     with _native.Sweep(scene.text, scene.name, scene.settings, axes, points) as core:
         work = _Work(core)
         work.run(threads or len(os.sched_getaffinity(0)))
-        return _dataset(core, work, points)
+        columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
+        return _dataset(
+            core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
+        )
 
 
 class _Work:
@@ -157,24 +166,105 @@ class _Work:
         warnings.warn(text, IncompleteWarning, stacklevel=4)
 
 
-def _dataset(core: _native.Sweep, work: _Work, points: bool) -> xarray.Dataset:
+def _dataset(
+    axes: Sequence[Axis],
+    values: Iterable[tuple[Info, Floats]],
+    codes: NDArray[np.int32],
+    messages: Mapping[int, str],
+    *,
+    is_list: bool,
+    deck: str,
+) -> xarray.Dataset:
+    """Cases as a dataset: `values` and `codes` by case, `messages` by number of the case from 0."""
     import xarray  # noqa: PLC0415  (optional)
 
-    names = [info.name for info, _ in core.axes]
-    dims, shape = (["case"], [core.cases]) if points else (names, [values.size for _, values in core.axes])
-    coordinates = {
-        info.name: ("case" if points else info.name, values, _about(info)) for info, values in core.axes
-    }
+    dims = ["case"] if is_list else [info.name for info, _ in axes]
+    shape = [codes.size] if is_list else [axis.size for _, axis in axes]
+    coordinates = {info.name: ("case" if is_list else info.name, axis, _about(info)) for info, axis in axes}
     variables: dict[str, tuple[list[str], NDArray[np.generic], dict[str, str]]] = {
-        info.name: (dims, work.values[:, i].reshape(shape), _about(info))
-        for i, info in enumerate(core.quantities)
+        info.name: (dims, column.reshape(shape), _about(info)) for info, column in values
     }
-    texts = np.array([work.messages.get(i, "") for i in range(core.cases)], dtype=object)
+    texts = np.array([messages.get(i, "") for i in range(codes.size)], dtype=object)
     about = {"units": "1", "long_name": "0 done, -1 not run, else why it failed"}
-    variables["result_code"] = (dims, work.codes.reshape(shape), about)
+    variables["result_code"] = (dims, codes.reshape(shape), about)
     variables["result_text"] = (dims, texts.reshape(shape), {"long_name": "why a case failed"})
-    return xarray.Dataset(variables, coordinates)
+    return xarray.Dataset(variables, coordinates, {"deck": deck})
 
 
 def _about(info: Info) -> dict[str, str]:
     return {"units": info.units, "long_name": info.long_name}
+
+
+def holds_sweep(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is one of a sweep."""
+    try:
+        with h5py.File(path, "r") as file:
+            return "sweep" in file
+    except OSError:
+        return False
+
+
+def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
+    """Sweep in a file written by ``dynstiction run`` or ``dynstiction merge``.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        The file.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `dynstiction.sweep` gives it. Series (``keep = 'series'``) are left in the file, group ``/sweep/series``.
+
+    Warns
+    -----
+    IncompleteWarning
+        If cases failed or have not been run.
+
+    Raises
+    ------
+    FileError
+        If the file is missing, damaged, or of something else.
+    """
+    name = os.fspath(path)
+    try:
+        with h5py.File(name, "r") as file:
+            if "sweep" not in file:
+                raise FileError(f"{name}: holds no sweep of dynstiction")
+            data = _read_sweep(file)
+            code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
+    except FileError:
+        raise
+    except Exception as error:  # whatever h5py and NumPy make of damaged files
+        raise FileError(f"{name}: cannot be read: {error}") from error
+    if code != 0:
+        warnings.warn(f"{name}: {text}", IncompleteWarning, stacklevel=2)
+    return data
+
+
+def _read_sweep(file: h5py.File) -> xarray.Dataset:
+    group = file["sweep"]
+    grid = str(group.attrs["grid"])
+    is_list = grid == "list"
+    shape = () if is_list else tuple(int(size) for size in grid.split())
+    axes = []
+    for i, name in enumerate(str(group.attrs["parameters"]).split()):
+        values = group[name][:]
+        if not is_list:
+            # Along its own side, at the first place of the others.
+            values = values.reshape(shape)[tuple(slice(None) if j == i else 0 for j in range(len(shape)))]
+        axes.append((_info(group, name), np.ascontiguousarray(values)))
+    summary = group["summary"]
+    columns = [(_info(summary, name), summary[name][:]) for name in summary]
+    columns.append((_info(group, "wall_time"), group["wall_time"][:]))
+    failures = group["failures"]
+    messages = dict(zip(failures["case"][:] - 1, failures["result_text"].asstr()[:], strict=True))
+    codes = group["result_code"][:].astype(np.int32)
+    deck = file["deck/resolved"][()].decode("utf-8", "surrogateescape")
+    return _dataset(axes, columns, codes, messages, is_list=is_list, deck=deck)
+
+
+def _info(group: h5py.Group, name: str) -> Info:
+    about = group[name].attrs
+    return Info(name, str(about["units"]), str(about["long_name"]))

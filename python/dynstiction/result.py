@@ -103,6 +103,6 @@ def open(path: str | os.PathLike[str]) -> Result:
     Raises
     ------
     FileError
-        If the file is missing, damaged, of another program, or holds a sweep.
+        If the file is missing, damaged, of another program, or holds a sweep (`dynstiction.open_sweep`).
     """
     return Result(**vars(_hdf5.read(path)))

@@ -216,3 +216,151 @@ def test_command_draws_an_incomplete_file_and_says_so(tmp_path: Path, fig3_resul
     assert done.returncode == 0
     assert "before the run's end" in done.stderr
     assert (tmp_path / "run.png").exists()
+
+
+PHI, VELOCITY = np.array([1.0, 3.0, 9.0]), np.geomspace(1e-3, 8e-3, 4)
+LOW = Path(__file__).parents[2] / "inputs" / "low_frequency.nml"
+
+
+@pytest.fixture(scope="module")
+def grid():
+    """A small map, coarse enough to be quick."""
+    pytest.importorskip("xarray")
+    return ds.sweep(
+        LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, threads=1
+    )
+
+
+def colours(figure) -> np.ndarray:
+    """Values that a map shows in colours, as an array (up, right)."""
+    (mesh,) = [c for c in figure.axes[0].collections if hasattr(c, "get_coordinates")]
+    return np.ma.filled(mesh.get_array(), np.nan)
+
+
+def test_map_shows_the_grid_and_the_line_of_stability(grid) -> None:
+    figure = plot.draw(grid)
+    axis = figure.axes[0]
+    np.testing.assert_array_equal(colours(figure), grid["swing"].values / 2.0)
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("$V$ [mm/s]", r"$\varphi$ [deg]")
+    assert (axis.get_xscale(), axis.get_yscale()) == ("log", "log")
+    # Each value lies within its cell.
+    (mesh,) = [c for c in axis.collections if hasattr(c, "get_coordinates")]
+    right, up = mesh.get_coordinates()[0, :, 0], mesh.get_coordinates()[:, 0, 1]
+    assert np.all((right[:-1] < 1e3 * VELOCITY) & (right[1:] > 1e3 * VELOCITY))
+    assert np.all((up[:-1] < PHI) & (up[1:] > PHI))
+    # A rigid stiff axis: tan^2(phi) = -V F'(V)/F(V).
+    (line,) = axis.lines
+    speed = 1e-3 * line.get_xdata()
+    fall = 0.5 * np.exp(-speed / 0.01)
+    expected = np.degrees(np.arctan(np.sqrt(speed / 0.01 * fall / (1.5 + fall))))
+    np.testing.assert_allclose(line.get_ydata(), expected, rtol=1e-9)
+
+
+def test_map_of_the_full_model_has_both_modes_and_the_crossover(fig3: ds.Scene) -> None:
+    pytest.importorskip("xarray")
+    data = ds.sweep(
+        fig3,
+        {"system.misalignment_deg": [0.1, 1.0, 10.0], "system.stiffness_y": [1e3, 1e5, 1e7]},
+        scene={"t_end": 0.1},
+        threads=1,
+    )
+    axis = plot.draw(data, quantity="sticking_time").axes[0]
+    slow, fast, crossover = axis.lines
+    stiffness = crossover.get_xdata()
+    np.testing.assert_allclose(np.tan(np.radians(crossover.get_ydata())), 1e3 / stiffness)
+    window = stiffness / 1e3 > (1.0 + np.sqrt(353.4)) ** 2
+    for line in (slow, fast):
+        assert np.array_equal(np.isfinite(line.get_ydata()), window)
+    assert slow.get_ydata()[-1] == pytest.approx(8.65603, abs=1e-4)
+    assert fast.get_ydata()[-1] == pytest.approx(76.263, abs=1e-3)
+    assert axis.get_xlabel() == "$k_y$ [N/m]"
+
+
+def test_map_of_a_list_that_is_a_grid(grid) -> None:
+    """In any order, with a third parameter that follows from the two."""
+    phi, velocity = (a.ravel() for a in np.meshgrid(PHI, VELOCITY, indexing="ij"))
+    order = np.random.default_rng(3).permutation(phi.size)
+    data = ds.sweep(
+        LOW,
+        {
+            "system.misalignment_deg": phi[order],
+            "drive.velocity": velocity[order],
+            "scene.t_end": 5.0 + 0.0 * phi,
+        },
+        points=True,
+        threads=1,
+    )
+    np.testing.assert_array_equal(colours(plot.draw(data)), grid["swing"].values / 2.0)
+
+
+def test_map_of_one_parameter_and_of_a_list(grid) -> None:
+    line = ds.sweep(LOW, {"drive.velocity": VELOCITY}, threads=1)
+    axis = plot.draw(line, quantity="period").axes[0]
+    np.testing.assert_array_equal(axis.lines[0].get_ydata(), line["period"].values)
+    assert axis.get_xscale() == "log" and axis.get_ylabel().endswith("[s]")
+    points = ds.sweep(
+        LOW, {"drive.velocity": VELOCITY[:3], "system.misalignment_deg": PHI}, points=True, threads=1
+    )
+    axis = plot.draw(points, quantity="slip_angle").axes[0]
+    offsets = axis.collections[0].get_offsets()
+    np.testing.assert_allclose(
+        offsets, np.column_stack([1e3 * VELOCITY[:3], np.degrees(points["slip_angle"].values)])
+    )
+
+
+def test_lambda_puts_every_case_at_its_number(grid) -> None:
+    figure = plot.draw(grid, "lambda")
+    sine = np.sin(np.radians(PHI))[:, np.newaxis]
+    expected = 2.0 / (2.0 * VELOCITY * sine * np.sqrt(0.25 * 1e3))
+    found = np.concatenate([line.get_xdata() for line in figure.axes[0].lines])
+    slips = np.isfinite(grid["slip_angle"].values)
+    np.testing.assert_allclose(np.sort(found), np.sort(expected[slips]))
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts == ["1°", "3°", "9°", "$V < v_f/2$", r"$V \geq v_f/2$"]
+
+
+@pytest.mark.parametrize("kind", plot.SWEEP_KINDS)
+def test_figures_of_sweeps_are_readable_in_one_column(grid, kind: str) -> None:
+    figure = plot.draw(grid, kind)
+    assert figure.get_size_inches()[0] * MM_PER_INCH == pytest.approx(86.0)
+    figure.draw_without_rendering()
+    for axis in figure.axes:
+        for text in (axis.xaxis.label, axis.yaxis.label, *axis.get_xticklabels(), *axis.get_yticklabels()):
+            assert text.get_fontsize() >= 7.0
+        inside = axis.yaxis.label.get_window_extent()
+        assert not axis.get_ylabel() or (inside.x0 >= 0 and inside.x1 <= figure.bbox.x1)
+
+
+def test_what_a_sweep_cannot_show_is_refused(grid, fig4_result: ds.Result) -> None:
+    with pytest.raises(ds.UsageError, match="the kinds are map, lambda"):
+        plot.draw(grid, "history")
+    with pytest.raises(ds.UsageError, match=r"no quantity 'perod', only .*period"):
+        plot.draw(grid, quantity="perod")
+    with pytest.raises(ds.UsageError, match="for the map of a sweep only"):
+        plot.draw(fig4_result, quantity="period")
+    with pytest.raises(ds.UsageError, match="for the map of a sweep only"):
+        plot.draw(grid, "lambda", "period")
+    with pytest.raises(ds.UsageError, match="no case has a value of 'period'"):
+        plot.draw(grid.where(grid["period"] > 1e9), quantity="period")
+    with pytest.raises(ds.UsageError, match="lacks a number 'mu_0'"):
+        plot.draw(grid.assign_attrs(deck=""), "lambda")
+
+
+def test_command_draws_a_sweep(tmp_path: Path, executable: Path) -> None:
+    (tmp_path / "few.csv").write_text("drive.velocity\n1e-3\n2e-3\n4e-3\n")
+    words = [
+        executable,
+        "run",
+        LOW,
+        "-o",
+        "few.h5",
+        "--quiet",
+        "--set",
+        f"sweep.points={tmp_path / 'few.csv'}",
+    ]
+    subprocess.run(words, cwd=tmp_path, check=True)
+    done = run_command("plot", "few.h5", "--quantity", "period", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (tmp_path / "few.png").exists()
+    done = run_command("plot", "few.h5", "--kind", "lambda", "--quantity", "period", cwd=tmp_path)
+    assert done.returncode == 1 and "for the map of a sweep only" in done.stderr

@@ -6,7 +6,8 @@ A kind of figure is a function of a result and an empty figure, in a file of its
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, TypeAlias
 
 from matplotlib.figure import Figure
 
@@ -20,10 +21,25 @@ from .path import draw_path
 from .samples import first_release, thin
 from .spectra import draw_spectrogram
 from .style import DOTS_PER_INCH, new_figure, write
+from .sweep_lambda import draw_lambda
+from .sweep_map import draw_map
 from .velocities import draw_velocities
 from .work_precision import draw_work_precision
 
-__all__ = ["DOTS_PER_INCH", "KINDS", "WORK_PRECISION", "draw", "first_release", "save", "thin"]
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = [
+    "DOTS_PER_INCH",
+    "KINDS",
+    "SWEEP_KINDS",
+    "WORK_PRECISION",
+    "Drawable",
+    "draw",
+    "first_release",
+    "save",
+    "thin",
+]
 
 KINDS: dict[str, Callable[[Result, Figure], None]] = {
     "history": draw_history,
@@ -35,20 +51,32 @@ KINDS: dict[str, Callable[[Result, Figure], None]] = {
 }
 """Kinds of figure of a run by name."""
 
+SWEEP_KINDS: dict[str, Callable[[xarray.Dataset, Figure], None]] = {
+    "map": draw_map,
+    "lambda": draw_lambda,
+}
+"""Kinds of figure of a sweep by name."""
+
 WORK_PRECISION = "work_precision"
 """The kind of figure of a comparison."""
 
+Drawable: TypeAlias = "Result | Trade | xarray.Dataset"
+"""A run, a comparison or a sweep."""
 
-def draw(result: Result | Trade, kind: str | None = None) -> Figure:
+
+def draw(result: Drawable, kind: str | None = None, quantity: str | None = None) -> Figure:
     """Draw one kind of figure.
 
     Parameters
     ----------
-    result : Result or Trade
-        A run, from `dynstiction.run` or `dynstiction.open`, or a comparison, from `dynstiction.trade` or
-        `dynstiction.open_trade`.
+    result : Result, Trade or xarray.Dataset
+        A run, from `dynstiction.run` or `dynstiction.open`; a comparison, from `dynstiction.trade` or
+        `dynstiction.open_trade`; or a sweep, from `dynstiction.sweep` or `dynstiction.open_sweep`.
     kind : str, optional
-        Of a run a name in `KINDS`, by default ``"history"``; of a comparison `WORK_PRECISION`, the only one.
+        Of a run a name in `KINDS`, by default ``"history"``; of a sweep one in `SWEEP_KINDS`, by default ``"map"``;
+        of a comparison `WORK_PRECISION`, the only one.
+    quantity : str, optional
+        What a map of a sweep shows, by default ``"swing"``.
 
     Returns
     -------
@@ -61,21 +89,34 @@ def draw(result: Result | Trade, kind: str | None = None) -> Figure:
         If there is no such kind, the result lacks a column (a `ColumnError`) or has no samples, or is not what the kind
         can show; the text says what would be right.
     """
+    if quantity is not None:
+        if isinstance(result, Result | Trade) or kind not in (None, "map"):
+            raise UsageError("a quantity can be chosen for the map of a sweep only")
+        return new_figure(lambda figure: draw_map(result, figure, quantity))
     if isinstance(result, Trade):
         if kind not in (None, WORK_PRECISION):
             raise UsageError(f"a comparison has no figure '{kind}': its kind is {WORK_PRECISION}")
         comparison = result
         return new_figure(lambda figure: draw_work_precision(comparison, figure))
-    kind = kind or "history"
-    if kind not in KINDS:
-        raise UsageError(f"no kind of figure '{kind}': the kinds are {', '.join(KINDS)}")
+    if not isinstance(result, Result):
+        sweep, draw_sweep = result, SWEEP_KINDS[_known(kind or "map", SWEEP_KINDS)]
+        return new_figure(lambda figure: draw_sweep(sweep, figure))
+    kind = _known(kind or "history", KINDS)
     if result.time.size < 2:
         raise UsageError("nothing to draw: the result has fewer than two samples")
     run, draw_kind = result, KINDS[kind]
     return new_figure(lambda figure: draw_kind(run, figure))
 
 
-def save(result: Result | Trade, path: str | os.PathLike[str], kind: str | None = None) -> None:
+def _known(kind: str, kinds: Iterable[str]) -> str:
+    if kind not in kinds:
+        raise UsageError(f"no kind of figure '{kind}': the kinds are {', '.join(kinds)}")
+    return kind
+
+
+def save(
+    result: Drawable, path: str | os.PathLike[str], kind: str | None = None, quantity: str | None = None
+) -> None:
     """Draw one kind of figure into a file; its suffix names the format (PNG, PDF, SVG).
 
     Raises
@@ -85,4 +126,4 @@ def save(result: Result | Trade, path: str | os.PathLike[str], kind: str | None 
     FileError
         If the file cannot be written.
     """
-    write(draw(result, kind), path)
+    write(draw(result, kind, quantity), path)

@@ -1,0 +1,110 @@
+"""What becomes of dynamic stiction as Lambda, the damping of slow creep, falls: a sweep against Eq. (10)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.typing import ColorType, FillStyleType
+
+from .samples import Floats
+from .style import BLACK, COLUMN_WIDTH, MM, letter
+from .sweep_table import Table, table_of
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["draw_lambda", "slip_angle_of_creep"]
+
+VISIBLE = 0.01
+"""Share of F_0 above which a swing is stick-slip."""
+
+FREE_OSCILLATION = float(np.arccos(0.9) / np.pi)
+"""Share of the time in which X' = V (1 - cos omega t) is at most V/10."""
+
+
+def slip_angle_of_creep(number: Floats) -> Floats:
+    """Angle [rad] of friction at the first slip for large ``Lambda^2 tan(phi)`` and phi far below it (docs/maps.md)."""
+    return 1.01627 * np.asarray(4.0 * number) ** -0.2
+
+
+def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
+    """Friction angle at the first slip, creep share and peak force; colours by misalignment."""
+    table = table_of(data)
+    names = ("mu_0", "normal_load", "velocity", "misalignment_deg", "mass", "stiffness_x")
+    mu_0, load, velocity, degrees, mass, stiffness = (table.parameter(name).reshape(-1) for name in names)
+    with np.errstate(divide="ignore"):
+        number = mu_0 * load / (2.0 * velocity * np.sin(np.radians(degrees)) * np.sqrt(mass * stiffness))
+    slope = np.tan(np.radians(degrees))
+    slow = velocity < 0.5 * table.parameter("v_f").reshape(-1) if table.has("v_f") else velocity > 0.0
+    visible = table.quantity("swing").reshape(-1) > VISIBLE * mu_0 * load
+    creep, peak = table.quantity("creep_share").reshape(-1), table.quantity("peak_force").reshape(-1)
+    slip = np.degrees(table.quantity("slip_angle").reshape(-1))
+
+    figure.set_size_inches(COLUMN_WIDTH, 190.0 * MM)
+    panels = figure.subplots(4, 1)
+    angles = np.unique(degrees)
+    shown = (
+        (number, slip, np.isfinite(slip)),
+        (number**2 * slope, slip, np.isfinite(slip)),
+        (number, creep, visible),
+        (number, peak / (mu_0 * load), visible),
+    )
+    for name, panel, (x, y, chosen) in zip("abcd", panels, shown, strict=True):
+        for i, angle in enumerate(angles):
+            for filled in (True, False):
+                here = chosen & (degrees == angle) & (slow == filled) & np.isfinite(x)
+                fill = "full" if filled else "none"
+                panel.plot(
+                    x[here], y[here], "o", markersize=2.5, color=_colour(i, angles), fillstyle=fill,
+                    markeredgewidth=0.6,
+                )  # fmt: skip
+        panel.set_xscale("log")
+        letter(panel, name)
+    _finish(panels, table, number, angles)
+    figure.legend(handles=_legend(angles, bool(slow.all())), loc="outside lower center", ncols=4)
+
+
+def _finish(
+    panels: np.ndarray[tuple[int], np.dtype[np.object_]], table: Table, number: Floats, angles: Floats
+) -> None:
+    """Labels, scales, and the lines of theory."""
+    ends = np.geomspace(np.nanmin(number), np.nanmax(number[np.isfinite(number)]), 50)
+    for panel in (panels[0], panels[2], panels[3]):
+        panel.set_xlabel(r"$\Lambda$ [1]")
+    for panel in panels[:2]:
+        panel.set_yscale("log")
+        panel.set_ylabel(r"$\theta$ at first slip [deg]")
+    panels[1].set_xlabel(r"$\Lambda^2\tan\varphi$ [1]")
+    large, small = np.geomspace(1.0, 1e7), np.geomspace(1e-5, 1.0)
+    panels[1].plot(large, np.degrees(slip_angle_of_creep(large)), color=BLACK, linestyle="--")
+    panels[1].plot(small, np.degrees(np.arctan2(1.0, 2.0 * small)), color=BLACK, linestyle=":")
+    panels[2].axhline(FREE_OSCILLATION, color=BLACK, linestyle=":")
+    panels[2].set_ylim(-0.03, 1.03)
+    panels[2].set_ylabel(r"creep share [1]")
+    panels[3].set_yscale("log")
+    panels[3].set_ylabel(r"mean peak / $F_0$ [1]")
+    for i, angle in enumerate(angles):
+        if angle > 0.0:
+            inertia = 1.0 / (2.0 * ends * np.sin(np.radians(angle)))
+            panels[3].plot(ends, 1.0 + inertia, color=_colour(i, angles), linewidth=0.5)
+
+
+def _colour(i: int, angles: Floats) -> tuple[float, float, float, float]:
+    return colormaps["viridis"](0.95 * i / max(1, angles.size - 1))
+
+
+def _legend(angles: Floats, all_slow: bool) -> list[Line2D]:
+    handles = [_mark(_colour(i, angles), "full", f"{angle:g}°") for i, angle in enumerate(angles)]
+    if not all_slow:
+        handles += [_mark("0.4", "full", "$V < v_f/2$"), _mark("0.4", "none", r"$V \geq v_f/2$")]
+    return handles
+
+
+def _mark(colour: ColorType, fill: FillStyleType, label: str) -> Line2D:
+    return Line2D(
+        [], [], color=colour, marker="o", fillstyle=fill, linestyle="none", markersize=3.0, label=label
+    )

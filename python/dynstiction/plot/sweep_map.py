@@ -1,0 +1,174 @@
+"""Map of a sweep: a quantity over one or two parameters, with the lines where steady sliding loses its stability."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+
+from ..errors import UsageError
+from ..stability import critical_misalignment
+from .samples import Floats
+from .style import BLACK, BLUE, COLUMN_WIDTH, MM, VERMILION
+from .sweep_table import Axis, Table, table_of
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["draw_map"]
+
+COLOURS = "cividis"
+NOTHING = "0.8"
+"""Colour of cases without the quantity."""
+
+RELATIVE = {
+    "swing": ("swing of $k_x u_x$ over $F_0$", "F_0"),
+    "peak_force": ("mean peak of $k_x u_x$ over $F_0$", "F_0"),
+    "valley_force": ("mean valley of $k_x u_x$ over $F_0$", "F_0"),
+    "sticking_time": ("share of the time at true rest", "t_end"),
+}
+"""Quantities that are drawn in units of the static limit F_0 = mu_0 W or of the run's length: label, unit."""
+
+LABELS = {"creep_share": "share of the time with $|X'| \\leq V/10$"}
+
+SLIDER = ("mass", "stiffness_x", "stiffness_y", "mu_0", "mu_inf", "v_f", "normal_load", "velocity")
+"""What the lines of stability depend on, besides the misalignment."""
+
+FINE = 400
+"""Points of a line of stability."""
+
+
+def draw_map(data: xarray.Dataset, figure: Figure, quantity: str = "swing") -> None:
+    """A quantity in colours over a grid, as a line over one parameter, or as marks for a list."""
+    table = table_of(data)
+    values, label = _values(table, quantity)
+    if not np.isfinite(values).any():
+        raise UsageError(f"nothing to draw: no case has a value of '{quantity}': name another quantity")
+    figure.set_size_inches(COLUMN_WIDTH, 72.0 * MM)
+    axis = figure.subplots()
+    if len(table.axes) == 1:
+        _draw_line(axis, table, values, label)
+    elif table.is_grid and len(table.axes) == 2:
+        _draw_colours(figure, axis, table, values, label)
+    elif table.is_grid:
+        raise UsageError(f"a map has one or two parameters, not {len(table.axes)}: select some with xarray")
+    else:
+        _draw_marks(figure, axis, table, values, label)
+
+
+def _values(table: Table, quantity: str) -> tuple[Floats, str]:
+    """Values as they are drawn, and what they are."""
+    values = table.quantity(quantity)
+    about = table.data[quantity].attrs
+    if quantity in RELATIVE:
+        label, unit = RELATIVE[quantity]
+        names = ("mu_0", "normal_load") if unit == "F_0" else (unit,)
+        if all(table.has(name) for name in names):
+            return values / np.prod([table.parameter(name) for name in names], axis=0), label
+    if about["units"] == "rad":
+        return np.degrees(values), f"{about['long_name']} [deg]"
+    unit = "" if about["units"] == "1" else f" [{about['units']}]"
+    return values, LABELS.get(quantity, about["long_name"]) + unit
+
+
+def _draw_line(axis: Axes, table: Table, values: Floats, label: str) -> None:
+    (side,) = table.axes
+    order = np.argsort(side.values)
+    axis.plot(side.shown[order], values[order], ".-", color=BLUE, markersize=3.0)
+    axis.set_xscale(side.scale)
+    axis.set_xlabel(side.label)
+    axis.set_ylabel(label)
+
+
+def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label: str) -> None:
+    """Against the first parameter, in the colour of the second."""
+    first, second = table.axes[:2]
+    norm = LogNorm() if second.scale == "log" else Normalize()
+    marks = axis.scatter(first.shown, values, c=second.shown, s=6.0, cmap=COLOURS, norm=norm)
+    figure.colorbar(marks, ax=axis, label=second.label)
+    axis.set_xscale(first.scale)
+    axis.set_xlabel(first.label)
+    axis.set_ylabel(label)
+
+
+def _draw_colours(figure: Figure, axis: Axes, table: Table, values: Floats, label: str) -> None:
+    """The first parameter upwards, the second to the right; or the other way round if that is the misalignment."""
+    up, right = table.axes
+    if right.name == "misalignment_deg":
+        up, right, values = right, up, values.T
+    axis.set_facecolor(NOTHING)
+    highest = np.nanmax(values)
+    lowest = min(0.0, np.nanmin(values))
+    picture = axis.pcolormesh(
+        _edges(right), _edges(up), values, cmap=COLOURS, vmin=lowest, vmax=highest, rasterized=True
+    )
+    figure.colorbar(picture, ax=axis, label=label)
+    if up.name == "misalignment_deg":
+        _draw_stability(axis, table, up, right)
+    for side, set_scale, set_limits, set_label in (
+        (right, axis.set_xscale, axis.set_xlim, axis.set_xlabel),
+        (up, axis.set_yscale, axis.set_ylim, axis.set_ylabel),
+    ):
+        set_scale(side.scale)
+        set_limits(*_edges(side)[[0, -1]])
+        set_label(side.label)
+    # Ticks inside would be lost in the colours.
+    axis.tick_params(which="both", direction="out", top=False, right=False)
+
+
+def _edges(side: Axis) -> Floats:
+    """Borders of the cells around the values, in the unit of the figure."""
+    values = np.log(side.shown) if side.scale == "log" else side.shown
+    if values.size == 1:
+        edges = values[0] + np.array([-0.5, 0.5])
+    else:
+        middle = 0.5 * (values[1:] + values[:-1])
+        edges = np.concatenate(([2.0 * values[0] - middle[0]], middle, [2.0 * values[-1] - middle[-1]]))
+    return np.asarray(np.exp(edges) if side.scale == "log" else edges)
+
+
+class _Lines(NamedTuple):
+    """Critical misalignments [deg] over a parameter: of the slow mode, of the fast mode, and of the rigid stiff axis."""
+
+    slow: Floats
+    fast: Floats
+    rigid: Floats
+
+
+def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
+    """Lines between which steady sliding is stable, and where k_y matters the crossover tan(phi) = k_x/k_y."""
+    values = np.linspace(right.values.min(), right.values.max(), FINE)
+    if right.scale == "log":
+        values = np.geomspace(right.values.min(), right.values.max(), FINE)
+    shown = right._replace(values=values).shown
+    lines = _stability_lines(table, right, values)
+    if lines is not None:
+        if table.has("stiffness_y"):
+            axis.plot(shown, lines.slow, color=VERMILION, linewidth=1.2, label="slow mode")
+            axis.plot(shown, lines.fast, color=VERMILION, linewidth=1.2, linestyle="--", label="fast mode")
+        else:
+            axis.plot(shown, lines.rigid, color=VERMILION, linewidth=1.2, label="slow mode")
+    if right.name == "stiffness_y" and table.has("stiffness_x"):
+        crossover = np.degrees(np.arctan(table.numbers["stiffness_x"] / values))
+        axis.plot(shown, crossover, color=BLACK, linewidth=1.0, linestyle=":", label=r"$\tan\varphi=k_x/k_y$")
+    handles, _ = axis.get_legend_handles_labels()
+    if handles:
+        axis.figure.legend(
+            loc="outside upper center", ncols=len(handles), handlelength=1.8, columnspacing=1.0
+        )
+
+
+def _stability_lines(table: Table, right: Axis, values: Floats) -> _Lines | None:
+    """None if the friction does not weaken or something is missing."""
+    needed = [name for name in SLIDER if name != "stiffness_y"]
+    if not all(name in table.numbers or name == right.name for name in needed):
+        return None
+    # Without a stiff axis only the limit is drawn, which does not depend on it.
+    given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
+    given |= {name: table.numbers[name] for name in SLIDER if name in table.numbers}
+    critical = critical_misalignment(**(given | {right.name: values}))
+    angle = np.degrees(critical.angle)
+    return _Lines(angle[..., 0], angle[..., 1], np.degrees(critical.limit))
