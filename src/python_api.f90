@@ -25,6 +25,7 @@ module dst_python_api
   use dst_stability, only: critical_t, steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, &
                            damping_scale, damping_ratio, weakening_damping_ratio
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, value_count, value_quantities
+  use dst_sweep_points, only: read_csv
   use dst_trade, only: trade_t, start_trade
   use dst_trade_advice, only: check_wish, cheapest, advice, advised_settings
   use dst_trade_report, only: trade_report
@@ -107,6 +108,9 @@ contains
           first = first + sizes(i)
         end do
         call new_sweep(parsed, session%sweep, session%error, given, is_list == 1)
+      else if (parsed%text_of('sweep', 'points') /= '') then
+        call read_csv(parsed, given, session%error)
+        if (.not. allocated(session%error)) call new_sweep(parsed, session%sweep, session%error, given, .true.)
       else if (parsed%is_sweep()) then
         call new_sweep(parsed, session%sweep, session%error)
       else
@@ -124,16 +128,17 @@ contains
     axes = int(size(session%sweep%axes), c_int)
   end subroutine sweep_open
 
-  !> Number of values of axis i (from 1), and of a case.
-  subroutine sweep_sizes(handle, i, n_axis, n_case)
+  !> Number of values of axis i (from 1), and of a case; 1 if the axes are columns of a list.
+  subroutine sweep_sizes(handle, i, n_axis, n_case, is_list)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: n_axis, n_case
+    integer(c_int), intent(out) :: n_axis, n_case, is_list
     type(sweep_session_t), pointer :: session
 
     session => sweep_of(handle)
     n_axis = int(size(session%sweep%axes(i)%values), c_int)
     n_case = int(value_count, c_int)
+    is_list = merge(1_c_int, 0_c_int, session%sweep%is_list)
   end subroutine sweep_sizes
 
   !> Axis i (from 1): its name, units, meaning and values.

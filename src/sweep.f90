@@ -38,6 +38,7 @@ module dst_sweep
   contains
     procedure :: coordinates
     procedure :: series_rows
+    procedure :: series_times
     procedure :: series_values
   end type sweep_t
 
@@ -47,7 +48,7 @@ module dst_sweep
     integer :: result_code = 0
     character(:), allocatable :: result_text          !! '' if done
     real(wp), allocatable :: values(:)                !! as value_quantities; NaN where the case has none
-    real(wp), allocatable :: series(:, :)             !! (column, row); no columns if it is not kept
+    real(wp), allocatable :: series(:, :)             !! (column, row); not allocated if it is not kept
   end type case_t
 
   !> Who decides whether a case under way goes on; asked every `slice`.
@@ -67,6 +68,7 @@ module dst_sweep
   type :: worker_t
     private
     type(scene_t) :: scene
+    integer :: kept = 0                   !! columns of the series beside time; the others are for the last state
   contains
     procedure :: run_case
   end type worker_t
@@ -77,8 +79,8 @@ module dst_sweep
     procedure :: write_events => forget_events
   end type case_writer_t
 
-  !> Wall time between two looks at the watch [s].
-  real(wp), parameter :: slice = 0.02_wp
+  !> Wall time between two looks at the watch [s]. A process that has many cases to deal out answers that late.
+  real(wp), parameter :: slice = 1.0e-3_wp
 
   character(6), parameter :: final_columns(4) = [character(6) :: 'u_x', 'u_y', 'X', 'X_rate']
   integer, parameter :: summary_count = size(summary_quantities)
@@ -132,7 +134,7 @@ contains
       if (sweep%is_list) cases = real(size(sweep%axes(1)%values), wp)
     end do
     if (cases > many_cases .or. cases < 1.0_wp) then
-      call raise(error, deck_error, deck%name//': a sweep has from 1 to '//integer_text(int(many_cases, int64))//' cases')
+      call raise(error, deck_error, 'a sweep has from 1 to '//integer_text(int(many_cases, int64))//' cases')
     else
       sweep%cases = nint(cases)
     end if
@@ -159,7 +161,7 @@ contains
         end do
       end associate
       if (problem == '') cycle
-      call raise(error, deck_error, sweep%deck%name//': '//problem)
+      call raise(error, deck_error, problem)
       return
     end do
   end subroutine check_axes
@@ -237,6 +239,16 @@ contains
     series_rows = ceiling(intervals) + 1
   end function series_rows
 
+  !> Times of the samples [s].
+  pure function series_times(self) result(times)
+    class(sweep_t), intent(in) :: self
+    real(wp), allocatable :: times(:)
+    integer :: i
+
+    times = [(real(i - 1, wp)*self%deck%real_of('output', 'interval'), i=1, self%series_rows())]
+    if (size(times) > 0) times(size(times)) = self%deck%real_of('scene', 't_end')
+  end function series_times
+
   !> Values of the series of a case.
   integer function series_values(self)
     class(sweep_t), intent(in) :: self
@@ -244,18 +256,15 @@ contains
     series_values = self%series_rows()*size(series_quantities(self))
   end function series_values
 
-  !> Columns of the series, the first is time; none if it is not kept.
+  !> Columns of the series but time, which is the same in all cases; none if it is not kept.
   function series_quantities(sweep) result(quantities)
     type(sweep_t), intent(in) :: sweep
     type(quantity_t), allocatable :: quantities(:)
-    type(scene_t) :: scene
+    type(worker_t) :: worker
     integer :: i
 
-    allocate (quantities(0))
-    if (.not. sweep%keeps_series) return
-    call scene_from_deck(sweep%deck, scene)
-    call adapt_output(scene, .true.)
-    quantities = [columns(1), (columns(find_column(scene%fields(i))), i=1, size(scene%fields))]
+    call new_worker(sweep, worker)
+    quantities = [(columns(find_column(worker%scene%fields(i))), i=1, worker%kept)]
   end function series_quantities
 
   subroutine new_worker(sweep, worker)
@@ -263,7 +272,7 @@ contains
     type(worker_t), intent(out) :: worker
 
     call scene_from_deck(sweep%deck, worker%scene)
-    call adapt_output(worker%scene, sweep%keeps_series)
+    call adapt_output(worker%scene, sweep%keeps_series, worker%kept)
   end subroutine new_worker
 
   !> Run case `number`. If the watch asks to stop first, `done` is false and nothing of the case remains.
@@ -294,7 +303,7 @@ contains
       if (done) exit
       if (watch%asked_to_stop()) return
     end do
-    call take_result(simulation, writer, error, sweep%keeps_series, result)
+    call take_result(simulation, writer, error, self%kept, result)
     result%number = number
     result%values(wall_time_value) = wall_clock() - begun
   end subroutine run_case
@@ -307,9 +316,10 @@ contains
 
   !> The last state is among the columns, and the limit is that of the sweep. A summary needs no series; only the largest
   !> velocity of slow creep, which is known in closed form, is looked for among its samples.
-  subroutine adapt_output(scene, keeps_series)
+  subroutine adapt_output(scene, keeps_series, kept)
     type(scene_t), intent(inout) :: scene
     logical, intent(in) :: keeps_series
+    integer, intent(out) :: kept          !! columns of the series
     integer :: i
 
     scene%wall_limit = 0.0_wp
@@ -321,6 +331,7 @@ contains
       scene%fields = pack(columns%name, columns%name /= 'time' .and. columns%name /= 'zeta')
       if (scene%model == 'creep_asymptotic') scene%fields = [character(len(scene%fields)) :: 'X', 'X_rate']
     end if
+    kept = size(scene%fields)
     do i = 1, final_count
       if (scene%model == 'creep_asymptotic' .and. index(final_columns(i), 'X') /= 1) cycle
       if (all(scene%fields /= final_columns(i))) &
@@ -328,11 +339,11 @@ contains
     end do
   end subroutine adapt_output
 
-  subroutine take_result(simulation, writer, error, keeps_series, result)
+  subroutine take_result(simulation, writer, error, kept, result)
     type(simulation_t), intent(in) :: simulation
     type(case_writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(in) :: error
-    logical, intent(in) :: keeps_series
+    integer, intent(in) :: kept           !! columns of the series
     type(case_t), intent(inout) :: result
     logical :: given(summary_count)
     integer :: i, column
@@ -359,7 +370,7 @@ contains
         end do
       end do
     end if
-    if (keeps_series) result%series = writer%samples(:, :writer%rows)
+    if (kept > 0) result%series = writer%samples(2:kept + 1, :writer%rows)
   end subroutine take_result
 
   subroutine forget_events(self, time, kind, error)

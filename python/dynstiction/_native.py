@@ -236,11 +236,12 @@ class Sweep:
             self.close()
             raise error_for(status, message)
         self.axes = [self._axis(i + 1) for i in range(n_axes)]
-        _, self._n_values = _core.sweep_sizes(self._handle, 1)
+        _, self._n_values, is_list = _core.sweep_sizes(self._handle, 1)
+        self.is_list = bool(is_list)
         self.quantities = [_info(*_core.sweep_value_info(i + 1)) for i in range(self._n_values)]
 
     def _axis(self, i: int) -> tuple[Info, NDArray[np.float64]]:
-        size, _ = _core.sweep_sizes(self._handle, i)
+        size, _, _ = _core.sweep_sizes(self._handle, i)
         name, units, long_name, values = _core.sweep_axis(self._handle, i, size)
         return _info(name, units, long_name), values
 
