@@ -1,8 +1,8 @@
 !> The processes of a sweep, over MPI. Rank 0 deals out the cases a few at a time while it works itself.
 !>
 !> Only the first thread of a process calls anything here. Every call of `deal` is short: messages are looked for, not waited for.
-!> A process asks for cases as often as it likes, and takes leave once; rank 0 answers each question, and tells each process
-!> once to stop, at the latest when all have taken leave. So no message is left over when the list is closed.
+!> A process asks for cases as often as it likes, and takes leave once; rank 0 answers each question, and says farewell to each
+!> process once: when any process stops, so that all do, or else when all have taken leave. So no message is left over.
 !> Source: MPI 3.1 standard, chapters 3 and 12. `ranks_serial.f90` is the same module for one process.
 module dst_ranks
   use mpi_f08, only: mpi_comm_world, mpi_init_thread, mpi_comm_rank, mpi_comm_size, mpi_iprobe, mpi_recv, mpi_send, &
@@ -22,7 +22,7 @@ module dst_ranks
     integer, private :: next = 1
     integer, private :: gone = 0                     !! of rank 0: processes that have taken leave
     logical, private :: asked = .false.              !! an answer of rank 0 is on its way
-    logical, private :: told_to_stop = .false.       !! the message of rank 0 has come, or been sent to all
+    logical, private :: farewell = .false.           !! has come from rank 0, or been sent to all
     integer, allocatable, private :: done_by(:, :)   !! finished and failed cases of each rank
     integer :: finished = 0, failed = 0              !! of all processes, as far as is known here
   contains
@@ -34,7 +34,7 @@ module dst_ranks
     procedure :: end
   end type ranks_t
 
-  integer, parameter :: asks = 1, answers = 2, leaves = 3, stops = 4
+  integer, parameter :: asks = 1, answers = 2, leaves = 3, farewells = 4
   !> At most so many cases are given at once, so that an answer fits into a message that is sent without waiting; and of
   !> what is left no more than this part of a process's share.
   integer, parameter :: most = 512, part = 4
@@ -63,7 +63,7 @@ contains
     self%next = 1
     self%gone = 0
     self%asked = .false.
-    self%told_to_stop = .false.
+    self%farewell = .false.
   end subroutine open_list
 
   !> Take more cases, if `wanted` are more than 0. `none_left` if there will be no more.
@@ -115,19 +115,20 @@ contains
     end do
     self%finished = sum(self%done_by(1, :))
     self%failed = sum(self%done_by(2, :))
-    if (stop) call tell_to_stop(self)
+    if (stop) call say_farewell(self, stop)
   end subroutine serve
 
-  subroutine tell_to_stop(self)
+  subroutine say_farewell(self, stop)
     class(ranks_t), intent(inout) :: self
+    logical, intent(in) :: stop
     integer :: rank
 
-    if (self%told_to_stop) return
+    if (self%farewell) return
     do rank = 1, self%count - 1
-      call mpi_send([0], 1, mpi_integer, rank, stops, mpi_comm_world)
+      call mpi_send([merge(1, 0, stop)], 1, mpi_integer, rank, farewells, mpi_comm_world)
     end do
-    self%told_to_stop = .true.
-  end subroutine tell_to_stop
+    self%farewell = .true.
+  end subroutine say_farewell
 
   !> What rank 0 says, if it has said anything.
   subroutine hear(self, numbers, none_left, stop)
@@ -135,15 +136,15 @@ contains
     integer, allocatable, intent(out) :: numbers(:)
     logical, intent(inout) :: none_left, stop
     type(mpi_status) :: status
-    integer :: length, ignored(1)
+    integer :: length, message(1)
     logical :: there
 
-    if (.not. self%told_to_stop) then
-      call mpi_iprobe(0, stops, mpi_comm_world, there, mpi_status_ignore)
+    if (.not. self%farewell) then
+      call mpi_iprobe(0, farewells, mpi_comm_world, there, mpi_status_ignore)
       if (there) then
-        call mpi_recv(ignored, 1, mpi_integer, 0, stops, mpi_comm_world, mpi_status_ignore)
-        self%told_to_stop = .true.
-        stop = .true.
+        call mpi_recv(message, 1, mpi_integer, 0, farewells, mpi_comm_world, mpi_status_ignore)
+        self%farewell = .true.
+        stop = stop .or. message(1) > 0
       end if
     end if
     if (.not. self%asked) return
@@ -164,7 +165,7 @@ contains
     integer :: left, length
 
     left = size(self%pending) - self%next + 1
-    if (self%told_to_stop) left = 0
+    if (self%farewell) left = 0
     length = min(left, wanted, most, max(1, left/(part*self%count)))
     numbers = self%pending(self%next:self%next + length - 1)
     self%next = self%next + length
@@ -190,14 +191,14 @@ contains
     logical :: none_left
 
     if (self%rank == 0) then
-      call tell_to_stop(self)
+      call say_farewell(self, stop)
     else
       do while (self%asked)
         call hear(self, numbers, none_left, stop)
         call wait_seconds(pause)
       end do
       call mpi_send([merge(1, 0, stop), finished, failed], 3, mpi_integer, 0, leaves, mpi_comm_world)
-      do while (.not. self%told_to_stop)
+      do while (.not. self%farewell)
         call hear(self, numbers, none_left, stop)
         call wait_seconds(pause)
       end do

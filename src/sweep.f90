@@ -151,6 +151,9 @@ contains
       associate (axis => sweep%axes(i))
         axis%key = varied_key(trim(axis%name))
         problem = variation_problem(sweep%deck, trim(axis%name))
+        if (problem == '' .and. sweep%keeps_series .and. schema(axis%key)%name == 't_end') &
+          problem = "keep 'series' needs the same times in every case: do not vary scene.t_end"
+        if (problem == '') axis%name = trim(schema(axis%key)%group)//'.'//schema(axis%key)%name
         do j = 1, i - 1
           if (sweep%axes(j)%key == axis%key .and. problem == '') problem = "'"//trim(axis%name)//"' is varied twice: name it once"
         end do
@@ -181,8 +184,8 @@ contains
     counts = deck%reals_of(sweep_group, 'count')
     allocate (axes(size(names)))
     do i = 1, size(axes)
-      axes(i)%name = names(i)(:len(axes%name))
       axes(i)%key = varied_key(trim(names(i)))
+      axes(i)%name = trim(schema(axes(i)%key)%group)//'.'//schema(axes(i)%key)%name
       call spaced(first(i), last(i), nint(counts(i)), trim(spacing(min(i, size(spacing)))), axes(i)%values)
     end do
   end subroutine axes_of_deck

@@ -7,7 +7,7 @@ module dst_sweep_list
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, names_in, read_list
   use dst_hdf5_writer, only: content_of
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: int64
   use dst_sweep, only: axis_t
   use dst_sweep_points, only: path_of_points, read_csv, name_axis
   use dst_text, only: integer_text
@@ -55,40 +55,43 @@ contains
       if (index(names(i)%text, '.') == 0) cycle
       n = n + 1
       call name_axis(deck, names(i)%text, path, axes, n, error)
-      if (.not. allocated(error)) call take_values(file, path, axes(n), size(axes(1)%values), error)
+      if (.not. allocated(error)) call take_values(file, path, names(i)%text, axes(n), error)
       if (allocated(error)) exit
+      if (size(axes(n)%values) /= size(axes(1)%values)) then
+        call raise(error, file_error, path//": '"//names(i)%text//"' has "//number(axes(n))// &
+          ' values, but the first dataset has '//number(axes(1))//': give datasets of one length')
+        exit
+      end if
     end do
     call h5fclose_f(file, ignored)
     if (n == 0) call raise(error, file_error, path//': holds no points: give one-dimensional datasets with names of keys, '// &
       'like /system.misalignment_deg')
   end subroutine read_datasets
 
-  subroutine take_values(file, path, axis, length, error)
+  function number(axis) result(text)
+    type(axis_t), intent(in) :: axis
+    character(:), allocatable :: text
+
+    text = integer_text(size(axis%values, kind=int64))
+  end function number
+
+  subroutine take_values(file, path, name, axis, error)
     integer(hid_t), intent(in) :: file
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path, name
     type(axis_t), intent(inout) :: axis
-    integer, intent(in) :: length       !! of the first axis
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: problem, name
+    character(:), allocatable :: problem
     integer :: status, i
 
-    name = trim(axis%name)
     status = 0
     call read_list(file, name, axis%values, status)
     problem = ''
-    if (status < 0) then
-      problem = 'is no sound one-dimensional dataset of numbers: give one value a case'
-    else if (size(axis%values) /= length) then
-      problem = 'has '//integer_text(size(axis%values, kind=int64))//' values, but the first dataset has '// &
-        integer_text(int(length, int64))//': give datasets of one length'
-    else
-      do i = 1, size(axis%values)
-        problem = range_problem(axis%key, axis%values(i))
-        if (problem == '') cycle
-        problem = 'value '//integer_text(int(i, int64))//': '//problem
-        exit
-      end do
-    end if
+    if (status < 0) problem = 'is no sound one-dimensional dataset of numbers: give one value a case'
+    do i = 1, size(axis%values)
+      if (problem /= '') exit
+      problem = range_problem(axis%key, axis%values(i))
+      if (problem /= '') problem = 'value '//integer_text(int(i, int64))//': '//problem
+    end do
     if (problem /= '') call raise(error, file_error, path//": '"//name//"' "//problem)
   end subroutine take_values
 end module dst_sweep_list

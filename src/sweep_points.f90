@@ -9,7 +9,7 @@ module dst_sweep_points
   use dst_disk, only: read_bytes
   use dst_errors, only: error_t, raise, file_error
   use dst_kinds, only: wp, int64
-  use dst_schema, only: sweep_group
+  use dst_schema, only: schema, sweep_group
   use dst_sweep, only: axis_t
   use dst_text, only: excerpt, integer_text, read_real
   implicit none
@@ -19,6 +19,7 @@ module dst_sweep_points
 
   character(*), parameter :: line_ends = achar(10)//achar(13), tab = achar(9), quote = '"'
   character(*), parameter :: separators = ';,'//tab//' '
+  character(*), parameter :: hdf5_signature = char(137)//'HDF'
   character(*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
 
 contains
@@ -46,6 +47,11 @@ contains
     call read_bytes(path, huge(1), text, reason)
     if (allocated(reason)) then
       call raise(error, file_error, path//': cannot be read: '//reason)
+      return
+    end if
+    if (index(text, hdf5_signature) == 1) then
+      call raise(error, file_error, path//': is an HDF5 file, which only the program dynstiction reads: in Python give its '// &
+        'datasets as parameters, with points=True')
       return
     end if
     first = 1
@@ -146,8 +152,8 @@ contains
       call raise(error, file_error, place//': '//problem)
       return
     end if
-    axes(i)%name = name
     axes(i)%key = varied_key(name)
+    axes(i)%name = trim(schema(axes(i)%key)%group)//'.'//schema(axes(i)%key)%name
   end subroutine name_axis
 
   !> A line with the values of a case.
