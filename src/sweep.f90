@@ -118,6 +118,10 @@ contains
     real(wp) :: cases
     integer :: i
 
+    if (deck%text_of('scene', 'model') == 'auto') then
+      call raise(error, deck_error, "model 'auto' in a sweep would mix models in one map: name the model")
+      return
+    end if
     sweep%deck = deck
     sweep%keeps_series = deck%text_of(sweep_group, 'keep') == 'series'
     if (present(axes)) then

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 from sweeps import GRID, SCENE, Sweep, cases_in, end_group, same, values
 
-# 240 cases of some 10 ms.
-DECK = SCENE.replace("t_end = 10.0", "t_end = 300.0") + GRID.replace("count = 12, 5", "count = 24, 10")
+# 240 cases of some milliseconds.
+DECK = SCENE.replace("t_end = 10.0", "t_end = 120.0") + GRID.replace("count = 12, 5", "count = 24, 10")
 CASES = list(range(1, 241))
 MPI = {"openmpi": "DYNSTICTION_OPENMPI_EXE", "mpich": "DYNSTICTION_MPICH_EXE"}
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -129,7 +129,7 @@ def kill_some(sweep, output, kind, kills, chance, reference):
     try:
         while seen["kills"] < kills:
             before = set(finished(sweep, output))
-            time.sleep(chance.uniform(0.0, 0.6))
+            time.sleep(chance.uniform(0.0, 0.5))
             alive = workers.workers()
             if not alive:
                 break
