@@ -126,6 +126,8 @@ contains
         call raise(error, stopped_early, stop_text(sweep, state))
       end if
     end if
+    ! All processes end with the same status; one has said why.
+    if (code /= 0 .and. .not. allocated(error)) error = error_t(code, '')
     call state%ranks%end()
   end subroutine run_sweep
 
