@@ -203,8 +203,8 @@ contains
 
     slash = index(value, '/')
     status = 1
-    if (slash > 1 .and. slash < len(value) .and. verify(value, '0123456789/') == 0 .and. len(value) < 16) &
-      read (value(:slash - 1), *, iostat=status) command%shard
+    if (slash > 1 .and. slash < len(value) .and. verify(value, '0123456789/') == 0 .and. len(value) < 16 &
+        .and. slash == index(value, '/', back=.true.)) read (value(:slash - 1), *, iostat=status) command%shard
     if (status == 0) read (value(slash + 1:), *, iostat=status) command%shards
     if (status /= 0 .or. command%shard < 1 .or. command%shard > command%shards .or. command%shards > most) &
       call raise(error, usage_error, "--shard '"//excerpt(value)//"': write --shard I/N with 1 <= I <= N, like --shard 3/16")

@@ -198,7 +198,9 @@ contains
     character(:), allocatable :: problem
 
     problem = ''
-    if (.not. in_range(schema(k)%range, value)) then
+    if (.not. abs(value) <= huge(value)) then
+      problem = 'a value of '//trim(schema(k)%name)//' is not finite: give a finite number'
+    else if (.not. in_range(schema(k)%range, value)) then
       problem = real_text(value)//' is out of range for '//trim(schema(k)%name)//': it must be finite'
       if (range_text(schema(k)) /= '') problem = problem//' and '//range_text(schema(k))
     else if (schema(k)%kind == integer_kind .and. abs(value - anint(value)) > 0.0_wp) then

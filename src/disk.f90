@@ -314,21 +314,25 @@ contains
     end if
   end subroutine open_for_appending
 
-  !> Append 64-bit words in one call of the system: what is killed in between has written all or nothing, or a part at the end.
+  !> Append 64-bit words in one call of the system, more only if that writes a part: what is killed in between has written
+  !> all, nothing, or a part at the end.
   subroutine append_words(descriptor, words, reason)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in), target, contiguous :: words(:)
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer, parameter :: word_bytes = 8
+    character(c_char), pointer :: bytes(:)
+    integer(int64) :: length, written
     integer(c_intptr_t) :: count
-    integer(c_size_t) :: bytes
 
-    bytes = 8_c_size_t*size(words, kind=c_size_t)
-    count = c_write(descriptor, c_loc(words(1)), bytes)
-    if (count < 0) then
-      reason = system_reason()
-    else if (count < int(bytes, c_intptr_t)) then
-      reason = with_remedy('No space left')
-    end if
+    length = word_bytes*size(words, kind=int64)
+    call c_f_pointer(c_loc(words(1)), bytes, [length])
+    written = 0
+    do while (written < length .and. .not. allocated(reason))
+      count = c_write(descriptor, c_loc(bytes(written + 1)), int(length - written, c_size_t))
+      if (count < 0) reason = system_reason()
+      written = written + count
+    end do
   end subroutine append_words
 
   subroutine close_descriptor(descriptor)

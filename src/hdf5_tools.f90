@@ -13,7 +13,8 @@ module dst_hdf5_tools
     h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, &
     h5aclose_f, h5aget_type_f, &
     h5dcreate_f, h5dopen_f, h5dclose_f, h5dget_type_f, h5dread_f, h5dwrite_f, h5dset_extent_f, h5dget_space_f, h5gcreate_f, &
-    h5lexists_f, h5ldelete_f, &
+    h5gget_info_f, h5lexists_f, h5ldelete_f, h5lget_name_by_idx_f, h5_index_name_f, h5_iter_inc_f, h5tget_class_f, &
+    h5t_integer_f, h5t_float_f, &
     h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_chunk_cache_f, h5pset_fletcher32_f, &
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
@@ -26,7 +27,8 @@ module dst_hdf5_tools
   public :: start_hdf5, open_file, failure_reason, file_descriptor
   public :: put_attribute, get_attribute, put_text, put_texts, get_text, put_number
   public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, column_checksum
-  public :: make_scale, attach_scale, table_t, create_table, append_rows, put_messages
+  public :: make_scale, attach_scale, table_t, create_table, append_rows
+  public :: message_list_t, create_messages, append_messages, names_in, read_list
 
   !> A one-dimensional dataset that grows.
   type :: column_t
@@ -40,6 +42,12 @@ module dst_hdf5_tools
     integer(hid_t) :: dataset = -1
     integer(hsize_t) :: rows = 0
   end type table_t
+
+  !> A one-dimensional dataset of texts that grows.
+  type :: message_list_t
+    integer(hid_t) :: dataset = -1
+    integer(hsize_t) :: rows = 0
+  end type message_list_t
 
   !> Create or overwrite an attribute of a file, group or dataset.
   interface put_attribute
@@ -373,7 +381,7 @@ contains
     if (status < 0) return
     call h5dwrite_f(column%dataset, text_type, c_loc(addresses), status)
     call describe(column%dataset, quantity, status)
-    call attach_scale(column, scale, status)
+    call attach_scale(column%dataset, scale, status)
     call h5sclose_f(space, ignored)
     call release_type(text_type, status)
   end subroutine put_texts
@@ -637,23 +645,28 @@ contains
     status = h5dsset_scale(int(column%dataset, c_int64_t), c_bytes(name))
   end subroutine make_scale
 
-  !> Let `scale` be the coordinate of `column`.
-  subroutine attach_scale(column, scale, status)
-    type(column_t), intent(in) :: column, scale
+  !> Let `scale` be the coordinate of a dataset along its side `side` from 0, in the order of C.
+  subroutine attach_scale(dataset, scale, status, side)
+    integer(hid_t), intent(in) :: dataset
+    type(column_t), intent(in) :: scale
     integer, intent(inout) :: status
+    integer, intent(in), optional :: side
+    integer(c_int) :: which
 
+    which = 0
+    if (present(side)) which = int(side, c_int)
     if (status < 0) return
-    status = h5dsattach_scale(int(column%dataset, c_int64_t), int(scale%dataset, c_int64_t), 0_c_int)
+    status = h5dsattach_scale(int(dataset, c_int64_t), int(scale%dataset, c_int64_t), which)
   end subroutine attach_scale
 
-  !> An empty table of doubles with rows of `length` values.
+  !> An empty table of doubles with rows of `length` values, in chunks of several rows and with a checksum for each.
   subroutine create_table(group, quantity, length, table, status)
     integer(hid_t), intent(in) :: group
     type(quantity_t), intent(in) :: quantity
     integer, intent(in) :: length
     type(table_t), intent(out) :: table
     integer, intent(inout) :: status
-    integer(hsize_t), parameter :: usual_chunk = 16384
+    integer(hsize_t), parameter :: usual_chunk = 16384   ! values
     integer(hid_t) :: space, creation
     integer(hsize_t) :: chunk(2)
     integer :: ignored
@@ -662,8 +675,10 @@ contains
     call h5screate_simple_f(2, [int(length, hsize_t), 0_hsize_t], space, status, [int(length, hsize_t), h5s_unlimited_f])
     if (status < 0) return
     call h5pcreate_f(h5p_dataset_create_f, creation, status)
-    chunk = [min(int(length, hsize_t), usual_chunk), 1_hsize_t]
+    chunk(1) = min(int(length, hsize_t), usual_chunk)
+    chunk(2) = max(1_hsize_t, usual_chunk/chunk(1))
     if (status >= 0) call h5pset_chunk_f(creation, 2, chunk, status)
+    if (status >= 0) call h5pset_fletcher32_f(creation, status)
     if (status >= 0) call h5dcreate_f(group, trim(quantity%name), h5t_ieee_f64le, space, table%dataset, status, creation)
     if (status < 0) return
     call h5pclose_f(creation, ignored)
@@ -694,37 +709,114 @@ contains
     table%rows = table%rows + count(2)
   end subroutine append_rows
 
-  !> A dataset of texts.
-  subroutine put_messages(group, quantity, texts, status)
+  !> An empty list of texts.
+  subroutine create_messages(group, quantity, list, status)
     integer(hid_t), intent(in) :: group
     type(quantity_t), intent(in) :: quantity
+    type(message_list_t), intent(out) :: list
+    integer, intent(inout) :: status
+    integer(hsize_t), parameter :: chunk = 1024
+    integer(hid_t) :: space, creation, text_type
+    integer :: ignored
+
+    call create_text_type(text_type, status)
+    if (status < 0) return
+    call h5screate_simple_f(1, [0_hsize_t], space, status, [h5s_unlimited_f])
+    if (status < 0) return
+    call h5pcreate_f(h5p_dataset_create_f, creation, status)
+    if (status >= 0) call h5pset_chunk_f(creation, 1, [chunk], status)
+    if (status >= 0) call h5dcreate_f(group, trim(quantity%name), text_type, space, list%dataset, status, creation)
+    if (status < 0) return
+    call h5pclose_f(creation, ignored)
+    call h5sclose_f(space, ignored)
+    call describe(list%dataset, quantity, status)
+    call release_type(text_type, status)
+  end subroutine create_messages
+
+  subroutine append_messages(list, texts, status)
+    type(message_list_t), intent(inout) :: list
     type(path_t), intent(in) :: texts(:)
     integer, intent(inout) :: status
     character(c_char), allocatable, target :: bytes(:)
-    type(c_ptr), target :: addresses(max(1, size(texts)))
-    integer(hid_t) :: space, dataset, text_type
-    integer :: i, first, ignored
+    type(c_ptr), allocatable, target :: addresses(:)
+    integer(hid_t) :: file_space, memory_space, text_type
+    integer(hsize_t) :: count(1)
+    integer :: i, first, length, ignored
 
-    if (status < 0) return
-    allocate (bytes(sum([(len(texts(i)%text) + 1, i=1, size(texts))]) + 1))
+    if (status < 0 .or. size(texts) == 0) return
+    length = 0
+    do i = 1, size(texts)
+      length = length + len(texts(i)%text) + 1
+    end do
+    allocate (bytes(length), addresses(size(texts)))
     first = 1
     do i = 1, size(texts)
-      associate (length => len(texts(i)%text) + 1)
-        bytes(first:first + length - 1) = c_bytes(texts(i)%text)
-        addresses(i) = c_loc(bytes(first))
-        first = first + length
-      end associate
+      length = len(texts(i)%text) + 1
+      bytes(first:first + length - 1) = c_bytes(texts(i)%text)
+      addresses(i) = c_loc(bytes(first))
+      first = first + length
     end do
+    count = size(texts)
     call create_text_type(text_type, status)
-    if (status >= 0) call h5screate_simple_f(1, [int(size(texts), hsize_t)], space, status)
-    if (status >= 0) call h5dcreate_f(group, trim(quantity%name), text_type, space, dataset, status)
+    if (status >= 0) call h5dset_extent_f(list%dataset, list%rows + count, status)
+    if (status >= 0) call h5dget_space_f(list%dataset, file_space, status)
     if (status < 0) return
-    if (size(texts) > 0) call h5dwrite_f(dataset, text_type, c_loc(addresses(1)), status)
-    call describe(dataset, quantity, status)
-    call h5sclose_f(space, ignored)
-    call h5dclose_f(dataset, ignored)
+    call h5sselect_hyperslab_f(file_space, h5s_select_set_f, [list%rows], count, status)
+    if (status >= 0) call h5screate_simple_f(1, count, memory_space, status)
+    if (status >= 0) call h5dwrite_f(list%dataset, text_type, c_loc(addresses), status, memory_space, file_space)
+    if (status < 0) return
+    call h5sclose_f(memory_space, ignored)
+    call h5sclose_f(file_space, ignored)
     call release_type(text_type, status)
-  end subroutine put_messages
+    list%rows = list%rows + count(1)
+  end subroutine append_messages
+
+  !> The names of all that a file or group holds, in alphabetical order.
+  subroutine names_in(group, names, status)
+    integer(hid_t), intent(in) :: group
+    type(path_t), allocatable, intent(out) :: names(:)
+    integer, intent(inout) :: status
+    character(256) :: name
+    integer(hsize_t) :: i
+    integer :: storage, count, order
+
+    count = 0
+    if (status >= 0) call h5gget_info_f(group, storage, count, order, status)
+    allocate (names(count))
+    do i = 1, count
+      if (status >= 0) call h5lget_name_by_idx_f(group, '.', h5_index_name_f, h5_iter_inc_f, i - 1_hsize_t, name, status)
+      names(i)%text = trim(name)
+    end do
+  end subroutine names_in
+
+  !> All values of a one-dimensional dataset of numbers.
+  subroutine read_list(group, name, values, status)
+    integer(hid_t), intent(in) :: group
+    character(*), intent(in) :: name
+    real(wp), allocatable, intent(out) :: values(:)
+    integer, intent(inout) :: status
+    type(column_t) :: column
+    real(real64), allocatable, target :: read(:)
+    type(c_ptr) :: buffer
+    integer(hid_t) :: stored_as
+    integer :: class, ignored
+
+    allocate (values(0))
+    call open_column(group, name, 1, column, status)
+    if (status < 0) return
+    call h5dget_type_f(column%dataset, stored_as, status)
+    if (status >= 0) call h5tget_class_f(stored_as, class, status)
+    if (status >= 0 .and. class /= h5t_integer_f .and. class /= h5t_float_f) status = -1
+    if (status < 0) return
+    call h5tclose_f(stored_as, ignored)
+    allocate (read(column%rows))
+    if (size(read) > 0) then
+      buffer = c_loc(read)
+      call h5dread_f(column%dataset, h5t_native_double, buffer, status)
+    end if
+    call h5dclose_f(column%dataset, ignored)
+    values = real(read, wp)
+  end subroutine read_list
 
   subroutine create_text_type(text_type, status)
     integer(hid_t), intent(out) :: text_type

@@ -24,7 +24,7 @@ module dst_hdf5_writer
   implicit none
   private
 
-  public :: write_metadata, hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5
+  public :: write_metadata, hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5, content_of
 
   !> A parameter of the deck whose value is text.
   type :: text_parameter_t
@@ -305,7 +305,7 @@ contains
         call append(stored(i), real(columns(i)%number, real64), status)
         if (abs(columns(i)%fill) > 0.0_wp) call put_attribute(stored(i)%dataset, '_FillValue', columns(i)%fill, status)
         if (i == 1) call make_scale(stored(1), trim(columns(1)%quantity%name), status)
-        if (i > 1) call attach_scale(stored(i), stored(1), status)
+        if (i > 1) call attach_scale(stored(i)%dataset, stored(1), status)
       end do
       call close_group(group, status)
       if (status < 0) call self%fail(failure_reason(), sound=.false.)
@@ -633,7 +633,7 @@ contains
       if (i == 1) then
         call make_scale(self%columns(1), 'time', status)
       else
-        call attach_scale(self%columns(i), self%columns(1), status)
+        call attach_scale(self%columns(i)%dataset, self%columns(1), status)
       end if
     end do
     call close_group(group, status)
@@ -643,7 +643,7 @@ contains
     call create_column(group, quantity_t('kind', '1', '1 = stick begins, 2 = slip begins'), h5t_std_i8le, event_chunk, &
       self%event_kind, status)
     call make_scale(self%event_time, 'time', status)
-    call attach_scale(self%event_kind, self%event_time, status)
+    call attach_scale(self%event_kind%dataset, self%event_time, status)
     call close_group(group, status)
     if (doubles_lose_digits) call create_remainders(self, columns, status)
   end subroutine create_columns

@@ -59,20 +59,20 @@ contains
     call self%put_line(trim(text), elapsed)
   end subroutine show
 
-  !> Report that `done` of `total` cases, `failed` of them in vain, took `elapsed` wall time [s], if it is time to.
-  subroutine show_cases(self, done, total, failed, elapsed)
+  !> Report that, besides `before` cases, `done` of `to_do` took `elapsed` wall time [s], if it is time to; `failed` of all.
+  subroutine show_cases(self, before, done, to_do, failed, elapsed)
     class(progress_t), intent(inout) :: self
-    integer, intent(in) :: done, total, failed
+    integer, intent(in) :: before, done, to_do, failed
     real(wp), intent(in) :: elapsed
     character(200) :: text
-    character(24) :: rate
-    real(wp) :: left
+    character(40) :: pace
 
     if (self%quiet .or. elapsed < self%next) return
-    left = elapsed*real(total - done, wp)/real(max(1, done), wp)
-    write (rate, '(es10.3)') real(done, wp)/elapsed
-    write (text, '(a, i0, a, i0, a, i0, 4a, f0.1, a)') self%label//': ', done, ' of ', total, ' cases, ', failed, ' failed, ', &
-      trim(adjustl(rate)), ' cases/s', ', ', left, ' s left'
+    pace = ''
+    if (done > 0) write (pace, '(a, g0.3, a, i0, a)') ', ', real(done, wp)/elapsed, ' cases/s, ', &
+      ceiling(elapsed*real(to_do - done, wp)/real(done, wp)), ' s left'
+    write (text, '(a, i0, a, i0, a, i0, 2a)') self%label//': ', before + done, ' of ', before + to_do, ' cases, ', failed, &
+      ' failed', trim(pace)
     call self%put_line(trim(text), elapsed)
   end subroutine show_cases
 

@@ -26,7 +26,7 @@ module dst_python_api
                            damping_scale, damping_ratio, weakening_damping_ratio
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_count, &
     value_quantities
-  use dst_sweep_points, only: sweep_of_deck
+  use dst_sweep_points, only: read_csv
   use dst_trade, only: trade_t, start_trade
   use dst_trade_advice, only: check_wish, cheapest, advice, advised_settings
   use dst_trade_report, only: trade_report
@@ -111,8 +111,11 @@ contains
           first = first + sizes(i)
         end do
         call new_sweep(parsed, session%sweep, session%error, given, is_list == 1)
+      else if (parsed%text_of('sweep', 'points') /= '') then
+        call read_csv(parsed, given, session%error)
+        if (.not. allocated(session%error)) call new_sweep(parsed, session%sweep, session%error, given, .true.)
       else if (parsed%is_sweep()) then
-        call sweep_of_deck(parsed, session%sweep, session%error)
+        call new_sweep(parsed, session%sweep, session%error)
       else
         call raise(session%error, usage_error, 'nothing is varied: give parameters, or a deck with &sweep')
       end if
@@ -200,7 +203,7 @@ contains
         next = next + 1
       end do
       if (worker%is_idle()) exit
-      call worker%next_result(session%sweep, watch, case, finished)
+      call worker%next_result(watch, case, finished)
       if (.not. finished) exit
       associate (i => case%number - int(first) + 1)
         values(:, i) = real(case%values, c_double)

@@ -8,13 +8,12 @@ module dst_ranks
 
   type :: ranks_t
     integer :: rank = 0, count = 1
-    !> Cases not yet given to a process: a piece of a list from `next` to `last`.
-    integer, private :: next = 1, last = 0
-    integer :: finished = 0, failed = 0       !! of all processes, as far as is known here
+    integer, allocatable, private :: pending(:)   !! cases not yet dealt out
+    integer :: finished = 0, failed = 0           !! of all processes, as far as is known here
   contains
-    procedure :: share
     procedure :: open_list
     procedure :: deal
+    procedure :: others_are_done
     procedure :: close_list
     procedure :: stop_all
     procedure :: end
@@ -29,45 +28,48 @@ contains
     ranks%count = 1
   end subroutine start_ranks
 
-  !> Give all processes what the first one has.
-  subroutine share(self, list)
-    class(ranks_t), intent(in) :: self
-    integer, allocatable, intent(inout) :: list(:)
-
-    associate (unused => self, also_unused => list)
-    end associate
-  end subroutine share
-
-  !> Begin to deal out a list of `length` pieces of work.
-  subroutine open_list(self, length)
+  !> Begin to deal out the cases `pending`.
+  subroutine open_list(self, pending)
     class(ranks_t), intent(inout) :: self
-    integer, intent(in) :: length
+    integer, allocatable, intent(inout) :: pending(:)   !! is taken away
 
-    self%next = 1
-    self%last = length
+    call move_alloc(pending, self%pending)
   end subroutine open_list
 
-  !> Take the next pieces, if `wanted`: `range(1)` to `range(2)`, empty if there are none now; `none_left` if there will be no more.
-  subroutine deal(self, wanted, finished, failed, range, none_left)
+  !> Take more cases, if `wanted` are more than 0: here all there are. `none_left` if there will be no more.
+  subroutine deal(self, wanted, finished, failed, numbers, none_left, stop)
     class(ranks_t), intent(inout) :: self
-    logical, intent(in) :: wanted
-    integer, intent(in) :: finished, failed   !! of this process so far
-    integer, intent(out) :: range(2)
+    integer, intent(in) :: wanted
+    integer, intent(in) :: finished, failed              !! of this process so far
+    integer, allocatable, intent(out) :: numbers(:)      !! unallocated if there are none now
     logical, intent(inout) :: none_left
+    logical, intent(inout) :: stop                       !! this process stops; on return: any process does
 
-    range = [1, 0]
+    associate (unused => stop)
+    end associate
     self%finished = finished
     self%failed = failed
-    if (.not. wanted) return
-    range = [self%next, self%last]
+    if (wanted == 0) return
+    call move_alloc(self%pending, numbers)
     none_left = .true.
   end subroutine deal
 
-  !> Wait until every process has done its work; then `finished` and `failed` are those of all.
-  subroutine close_list(self, finished, failed)
+  logical function others_are_done(self)
+    class(ranks_t), intent(in) :: self
+
+    associate (unused => self)
+    end associate
+    others_are_done = .true.
+  end function others_are_done
+
+  !> Take leave of the other processes, and wait for them; then `finished` and `failed` are those of all.
+  subroutine close_list(self, finished, failed, stop)
     class(ranks_t), intent(inout) :: self
     integer, intent(in) :: finished, failed
+    logical, intent(inout) :: stop                       !! as for `deal`
 
+    associate (unused => stop)
+    end associate
     self%finished = finished
     self%failed = failed
   end subroutine close_list

@@ -39,6 +39,7 @@ module dst_sweep
   contains
     procedure :: coordinates
     procedure :: series_rows
+    procedure :: series_times
     procedure :: series_values
   end type sweep_t
 
@@ -48,7 +49,7 @@ module dst_sweep
     integer :: result_code = 0
     character(:), allocatable :: result_text          !! '' if done
     real(wp), allocatable :: values(:)                !! as value_quantities; NaN where the case has none
-    real(wp), allocatable :: series(:, :)             !! (column, row); no columns if it is not kept
+    real(wp), allocatable :: series(:, :)             !! (column, row); not allocated if it is not kept
   end type case_t
 
   !> Who decides whether a case under way goes on; asked every `slice`.
@@ -72,6 +73,7 @@ module dst_sweep
     integer, allocatable :: number(:)
     real(wp), allocatable :: begun(:)
     type(lanes_t), allocatable :: lanes
+    integer :: kept = 0                   !! columns of the series beside time; the others are for the last state
   contains
     procedure :: has_room
     procedure :: is_idle
@@ -85,9 +87,10 @@ module dst_sweep
     procedure :: write_events => forget_events
   end type case_writer_t
 
-  !> Wall time between two looks at the watch [s]; steps of all lanes between two.
-  real(wp), parameter :: slice = 0.02_wp
-  integer, parameter :: steps_between_looks = 2000
+  !> Wall time between two looks at the watch [s]; steps of all lanes between two. A process that has many cases to deal out
+  !> answers that late.
+  real(wp), parameter :: slice = 1.0e-3_wp
+  integer, parameter :: steps_between_looks = 500
 
   character(6), parameter :: final_columns(4) = [character(6) :: 'u_x', 'u_y', 'X', 'X_rate']
   integer, parameter :: summary_count = size(summary_quantities)
@@ -125,6 +128,10 @@ contains
     real(wp) :: cases
     integer :: i
 
+    if (deck%text_of('scene', 'model') == 'auto') then
+      call raise(error, deck_error, "model 'auto' in a sweep would mix models in one map: name the model")
+      return
+    end if
     sweep%deck = deck
     sweep%keeps_series = deck%text_of(sweep_group, 'keep') == 'series'
     if (present(axes)) then
@@ -141,7 +148,7 @@ contains
       if (sweep%is_list) cases = real(size(sweep%axes(1)%values), wp)
     end do
     if (cases > many_cases .or. cases < 1.0_wp) then
-      call raise(error, deck_error, deck%name//': a sweep has from 1 to '//integer_text(int(many_cases, int64))//' cases')
+      call raise(error, deck_error, 'a sweep has from 1 to '//integer_text(int(many_cases, int64))//' cases')
     else
       sweep%cases = nint(cases)
     end if
@@ -158,6 +165,9 @@ contains
       associate (axis => sweep%axes(i))
         axis%key = varied_key(trim(axis%name))
         problem = variation_problem(sweep%deck, trim(axis%name))
+        if (problem == '' .and. sweep%keeps_series .and. schema(axis%key)%name == 't_end') &
+          problem = "keep 'series' needs the same times in every case: do not vary scene.t_end"
+        if (problem == '') axis%name = trim(schema(axis%key)%group)//'.'//schema(axis%key)%name
         do j = 1, i - 1
           if (sweep%axes(j)%key == axis%key .and. problem == '') problem = "'"//trim(axis%name)//"' is varied twice: name it once"
         end do
@@ -168,7 +178,7 @@ contains
         end do
       end associate
       if (problem == '') cycle
-      call raise(error, deck_error, sweep%deck%name//': '//problem)
+      call raise(error, deck_error, problem)
       return
     end do
   end subroutine check_axes
@@ -188,8 +198,8 @@ contains
     counts = deck%reals_of(sweep_group, 'count')
     allocate (axes(size(names)))
     do i = 1, size(axes)
-      axes(i)%name = names(i)(:len(axes%name))
       axes(i)%key = varied_key(trim(names(i)))
+      axes(i)%name = trim(schema(axes(i)%key)%group)//'.'//schema(axes(i)%key)%name
       call spaced(first(i), last(i), nint(counts(i)), trim(spacing(min(i, size(spacing)))), axes(i)%values)
     end do
   end subroutine axes_of_deck
@@ -246,6 +256,16 @@ contains
     series_rows = ceiling(intervals) + 1
   end function series_rows
 
+  !> Times of the samples [s].
+  pure function series_times(self) result(times)
+    class(sweep_t), intent(in) :: self
+    real(wp), allocatable :: times(:)
+    integer :: i
+
+    times = [(real(i - 1, wp)*self%deck%real_of('output', 'interval'), i=1, self%series_rows())]
+    if (size(times) > 0) times(size(times)) = self%deck%real_of('scene', 't_end')
+  end function series_times
+
   !> Values of the series of a case.
   integer function series_values(self)
     class(sweep_t), intent(in) :: self
@@ -253,18 +273,15 @@ contains
     series_values = self%series_rows()*size(series_quantities(self))
   end function series_values
 
-  !> Columns of the series, the first is time; none if it is not kept.
+  !> Columns of the series but time, which is the same in all cases; none if it is not kept.
   function series_quantities(sweep) result(quantities)
     type(sweep_t), intent(in) :: sweep
     type(quantity_t), allocatable :: quantities(:)
-    type(scene_t) :: scene
+    type(worker_t) :: worker
     integer :: i
 
-    allocate (quantities(0))
-    if (.not. sweep%keeps_series) return
-    call scene_from_deck(sweep%deck, scene)
-    call adapt_output(scene, .true.)
-    quantities = [columns(1), (columns(find_column(scene%fields(i))), i=1, size(scene%fields))]
+    call new_worker(sweep, worker)
+    quantities = [(columns(find_column(worker%scene%fields(i))), i=1, worker%kept)]
   end function series_quantities
 
   subroutine new_worker(sweep, worker)
@@ -272,7 +289,7 @@ contains
     type(worker_t), intent(out) :: worker
 
     call scene_from_deck(sweep%deck, worker%scene)
-    call adapt_output(worker%scene, sweep%keeps_series)
+    call adapt_output(worker%scene, sweep%keeps_series, worker%kept)
     if (worker%scene%method == 'rodas4p') allocate (worker%lanes)
     allocate (worker%number(cases_at_once(sweep)), worker%begun(cases_at_once(sweep)))
     worker%number = 0
@@ -316,9 +333,8 @@ contains
   end subroutine begin_case
 
   !> Go on until a case is done. If the watch asks to stop first, `done` is false and nothing of the cases remains.
-  subroutine next_result(self, sweep, watch, result, done)
+  subroutine next_result(self, watch, result, done)
     class(worker_t), intent(inout) :: self
-    type(sweep_t), intent(in) :: sweep
     class(watch_t), intent(inout) :: watch
     type(case_t), intent(inout) :: result
     logical, intent(out) :: done
@@ -330,7 +346,7 @@ contains
       call run_lanes(self%lanes, watch, place, done)
       if (done) call take_lane(self%lanes, place, result)
     else
-      call run_case(self%scene, sweep%keeps_series, watch, result, done)
+      call run_case(self%scene, self%kept, watch, result, done)
     end if
     if (.not. done) return
     result%number = self%number(place)
@@ -377,9 +393,9 @@ contains
   end subroutine take_lane
 
   !> Run one case.
-  subroutine run_case(scene, keeps_series, watch, result, done)
+  subroutine run_case(scene, kept, watch, result, done)
     type(scene_t), intent(inout) :: scene
-    logical, intent(in) :: keeps_series
+    integer, intent(in) :: kept           !! columns of the series
     class(watch_t), intent(inout) :: watch
     type(case_t), intent(inout) :: result
     logical, intent(out) :: done
@@ -387,7 +403,7 @@ contains
     type(case_writer_t) :: writer
     type(error_t), allocatable :: error
 
-    if (.not. (keeps_series .or. is_closed_form(scene%model))) scene%interval = scene%t_end
+    if (.not. (kept > 0 .or. is_closed_form(scene%model))) scene%interval = scene%t_end
     call simulation%start(scene, error)
     done = allocated(error)
     do while (.not. done)
@@ -396,7 +412,7 @@ contains
       if (done) exit
       if (watch%asked_to_stop()) return
     end do
-    call take_result(simulation, writer, error, keeps_series, result)
+    call take_result(simulation, writer, error, kept, result)
   end subroutine run_case
 
   !> What stands for a value that a case does not have.
@@ -424,9 +440,10 @@ contains
 
   !> The last state is among the columns, and the limit is that of the sweep. A summary needs no series; only the largest
   !> velocity of slow creep, which is known in closed form, is looked for among its samples.
-  subroutine adapt_output(scene, keeps_series)
+  subroutine adapt_output(scene, keeps_series, kept)
     type(scene_t), intent(inout) :: scene
     logical, intent(in) :: keeps_series
+    integer, intent(out) :: kept          !! columns of the series
     integer :: i
 
     scene%wall_limit = 0.0_wp
@@ -438,6 +455,7 @@ contains
       scene%fields = pack(columns%name, columns%name /= 'time' .and. columns%name /= 'zeta')
       if (scene%model == 'creep_asymptotic') scene%fields = [character(len(scene%fields)) :: 'X', 'X_rate']
     end if
+    kept = size(scene%fields)
     do i = 1, final_count
       if (scene%model == 'creep_asymptotic' .and. index(final_columns(i), 'X') /= 1) cycle
       if (all(scene%fields /= final_columns(i))) &
@@ -445,11 +463,11 @@ contains
     end do
   end subroutine adapt_output
 
-  subroutine take_result(simulation, writer, error, keeps_series, result)
+  subroutine take_result(simulation, writer, error, kept, result)
     type(simulation_t), intent(in) :: simulation
     type(case_writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(in) :: error
-    logical, intent(in) :: keeps_series
+    integer, intent(in) :: kept           !! columns of the series
     type(case_t), intent(inout) :: result
     logical :: given(summary_count)
     integer :: i, column
@@ -470,7 +488,7 @@ contains
         end do
       end do
     end if
-    if (keeps_series) result%series = writer%samples(:, :writer%rows)
+    if (kept > 0) result%series = writer%samples(2:kept + 1, :writer%rows)
   end subroutine take_result
 
   subroutine forget_events(self, time, kind, error)

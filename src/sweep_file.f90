@@ -3,13 +3,14 @@
 !> Rows are gathered block by block, so that memory does not grow with the number of cases. The file gets its name when it is whole.
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use hdf5, only: hid_t, hsize_t, h5fclose_f, h5f_acc_trunc_f, h5t_ieee_f64le, h5t_std_i32le
-  use dst_disk, only: path_t, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, ignore_size_limit_signal
-  use dst_errors, only: error_t, raise, file_error, result_done
+  use hdf5, only: hid_t, h5fclose_f, h5f_acc_trunc_f, h5t_ieee_f64le, h5t_std_i32le
+  use dst_disk, only: path_t, file_exists, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, &
+    ignore_size_limit_signal
+  use dst_errors, only: error_t, raise, file_error, result_done, some_failed, stopped_early
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
-    make_scale, attach_scale, table_t, create_table, append_rows, put_messages
-  use dst_hdf5_writer, only: run_metadata_t, write_metadata
-  use dst_kinds, only: wp, int64, real64
+    make_scale, attach_scale, table_t, create_table, append_rows, message_list_t, create_messages, append_messages
+  use dst_hdf5_writer, only: run_metadata_t, write_metadata, content_of
+  use dst_kinds, only: int64, real64
   use dst_schema, only: schema
   use dst_sweep, only: sweep_t, case_t, value_count, value_quantities, wall_time_value, series_quantities
   use dst_sweep_shard, only: index_t, read_record
@@ -18,7 +19,7 @@ module dst_sweep_file
   implicit none
   private
 
-  public :: merge_shards
+  public :: check_result_file, merge_shards
 
   !> Cases held in memory; values of the series held in memory.
   integer, parameter :: usual_block = 32768, most_series_values = 4000000
@@ -27,16 +28,31 @@ module dst_sweep_file
 
   type :: output_t
     integer(hid_t) :: file = -1
-    type(column_t) :: case_number, result_code
+    type(column_t) :: case_number, result_code, series_time, failed
     type(column_t), allocatable :: coordinates(:), values(:)
     type(table_t), allocatable :: series(:)
-    !> Of the failed cases so far.
-    integer, allocatable :: failed(:)
-    type(path_t), allocatable :: failure(:)
-    integer :: failures = 0
+    type(message_list_t) :: failure
   end type output_t
 
+  !> Some cases one after the other, as they are written.
+  type :: block_t
+    integer :: first = 0, count = 0
+    real(real64), allocatable :: number(:), result_code(:), coordinates(:, :), values(:, :)   !! (case), (case, parameter or value)
+    real(real64), allocatable :: series(:, :, :)                                              !! (row, case, column)
+    type(path_t), allocatable :: message(:)
+  end type block_t
+
 contains
+
+  !> Refuse to replace what is no result file.
+  subroutine check_result_file(result_file, error)
+    character(*), intent(in) :: result_file
+    type(error_t), allocatable, intent(out) :: error
+
+    if (.not. file_exists(result_file)) return
+    if (content_of(result_file) == 'other') call raise(error, file_error, result_file// &
+      ': the file exists and is not an HDF5 file: use another name or remove it')
+  end subroutine check_result_file
 
   !> Write what the shards hold to `result_file`.
   subroutine merge_shards(sweep, files, index, metadata, result_file, overwrite, error)
@@ -49,29 +65,21 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(output_t) :: output
     character(:), allocatable :: scratch
-    integer :: units(size(files)), i, status, ignored
+    integer :: status
     logical :: placed
 
+    call check_result_file(result_file, error)
+    if (allocated(error)) return
     call ignore_size_limit_signal()
     scratch = scratch_name(true_path(result_file))
-    do i = 1, size(files)
-      open (newunit=units(i), file=files(i)%text, status='old', action='read', access='stream', form='unformatted', iostat=status)
-      if (status /= 0) call raise(error, file_error, files(i)%text//': cannot be read: see its permissions')
-    end do
-    if (allocated(error)) return
     call start_hdf5(status)
     call open_file(scratch, h5f_acc_trunc_f, output%file, status)
     call create_columns(output, sweep, metadata, status)
-    call copy_cases(output, sweep, index, units, status)
-    call write_failures(output, status)
+    call copy_cases(output, sweep, files, index, status, error)
     call put_ending(output, sweep, index, status)
-    if (status < 0) call raise(error, file_error, result_file//': cannot write: '//with_remedy(failure_reason()))
+    if (status < 0) call raise_cannot_write(result_file, error)
     if (output%file >= 0) call h5fclose_f(output%file, status)
-    if (status < 0 .and. .not. allocated(error)) &
-      call raise(error, file_error, result_file//': cannot write: '//with_remedy(failure_reason()))
-    do i = 1, size(files)
-      close (units(i), iostat=ignored)
-    end do
+    if (status < 0) call raise_cannot_write(result_file, error)
     if (.not. allocated(error)) then
       if (overwrite) then
         call move_file(scratch, true_path(result_file), placed)
@@ -83,6 +91,14 @@ contains
     end if
     if (allocated(error)) call delete_file(scratch)
   end subroutine merge_shards
+
+  !> The first error counts.
+  subroutine raise_cannot_write(result_file, error)
+    character(*), intent(in) :: result_file
+    type(error_t), allocatable, intent(inout) :: error
+
+    if (.not. allocated(error)) call raise(error, file_error, result_file//': cannot write: '//with_remedy(failure_reason()))
+  end subroutine raise_cannot_write
 
   !> Cases taken in at once.
   integer function block_of(sweep)
@@ -99,7 +115,7 @@ contains
     integer, intent(inout) :: status
     type(quantity_t) :: quantities(value_count), parameter
     type(quantity_t), allocatable :: columns(:)
-    integer(hid_t) :: group, summary, series
+    integer(hid_t) :: group, summary, series, failures
     integer :: i, block
 
     block = block_of(sweep)
@@ -116,7 +132,7 @@ contains
         parameter = quantity_t(sweep%axes(i)%name, key%unit, key%meaning)
         if (key%unit == '') parameter%units = '1'
         call create_column(group, parameter, h5t_ieee_f64le, block, output%coordinates(i), status)
-        call attach_scale(output%coordinates(i), output%case_number, status)
+        call attach_scale(output%coordinates(i)%dataset, output%case_number, status)
       end associate
     end do
     quantities = value_quantities()
@@ -126,18 +142,30 @@ contains
       else
         call create_column(summary, quantities(i), h5t_ieee_f64le, block, output%values(i), status)
       end if
-      call attach_scale(output%values(i), output%case_number, status)
+      call attach_scale(output%values(i)%dataset, output%case_number, status)
     end do
     call create_column(group, quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see docs/errors.md'), &
       h5t_std_i32le, block, output%result_code, status)
-    call attach_scale(output%result_code, output%case_number, status)
+    call attach_scale(output%result_code%dataset, output%case_number, status)
+    call create_group(group, 'failures', failures, status)
+    call create_column(failures, quantity_t('case', '1', 'number of a case that failed'), h5t_std_i32le, 1024, output%failed, &
+      status)
+    call make_scale(output%failed, 'case', status)
+    call create_messages(failures, quantity_t('result_text', '1', 'why it failed'), output%failure, status)
+    call attach_scale(output%failure%dataset, output%failed, status)
     if (.not. sweep%keeps_series) return
     call create_group(group, 'series', series, status)
     columns = series_quantities(sweep)
     deallocate (output%series)
     allocate (output%series(size(columns)))
+    call create_column(series, quantity_t('time', 's', 'time of the samples'), h5t_ieee_f64le, min(8192, sweep%series_rows()), &
+      output%series_time, status)
+    call make_scale(output%series_time, 'time', status)
+    call append(output%series_time, real(sweep%series_times(), real64), status)
     do i = 1, size(columns)
       call create_table(series, columns(i), sweep%series_rows(), output%series(i), status)
+      call attach_scale(output%series(i)%dataset, output%case_number, status)
+      call attach_scale(output%series(i)%dataset, output%series_time, status, side=1)
     end do
   end subroutine create_columns
 
@@ -168,85 +196,128 @@ contains
     text = trim(text)
   end function names_text
 
-  subroutine copy_cases(output, sweep, index, units, status)
+  subroutine copy_cases(output, sweep, files, index, status, error)
     type(output_t), intent(inout) :: output
     type(sweep_t), intent(in) :: sweep
+    type(path_t), intent(in) :: files(:)
     type(index_t), intent(in) :: index
-    integer, intent(in) :: units(:)
     integer, intent(inout) :: status
-    real(real64), allocatable :: values(:, :), coordinates(:, :), codes(:), numbers(:), series(:, :, :)
-    type(case_t) :: case
-    integer :: first, last, block, n, i
+    type(error_t), allocatable, intent(out) :: error
+    type(block_t) :: block
+    integer :: first, length
 
-    block = block_of(sweep)
-    allocate (values(block, value_count), coordinates(block, size(sweep%axes)), codes(block), numbers(block))
-    allocate (series(sweep%series_rows(), block, size(output%series)))
-    allocate (output%failed(index%failed), output%failure(index%failed))
-    do first = 1, sweep%cases, block
-      last = min(sweep%cases, first + block - 1)
+    length = block_of(sweep)
+    allocate (block%number(length), block%result_code(length), block%message(length))
+    allocate (block%coordinates(length, size(sweep%axes)), block%values(length, value_count))
+    allocate (block%series(sweep%series_rows(), length, size(output%series)))
+    do first = 1, sweep%cases, length
       if (status < 0) return
-      series = ieee_value(1.0_real64, ieee_quiet_nan)
-      do i = first, last
-        n = i - first + 1
-        numbers(n) = real(i, real64)
-        coordinates(n, :) = real(sweep%coordinates(i), real64)
-        call take_case(output, index, units, i, size(output%series), case, status)
-        codes(n) = case%result_code
-        values(n, :) = real(case%values, real64)
-        if (size(output%series) > 0 .and. allocated(case%series)) &
-          series(:size(case%series, 2), n, :) = transpose(real(case%series, real64))
-      end do
-      n = last - first + 1
-      call append(output%case_number, numbers(:n), status)
-      call append(output%result_code, codes(:n), status)
-      do i = 1, size(sweep%axes)
-        call append(output%coordinates(i), coordinates(:n, i), status)
-      end do
-      do i = 1, value_count
-        call append(output%values(i), values(:n, i), status)
-      end do
-      do i = 1, size(output%series)
-        call append_rows(output%series(i), series(:, :n, i), status)
-      end do
+      block%first = first
+      block%count = min(length, sweep%cases - first + 1)
+      call clear(block, sweep)
+      call read_block(files, index, block, error)
+      if (allocated(error)) return
+      call write_block(output, block, status)
     end do
   end subroutine copy_cases
 
-  subroutine take_case(output, index, units, number, columns, case, status)
-    type(output_t), intent(inout) :: output
+  !> As if no case had been run.
+  subroutine clear(block, sweep)
+    type(block_t), intent(inout) :: block
+    type(sweep_t), intent(in) :: sweep
+    real(real64) :: nan
+    integer :: i
+
+    nan = ieee_value(nan, ieee_quiet_nan)
+    block%values = nan
+    block%series = nan
+    block%result_code = not_run
+    do i = 1, block%count
+      block%number(i) = block%first + i - 1
+      block%coordinates(i, :) = real(sweep%coordinates(block%first + i - 1), real64)
+    end do
+  end subroutine clear
+
+  !> What the shards hold of the block, shard by shard: there may be more of them than a process can have open.
+  subroutine read_block(files, index, block, error)
+    type(path_t), intent(in) :: files(:)
     type(index_t), intent(in) :: index
-    integer, intent(in) :: units(:), number, columns
-    type(case_t), intent(inout) :: case
-    integer, intent(inout) :: status
-    integer :: read_status
+    type(block_t), intent(inout) :: block
+    type(error_t), allocatable, intent(out) :: error
+    type(case_t) :: case
+    integer :: ends(0:size(files)), order(block%count), shard, unit, status, i, n
 
-    if (index%shard(number) > 0 .and. status >= 0) then
-      call read_record(units(index%shard(number)), index%place(number), columns, case, read_status)
-      if (read_status /= 0) status = -1
-      if (case%result_code == result_done) return
-      output%failures = output%failures + 1
-      output%failed(output%failures) = number
-      output%failure(output%failures)%text = case%result_text
-    else
-      case%result_code = not_run
-      if (.not. allocated(case%values)) allocate (case%values(value_count))
-      case%values = ieee_value(1.0_wp, ieee_quiet_nan)
-      if (allocated(case%series)) deallocate (case%series)
-    end if
-  end subroutine take_case
+    associate (shard_of => index%shard(block%first:block%first + block%count - 1), &
+               place_of => index%place(block%first:block%first + block%count - 1))
+      call sort(shard_of, ends, order)
+      do shard = 1, size(files)
+        if (ends(shard) == ends(shard - 1)) cycle
+        open (newunit=unit, file=files(shard)%text, status='old', action='read', access='stream', form='unformatted', iostat=status)
+        do i = ends(shard - 1) + 1, ends(shard)
+          n = order(i)
+          if (status == 0) call read_record(unit, place_of(n), size(block%series, 3), case, status)
+          if (status /= 0) exit
+          block%result_code(n) = case%result_code
+          block%values(n, :) = real(case%values, real64)
+          if (case%result_code /= result_done) block%message(n)%text = case%result_text
+          if (allocated(case%series)) &
+            block%series(:size(case%series, 2), n, :) = transpose(real(case%series, real64))
+        end do
+        if (status /= 0) then
+          call raise(error, file_error, files(shard)%text//': cannot be read: see its permissions, and whether it is still there')
+          return
+        end if
+        close (unit)
+      end do
+    end associate
+  end subroutine read_block
 
-  !> The messages of the cases that failed.
-  subroutine write_failures(output, status)
+  !> The cases of shard s are `order(ends(s - 1) + 1:ends(s))`; those before `ends(0)` have not been run.
+  pure subroutine sort(shard_of, ends, order)
+    integer, intent(in) :: shard_of(:)
+    integer, intent(out) :: ends(0:), order(:)
+    integer :: i, s
+
+    ends = 0
+    do i = 1, size(shard_of)
+      ends(shard_of(i)) = ends(shard_of(i)) + 1
+    end do
+    do s = 1, ubound(ends, 1)
+      ends(s) = ends(s - 1) + ends(s)
+    end do
+    do i = size(shard_of), 1, -1
+      s = shard_of(i)
+      order(ends(s)) = i
+      ends(s) = ends(s) - 1
+    end do
+    ! Each end has come down to that of the shard before it.
+    ends(:ubound(ends, 1) - 1) = ends(1:)
+    ends(ubound(ends, 1)) = size(shard_of)
+  end subroutine sort
+
+  subroutine write_block(output, block, status)
     type(output_t), intent(inout) :: output
+    type(block_t), intent(in) :: block
     integer, intent(inout) :: status
-    integer(hid_t) :: group
-    type(column_t) :: numbers
+    integer, allocatable :: failed(:)
+    integer :: i, n
 
-    call create_group(output%file, 'sweep/failures', group, status)
-    call create_column(group, quantity_t('case', '1', 'number of a case that failed'), h5t_std_i32le, &
-      max(1, min(1024, output%failures)), numbers, status)
-    call append(numbers, real(output%failed(:output%failures), real64), status)
-    call put_messages(group, quantity_t('result_text', '1', 'why it failed'), output%failure(:output%failures), status)
-  end subroutine write_failures
+    n = block%count
+    call append(output%case_number, block%number(:n), status)
+    call append(output%result_code, block%result_code(:n), status)
+    do i = 1, size(output%coordinates)
+      call append(output%coordinates(i), block%coordinates(:n, i), status)
+    end do
+    do i = 1, value_count
+      call append(output%values(i), block%values(:n, i), status)
+    end do
+    do i = 1, size(output%series)
+      call append_rows(output%series(i), block%series(:, :n, i), status)
+    end do
+    failed = pack([(i, i=1, n)], block%result_code(:n) > 0.0_real64)
+    call append(output%failed, block%number(failed), status)
+    call append_messages(output%failure, block%message(failed), status)
+  end subroutine write_block
 
   subroutine put_ending(output, sweep, index, status)
     type(output_t), intent(in) :: output
@@ -259,11 +330,11 @@ contains
     text = 'done'
     code = result_done
     if (index%failed > 0) then
-      code = 5
+      code = some_failed
       text = integer_text(int(index%failed, int64))//' of '//integer_text(int(sweep%cases, int64))//' cases failed'
     end if
     if (index%done < sweep%cases) then
-      code = 75
+      code = stopped_early
       text = integer_text(int(sweep%cases - index%done, int64))//' of '//integer_text(int(sweep%cases, int64))// &
         ' cases have not been run'
     end if

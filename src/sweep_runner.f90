@@ -5,24 +5,25 @@
 module dst_sweep_runner
   use dst_build_info, only: version, git_revision
   use dst_deck, only: deck_t, resolved
+  use dst_deck_sweep, only: varied_key
   use dst_deck_values, only: set_default
-  use dst_disk, only: path_t, delete_file, file_exists, wait_seconds
+  use dst_disk, only: path_t, delete_file, wait_seconds
   use dst_errors, only: error_t, raise, usage_error, file_error, some_failed, stopped_early
   use dst_hdf5_writer, only: run_metadata_t
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp, int64, real64
   use dst_progress, only: progress_t, new_progress
   use dst_ranks, only: ranks_t, start_ranks
   use dst_run, only: describe_run
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema, find_key
+  use dst_schema, only: schema, sweep_group
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal
   use dst_simulation, only: wall_clock
-  use dst_sweep, only: sweep_t, case_t, watch_t, worker_t, new_worker, series_quantities
-  use dst_sweep_file, only: merge_shards
-  use dst_sweep_points, only: sweep_of_deck
-  use dst_sweep_shard, only: shard_t, index_t, shard_name, shards_of, open_shard, scan_shard
-  use dst_text, only: integer_text, real_text
+  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, series_quantities
+  use dst_sweep_file, only: check_result_file, merge_shards
+  use dst_sweep_list, only: read_points
+  use dst_sweep_shard, only: shard_t, index_t, shard_name, shards_of, open_shard, scan_shard, empty_shard
+  use dst_text, only: integer_text
   implicit none
   private
 
@@ -33,16 +34,28 @@ module dst_sweep_runner
     integer :: shard = 0, shards = 0     !! this process does every `shards`-th case from `shard` on; 0 = all
   end type sweep_options_t
 
+  !> How fast the cases of this process are of late, to ask for as many as it needs.
+  type :: pace_t
+    real(wp) :: rate = 0.0_wp            !! cases a second
+    real(wp) :: since = 0.0_wp           !! time [s] and finished cases when cases were last given
+    integer :: finished = 0
+  contains
+    procedure :: measure
+    procedure :: wanted
+  end type pace_t
+
   !> What the threads of a process share.
   type :: state_t
-    integer, allocatable :: pending(:)   !! cases to run, in the order in which they are dealt out
-    integer :: next = 1, last = 0        !! of them, those that this process has still to begin
+    integer, allocatable :: given(:)     !! cases dealt out to this process
+    integer :: next = 1                  !! the first of them that has not begun
     logical :: none_left = .false.       !! no more will be dealt out to this process
     logical :: stop = .false.            !! cases under way are given up
     integer :: at_work = 0               !! threads
     integer :: finished = 0, failed = 0  !! of this process
+    integer :: to_do = 0                 !! cases, of all processes
     integer :: done_before = 0, failed_before = 0
-    real(wp) :: begun = 0.0_wp, limit = 0.0_wp
+    real(wp) :: begun = 0.0_wp, limit = 0.0_wp, looked = 0.0_wp
+    type(pace_t) :: pace
     type(shard_t) :: shard
     type(error_t), allocatable :: error  !! the first one of the shard
     type(ranks_t) :: ranks
@@ -56,9 +69,14 @@ module dst_sweep_runner
     procedure :: asked_to_stop
   end type sweep_watch_t
 
-  !> Keys that say how a sweep is run, not what its cases are.
-  character(19), parameter :: changeable(5) = [character(19) :: 'title', 'file', 'flush_seconds', 'checkpoint_interval', &
-    'wall_limit']
+  !> Keys that say how a sweep is run, not what its cases are. The points themselves are, not where they stand.
+  character(26), parameter :: changeable(6) = [character(26) :: 'scene.title', 'sweep.points', 'output.file', &
+    'output.flush_seconds', 'output.checkpoint_interval', 'output.wall_limit']
+
+  !> A process looks around once in so many seconds: messages, signals, limits. It asks for more cases when what it has lasts
+  !> less than `ahead`, and for as many as last `piece`, or, of many processes, so long that rank 0 gets no more than one
+  !> question in `message`.
+  real(wp), parameter :: look = 5.0e-4_wp, ahead = 2.0e-3_wp, piece = 5.0e-3_wp, message = 5.0e-5_wp
 
 contains
 
@@ -72,34 +90,44 @@ contains
     type(state_t), target :: state
     type(index_t) :: index
     type(path_t), allocatable :: files(:)
+    integer, allocatable :: pending(:)
+    character(64) :: identity
     integer :: code
 
     call start_ranks(state%ranks, error)
-    if (.not. allocated(error)) call refuse_copies(state%ranks%count, error)
+    if (.not. allocated(error)) call check_processes(state%ranks%count, options%shards, error)
     if (.not. allocated(error)) call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) call look_at_shards(sweep, result_file, options%overwrite, state%ranks, index, files, error)
-    if (.not. allocated(error)) then
-      call choose_cases(sweep, index, options, state)
-      call state%ranks%share(state%pending)
-      call open_shard(state%shard, shard_name(result_file, merge(options%shard, state%ranks%rank, options%shards > 0)), &
-        identity_of(sweep), size(series_quantities(sweep)), error)
+    if (.not. allocated(error)) call check_result_file(result_file, error)
+    if (.not. allocated(error)) identity = identity_of(sweep)
+    if (state%ranks%rank == 0) then
+      if (.not. allocated(error)) call look_at_shards(sweep, identity, result_file, options%overwrite, index, files, error)
+      if (.not. allocated(error)) call choose_cases(sweep, index, options, state, pending)
     end if
     code = 0
     if (allocated(error)) code = error%code
+    ! Nobody opens a shard before rank 0 has looked at all.
     call state%ranks%stop_all(code)
     if (code == 0) then
-      call run_cases(sweep, state, options%quiet .or. state%ranks%rank > 0)
+      call open_shard(state%shard, shard_name(result_file, merge(options%shard, state%ranks%rank, options%shards > 0)), &
+        identity, size(series_quantities(sweep)), error)
+      if (allocated(error)) code = error%code
+      call state%ranks%stop_all(code)
+    end if
+    if (code == 0) then
+      call run_cases(sweep, state, pending, options%quiet .or. state%ranks%rank > 0)
       if (allocated(state%error)) call move_alloc(state%error, error)
       if (allocated(error)) code = error%code
       if (code == 0 .and. state%stop) code = stopped_early
-      call state%ranks%stop_all(code)
       call state%shard%close()
+      call state%ranks%stop_all(code)
       if (code == 0) then
-        call present_result(sweep, result_file, options, state, error)
+        call present_result(sweep, identity, result_file, options, state, error)
       else if (code == stopped_early .and. state%ranks%rank == 0) then
         call raise(error, stopped_early, stop_text(sweep, state))
       end if
     end if
+    ! All processes end with the same status; one has said why.
+    if (code /= 0 .and. .not. allocated(error)) error = error_t(code, '')
     call state%ranks%end()
   end subroutine run_sweep
 
@@ -111,11 +139,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
     type(index_t) :: index
-    type(ranks_t) :: ranks
     type(path_t), allocatable :: files(:)
 
     call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) call look_at_shards(sweep, result_file, .false., ranks, index, files, error)
+    if (.not. allocated(error)) call look_at_shards(sweep, identity_of(sweep), result_file, .false., index, files, error)
     if (allocated(error)) return
     if (index%done == 0) then
       call raise(error, file_error, result_file//': there is no finished case to merge: run the deck first')
@@ -124,16 +151,32 @@ contains
     end if
   end subroutine merge_sweep
 
-  !> Several copies that each believe to be alone would all do the same work.
-  subroutine refuse_copies(ranks, error)
-    integer, intent(in) :: ranks
+  subroutine sweep_of_deck(deck, sweep, error)
+    type(deck_t), intent(in) :: deck
+    type(sweep_t), intent(out) :: sweep
+    type(error_t), allocatable, intent(out) :: error
+    type(axis_t), allocatable :: axes(:)
+
+    if (deck%text_of(sweep_group, 'points') == '') then
+      call new_sweep(deck, sweep, error)
+    else
+      call read_points(deck, axes, error)
+      if (.not. allocated(error)) call new_sweep(deck, sweep, error, axes, .true.)
+    end if
+  end subroutine sweep_of_deck
+
+  !> Several copies that each believe to be alone would all do the same work. A process with a shard of its own is alone.
+  subroutine check_processes(ranks, shards, error)
+    integer, intent(in) :: ranks, shards
     type(error_t), allocatable, intent(out) :: error
     character(20), parameter :: variables(4) = [character(20) :: 'OMPI_COMM_WORLD_SIZE', 'PMI_SIZE', 'MPI_LOCALNRANKS', &
       'SLURM_STEP_NUM_TASKS']
     character(32) :: value
     integer :: i, copies, status
 
-    if (ranks > 1) return
+    if (ranks > 1 .and. shards > 0) call raise(error, usage_error, &
+      '--shard is for processes that know nothing of each other, these do: leave it out')
+    if (ranks > 1 .or. shards > 0) return
     do i = 1, size(variables)
       call get_environment_variable(trim(variables(i)), value, status=status)
       if (status /= 0) cycle
@@ -143,65 +186,75 @@ contains
         'other ('//trim(variables(i))//'): start the program once, build it with -Dmpi=enabled for this MPI, or use --shard')
       return
     end do
-  end subroutine refuse_copies
+  end subroutine check_processes
 
-  !> What a shard must be of: every key that has an effect on a result, the values, the program.
+  !> What a shard must be of: every key that has an effect on a result, the names and values of a list, the program.
   function identity_of(sweep) result(identity)
     type(sweep_t), intent(in) :: sweep
     character(64) :: identity
     type(deck_t) :: deck
-    integer(int64) :: checksum
-    integer :: i, j, k
-    character(16) :: digits
+    integer :: i, k
 
     deck = sweep%deck
     do i = 1, size(changeable)
-      k = find_key(trim(merge('scene ', 'output', changeable(i) == 'title')), trim(changeable(i)))
+      k = varied_key(trim(changeable(i)))
       call set_default(schema(k), deck%value(k))
     end do
-    checksum = 0
+    identity = sha256(resolved(deck)//version//git_revision)
+    if (.not. sweep%is_list) return
     do i = 1, size(sweep%axes)
-      do j = 1, size(sweep%axes(i)%values)
-        checksum = ieor(ishftc(checksum, 5), transfer(sweep%axes(i)%values(j), checksum))
-      end do
+      identity = sha256(identity//trim(sweep%axes(i)%name))
+      call add_values(sweep%axes(i)%values, identity)
     end do
-    write (digits, '(z16.16)') checksum
-    identity = sha256(resolved(deck)//digits//version//git_revision)
   end function identity_of
 
-  !> Which cases the shards beside `result_file` hold. Shards of another sweep are removed with `overwrite`, else refused.
-  subroutine look_at_shards(sweep, result_file, overwrite, ranks, index, files, error)
+  !> Block by block, so that the text of many values is not long.
+  subroutine add_values(values, digest)
+    real(wp), intent(in) :: values(:)
+    character(64), intent(inout) :: digest
+    integer, parameter :: block = 4096
+    character(8*block) :: bytes
+    integer :: first, n
+
+    do first = 1, size(values), block
+      n = min(block, size(values) - first + 1)
+      bytes = ''
+      bytes(:8*n) = transfer(real(values(first:first + n - 1), real64), bytes(:8*n))
+      digest = sha256(digest//bytes(:8*n))
+    end do
+  end subroutine add_values
+
+  !> Which cases the shards beside `result_file` hold. Shards of another sweep are emptied with `overwrite`, else refused.
+  subroutine look_at_shards(sweep, identity, result_file, overwrite, index, files, error)
     type(sweep_t), intent(in) :: sweep
+    character(64), intent(in) :: identity
     character(*), intent(in) :: result_file
     logical, intent(in) :: overwrite
-    type(ranks_t), intent(in) :: ranks
     type(index_t), intent(out) :: index
     type(path_t), allocatable, intent(out) :: files(:)
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: words
-    integer :: i
+    integer :: i, columns
 
     allocate (index%shard(sweep%cases), index%place(sweep%cases))
     index%shard = 0
     index%place = 0
-    allocate (files(0))
-    if (ranks%rank > 0) return
+    columns = size(series_quantities(sweep))
     call shards_of(result_file, files)
     do i = 1, size(files)
-      call scan_shard(files(i)%text, identity_of(sweep), size(series_quantities(sweep)), i, index, words, error)
-      if (.not. allocated(error)) cycle
-      if (.not. overwrite) return
-      deallocate (error)
-      call delete_file(files(i)%text)
+      call scan_shard(files(i)%text, identity, columns, i, index, words, error)
+      if (allocated(error) .and. overwrite) call empty_shard(files(i)%text, identity, columns, error)
+      if (allocated(error)) return
     end do
   end subroutine look_at_shards
 
   !> The cases of this process, or of all processes, that are not done.
-  subroutine choose_cases(sweep, index, options, state)
+  subroutine choose_cases(sweep, index, options, state, pending)
     type(sweep_t), intent(in) :: sweep
     type(index_t), intent(in) :: index
     type(sweep_options_t), intent(in) :: options
     type(state_t), intent(inout) :: state
+    integer, allocatable, intent(out) :: pending(:)
     integer :: i, n, pass
 
     do pass = 1, 2
@@ -212,31 +265,40 @@ contains
           if (modulo(i - 1, options%shards) /= options%shard - 1) cycle
         end if
         n = n + 1
-        if (pass == 2) state%pending(n) = i
+        if (pass == 2) pending(n) = i
       end do
-      if (pass == 1) allocate (state%pending(n))
+      if (pass == 1) allocate (pending(n))
     end do
+    state%to_do = n
     state%done_before = index%done
     state%failed_before = index%failed
   end subroutine choose_cases
 
   !> All threads of the process.
-  subroutine run_cases(sweep, state, quiet)
-    !$ use omp_lib, only: omp_get_max_threads
+  subroutine run_cases(sweep, state, pending, quiet)
+    !$ use omp_lib, only: omp_get_max_threads, omp_get_num_threads
     type(sweep_t), intent(in) :: sweep
     type(state_t), intent(inout), target :: state
+    integer, allocatable, intent(inout) :: pending(:)
     logical, intent(in) :: quiet
 
     state%limit = sweep%deck%real_of('output', 'wall_limit')
     state%begun = wall_clock()
     state%progress = new_progress(sweep%deck%name, quiet)
-    call state%ranks%open_list(size(state%pending))
+    allocate (state%given(0))
+    call state%ranks%open_list(pending)
     state%at_work = 1
     !$ state%at_work = omp_get_max_threads()
+    ! At first a case for each thread.
+    state%pace%rate = state%at_work/piece
     !$omp parallel default(none) shared(sweep, state)
+    ! There may be fewer threads than were asked for.
+    !$omp single
+    !$ state%at_work = omp_get_num_threads()
+    !$omp end single
     call work(sweep, state)
     !$omp end parallel
-    call state%ranks%close_list(state%finished, state%failed)
+    call state%ranks%close_list(state%finished, state%failed, state%stop)
     call state%progress%close()
   end subroutine run_cases
 
@@ -271,7 +333,7 @@ contains
         call wait_seconds(2.0e-4_wp)
         cycle
       end if
-      call worker%next_result(sweep, watch, case, done)
+      call worker%next_result(watch, case, done)
       if (.not. done) exit
       call keep(state, case)
     end do
@@ -280,17 +342,17 @@ contains
     state%at_work = state%at_work - 1
   end subroutine work
 
-  !> The first thread, without work itself, still looks around for the others.
+  !> The first thread, without work itself, still looks around for the others, and rank 0 for other processes.
   subroutine wait_for_others(state)
     type(state_t), intent(inout) :: state
     integer :: at_work
 
     do
+      call look_around(state)
       !$omp atomic read
       at_work = state%at_work
-      if (at_work <= 1) exit
-      call look_around(state)
-      call wait_seconds(1.0e-3_wp)
+      if (at_work <= 1 .and. state%ranks%others_are_done()) exit
+      call wait_seconds(look)
     end do
   end subroutine wait_for_others
 
@@ -302,8 +364,8 @@ contains
 
     number = 0
     !$omp critical (dealing)
-    if (state%next <= state%last) then
-      number = state%pending(state%next)
+    if (state%next <= size(state%given)) then
+      number = state%given(state%next)
       state%next = state%next + 1
     end if
     none_left = number == 0 .and. state%none_left
@@ -342,37 +404,71 @@ contains
   !> New work, signals, the limit, progress.
   subroutine look_around(state)
     type(state_t), intent(inout) :: state
-    integer :: range(2), finished, failed
-    logical :: wanted, none_left
+    integer, allocatable :: numbers(:)
+    integer :: finished, failed, left, wanted
+    logical :: none_left, stop
     real(wp) :: passed
 
+    passed = wall_clock() - state%begun
+    !$omp critical (dealing)
+    left = size(state%given) - state%next + 1
+    none_left = state%none_left
+    !$omp end critical (dealing)
+    if (left > 0 .and. passed - state%looked < look) return
+    state%looked = passed
     !$omp critical (keeping)
     finished = state%finished
     failed = state%failed
     !$omp end critical (keeping)
-    !$omp critical (dealing)
-    wanted = state%last < state%next .and. .not. state%none_left
-    none_left = state%none_left
-    !$omp end critical (dealing)
-    call state%ranks%deal(wanted, finished, failed, range, none_left)
-    !$omp critical (dealing)
-    if (range(2) >= range(1)) then
-      state%next = range(1)
-      state%last = range(2)
-    end if
-    state%none_left = none_left
-    !$omp end critical (dealing)
-    passed = wall_clock() - state%begun
-    if (stop_signal() /= '' .or. (state%limit > 0.0_wp .and. passed > state%limit)) then
+    !$omp atomic read
+    stop = state%stop
+    stop = stop .or. stop_signal() /= '' .or. (state%limit > 0.0_wp .and. passed > state%limit)
+    wanted = 0
+    if (.not. (none_left .or. stop)) wanted = state%pace%wanted(left, state%ranks%count)
+    call state%ranks%deal(wanted, finished, failed, numbers, none_left, stop)
+    if (stop) then
       !$omp atomic write
       state%stop = .true.
     end if
-    call state%progress%show_cases(state%ranks%finished, size(state%pending), state%ranks%failed, passed)
+    if (allocated(numbers)) then
+      call state%pace%measure(passed, finished)
+      !$omp critical (dealing)
+      if (state%next <= size(state%given)) numbers = [state%given(state%next:), numbers]
+      call move_alloc(numbers, state%given)
+      state%next = 1
+      state%none_left = none_left
+      !$omp end critical (dealing)
+    end if
+    call state%progress%show_cases(state%done_before, state%ranks%finished, state%to_do, &
+      state%failed_before + state%ranks%failed, passed)
   end subroutine look_around
 
+  !> Cases to ask for while `left` have not begun.
+  pure integer function wanted(self, left, ranks)
+    class(pace_t), intent(in) :: self
+    integer, intent(in) :: left, ranks
+    real(wp), parameter :: most = 1.0e6_wp
+
+    wanted = 0
+    if (left <= self%rate*ahead) wanted = max(1, nint(min(most, self%rate*max(piece, ranks*message))))
+  end function wanted
+
+  !> Cases have been given at `time` [s], when `finished` were finished.
+  subroutine measure(self, time, finished)
+    class(pace_t), intent(inout) :: self
+    real(wp), intent(in) :: time
+    integer, intent(in) :: finished
+
+    if (finished == self%finished .or. time <= self%since) return
+    self%rate = (finished - self%finished)/(time - self%since)
+    self%since = time
+    self%finished = finished
+  end subroutine measure
+
   !> The result file; or, of a part of the cases, how to get it.
-  subroutine present_result(sweep, result_file, options, state, error)
+  subroutine present_result(sweep, identity, result_file, options, state, error)
     type(sweep_t), intent(in) :: sweep
+    character(64), intent(in) :: identity
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
     type(state_t), intent(in) :: state
@@ -383,7 +479,7 @@ contains
     if (options%shards > 0) then
       if (state%failed > 0) call raise(error, some_failed, integer_text(int(state%failed, int64))//' cases failed')
     else if (state%ranks%rank == 0) then
-      call look_at_shards(sweep, result_file, .false., state%ranks, index, files, error)
+      call look_at_shards(sweep, identity, result_file, .false., index, files, error)
       if (.not. allocated(error)) call write_result(sweep, result_file, index, files, options, error)
     else if (state%ranks%failed + state%failed_before > 0) then
       call raise(error, some_failed, '')

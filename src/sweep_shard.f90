@@ -12,7 +12,7 @@ module dst_sweep_shard
   implicit none
   private
 
-  public :: shard_t, index_t, shard_name, shards_of, open_shard, scan_shard, read_record
+  public :: shard_t, index_t, shard_name, shards_of, open_shard, empty_shard, scan_shard, read_record
 
   type :: shard_t
     private
@@ -39,6 +39,8 @@ module dst_sweep_shard
   !> Of a record without message and series.
   integer, parameter :: shortest_record = 2 + value_count + 1
   character(*), parameter :: extension = '.shard-'
+  integer, parameter :: shown = 12             !! characters of an identity in a message
+  integer, parameter :: digits = 6             !! of its number
 
 contains
 
@@ -47,17 +49,28 @@ contains
     character(*), intent(in) :: result_file
     integer, intent(in) :: number
     character(:), allocatable :: name
-    character(6) :: digits
+    character(digits) :: text
 
-    write (digits, '(i6.6)') number
-    name = result_file//extension//digits
+    write (text, '(i6.6)') number
+    name = result_file//extension//text
   end function shard_name
 
   subroutine shards_of(result_file, files)
     character(*), intent(in) :: result_file
     type(path_t), allocatable, intent(out) :: files(:)
 
-    call matching_files(result_file//extension, files)
+    type(path_t), allocatable :: found(:)
+    logical, allocatable :: is_shard(:)
+    integer :: i
+
+    call matching_files(result_file//extension, found)
+    allocate (is_shard(size(found)))
+    do i = 1, size(found)
+      associate (number => found(i)%text(len(result_file//extension) + 1:))
+        is_shard(i) = len(number) == digits .and. verify(number, '0123456789') == 0
+      end associate
+    end do
+    files = pack(found, is_shard)
   end subroutine shards_of
 
   !> Open the shard to append; what a killed process left unfinished at its end is cut off.
@@ -86,6 +99,31 @@ contains
     if (allocated(reason)) call raise(error, file_error, file_name//': '//reason)
   end subroutine open_shard
 
+  !> Empty a file that is not a shard of this sweep, unless a process is writing it. The file stays, since another process may
+  !> be about to open it.
+  subroutine empty_shard(file_name, identity, columns, error)
+    character(*), intent(in) :: file_name
+    character(64), intent(in) :: identity
+    integer, intent(in) :: columns
+    type(error_t), allocatable, intent(out) :: error
+    type(index_t) :: index
+    character(:), allocatable :: reason
+    integer(int64) :: words
+    integer(c_int) :: descriptor
+
+    call open_for_appending(file_name, descriptor, reason)
+    if (allocated(reason)) then
+      call raise(error, file_error, file_name//': '//reason)
+      return
+    end if
+    ! Another process may have done this meanwhile, and begun.
+    allocate (index%shard(0), index%place(0))
+    call scan_shard(file_name, identity, columns, 1, index, words, error)
+    if (allocated(error)) call set_file_size(descriptor, 0_int64)
+    if (allocated(error)) deallocate (error)
+    call close_descriptor(descriptor)
+  end subroutine empty_shard
+
   pure function header(identity, columns) result(words)
     character(64), intent(in) :: identity
     integer, intent(in) :: columns
@@ -97,6 +135,14 @@ contains
     words(11) = columns
     words(12) = checksum(words(:11))
   end function header
+
+  !> The beginning of the identity in a header.
+  pure function identity_in(words) result(text)
+    integer(int64), intent(in) :: words(header_words)
+    character(shown) :: text
+
+    text = transfer(words(2:9), text)
+  end function identity_in
 
   !> Rotate and add without carry: no damage to a single word goes unnoticed.
   pure integer(int64) function checksum(words)
@@ -171,8 +217,8 @@ contains
       if (start(1) /= magic .or. start(12) /= checksum(start(:11))) then
         call raise(error, file_error, file_name//': is no shard of a sweep, or its head is damaged: remove it')
       else if (any(start /= header(identity, columns))) then
-        call raise(error, file_error, file_name//': is of another sweep, or of another version of deck or program: '// &
-          'remove it, or use --overwrite')
+        call raise(error, file_error, file_name//': is of another sweep, or of another version of deck or program: it has '// &
+          'the identity '//identity_in(start)//', this sweep '//identity(:shown)//': remove it, or use --overwrite')
       else
         words = header_words
       end if

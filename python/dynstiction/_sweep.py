@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
@@ -35,6 +36,9 @@ LONGEST_PIECE = 64
 SHORTEST_PIECE = 4
 """Where cases run side by side, each place is used so often before a thread fetches more."""
 
+PIECE_SECONDS = 0.02
+"""Time that the cases which a thread takes at once last, as far as can be foreseen."""
+
 
 def sweep(
     deck: DeckLike,
@@ -56,7 +60,7 @@ def sweep(
     points : bool
         Whether the values, all of one length, are those of the cases one by one, not the sides of a grid.
     threads : int, optional
-        Cores to use; all by default. The results do not depend on it.
+        Cores to use, at least 1; all by default. The results do not depend on it.
     **groups : mapping
         Overrides by group, as for `dynstiction.run`.
 
@@ -66,7 +70,8 @@ def sweep(
         Summary of every case [SI units] with the parameters as coordinates (of a list: along ``case``),
         ``result_code`` (0 done, -1 not run), ``result_text`` (why a case failed) and ``wall_time`` [s].
         What a case does not have is NaN. Units are in the attributes; the attribute ``deck`` is the deck with every
-        key as used.
+        key as used. Time series are not kept,
+        whatever ``sweep.keep`` says.
 
     Warns
     -----
@@ -77,8 +82,11 @@ def sweep(
     ------
     DeckError
         If the scene or a value is refused.
+    FileError
+        If the list of points of the deck cannot be read.
     UsageError
-        If nothing is varied, or the lists have different lengths.
+        If nothing is varied, a list is not one of numbers, the lists of points have different lengths, or `threads`
+        is not positive.
 
     Notes
     -----
@@ -91,18 +99,37 @@ def sweep(
     >>> data["period"].plot()                                                    # doctest: +SKIP
     """
     scene = Scene(deck, **groups)
-    axes = [(key, np.atleast_1d(np.asarray(v, dtype=np.float64))) for key, v in (parameters or {}).items()]
-    if any(axis.ndim != 1 for _, axis in axes):
-        raise UsageError("each parameter takes a list of values")
-    if points and len({axis.size for _, axis in axes}) > 1:
+    axes = [(_key(key), _values(key, values)) for key, values in (parameters or {}).items()]
+    if points and len({axis.size for _, axis in axes}) != 1:
         raise UsageError("points=True takes lists of one length")
+    if threads is None:
+        threads = len(os.sched_getaffinity(0))
+    if threads < 1:
+        raise UsageError(f"{threads} threads: give 1 or more, or None for all cores")
     with _native.Sweep(scene.text, scene.name, scene.settings, axes, points) as core:
         work = _Work(core)
-        work.run(threads or len(os.sched_getaffinity(0)))
+        work.run(threads)
         columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
         return _dataset(
             core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
         )
+
+
+
+def _key(key: str) -> str:
+    if not isinstance(key, str) or "\n" in key:
+        raise UsageError(f"{key!r} is no key: name it as GROUP.KEY, like system.misalignment_deg")
+    return key
+
+
+def _values(key: str, values: ArrayLike) -> NDArray[np.float64]:
+    try:
+        axis = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise UsageError(f"the values of {key!r} are no numbers: give a list of numbers") from None
+    if axis.ndim != 1:
+        raise UsageError(f"the values of {key!r} have {axis.ndim} dimensions: give a list of numbers")
+    return axis
 
 
 class _Work:
@@ -123,37 +150,54 @@ class _Work:
             threading.Thread(target=self._one_thread, args=(n_threads,), daemon=True)
             for _ in range(n_threads)
         ]
-        for thread in threads:
-            thread.start()
         try:
+            for thread in threads:
+                thread.start()
             for thread in threads:
                 thread.join()
         except KeyboardInterrupt:
             self._stopped = True
-            self._core.stop()
-            for thread in threads:
-                thread.join()
+        finally:
+            self._wait(threads)
         if self._error is not None:
             raise self._error
         self._warn()
 
+    def _wait(self, threads: list[threading.Thread]) -> None:
+        """Let the threads end, whatever has happened: they use the core, which is freed afterwards."""
+        while any(thread.is_alive() for thread in threads):
+            try:
+                self._core.stop()
+                for thread in threads:
+                    if thread.is_alive():
+                        thread.join()
+            except KeyboardInterrupt:
+                self._stopped = True
+
     def _one_thread(self, n_threads: int) -> None:
+        count = 1
         try:
             while not self._stopped:
                 with self._lock:
                     first = self._next
                     left = self._core.cases - first
-                    least = SHORTEST_PIECE * self._core.at_once if self._core.at_once > 1 else 1
-                    count = min(left, max(least, min(LONGEST_PIECE, left // (4 * n_threads))))
+                    # The less is left, and the longer a case takes, the smaller the pieces; but not so small that
+                    # places for cases side by side stay empty.
+                    count = min(count, LONGEST_PIECE, left // (4 * n_threads))
+                    count = min(left, max(1, count, SHORTEST_PIECE * (self._core.at_once - 1)))
                     self._next += count
                 if left <= 0:
                     return
+                begun = time.perf_counter()
                 values, codes, messages = self._core.run(first, count)
+                passed = time.perf_counter() - begun
                 self.values[first : first + count] = values
                 self.codes[first : first + count] = codes
                 self.messages.update(messages)
+                count = int(min(LONGEST_PIECE, count * PIECE_SECONDS / passed))
         except BaseException as error:
             self._error = error
+            self._stopped = True
 
     def _warn(self) -> None:
         if self._stopped:

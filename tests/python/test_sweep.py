@@ -2,101 +2,44 @@
 
 from __future__ import annotations
 
-import os
-import random
-import shutil
 import signal
 import subprocess
-import time
-from pathlib import Path
 
 import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
-
-INPUTS = Path(__file__).parents[2] / "inputs"
-GRID = """
-&sweep
-  parameter = 'system.misalignment_deg', 'drive.velocity'
-  first = 1.0, 1.0e-3
-  last = 8.0, 4.0e-3
-  count = 12, 5
-  spacing = 'linear', 'log'
-/
-"""
+from sweeps import INPUTS, Sweep, cases_in, same, values, wait_until
 
 
 @pytest.fixture
-def deck(tmp_path):
-    path = tmp_path / "map.nml"
-    path.write_text((INPUTS / "low_frequency.nml").read_text() + GRID)
-    return path
-
-
-def values(path):
-    """Everything in /sweep that does not depend on the clock."""
-    found = {}
-    with h5py.File(path) as file:
-        file["sweep"].visititems(
-            lambda name, item: (
-                found.update({name: item[()]})
-                if isinstance(item, h5py.Dataset) and name != "wall_time"
-                else None
-            )
-        )
-    return found
-
-
-def same(a, b):
-    return a.keys() == b.keys() and all(
-        x.tobytes() == b[name].tobytes() for name, x in a.items() if x.dtype != object
-    )
-
-
-@pytest.fixture
-def sweep(dynstiction_exe, deck, tmp_path):
-    def run(output, *arguments, threads=2, command="run", **kwargs):
-        return subprocess.run(
-            [dynstiction_exe, command, deck, "-o", tmp_path / output, "--quiet", *arguments],
-            env={"PATH": "/usr/bin:/bin", "OMP_NUM_THREADS": str(threads)},
-            capture_output=True,
-            text=True,
-            check=False,
-            **kwargs,
-        )
-
-    return run
-
-
-@pytest.fixture
-def dynstiction_exe():
-    return os.environ.get("DYNSTICTION_EXE") or shutil.which("dynstiction")
+def sweep(tmp_path):
+    return Sweep(tmp_path)
 
 
 def test_the_number_of_threads_changes_nothing(sweep, tmp_path):
     for threads in (1, 2, 5):
-        assert sweep(f"{threads}.h5", threads=threads).returncode == 0
+        assert sweep.run(f"{threads}.h5", threads=threads).returncode == 0
     one = values(tmp_path / "1.h5")
     assert len(one["case"]) == 60
     assert same(one, values(tmp_path / "2.h5")) and same(one, values(tmp_path / "5.h5"))
 
 
 def test_shards_make_the_same_file(sweep, tmp_path):
-    assert sweep("whole.h5").returncode == 0
+    assert sweep.run("whole.h5").returncode == 0
     for i in (1, 3):
-        assert sweep("parts.h5", "--shard", f"{i}/3").returncode == 0
-    partial = sweep("parts.h5", command="merge")
+        assert sweep.run("parts.h5", "--shard", f"{i}/3").returncode == 0
+    partial = sweep.run("parts.h5", command="merge")
     assert partial.returncode == 75 and "20 of 60 cases have not been run" in partial.stderr
     assert np.count_nonzero(values(tmp_path / "parts.h5")["result_code"] == -1) == 20
-    assert sweep("parts.h5", "--shard", "2/3", "--overwrite").returncode == 0
-    assert sweep("parts.h5", "--overwrite", command="merge").returncode == 0
+    assert sweep.run("parts.h5", "--shard", "2/3", "--overwrite").returncode == 0
+    assert sweep.run("parts.h5", "--overwrite", command="merge").returncode == 0
     assert same(values(tmp_path / "whole.h5"), values(tmp_path / "parts.h5"))
     assert not list(tmp_path.glob("*.shard-*"))
 
 
 def test_a_case_equals_its_single_run(sweep, tmp_path):
-    assert sweep("a.h5").returncode == 0
+    assert sweep.run("a.h5").returncode == 0
     found = values(tmp_path / "a.h5")
     case = 33
     single = ds.run(
@@ -109,7 +52,7 @@ def test_a_case_equals_its_single_run(sweep, tmp_path):
 
 
 def test_a_case_that_fails_is_a_row(sweep, tmp_path):
-    done = sweep("f.h5", "--set", "integrator.max_steps=600")
+    done = sweep.run("f.h5", "--set", "integrator.max_steps=600")
     assert done.returncode == 5 and "cases failed" in done.stderr
     found = values(tmp_path / "f.h5")
     failed = found["result_code"] != 0
@@ -121,51 +64,26 @@ def test_a_case_that_fails_is_a_row(sweep, tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1])
-def test_a_signal_ends_it_cleanly_and_it_goes_on(sweep, dynstiction_exe, deck, tmp_path, number):
-    command = [dynstiction_exe, "run", deck, "-o", tmp_path / "s.h5", "--quiet", "--set", "scene.t_end=300"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+def test_a_signal_ends_it_cleanly_and_it_goes_on(sweep, tmp_path, number):
+    longer = ("--set", "scene.t_end=300")
+    process = sweep.start("s.h5", *longer, stderr=subprocess.PIPE, text=True)
     shard = tmp_path / "s.h5.shard-000000"
-    while not (shard.exists() and shard.stat().st_size > 1000):
-        time.sleep(0.005)
+    wait_until(lambda: len(cases_in(shard)) > 5)
     process.send_signal(number)
     assert process.wait(60) == 75
     assert "start it again" in process.stderr.read()
-    done = shard.stat().st_size
-    assert subprocess.run(command, check=False).returncode == 0
-    assert done > 1000 and not shard.exists()
-    assert sweep("t.h5", "--set", "scene.t_end=300").returncode == 0
+    done = cases_in(shard)
+    assert 5 < len(done) < 60
+    partly = sweep.run("s.h5", *longer, "--keep-shards")
+    assert partly.returncode == 0
+    assert cases_in(shard)[: len(done)] == done and sorted(cases_in(shard)) == list(range(1, 61))
+    assert sweep.run("t.h5", *longer).returncode == 0
     assert same(values(tmp_path / "s.h5"), values(tmp_path / "t.h5"))
 
 
-def test_a_kill_loses_no_finished_case(sweep, dynstiction_exe, deck, tmp_path):
-    command = [dynstiction_exe, "run", deck, "-o", tmp_path / "k.h5", "--quiet", "--set", "scene.t_end=300"]
-    shard = tmp_path / "k.h5.shard-000000"
-    chance = random.Random(1)
-    kills, before = 0, 0
-    while True:
-        process = subprocess.Popen(command)
-        try:
-            code = process.wait(chance.uniform(0.01, 0.12))
-            break
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-            kills += 1
-            if (tmp_path / "k.h5").exists():
-                # Killed between its last deed and its end.
-                code = 0
-                break
-            after = shard.stat().st_size if shard.exists() else 0
-            assert after >= before // 8 * 8 - 256
-            before = after
-    assert code == 0 and kills > 2
-    assert sweep("u.h5", "--set", "scene.t_end=300").returncode == 0
-    assert same(values(tmp_path / "k.h5"), values(tmp_path / "u.h5"))
-
-
-def test_python_gives_what_the_file_has(sweep, deck, tmp_path):
-    assert sweep("p.h5").returncode == 0
-    found, data = values(tmp_path / "p.h5"), ds.sweep(deck)
+def test_python_gives_what_the_file_has(sweep, tmp_path):
+    assert sweep.run("p.h5").returncode == 0
+    found, data = values(tmp_path / "p.h5"), ds.sweep(sweep.deck)
     assert data["period"].dims == ("system.misalignment_deg", "drive.velocity")
     assert data["period"].attrs["units"] == "s"
     assert np.array_equal(data["period"].values.ravel(), found["summary/period"], equal_nan=True)
@@ -178,19 +96,19 @@ def identical(a, b):
     return a["wall_time"].attrs == b["wall_time"].attrs and a["wall_time"].dims == b["wall_time"].dims
 
 
-def test_a_file_opens_as_what_the_sweep_returns(sweep, deck, tmp_path):
-    assert sweep("o.h5").returncode == 0
+def test_a_file_opens_as_what_the_sweep_returns(sweep, tmp_path):
+    assert sweep.run("o.h5").returncode == 0
     data = ds.open_sweep(tmp_path / "o.h5")
     assert data["period"].dims == ("system.misalignment_deg", "drive.velocity")
     assert data["drive.velocity"].attrs["units"] == "m/s"
-    assert identical(data, ds.sweep(deck))
+    assert identical(data, ds.sweep(sweep.deck))
 
 
-def test_a_file_of_a_list_with_failures_opens_too(sweep, deck, tmp_path):
+def test_a_file_of_a_list_with_failures_opens_too(sweep, tmp_path):
     (tmp_path / "points.csv").write_text("system.misalignment_deg,scene.t_end\n1,3\n2,6\n3,30\n")
-    deck.write_text((INPUTS / "low_frequency.nml").read_text() + "&sweep points = 'points.csv' /\n")
+    sweep.deck.write_text((INPUTS / "low_frequency.nml").read_text() + "&sweep points = 'points.csv' /\n")
     limit = "integrator.max_steps=600"
-    assert sweep("l.h5", "--set", limit).returncode == 5
+    assert sweep.run("l.h5", "--set", limit).returncode == 5
     with pytest.warns(ds.IncompleteWarning, match="1 of 3 cases failed"):
         data = ds.open_sweep(tmp_path / "l.h5")
     assert list(data["scene.t_end"].values) == [3.0, 6.0, 30.0]
@@ -198,19 +116,19 @@ def test_a_file_of_a_list_with_failures_opens_too(sweep, deck, tmp_path):
         data["result_text"].values[2]
     )
     with pytest.warns(ds.IncompleteWarning):
-        assert identical(data, ds.sweep(deck, integrator={"max_steps": 600}))
+        assert identical(data, ds.sweep(sweep.deck, integrator={"max_steps": 600}))
 
 
 def test_a_partial_file_opens_with_a_warning(sweep, tmp_path):
-    assert sweep("h.h5", "--shard", "1/2").returncode == 0
-    assert sweep("h.h5", command="merge").returncode == 75
+    assert sweep.run("h.h5", "--shard", "1/2").returncode == 0
+    assert sweep.run("h.h5", command="merge").returncode == 75
     with pytest.warns(ds.IncompleteWarning, match="30 of 60 cases have not been run"):
         data = ds.open_sweep(tmp_path / "h.h5")
     assert np.count_nonzero(data["result_code"] == -1) == np.count_nonzero(np.isnan(data["final_u_x"])) == 30
 
 
 def test_what_is_no_sweep_is_refused(sweep, tmp_path):
-    assert sweep("w.h5").returncode == 0
+    assert sweep.run("w.h5").returncode == 0
     with pytest.raises(ds.FileError, match=r"use dynstiction\.open_sweep"):
         ds.open(tmp_path / "w.h5")
     ds.run(INPUTS / "low_frequency.nml").save(tmp_path / "run.h5")
@@ -226,15 +144,10 @@ def test_what_is_no_sweep_is_refused(sweep, tmp_path):
         ds.open_sweep(tmp_path / "w.h5")
 
 
-def test_copies_that_know_nothing_of_each_other_are_refused(dynstiction_exe, deck, tmp_path):
-    done = subprocess.run(
-        [dynstiction_exe, "run", deck, "-o", tmp_path / "c.h5"],
-        env={"PMI_SIZE": "4"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_copies_that_know_nothing_of_each_other_are_refused(sweep):
+    done = sweep.run("c.h5", env={"PMI_SIZE": "4"})
     assert done.returncode == 1 and "4 copies" in done.stderr
+    assert sweep.run("c.h5", "--shard", "4/4", env={"PMI_SIZE": "4"}).returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -249,5 +162,5 @@ def test_copies_that_know_nothing_of_each_other_are_refused(dynstiction_exe, dec
     ],
 )
 def test_refused(sweep, setting, words):
-    done = sweep("r.h5", "--set", setting)
+    done = sweep.run("r.h5", "--set", setting)
     assert done.returncode == 2 and words in done.stderr

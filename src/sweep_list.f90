@@ -1,0 +1,97 @@
+!> The list of points of a sweep: from an HDF5 file with a dataset for each key, or from a CSV file.
+module dst_sweep_list
+  use hdf5, only: hid_t, h5f_acc_rdonly_f, h5fclose_f
+  use dst_deck, only: deck_t
+  use dst_deck_sweep, only: range_problem
+  use dst_disk, only: path_t
+  use dst_errors, only: error_t, raise, file_error
+  use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, names_in, read_list
+  use dst_hdf5_writer, only: content_of
+  use dst_kinds, only: int64
+  use dst_sweep, only: axis_t
+  use dst_sweep_points, only: path_of_points, read_csv, name_axis
+  use dst_text, only: integer_text
+  implicit none
+  private
+
+  public :: read_points
+
+contains
+
+  !> Read the points that a deck names.
+  subroutine read_points(deck, axes, error)
+    type(deck_t), intent(in) :: deck
+    type(axis_t), allocatable, intent(out) :: axes(:)
+    type(error_t), allocatable, intent(out) :: error
+
+    if (content_of(path_of_points(deck)) == 'hdf5') then
+      call read_datasets(deck, path_of_points(deck), axes, error)
+    else
+      call read_csv(deck, axes, error)
+    end if
+  end subroutine read_points
+
+  !> One-dimensional datasets of one length at the root, each with the name of its key. A name without a dot is no key's: such
+  !> coordinates and indices, which other programs add, are passed over.
+  subroutine read_datasets(deck, path, axes, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: path
+    type(axis_t), allocatable, intent(out) :: axes(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(path_t), allocatable :: names(:)
+    integer(hid_t) :: file
+    integer :: status, i, n, ignored
+
+    call start_hdf5(status)
+    call open_file(path, h5f_acc_rdonly_f, file, status)
+    call names_in(file, names, status)
+    if (status < 0) then
+      call raise(error, file_error, path//': cannot be read: '//failure_reason())
+      return
+    end if
+    allocate (axes(count([(index(names(i)%text, '.') > 0, i=1, size(names))])))
+    n = 0
+    do i = 1, size(names)
+      if (index(names(i)%text, '.') == 0) cycle
+      n = n + 1
+      call name_axis(deck, names(i)%text, path, axes, n, error)
+      if (.not. allocated(error)) call take_values(file, path, names(i)%text, axes(n), error)
+      if (allocated(error)) exit
+      if (size(axes(n)%values) /= size(axes(1)%values)) then
+        call raise(error, file_error, path//": '"//names(i)%text//"' has "//number(axes(n))// &
+          ' values, but the first dataset has '//number(axes(1))//': give datasets of one length')
+        exit
+      end if
+    end do
+    call h5fclose_f(file, ignored)
+    if (n == 0) call raise(error, file_error, path//': holds no points: give one-dimensional datasets with names of keys, '// &
+      'like /system.misalignment_deg')
+  end subroutine read_datasets
+
+  function number(axis) result(text)
+    type(axis_t), intent(in) :: axis
+    character(:), allocatable :: text
+
+    text = integer_text(size(axis%values, kind=int64))
+  end function number
+
+  subroutine take_values(file, path, name, axis, error)
+    integer(hid_t), intent(in) :: file
+    character(*), intent(in) :: path, name
+    type(axis_t), intent(inout) :: axis
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: problem
+    integer :: status, i
+
+    status = 0
+    call read_list(file, name, axis%values, status)
+    problem = ''
+    if (status < 0) problem = 'is no sound one-dimensional dataset of numbers: give one value a case'
+    do i = 1, size(axis%values)
+      if (problem /= '') exit
+      problem = range_problem(axis%key, axis%values(i))
+      if (problem /= '') problem = 'value '//integer_text(int(i, int64))//': '//problem
+    end do
+    if (problem /= '') call raise(error, file_error, path//": '"//name//"' "//problem)
+  end subroutine take_values
+end module dst_sweep_list

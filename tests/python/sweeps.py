@@ -1,0 +1,117 @@
+"""What the tests of sweeps share: decks, and a way to run them and to look at what they left."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import h5py
+
+INPUTS = Path(__file__).parents[2] / "inputs"
+SCENE = (INPUTS / "low_frequency.nml").read_text()
+GRID = """
+&sweep
+  parameter = 'system.misalignment_deg', 'drive.velocity'
+  first = 1.0, 1.0e-3
+  last = 8.0, 4.0e-3
+  count = 12, 5
+  spacing = 'linear', 'log'
+/
+"""
+
+
+def executable():
+    return os.environ.get("DYNSTICTION_EXE") or shutil.which("dynstiction")
+
+
+class Sweep:
+    """A deck in a folder, and the program that runs it."""
+
+    def __init__(self, folder, text=SCENE + GRID, exe=None):
+        self.folder = folder
+        self.exe = exe or executable()
+        self.deck = folder / "map.nml"
+        self.deck.write_text(text)
+
+    def command(self, output, *arguments, command="run", quiet=True):
+        quietly = ["--quiet"] if quiet else []
+        return [self.exe, command, self.deck, "-o", self.folder / output, *quietly, *arguments]
+
+    def run(self, output, *arguments, threads=2, command="run", env=None, **kwargs):
+        return subprocess.run(
+            self.command(output, *arguments, command=command),
+            env={"PATH": "/usr/bin:/bin", "OMP_NUM_THREADS": str(threads)} | (env or {}),
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=300,
+            **kwargs,
+        )
+
+    def start(self, output, *arguments, quiet=True, launcher=(), env=None, **kwargs):
+        """A run that goes on meanwhile, in a process group of its own."""
+        return subprocess.Popen(
+            [*launcher, *self.command(output, *arguments, quiet=quiet)],
+            env=os.environ | {"OMP_NUM_THREADS": "2"} | (env or {}),
+            start_new_session=True,
+            **kwargs,
+        )
+
+    def shards(self, output):
+        return sorted(self.folder.glob(f"{output}.shard-??????"))
+
+
+def values(path):
+    """Everything in /sweep that does not depend on the clock."""
+    found = {}
+
+    def take(name, item):
+        if isinstance(item, h5py.Dataset) and name != "wall_time":
+            found[name] = item[()]
+
+    with h5py.File(path) as file:
+        file["sweep"].visititems(take)
+    return found
+
+
+def same(a, b):
+    """Whether two files hold the same bits."""
+    return a.keys() == b.keys() and all(
+        list(x) == list(b[name]) if x.dtype == object else x.tobytes() == b[name].tobytes()
+        for name, x in a.items()
+    )
+
+
+def wait_until(condition, seconds=60.0):
+    """Wait for a condition that comes true sooner or later."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not come true in time"
+        time.sleep(0.002)
+
+
+HEADER_BYTES = 12 * 8
+
+
+def cases_in(shard):
+    """Numbers of the finished cases in a shard, in the order of the file; docs/sweeps.md tells its format."""
+    data = shard.read_bytes() if shard.exists() else b""
+    found, place = [], HEADER_BYTES
+    while place + 16 <= len(data):
+        length = 8 * int.from_bytes(data[place + 8 : place + 12], "little")
+        if length == 0 or place + length > len(data):
+            break
+        found.append(int.from_bytes(data[place : place + 4], "little"))
+        place += length
+    return found
+
+
+def end_group(process):
+    """Kill a process that `Sweep.start` began, with all its children."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait(30)

@@ -1,0 +1,207 @@
+"""Points of a sweep from CSV and HDF5 files: every way to write them, and faults named with their place."""
+
+from __future__ import annotations
+
+import dynstiction as ds
+import h5py
+import numpy as np
+import pytest
+from sweeps import SCENE, Sweep, same, values
+
+LIST = "&sweep points = 'cases.csv' /\n"
+NAMES = "system.misalignment_deg,drive.velocity"
+ANGLES, VELOCITIES = [1.0, 2.5, 4.0], [1e-3, 2e-3, 4e-3]
+ROWS = [f"{angle},{velocity}" for angle, velocity in zip(ANGLES, VELOCITIES, strict=True)]
+
+
+@pytest.fixture
+def sweep(tmp_path):
+    return Sweep(tmp_path, SCENE.replace("t_end = 10.0", "t_end = 2.0") + LIST)
+
+
+@pytest.fixture
+def expected(sweep, tmp_path):
+    (tmp_path / "cases.csv").write_text("\n".join([NAMES, *ROWS]) + "\n")
+    assert sweep.run("expected.h5").returncode == 0
+    return values(tmp_path / "expected.h5")
+
+
+def test_a_list_has_a_case_a_row(sweep, expected, tmp_path):
+    assert list(expected["system.misalignment_deg"]) == ANGLES
+    assert list(expected["drive.velocity"]) == VELOCITIES
+    with h5py.File(tmp_path / "expected.h5") as file:
+        assert file["sweep"].attrs["grid"] == "list"
+        assert file["sweep"].attrs["parameters"] == "system.misalignment_deg drive.velocity"
+    single = ds.run(
+        sweep.deck.read_text().replace(LIST, ""), drive={"velocity": 4e-3}, system={"misalignment_deg": 4.0}
+    )
+    assert expected["summary/final_u_x"][2] == single["u_x"][-1]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\n".join([NAMES, *ROWS]),
+        "\r\n".join([NAMES, *ROWS, ""]),
+        "\r".join([NAMES, *ROWS, ""]),
+        "\ufeff" + "\n".join([NAMES, *ROWS, ""]),
+        "\n\n".join(["", NAMES, *ROWS, "  ", ""]),
+        "\n".join([NAMES, *ROWS]).replace(",", ";"),
+        "\n".join([NAMES, *ROWS]).replace(",", "\t"),
+        "\n".join([NAMES, *ROWS]).replace(",", "   "),
+        "\n".join([NAMES, *ROWS]).replace(",", " , "),
+        "\n".join('"' + line.replace(",", '","') + '"' for line in [NAMES, *ROWS]),
+        "\n".join([NAMES.upper(), *ROWS]),
+        "\n".join([NAMES, *ROWS]).replace(",", "," + 3000 * " "),
+    ],
+    ids=[
+        "no newline",
+        "CRLF",
+        "CR",
+        "BOM",
+        "blank lines",
+        "semicolons",
+        "tabs",
+        "blanks",
+        "spaced",
+        "quoted",
+        "capitals",
+        "long lines",
+    ],
+)
+def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
+    (tmp_path / "cases.csv").write_bytes(text.encode())
+    done = sweep.run("a.h5")
+    assert done.returncode == 0, done.stderr
+    assert same(values(tmp_path / "a.h5"), expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("", "", "holds no points"),
+        (NAMES + "\n", "", "holds no points"),
+        ("system.stiffness_y\n1\n", ":1:", "'system.stiffness_y' is not used with"),
+        ("drive.velocity\n1e-3\n\n\nfast\n", ":5:", "'fast' is not a real number"),
+        ("drive.velocity\n1e-3\nnan\n", ":3:", "'nan' is not a real number"),
+        ("system.misalignment_deg\n\n1e3\n", ":3:", "out of range for misalignment_deg"),
+        (NAMES + "\n1,1e-3\n2\n", ":3:", "1 value(s), but the first line names 2"),
+        (NAMES + "\n1,,1e-3\n", ":2:", "3 value(s), but the first line names 2"),
+        (NAMES + "\n1,\n", ":2:", "'' is not a real number"),
+        (NAMES + ",\n1,1e-3,\n", ":1:", "there is no key ''"),
+        ("drive.velocity,Drive.Velocity\n1,1\n", ":1:", "named twice"),
+        ("drive.speed\n1\n", ":1:", "there is no key 'drive.speed'"),
+        ("output.interval\n1\n", ":1:", "cannot be varied"),
+        ("drive.velocity\n1,5\n", ":2:", "'1,5' is not a real number"),
+        ("drive.velocity\n\0\n", ":2:", "'?' is not a real number"),
+        ("integrator.max_steps\n1.5\n", ":2:", "takes integers"),
+    ],
+)
+def test_faults_have_their_place(sweep, tmp_path, text, place, words):
+    path = tmp_path / "cases.csv"
+    path.write_text(text)
+    done = sweep.run("a.h5")
+    assert done.returncode == 3
+    assert done.stderr.startswith(f"dynstiction: {path}{place}") and words in done.stderr
+    assert not (tmp_path / "a.h5").exists() and not sweep.shards("a.h5")
+    with pytest.raises(ds.FileError, match=r"cases\.csv"):
+        ds.sweep(sweep.deck)
+
+
+def test_a_missing_file_and_a_folder(sweep, tmp_path):
+    done = sweep.run("a.h5")
+    assert (
+        done.returncode == 3 and f"{tmp_path}/cases.csv: cannot be read: there is no such file" in done.stderr
+    )
+    (tmp_path / "cases.csv").mkdir()
+    assert "it is a folder" in sweep.run("a.h5").stderr
+
+
+def test_names_are_relative_to_the_deck_and_may_be_absolute(sweep, expected, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    moved = tmp_path / "elsewhere" / "points.csv"
+    (tmp_path / "cases.csv").rename(moved)
+    for name in ("elsewhere/points.csv", moved):
+        assert sweep.run("a.h5", "--overwrite", "--set", f"sweep.points={name}", cwd="/").returncode == 0
+        assert same(values(tmp_path / "a.h5"), expected)
+
+
+def test_python_reads_the_list_too(sweep, expected):
+    data = ds.sweep(sweep.deck)
+    assert data["final_u_x"].dims == ("case",)
+    assert list(data["drive.velocity"].values) == VELOCITIES
+    assert np.array_equal(data["final_u_x"].values, expected["summary/final_u_x"])
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(**datasets):
+        with h5py.File(tmp_path / "cases.h5", "w") as file:
+            for name, data in datasets.items():
+                file[name] = data
+
+    return write
+
+
+def with_hdf5(sweep):
+    return sweep.run("a.h5", "--overwrite", "--set", "sweep.points=cases.h5")
+
+
+def test_hdf5_gives_the_same(sweep, expected, write, tmp_path):
+    # Other programs add coordinates and indices; single precision and integers are numbers too.
+    write(
+        **{"system.misalignment_deg": ANGLES, "drive.velocity": VELOCITIES, "case": [1, 2, 3], "note": "text"}
+    )
+    done = with_hdf5(sweep)
+    assert done.returncode == 0, done.stderr
+    # HDF5 keeps names in alphabetical order.
+    found = values(tmp_path / "a.h5")
+    assert same({name: found[name] for name in expected}, expected)
+    write(**{"system.misalignment_deg": np.float32(ANGLES), "drive.velocity": [1, 1, 1]})
+    assert with_hdf5(sweep).returncode == 0
+    assert list(values(tmp_path / "a.h5")["system.misalignment_deg"]) == ANGLES
+
+
+def test_hdf5_as_xarray_writes_it(sweep, expected, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    columns = {"system.misalignment_deg": ("case", ANGLES), "drive.velocity": ("case", VELOCITIES)}
+    xarray.Dataset(columns, {"case": [0, 1, 2]}).to_netcdf(tmp_path / "cases.h5", engine="h5netcdf")
+    assert with_hdf5(sweep).returncode == 0
+    assert list(values(tmp_path / "a.h5")["drive.velocity"]) == VELOCITIES
+
+
+@pytest.mark.parametrize(
+    ("datasets", "words"),
+    [
+        ({}, "holds no points"),
+        ({"case": [1.0]}, "holds no points"),
+        ({"system.misalignment_deg": ANGLES, "drive.velocity": [1e-3]}, "give datasets of one length"),
+        ({"system.misalignment_deg": [ANGLES]}, "no sound one-dimensional dataset"),
+        ({"system.misalignment_deg": 1.0}, "no sound one-dimensional dataset"),
+        ({"system.misalignment_deg": ["1"]}, "no sound one-dimensional dataset"),
+        ({"system.misalignment_deg": [1.0, 1e3]}, "value 2: 1000.0 is out of range"),
+        ({"drive.velocity": [np.nan]}, "value 1: a value of velocity is not finite"),
+        ({"drive.speed": [1.0]}, "there is no key 'drive.speed'"),
+        ({"drive.velocity": [1e-3], "Drive.velocity": [1e-3]}, "named twice"),
+    ],
+)
+def test_faults_of_hdf5_points(sweep, write, tmp_path, datasets, words):
+    write(**datasets)
+    done = with_hdf5(sweep)
+    assert done.returncode == 3
+    assert done.stderr.startswith(f"dynstiction: {tmp_path}/cases.h5: ") and words in done.stderr
+
+
+def test_a_damaged_hdf5_file(sweep, write, tmp_path):
+    write(**{"drive.velocity": VELOCITIES})
+    data = (tmp_path / "cases.h5").read_bytes()
+    (tmp_path / "cases.h5").write_bytes(data[:600])
+    done = with_hdf5(sweep)
+    assert done.returncode == 3 and "cannot be read" in done.stderr
+
+
+def test_python_wants_no_hdf5_list(sweep, write):
+    write(**{"drive.velocity": VELOCITIES})
+    with pytest.raises(ds.FileError, match="points=True"):
+        ds.sweep(sweep.deck, sweep={"points": "cases.h5"})

@@ -1,0 +1,150 @@
+"""`ds.sweep`: what it returns, what it refuses, and what Ctrl-C leaves."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from sweeps import GRID, SCENE
+
+pytest.importorskip("xarray")
+
+ANGLES = {"system.misalignment_deg": [1.0, 2.0, 3.0]}
+SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
+
+
+def test_coordinates_units_and_order():
+    data = ds.sweep(SHORT, ANGLES | {"drive.velocity": [1e-3, 2e-3]})
+    assert dict(data.sizes) == {"system.misalignment_deg": 3, "drive.velocity": 2}
+    assert data["drive.velocity"].attrs["units"] == "m/s"
+    assert data["final_u_x"].attrs["units"] == "m" and data["wall_time"].attrs["units"] == "s"
+    single = ds.run(SHORT, system={"misalignment_deg": 3.0}, drive={"velocity": 2e-3})
+    chosen = data["final_u_x"].sel({"system.misalignment_deg": 3.0, "drive.velocity": 2e-3})
+    assert chosen.item() == single["u_x"][-1]
+
+
+def test_points_go_along_case():
+    data = ds.sweep(
+        SHORT, {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3]}, points=True
+    )
+    assert data["final_u_x"].dims == ("case",) and data["drive.velocity"].dims == ("case",)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_threads_change_nothing(threads):
+    names = ["final_u_x", "period", "steps"]
+    one = ds.sweep(SHORT + GRID, threads=1)[names]
+    assert ds.sweep(SHORT + GRID, threads=threads)[names].identical(one)
+
+
+def test_failed_cases_are_reported():
+    with pytest.warns(ds.IncompleteWarning, match="of 60 cases failed"):
+        data = ds.sweep(SHORT + GRID, integrator={"max_steps": 25})
+    failed = data["result_code"].values == 42
+    assert 0 < np.count_nonzero(failed) < 60
+    assert all("max_steps" in text for text in data["result_text"].values[failed])
+    assert all(text == "" for text in data["result_text"].values[~failed])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        ({}, ds.UsageError, "nothing is varied"),
+        ({"parameters": {}}, ds.UsageError, "nothing is varied"),
+        ({"parameters": {"system.mas": [1.0]}}, ds.DeckError, r"no key 'system\.mas'"),
+        ({"parameters": {"output.interval": [1.0]}}, ds.DeckError, "cannot be varied"),
+        ({"parameters": {"drive.velocity": []}}, ds.DeckError, "from 1 to"),
+        ({"parameters": {"drive.velocity": [[1.0]]}}, ds.UsageError, "2 dimensions"),
+        ({"parameters": {"drive.velocity": ["fast"]}}, ds.UsageError, "no numbers"),
+        ({"parameters": {"drive.velocity": [1j]}}, ds.UsageError, "no numbers"),
+        ({"parameters": {"drive.velocity": None}}, ds.DeckError, "not finite"),
+        ({"parameters": {"drive.velocity": [1e-3, float("nan")]}}, ds.DeckError, "value 2: .*not finite"),
+        ({"parameters": {"drive.velocity": [float("inf")]}}, ds.DeckError, "not finite"),
+        ({"parameters": {"system.misalignment_deg": [1e3]}}, ds.DeckError, "out of range"),
+        ({"parameters": {"drive.velocity": [1.0], "Drive.Velocity": [1.0]}}, ds.DeckError, "varied twice"),
+        ({"parameters": {"drive.velocity\nsystem.mass": [1.0]}}, ds.UsageError, "is no key"),
+        ({"parameters": {3: [1.0]}}, ds.UsageError, "is no key"),
+        ({"parameters": {**ANGLES, "drive.velocity": [1.0]}, "points": True}, ds.UsageError, "one length"),
+        ({"parameters": {}, "points": True}, ds.UsageError, "one length"),
+        ({"parameters": ANGLES, "threads": 0}, ds.UsageError, "0 threads"),
+        ({"parameters": ANGLES, "threads": -2}, ds.UsageError, "-2 threads"),
+        (
+            {"parameters": ANGLES, "scene": {"model": "auto"}, "system": {"stiffness_y": 1e7}},
+            ds.DeckError,
+            "auto",
+        ),
+        (
+            {"parameters": {"drive.velocity": np.ones(40000), "system.mass": np.ones(40000)}},
+            ds.DeckError,
+            "from 1 to",
+        ),
+    ],
+)
+def test_refused(arguments, error, words):
+    with pytest.raises(error, match=words):
+        ds.sweep(SHORT, **arguments)
+
+
+def test_other_threads_go_on():
+    """The interpreter's lock is free while the core works."""
+    counts = []
+    stop = threading.Event()
+
+    def count():
+        while not stop.wait(0.001):
+            counts.append(time.monotonic())
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    try:
+        begun = time.monotonic()
+        ds.sweep(SCENE, {"scene.t_end": [10000.0]}, threads=1)
+        ended = time.monotonic()
+    finally:
+        stop.set()
+        counter.join()
+    meanwhile = sum(begun < moment < ended for moment in counts)
+    assert meanwhile > 20
+
+
+INTERRUPTED = """
+import sys, warnings
+import dynstiction as ds
+import numpy as np
+warnings.simplefilter("ignore", ds.IncompleteWarning)
+ends = np.where(np.arange(400) < 200, 1.0, 3e5)
+print("begun", flush=True)
+data = ds.sweep(sys.argv[1], {"scene.t_end": ends}, points=True, threads=2)
+codes = data["result_code"].values
+print(np.count_nonzero(codes == 0), np.count_nonzero(codes == -1), np.isfinite(data["final_u_x"].values[codes == 0]).all())
+"""
+
+
+@pytest.mark.parametrize("number_of_signals", [1, 5])
+def test_interrupt_keeps_what_is_done(tmp_path, number_of_signals):
+    """Two hundred short cases, then endless ones; impatient users press Ctrl-C more than once."""
+    deck = tmp_path / "deck.nml"
+    deck.write_text(SCENE)
+    process = subprocess.Popen([sys.executable, "-c", INTERRUPTED, deck], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout.readline() == "begun\n"
+        time.sleep(2.0)
+        begun = time.monotonic()
+        for _ in range(number_of_signals):
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.002)
+        output, _ = process.communicate(timeout=30)
+        assert time.monotonic() - begun < 10.0
+    finally:
+        process.kill()
+    # A signal that comes after the sweep has returned may interrupt what follows, as it should.
+    assert process.returncode in ((0,) if number_of_signals == 1 else (0, 1, -2))
+    if process.returncode == 0:
+        done, left, finite = output.split()
+        assert int(done) >= 150 and int(done) + int(left) == 400 and finite == "True"
