@@ -179,7 +179,7 @@ contains
 
     if (scene%method == 'rk4' .and. trajectory%may_rest()) then
       call raise(error, deck_error, "method 'rk4' cannot follow the exact contact, and here the object may come to rest: "// &
-        'use radau5 | radau9 | radau13 | dopri5 | dop853')
+        'use an adaptive method')
       return
     end if
     trajectory%step_max = scene%step_max
