@@ -32,6 +32,11 @@ autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 
+# Blocks without a language are what a terminal shows.
+highlight_language = "none"
+pygments_style = "default"
+pygments_dark_style = "github-dark"
+
 html_theme = "furo"
 html_title = f"dynstiction {release}"
 html_static_path = ["_static"]
