@@ -9,6 +9,7 @@ module dst_friction
 
   public :: friction_law_t, new_friction_law
 
+  !> A friction law, with its coefficients.
   type, abstract :: friction_law_t
     !> Friction force at the onset of slip, mu_0 W [N]; also the static limit.
     real(wp) :: onset = 0.0_wp

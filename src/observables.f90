@@ -18,6 +18,7 @@ module dst_observables
   integer, parameter :: c_y_rate = 9, c_spring_force_x = 10, c_spring_force_y = 11
   integer, parameter :: c_friction = 12, c_theta = 13, c_psi = 14, c_sticking = 15, c_zeta = 16
 
+  !> The table of columns: name, unit, meaning.
   type(quantity_t), parameter :: columns(*) = [ &
     quantity_t('time', 's', 'time'), &
     quantity_t('u_x', 'm', 'spring elongation along the soft axis'), &

@@ -12,6 +12,7 @@ module dst_ranks
 
   public :: ranks_t, start_ranks
 
+  !> The processes of a sweep, as seen by one of them.
   type :: ranks_t
     integer :: rank = 0, count = 1
     !> Cases not yet given to a process: a piece of a list from `next` to `last`. Rank 0 knows.
@@ -35,6 +36,7 @@ module dst_ranks
 
 contains
 
+  !> Start MPI.
   subroutine start_ranks(ranks, error)
     type(ranks_t), intent(out) :: ranks
     type(error_t), allocatable, intent(out) :: error

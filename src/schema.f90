@@ -47,6 +47,7 @@ module dst_schema
   !> From 1e-13 on in double precision, from 1e-31 on in quadruple precision.
   type(range_t), parameter :: tolerances = range_t(low=10.0_wp**(2 - precision(1.0_wp)), high=1.0e-1_wp)
 
+  !> The groups, in the order in which a deck is printed.
   character(*), parameter :: group_names = 'scene system friction drive initial integrator output sweep'
   !> The group that turns a deck into many cases; a deck without it is one run.
   character(*), parameter :: sweep_group = 'sweep'
@@ -160,6 +161,7 @@ module dst_schema
     key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series', '', &
           'what is kept of a case: its summary, or the time series too')]
 
+  !> Number of keys.
   integer, parameter :: key_count = size(schema)
 
 contains
@@ -199,6 +201,7 @@ contains
     names = trim(names)
   end function keys_of
 
+  !> Whether a value lies in the interval.
   elemental logical function in_range(range, value)
     type(range_t), intent(in) :: range
     real(wp), intent(in) :: value
@@ -233,6 +236,7 @@ contains
     end if
   end function limit_text
 
+  !> Number of conditions under which a key is used.
   pure integer function condition_count(key)
     type(key_t), intent(in) :: key
     integer :: i

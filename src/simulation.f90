@@ -32,6 +32,7 @@ module dst_simulation
   !> The clock is read once every so many advances.
   integer, parameter :: advances_between_looks = 16
 
+  !> One run: what is integrated, with what, and what is recorded.
   type :: simulation_t
     type(scene_t) :: scene
     type(trajectory_t) :: trajectory

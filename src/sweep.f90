@@ -29,6 +29,7 @@ module dst_sweep
     real(wp), allocatable :: values(:)    !! in the deck's unit
   end type axis_t
 
+  !> The cases of a deck.
   type :: sweep_t
     type(deck_t) :: deck
     type(axis_t), allocatable :: axes(:)
@@ -258,6 +259,7 @@ contains
     quantities = [columns(1), (columns(find_column(scene%fields(i))), i=1, size(scene%fields))]
   end function series_quantities
 
+  !> What one thread needs to run cases of the sweep.
   subroutine new_worker(sweep, worker)
     type(sweep_t), intent(in) :: sweep
     type(worker_t), intent(out) :: worker
