@@ -1,6 +1,6 @@
 !> Friction laws: magnitude of the friction force against the slip speed.
 !>
-!> Adding a law: extend `friction_law_t` here and name it in `new_friction_law`.
+!> Adding a law: extend `friction_law_t` here and name it in `new_friction_law`; docs/howto/friction_law.md.
 !> Source: Nakano & Popov (2020), Eq. (3) (weakening) and its constant limit.
 module dst_friction
   use dst_kinds, only: wp

@@ -1,6 +1,6 @@
 !> Output columns: what can be said of the motion at one instant.
 !>
-!> Adding a column: its number, one line in `columns` and one case in `value_of`.
+!> Adding a column: its number, one line in `columns` and one case in `value_of`; docs/howto/output_column.md.
 !> Source of the formulas: Nakano & Popov (2020), Eqs. (4)-(6) and (10).
 module dst_observables
   use dst_kinds, only: wp, pi

@@ -20,6 +20,18 @@ create_tools() {
   cp "$requirements" "$tools/installed"
 }
 
+# FORD's pages would fetch style sheets and scripts from the network; docs/ford.css takes their place.
+cut_network() {
+  "$python" - "$1" << 'END'
+import re, sys
+from pathlib import Path
+
+for page in Path(sys.argv[1]).rglob("*.html"):
+    text = page.read_text(encoding="utf-8")
+    page.write_text(re.sub(r"<link [^>]*https://cdn[^>]*>|<script [^>]*https://cdn[^>]*></script>", "", text), encoding="utf-8")
+END
+}
+
 # quietly WHAT COMMAND...: its output goes to the log and is shown if it fails.
 quietly() {
   say "$1"
@@ -33,4 +45,5 @@ export PYTHONPATH=$venv/lib/python$python_version/site-packages
 quietly 'Making the manual' "$tools/bin/sphinx-build" -W --keep-going -b html -d "$checkout/build/doctrees" "$checkout/docs" "$manual"
 quietly 'Making the pages of the Fortran modules' "$tools/bin/ford" -o "$manual/fortran" "$checkout/docs/ford.md"
 ! grep -i warning "$log" || die 'FORD warns: see above'
+cut_network "$manual/fortran"
 printf '%s\n' "$manual/index.html"

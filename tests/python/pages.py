@@ -60,10 +60,10 @@ def run_page(page: Path, folder: Path, environment: dict[str, str]) -> int:
 def run_shell(block: Block, folder: Path, environment: dict[str, str], place: str) -> str:
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", block.text],
-        cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True, check=False,
+        cwd=folder, env={**os.environ, **environment}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, f"{place}: status {done.returncode}\n{done.stdout}{done.stderr}"
-    return done.stdout + done.stderr
+    assert done.returncode == 0, f"{place}: status {done.returncode}\n{done.stdout}"
+    return done.stdout
 
 
 def run_python(block: Block, folder: Path, names: dict[str, Any]) -> str:

@@ -76,7 +76,9 @@ def test_what_is_public_is_documented(source: Path) -> None:
 
 
 def test_the_check_finds_what_is_missing() -> None:
-    module = "!> What it is.\nmodule m\n  public :: one, two, three\n  integer, parameter :: three = 3\ncontains\n"
+    module = (
+        "!> What it is.\nmodule m\n  public :: one, two, three\n  integer, parameter :: three = 3\ncontains\n"
+    )
     routines = "  !> Said.\n  subroutine one()\n  end subroutine one\n  pure real(wp) function two()\n  end function two\n"
     assert undocumented(module + routines) == ["three", "two"]
     assert undocumented("module m\nend module m\n") == ["the file"]
