@@ -16,8 +16,14 @@ SPACE = '<mspace width="0.17em"/>'
 def mathml(latex: str, display: str) -> str:
     text = convert(latex, display=display)
     text = re.sub(r'<mi mathvariant="bold">([A-Za-z])</mi>', lambda found: f"<mi>{bold(found[1])}</mi>", text)
+    # The character of a prime is raised already.
+    text = re.sub(
+        r"<msup>(<mi>[^<]*</mi>)<mi>(&#x0203[23];)</mi></msup>", r'\1<mo lspace="0" rspace="0">\2</mo>', text
+    )
     # A function's name stands apart from what is beside it.
-    text = re.sub(rf"({FUNCTION}|<msup>{FUNCTION}<m\w>[^<]*</m\w></msup>)(?=<m[insu])", rf"\1{SPACE}", text)
+    text = re.sub(
+        rf"((?<!<msup>){FUNCTION}|<msup>{FUNCTION}<m\w>[^<]*</m\w></msup>)(?=<m[insu])", rf"\1{SPACE}", text
+    )
     return re.sub(rf"(</m(?:i|n|sub|sup)>)(?=(?:<msup>)?{FUNCTION})", rf"\1{SPACE}", text)
 
 
