@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
 import re
@@ -97,3 +98,22 @@ def test_every_page_is_in_the_table_of_contents() -> None:
 def toctrees() -> list[str]:
     text = (DOCS / "index.md").read_text(encoding="utf-8")
     return re.findall(r"^```\{toctree\}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def test_every_equation_can_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("latex2mathml", "docutils", "sphinx"):
+        pytest.importorskip(package)
+    monkeypatch.syspath_prepend(DOCS)
+    mathml = importlib.import_module("mathml").mathml
+    count = 0
+    for page in DOCS.rglob("*.md"):
+        text = re.sub(
+            r"^```.*?^```$|`[^`\n]*`", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
+        )
+        for display, inline in re.findall(r"\$\$(.+?)\$\$|\$([^$]+?)\$", text, re.DOTALL):
+            count += 1
+            drawn = mathml(display or inline, "block")
+            assert "\\" not in drawn and not re.search(r"&(?!#?\w+;)", drawn), (
+                f"{page.name}: {display or inline}"
+            )
+    assert count > 50
