@@ -20,10 +20,9 @@ myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 html_math_renderer = "mathml"
 # The notebooks have no outputs in the repository: they run when the manual is made.
-nb_execution_mode = "cache"
+nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
-nb_execution_cache_path = str(Path(__file__).resolve().parents[1] / "build" / "notebooks")
 
 # In docstrings `name` is a name.
 default_role = "code"

@@ -42,7 +42,7 @@ prepare
 build_release
 create_tools
 export PYTHONPATH=$venv/lib/python$python_version/site-packages
-quietly 'Making the manual' "$tools/bin/sphinx-build" -W --keep-going -b html -d "$checkout/build/doctrees" "$checkout/docs" "$manual"
+quietly 'Making the manual' "$tools/bin/sphinx-build" -W --keep-going -E -a -b html -d "$checkout/build/doctrees" "$checkout/docs" "$manual"
 quietly 'Making the pages of the Fortran modules' "$tools/bin/ford" -o "$manual/fortran" "$checkout/docs/ford.md"
 ! grep -i warning "$log" || die 'FORD warns: see above'
 cut_network "$manual/fortran"
