@@ -10,6 +10,7 @@ module dst_archive
 
   public :: archive_t, archive_of
 
+  !> The state of a run as a list of 64-bit words; each type puts its fields in or takes them out with one procedure `exchange`.
   type :: archive_t
     private
     logical :: loading = .false.

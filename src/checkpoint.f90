@@ -12,6 +12,7 @@ module dst_checkpoint
 
   public :: checkpoint_t, checkpoint_name, write_checkpoint, read_checkpoint, delete_checkpoint
 
+  !> What a checkpoint holds besides the state: which run it belongs to, and what stood in the result file then.
   type :: checkpoint_t
     character(:), allocatable :: version           !! of the program
     character(:), allocatable :: deck_sha256       !! of the deck as read
@@ -29,6 +30,7 @@ module dst_checkpoint
 
 contains
 
+  !> The name of a result's checkpoint.
   pure function checkpoint_name(result_file) result(name)
     character(*), intent(in) :: result_file
     character(:), allocatable :: name
@@ -73,6 +75,7 @@ contains
       reason//': run the deck again')
   end subroutine read_checkpoint
 
+  !> Remove a result's checkpoint, if there is one.
   subroutine delete_checkpoint(result_file)
     character(*), intent(in) :: result_file
 

@@ -13,6 +13,7 @@ module dst_collocation
 
   public :: collocation_t, radau_iia, max_stages
 
+  !> Stages of the largest method.
   integer, parameter :: max_stages = max_degree
 
   !> A stiffly accurate collocation method.

@@ -8,10 +8,12 @@ module dst_command_line
 
   public :: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
 
+  !> One word of the command line.
   type :: argument_t
     character(:), allocatable :: text
   end type argument_t
 
+  !> A command as understood, with its options.
   type :: command_t
     character(:), allocatable :: name              !! run | resume | check | template | stability | trade | version | help
     character(:), allocatable :: output            !! of -o; '' = not given

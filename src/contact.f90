@@ -35,6 +35,7 @@ module dst_contact
     real(wp) :: highest = 0.0_wp
   end type braking_t
 
+  !> Order of the power series of a release.
   integer, parameter :: series_order = 10
 
   !> Slip from rest as power series in tau = t/unit, up to tau = reach.

@@ -20,6 +20,7 @@ module dst_creep_motion
 
   public :: creep_motion_t, new_creep_motion
 
+  !> The creep of one scene.
   type :: creep_motion_t
     type(slider_t) :: slider
     type(drive_t) :: drive

@@ -7,7 +7,7 @@ module dst_deck
   use dst_faults, only: faults_t
   use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
   use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, keys_of, in_range, range_text, &
-                        condition_text, sweep_group, longest_text, most_values, real_kind, reals_kind, &
+                        condition_text, sweep_group, adaptive_methods, longest_text, most_values, real_kind, reals_kind, &
                         integer_kind, text_kind, texts_kind, choice_kind
   use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, set_default, &
                              is_default, used, unused
@@ -630,10 +630,10 @@ contains
       if (deck%text_of('scene', 'model') /= 'full') return
       if (deck%text_of('integrator', 'method') == 'moreau_jean' .and. deck%text_of('friction', 'contact') == 'smoothed') &
         call note(faults, source_of(method), "method 'moreau_jean' knows only the exact contact: "// &
-                  "choose contact = 'exact', or method radau5 | radau9 | radau13 | dopri5 | dop853 | rk4")
+                  "choose contact = 'exact', or method "//alternatives(adaptive_methods//' rk4'))
       if (deck%text_of('friction', 'contact') /= 'exact' .or. deck%text_of('integrator', 'method') /= 'rk4') return
       call note(faults, source_of(method), "method 'rk4' cannot follow the exact contact of model 'full': "// &
-                "choose contact = 'smoothed', or method radau5 | radau9 | radau13 | dopri5 | dop853 | moreau_jean")
+                "choose contact = 'smoothed', or method "//alternatives(adaptive_methods//' moreau_jean'))
     end associate
   end subroutine check_contact
 

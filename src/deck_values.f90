@@ -14,6 +14,7 @@ module dst_deck_values
   !> Whether a key has a meaning in this deck; unknown while the choice it depends on is faulty.
   integer, parameter :: used = 1, unused = 2, unknown = 3
 
+  !> The value of a key, and where it comes from.
   type :: value_t
     logical :: user = .false.        !! set by the deck or by a setting, not the default
     logical :: attempted = .false.   !! the deck means to set it, perhaps under a wrong name

@@ -17,6 +17,7 @@ module dst_disk
   integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122
   integer(c_int), parameter :: sigxfsz = 25
 
+  !> The name of a file.
   type :: path_t
     character(:), allocatable :: text
   end type path_t
@@ -335,6 +336,7 @@ contains
     end do
   end subroutine append_words
 
+  !> Close a file; the descriptor is -1 afterwards.
   subroutine close_descriptor(descriptor)
     integer(c_int), intent(inout) :: descriptor
     integer(c_int) :: ignored
@@ -475,6 +477,7 @@ contains
     end if
   end function is_child
 
+  !> End a child process at once, without its parent's clearing up.
   subroutine end_child()
     call c_exit_at_once(0_c_int)
   end subroutine end_child
@@ -505,6 +508,7 @@ contains
     are_files_locked = value /= 'FALSE' .and. value /= '0'
   end function are_files_locked
 
+  !> Do nothing for a while.
   subroutine wait_seconds(seconds)
     real(wp), intent(in) :: seconds   !! below 1
     integer(c_int) :: ignored
@@ -521,6 +525,7 @@ contains
     reason = with_remedy(fortran_text(c_strerror(number)))
   end function system_reason
 
+  !> Remove a file, if it is there.
   subroutine delete_file(file_name)
     character(*), intent(in) :: file_name
     integer(c_int) :: ignored
@@ -561,12 +566,14 @@ contains
     previous = c_signal(sigxfsz, transfer(ignore, c_null_funptr))
   end subroutine ignore_size_limit_signal
 
+  !> Whether a file of any kind has this name.
   logical function file_exists(file_name)
     character(*), intent(in) :: file_name
 
     inquire (file=file_name, exist=file_exists)
   end function file_exists
 
+  !> Whether the name is that of a folder.
   logical function is_folder(file_name)
     character(*), intent(in) :: file_name
 

@@ -16,12 +16,13 @@ module dst_errors
     character(:), allocatable :: text
   end type error_t
 
+  !> Codes. Also the exit status, but for those of the solver.
   integer, parameter :: result_done = 0
   integer, parameter :: usage_error = 1
   integer, parameter :: deck_error = 2
   integer, parameter :: file_error = 3
-  integer, parameter :: some_failed = 5   ! cases of a sweep
-  ! The solver gave up: 40 to 49.
+  integer, parameter :: some_failed = 5   !! cases of a sweep
+  !> The solver gave up: 40 to 49.
   integer, parameter :: step_underflow = 41
   integer, parameter :: too_many_steps = 42
   integer, parameter :: not_finite = 43

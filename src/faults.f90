@@ -17,6 +17,7 @@ module dst_faults
     character(480) :: text = ''
   end type fault_t
 
+  !> The faults of a deck, collected.
   type :: faults_t
     integer :: count = 0
     type(fault_t) :: item(most_faults)

@@ -1,6 +1,6 @@
 !> Friction laws: magnitude of the friction force against the slip speed.
 !>
-!> Adding a law: extend `friction_law_t` here and name it in `new_friction_law`.
+!> Adding a law: extend `friction_law_t` here and name it in `new_friction_law`; docs/howto/friction_law.md.
 !> Source: Nakano & Popov (2020), Eq. (3) (weakening) and its constant limit.
 module dst_friction
   use dst_kinds, only: wp
@@ -9,6 +9,7 @@ module dst_friction
 
   public :: friction_law_t, new_friction_law, exponential_form
 
+  !> A friction law, with its coefficients.
   type, abstract :: friction_law_t
     !> Friction force at the onset of slip, mu_0 W [N]; also the static limit.
     real(wp) :: onset = 0.0_wp

@@ -15,6 +15,7 @@ module dst_full_model
 
   public :: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
 
+  !> The exact contact in slip, in the unknowns y = (v, theta).
   type, extends(slip_system_t) :: full_polar_t
     type(slider_t) :: slider
   contains
@@ -23,6 +24,7 @@ module dst_full_model
     procedure :: slip_velocity => polar_velocity
   end type full_polar_t
 
+  !> The smoothed contact, in the unknowns y = w.
   type, extends(slip_system_t) :: full_smoothed_t
     type(slider_t) :: slider
   contains
@@ -33,6 +35,7 @@ module dst_full_model
 
 contains
 
+  !> The exact contact of a slider.
   pure function new_full_polar(slider) result(model)
     type(slider_t), intent(in) :: slider
     type(full_polar_t) :: model

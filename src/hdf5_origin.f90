@@ -10,6 +10,7 @@ module dst_hdf5_origin
 
   public :: origin_t, read_origin
 
+  !> What the header of a result file says of the run.
   type :: origin_t
     integer :: complete = 0
     integer :: result_code = -1
@@ -20,6 +21,7 @@ module dst_hdf5_origin
 
 contains
 
+  !> Read the header of the result of a run that is to go on.
   subroutine read_origin(file_name, origin, error)
     character(*), intent(in) :: file_name
     type(origin_t), intent(out) :: origin

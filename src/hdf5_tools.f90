@@ -54,6 +54,7 @@ module dst_hdf5_tools
     module procedure put_text_attribute, put_integer_attribute, put_real_attribute
   end interface put_attribute
 
+  !> Read an attribute.
   interface get_attribute
     module procedure get_text_attribute, get_integer_attribute
   end interface get_attribute
@@ -458,6 +459,7 @@ contains
     call put_attribute(dataset, 'long_name', trim(quantity%long_name), status)
   end subroutine describe
 
+  !> Create a group and open it.
   subroutine create_group(parent, name, group, status)
     integer(hid_t), intent(in) :: parent
     character(*), intent(in) :: name

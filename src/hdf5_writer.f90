@@ -55,6 +55,7 @@ module dst_hdf5_writer
     procedure :: exchange => exchange_bookmark
   end type bookmark_t
 
+  !> The result file of one run, open for writing.
   type, extends(writer_t) :: hdf5_writer_t
     private
     character(:), allocatable :: file_name

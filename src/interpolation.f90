@@ -8,6 +8,7 @@ module dst_interpolation
 
   public :: grid_t, new_grid, max_degree
 
+  !> Degree of the largest polynomial.
   integer, parameter :: max_degree = 7
 
   !> Nodes 0..degree in [0, 1] and what interpolation on them needs. node(0) = 0.

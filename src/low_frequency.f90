@@ -18,6 +18,7 @@ module dst_low_frequency
 
   public :: low_frequency_t, new_low_frequency
 
+  !> The slow motion of a slider, in the unknown y = w_x.
   type, extends(slip_system_t) :: low_frequency_t
     type(slider_t) :: slider
   contains
@@ -28,6 +29,7 @@ module dst_low_frequency
 
 contains
 
+  !> The slow motion of a slider.
   pure function new_low_frequency(slider) result(model)
     type(slider_t), intent(in) :: slider
     type(low_frequency_t) :: model

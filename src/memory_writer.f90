@@ -8,6 +8,7 @@ module dst_memory_writer
 
   public :: memory_writer_t
 
+  !> The samples and events since they were last fetched.
   type, extends(writer_t) :: memory_writer_t
     real(wp), allocatable :: samples(:, :)      !! (column, row), valid up to rows
     real(wp), allocatable :: event_time(:)      !! s, valid up to events

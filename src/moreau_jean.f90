@@ -34,6 +34,7 @@ module dst_moreau_jean
 
   real(wp), parameter :: theta = 0.5_wp
 
+  !> The scheme for one slider.
   type, extends(stepper_t) :: moreau_jean_t
     type(slider_t) :: slider
   contains

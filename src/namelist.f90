@@ -22,6 +22,7 @@ module dst_namelist
   !> A longer name is cut; no valid name is as long.
   integer, parameter :: name_length = 64
 
+  !> One `&group … /` of a deck.
   type :: group_entry_t
     character(name_length) :: name = ''
     integer :: line = 0
@@ -35,6 +36,7 @@ module dst_namelist
     character :: quote = ' '           !! the quote around it
   end type token_t
 
+  !> One `key = value` of a deck.
   type :: assignment_t
     integer :: group = 0               !! in `groups`
     character(name_length) :: key = ''
@@ -44,6 +46,7 @@ module dst_namelist
     logical :: bare = .false.          !! without =, so perhaps no key at all
   end type assignment_t
 
+  !> A deck taken apart into groups and assignments, with their places.
   type :: namelist_t
     character(:), allocatable :: text
     type(group_entry_t), allocatable :: groups(:)

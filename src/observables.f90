@@ -1,6 +1,6 @@
 !> Output columns: what can be said of the motion at one instant.
 !>
-!> Adding a column: its number, one line in `columns` and one case in `value_of`.
+!> Adding a column: its number, one line in `columns` and one case in `value_of`; docs/howto/output_column.md.
 !> Source of the formulas: Nakano & Popov (2020), Eqs. (4)-(6) and (10).
 module dst_observables
   use dst_kinds, only: wp, pi
@@ -18,7 +18,8 @@ module dst_observables
   integer, parameter :: c_y_rate = 9, c_spring_force_x = 10, c_spring_force_y = 11
   integer, parameter :: c_friction = 12, c_theta = 13, c_psi = 14, c_sticking = 15, c_zeta = 16
 
-  type(quantity_t), parameter :: columns(16) = [ &
+  !> The table of columns: name, unit, meaning.
+  type(quantity_t), parameter :: columns(*) = [ &
     quantity_t('time', 's', 'time'), &
     quantity_t('u_x', 'm', 'spring elongation along the soft axis'), &
     quantity_t('u_y', 'm', 'spring elongation along the stiff axis'), &

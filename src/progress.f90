@@ -10,6 +10,7 @@ module dst_progress
 
   real(wp), parameter :: terminal_interval = 0.2_wp, plain_interval = 10.0_wp   ! s
 
+  !> What has been shown, and when to show more.
   type :: progress_t
     private
     character(:), allocatable :: label
@@ -34,6 +35,7 @@ module dst_progress
 
 contains
 
+  !> The progress of what `label` names.
   function new_progress(label, quiet) result(progress)
     character(*), intent(in) :: label
     logical, intent(in) :: quiet

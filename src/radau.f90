@@ -42,6 +42,7 @@ module dst_radau
     real(wp) :: extrapolation(max_stages) = 0.0_wp
   end type probe_t
 
+  !> A Radau IIA method for one system, with its state between steps.
   type, extends(stepper_t) :: radau_t
     type(collocation_t) :: method
     !> Relative tolerance of the slip velocity and the tolerance of the estimate that gives it.

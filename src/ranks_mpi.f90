@@ -16,6 +16,7 @@ module dst_ranks
 
   public :: ranks_t, start_ranks
 
+  !> The processes of a sweep, as seen by one of them.
   type :: ranks_t
     integer :: rank = 0, count = 1
     integer, allocatable, private :: pending(:)      !! of rank 0: cases not yet dealt out, from `next` on
@@ -41,6 +42,7 @@ module dst_ranks
 
 contains
 
+  !> Start MPI.
   subroutine start_ranks(ranks, error)
     type(ranks_t), intent(out) :: ranks
     type(error_t), allocatable, intent(out) :: error

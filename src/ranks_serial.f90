@@ -6,6 +6,7 @@ module dst_ranks
 
   public :: ranks_t, start_ranks
 
+  !> The one process of a sweep without MPI.
   type :: ranks_t
     integer :: rank = 0, count = 1
     integer, allocatable, private :: pending(:)   !! cases not yet dealt out
@@ -21,6 +22,7 @@ module dst_ranks
 
 contains
 
+  !> There is one process.
   subroutine start_ranks(ranks, error)
     type(ranks_t), intent(out) :: ranks
     type(error_t), allocatable, intent(out) :: error

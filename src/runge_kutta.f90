@@ -34,6 +34,7 @@ module dst_runge_kutta
   !> How much worse than the step's end its dense output may be.
   real(wp), parameter :: dense_allowance = 10.0_wp
 
+  !> An explicit method for one system, with its state between steps.
   type, extends(stepper_t) :: runge_kutta_t
     type(tableau_t) :: method
     !> Tolerance of the estimated slip-velocity error of a step, relative to the slip speed.

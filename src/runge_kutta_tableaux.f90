@@ -17,8 +17,10 @@ module dst_runge_kutta_tableaux
 
   public :: tableau_t, tableau_named, dense_weights, max_stages
 
+  !> Sizes of the largest method.
   integer, parameter :: max_stages = 16, max_dense = 4, max_errors = 2
 
+  !> An explicit method.
   type :: tableau_t
     integer :: order = 0
     !> Stages that make the step, without the slope at its end.

@@ -8,6 +8,7 @@ module dst_scene
 
   public :: scene_t, scene_from_deck, set_number
 
+  !> Everything that one run depends on, in the units of the deck.
   type :: scene_t
     character(:), allocatable :: title
     character(:), allocatable :: model, law, contact, method
@@ -44,6 +45,7 @@ module dst_scene
 
 contains
 
+  !> The scene that a checked deck describes.
   subroutine scene_from_deck(deck, scene)
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(out) :: scene

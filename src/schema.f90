@@ -4,13 +4,13 @@
 !> page come from it. A key is added by adding its entry here.
 module dst_schema
   use dst_kinds, only: wp, int64
-  use dst_text, only: real_text, integer_text, word, word_count, has_word, alternatives
+  use dst_text, only: real_text, integer_text, alternatives
   implicit none
   private
 
   public :: key_t, range_t, schema, key_count, group_names, sweep_group
   public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind
-  public :: longest_text, most_values
+  public :: longest_text, most_values, adaptive_methods
   public :: find_key, find_name, keys_of, in_range, range_text
   public :: condition_count, condition_key, condition_choices, condition_text
 
@@ -35,8 +35,8 @@ module dst_schema
     logical :: required          !! the user must give it when it is used
     character(16) :: default     !! as in a deck, text without quotes; of a required key: what is tolerated when it is not used
     character(32) :: sample      !! Fig. 3's value, for the template
-    character(160) :: choices    !! blank-separated; '' = free
-    character(64) :: used_by     !! blank-separated conditions key=choice|choice that must all hold; '' = always used
+    character(256) :: choices    !! blank-separated; '' = free
+    character(128) :: used_by    !! conditions 'key=choice choice, key=choice' that must all hold; '' = always used
     character(88) :: meaning
   end type key_t
 
@@ -47,23 +47,33 @@ module dst_schema
   !> From 1e-13 on in double precision, from 1e-31 on in quadruple precision.
   type(range_t), parameter :: tolerances = range_t(low=10.0_wp**(2 - precision(1.0_wp)), high=1.0e-1_wp)
 
+  !> The groups, in the order in which a deck is printed.
   character(*), parameter :: group_names = 'scene system friction drive initial integrator output sweep'
   !> The group that turns a deck into many cases; a deck without it is one run.
   character(*), parameter :: sweep_group = 'sweep'
 
   character(*), parameter :: models = 'full low_frequency high_frequency creep creep_asymptotic auto'
-  character(*), parameter :: methods = 'radau5 radau9 radau13 rk4 dopri5 dop853 moreau_jean rodas4p'
+  !> Friction laws that have mu_inf and v_f, and all.
+  character(*), parameter :: weakening_laws = 'weakening'
+  character(*), parameter :: laws = 'constant '//weakening_laws
+  character(*), parameter :: implicit_methods = 'radau5 radau9 radau13'
+  character(*), parameter :: sweep_methods = 'rodas4p'
+  character(*), parameter :: explicit_methods = 'dopri5 dop853'
+  character(*), parameter :: fixed_step_methods = 'rk4 moreau_jean'
+  character(*), parameter :: adaptive_methods = implicit_methods//' '//explicit_methods//' '//sweep_methods
+  character(*), parameter :: methods = adaptive_methods//' '//fixed_step_methods
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
     'friction theta psi sticking zeta'
 
-  character(*), parameter :: dynamic = 'model=full|low_frequency|high_frequency|auto'
-  character(*), parameter :: elastic = 'model=full|high_frequency|creep|auto'
-  character(*), parameter :: transverse = 'model=full|high_frequency|auto'
-  character(*), parameter :: contacts = 'model=full|auto'
+  character(*), parameter :: dynamic = 'model=full low_frequency high_frequency auto'
+  character(*), parameter :: elastic = 'model=full high_frequency creep auto'
+  character(*), parameter :: transverse = 'model=full high_frequency auto'
+  character(*), parameter :: contacts = 'model=full auto'
   character(*), parameter :: asymptotic = 'model=creep_asymptotic'
-  character(*), parameter :: fixed_step = 'method=rk4|moreau_jean'
-  character(*), parameter :: adaptive = 'method=radau5|radau9|radau13|dopri5|dop853|rodas4p'
-  character(*), parameter :: explicit_exact = 'method=dopri5|dop853 contact=exact'
+  character(*), parameter :: weakens = 'law='//weakening_laws
+  character(*), parameter :: fixed_step = 'method='//fixed_step_methods
+  character(*), parameter :: adaptive = 'method='//adaptive_methods
+  character(*), parameter :: explicit_exact = 'method='//explicit_methods//', contact=exact'
 
   logical, parameter :: must = .true., may = .false.
 
@@ -89,13 +99,13 @@ module dst_schema
           'stiffness along the stiff principal axis'), &
     key_t('system', 'misalignment_deg', real_kind, 'deg', one_turn, must, '', '1.0', '', '', &
           'angle phi from the drive direction to the soft axis'), &
-    key_t('friction', 'law', choice_kind, '', any_real, may, 'weakening', '', 'constant weakening', dynamic, &
+    key_t('friction', 'law', choice_kind, '', any_real, may, 'weakening', '', laws, dynamic, &
           'how friction depends on the slip velocity'), &
     key_t('friction', 'mu_0', real_kind, '1', non_negative, must, '', '0.20', '', '', &
           'friction coefficient at rest'), &
-    key_t('friction', 'mu_inf', real_kind, '1', non_negative, must, '', '0.15', '', 'law=weakening', &
+    key_t('friction', 'mu_inf', real_kind, '1', non_negative, must, '', '0.15', '', weakens, &
           'friction coefficient at high slip velocity'), &
-    key_t('friction', 'v_f', real_kind, 'm/s', positive, must, '', '0.010', '', 'law=weakening', &
+    key_t('friction', 'v_f', real_kind, 'm/s', positive, must, '', '0.010', '', weakens, &
           'slip velocity over which friction weakens'), &
     key_t('friction', 'normal_load', real_kind, 'N', non_negative, must, '', '10.0', '', '', &
           'normal load W'), &
@@ -152,6 +162,7 @@ module dst_schema
     key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series', '', &
           'what is kept of a case: its summary, or the time series too')]
 
+  !> Number of keys.
   integer, parameter :: key_count = size(schema)
 
 contains
@@ -191,6 +202,7 @@ contains
     names = trim(names)
   end function keys_of
 
+  !> Whether a value lies in the interval.
   elemental logical function in_range(range, value)
     type(range_t), intent(in) :: range
     real(wp), intent(in) :: value
@@ -225,20 +237,36 @@ contains
     end if
   end function limit_text
 
+  !> Number of conditions under which a key is used.
   pure integer function condition_count(key)
     type(key_t), intent(in) :: key
+    integer :: i
 
-    condition_count = word_count(key%used_by)
+    condition_count = count([(key%used_by(i:i) == '=', i=1, len(key%used_by))])
   end function condition_count
+
+  !> Condition `n` of `key`, as 'key=choice choice'.
+  pure function condition(key, n) result(text)
+    type(key_t), intent(in) :: key
+    integer, intent(in) :: n
+    character(:), allocatable :: text
+    integer :: i
+
+    text = key%used_by
+    do i = 2, n
+      text = text(index(text, ', ') + 2:)
+    end do
+    text = trim(text(:index(text//',', ',') - 1))
+  end function condition
 
   !> Index of the key on which condition `n` of `key` depends.
   pure integer function condition_key(key, n)
     type(key_t), intent(in) :: key
     integer, intent(in) :: n
-    character(:), allocatable :: condition
+    character(:), allocatable :: text
 
-    condition = word(key%used_by, n)
-    condition_key = find_name(condition(:index(condition, '=') - 1))
+    text = condition(key, n)
+    condition_key = find_name(text(:index(text, '=') - 1))
   end function condition_key
 
   !> The choices with which condition `n` of `key` holds, blank-separated.
@@ -246,13 +274,9 @@ contains
     type(key_t), intent(in) :: key
     integer, intent(in) :: n
     character(:), allocatable :: list
-    integer :: i
 
-    list = word(key%used_by, n)
+    list = condition(key, n)
     list = list(index(list, '=') + 1:)
-    do i = 1, len(list)
-      if (list(i:i) == '|') list(i:i) = ' '
-    end do
   end function condition_choices
 
   !> 'law weakening', 'method dopri5 | dop853 and contact exact'; '' when always used.

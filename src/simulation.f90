@@ -32,6 +32,7 @@ module dst_simulation
   !> The clock is read once every so many advances.
   integer, parameter :: advances_between_looks = 16
 
+  !> One run: what is integrated, with what, and what is recorded.
   type :: simulation_t
     type(scene_t) :: scene
     type(trajectory_t) :: trajectory
@@ -179,7 +180,7 @@ contains
 
     if (scene%method == 'rk4' .and. trajectory%may_rest()) then
       call raise(error, deck_error, "method 'rk4' cannot follow the exact contact, and here the object may come to rest: "// &
-        'use radau5 | radau9 | radau13 | dopri5 | dop853')
+        'use an adaptive method')
       return
     end if
     if (scene%method == 'rodas4p') then

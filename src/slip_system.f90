@@ -18,6 +18,7 @@ module dst_slip_system
 
   public :: slip_system_t, stage_terms_t, new_terms, max_components
 
+  !> Components of the largest model.
   integer, parameter :: max_components = 2
 
   !> g and what belongs to it at `stages` points, arrays (stage, component[, with respect to]).
@@ -34,6 +35,7 @@ module dst_slip_system
     real(wp), allocatable :: supply_y(:, :)      !! its derivative
   end type stage_terms_t
 
+  !> A model as an integrator sees it: u' = V e - w(y), B(y) y' = g(u, y).
   type, abstract :: slip_system_t
     !> Number of components n.
     integer :: components = max_components

@@ -19,6 +19,7 @@ module dst_stability
   public :: steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, is_stable
   public :: damping_scale, overdamped_angle, damping_ratio, weakening_damping_ratio
 
+  !> Branches of the critical angle: the slow mode, and the fast one.
   integer, parameter :: low_branch = 1, fast_branch = 2
 
   !> Where in 0 < phi < pi/2 the largest real part of the eigenvalues crosses zero. There are two such

@@ -46,10 +46,11 @@ module dst_stepper
     procedure :: exchange => exchange_count
   end type work_count_t
 
-  ! Columns of the nodal values of a step.
+  !> Columns of the nodal values of a step.
   integer, parameter :: column_u = 1, column_y = 1 + max_components, column_position = 1 + 2*max_components
   integer, parameter :: n_columns = column_position
 
+  !> A method as the trajectory sees it.
   type, abstract :: stepper_t
     type(work_count_t) :: count
     !> Whether it evaluates y' = g/B and therefore cannot start or end at rest in polar unknowns.

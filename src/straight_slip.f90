@@ -19,6 +19,7 @@ module dst_straight_slip
 
   public :: straight_slip_t, new_straight_slip, on_line
 
+  !> Slip of a slider along a fixed line, in the unknown y = v.
   type, extends(slip_system_t) :: straight_slip_t
     type(slider_t) :: slider
     !> Direction n of the slip, and the force of the held spring in that direction [N].

@@ -56,6 +56,7 @@ module dst_summary
     procedure :: exchange => exchange_mean
   end type mean_t
 
+  !> What is known of the run so far.
   type :: summary_t
     !> Stick-slip cycles: looking for a peak (or for a valley), and the best candidate so far.
     logical :: rising = .true.

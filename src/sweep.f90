@@ -30,6 +30,7 @@ module dst_sweep
     real(wp), allocatable :: values(:)    !! in the deck's unit
   end type axis_t
 
+  !> The cases of a deck.
   type :: sweep_t
     type(deck_t) :: deck
     type(axis_t), allocatable :: axes(:)
@@ -284,6 +285,7 @@ contains
     quantities = [(columns(find_column(worker%scene%fields(i))), i=1, worker%kept)]
   end function series_quantities
 
+  !> What one thread needs to run cases of the sweep.
   subroutine new_worker(sweep, worker)
     type(sweep_t), intent(in) :: sweep
     type(worker_t), intent(out) :: worker

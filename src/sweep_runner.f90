@@ -29,6 +29,7 @@ module dst_sweep_runner
 
   public :: sweep_options_t, run_sweep, merge_sweep
 
+  !> Options of the command line.
   type :: sweep_options_t
     logical :: overwrite = .false., quiet = .false., keep_shards = .false.
     integer :: shard = 0, shards = 0     !! this process does every `shards`-th case from `shard` on; 0 = all

@@ -14,6 +14,7 @@ module dst_sweep_shard
 
   public :: shard_t, index_t, shard_name, shards_of, open_shard, empty_shard, scan_shard, read_record
 
+  !> A shard, open to append finished cases.
   type :: shard_t
     private
     character(:), allocatable :: file_name
@@ -55,6 +56,7 @@ contains
     name = result_file//extension//text
   end function shard_name
 
+  !> The shards of a result file.
   subroutine shards_of(result_file, files)
     character(*), intent(in) :: result_file
     type(path_t), allocatable, intent(out) :: files(:)

@@ -72,6 +72,7 @@ contains
     end do
   end function lower_case
 
+  !> Whether a text begins so.
   pure logical function starts_with(text, beginning)
     character(*), intent(in) :: text, beginning
 
@@ -99,6 +100,7 @@ contains
     text = ''
   end function word
 
+  !> Number of words of a list separated by blanks.
   pure integer function word_count(list)
     character(*), intent(in) :: list
     integer :: i
@@ -108,6 +110,7 @@ contains
     word_count = 1 + count([(list(i:i) == ' ', i=1, len_trim(list))])
   end function word_count
 
+  !> Whether `text` is one of the words of a list separated by blanks.
   pure logical function has_word(list, text)
     character(*), intent(in) :: list, text
 
@@ -260,6 +263,7 @@ contains
     end if
   end function decimal_text
 
+  !> An integer in as few characters as it needs.
   pure function integer_text(value) result(text)
     integer(int64), intent(in) :: value
     character(:), allocatable :: text

@@ -34,6 +34,7 @@ module dst_trade
   !> Stages in their order.
   integer, parameter :: survey = 1, reference = 2, check = 3, comparison = 4
 
+  !> A comparison: what is to be tried, what was measured, and on what budget.
   type :: trade_t
     type(scene_t) :: scene                   !! of the reference
     real(wp) :: budget = 0.0_wp              !! s of wall time

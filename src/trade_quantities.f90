@@ -21,6 +21,7 @@ module dst_trade_quantities
   public :: quantities, quantity_count, observation_t, observation_plan_t
   public :: plan_observation, tune_frequency, observe_run, errors_of, not_applicable
 
+  !> The table of quantities: name, unit, meaning.
   type(quantity_t), parameter :: quantities(*) = [ &
     quantity_t('final_elongation', 'm', 'elongation of the springs at t_end, over the largest one'), &
     quantity_t('final_velocity', 'm s-1', 'slip velocity at t_end, over the largest one'), &
@@ -33,6 +34,7 @@ module dst_trade_quantities
     quantity_t('fast_amplitude', 'N', 'amplitude of the fast oscillation of k_y u_y'), &
     quantity_t('fast_phase', 'rad', 'phase of the fast oscillation of k_y u_y, error over pi'), &
     quantity_t('sticks', '1', 'times that the object came to rest')]
+  !> Number of quantities.
   integer, parameter :: quantity_count = size(quantities)
 
   integer, parameter :: elongation = 1, velocity = 2, first_of_summary = 3, last_of_summary = 7

@@ -21,6 +21,7 @@ module dst_trade_report
 
 contains
 
+  !> The table of a comparison as text.
   function trade_report(trade) result(text)
     type(trade_t), intent(in) :: trade
     character(:), allocatable :: text

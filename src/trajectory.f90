@@ -22,6 +22,7 @@ module dst_trajectory
 
   public :: trajectory_t, no_event, stick_begins, slip_begins, at_time
 
+  !> What happened at the end of an advance.
   integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
   !> Slip speed at the end of a step, relative to the largest one in it: of a landing that has converged (1e-14 in double
   !> precision), and of one that counts as a stop.
@@ -29,6 +30,7 @@ module dst_trajectory
   integer, parameter :: max_rejections = 60, timid_rejections = 8
   integer, parameter :: max_events_at_once = 100, max_steps_at_once = 10000
 
+  !> A motion in progress: its equations, its method, where it was and where it is.
   type :: trajectory_t
     type(slider_t) :: slider
     type(drive_t) :: drive

@@ -37,6 +37,7 @@ module dst_writer
     procedure :: statistic
   end type outcome_t
 
+  !> Where the run routine sends samples, events and the outcome.
   type, abstract :: writer_t
   contains
     !> Append samples(column, row); the rows come in order of time.

@@ -1,0 +1,134 @@
+"""Write docs/file.md, the manual page of the result file, from files that the program writes.
+
+    python docs/make_file_page.py [EXECUTABLE]
+
+Names, types, units and meanings are read from the files of a short run and a small sweep; only what cannot be read from
+them stands here.
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+PAGE = Path(__file__).resolve().parent / "file.md"
+DECK = PAGE.parents[1] / "inputs" / "fig3.nml"
+
+INTRODUCTION = """\
+# The result file
+
+<!-- Made by docs/make_file_page.py from files that the program writes: change the program or the script, not this page. -->
+
+An HDF5 file in the format of HDF5 1.8, which every HDF5 library since 2008 reads; the executable and `Result.save` write the same. How to open it in other
+languages: [howto/read_files.md](howto/read_files.md).
+
+* Texts are variable-length UTF-8. Numbers are 64-bit floats and integers; `sticking` and `kind` are bytes.
+* Every dataset has the attributes `units` and `long_name`. `/time_series/time` is the dimension scale of the columns beside it.
+* The last sample is at `t_end` exactly. Columns grow in chunks with Fletcher-32 checksums, and are flushed every `output.flush_seconds`: a killed run
+  leaves a readable file.
+* A value of `/summary` that has no meaning, such as the mean of a cycle that did not occur, is left out.
+"""
+
+ROOT = {
+    "program": "`dynstiction`, or `dynstiction-quad` of the build in quadruple precision",
+    "version": "of the program",
+    "git_revision": "of its source",
+    "compiler": "that it was built with",
+    "created": "when the run began, ISO 8601, UTC",
+    "deck_sha256": "SHA-256 of the deck as read",
+    "model": "that was integrated",
+    "model_choice": "with `model = 'auto'`: which model was taken, and why",
+    "method": "of integration; `closed form` of the models that have one",
+    "result_code": "0 done, -1 going on or killed, else why it ended: [errors.md](errors.md)",
+    "result_text": "the same in words",
+    "complete": "1 when the run reached its end; written last",
+}
+
+GROUPS = {
+    "deck": "The deck.",
+    "parameters": "Every key with a number, as used. In SI units; angles in degrees where the name says so.",
+    "time_series": "The columns that `output.fields` names, one value a sample.",
+    "events": "Every stick and slip, whether or not a sample lies near.",
+    "summary": "What the run amounts to, from every step, whatever `output.interval` is.",
+    "statistics": "The work done.",
+}
+
+SWEEP = """\
+## Sweeps
+
+The file of a deck with `&sweep` has, in place of `/time_series`, `/events` and `/summary`, one row a case. Besides these there is a dataset for each
+parameter that is varied, `/sweep/<key>`, and with `keep = 'series'` the group `/sweep/series`, a row of samples a case, padded with NaN; a case that failed has its message in
+`/sweep/failures`. The attribute `grid` of `/sweep` tells the shape.
+"""
+
+ELSEWHERE = """\
+## Other files
+
+The file of `dynstiction trade` has the group `/trade` in place of the time series: [trade.md](trade.md). The file of `dynstiction-quad` has besides every
+column `/remainder/time_series/<name>`, what the double loses of it. The checkpoint of an unfinished run, `FILE.h5.checkpoint`, is no HDF5 file:
+[checkpoints.md](checkpoints.md).
+"""
+
+
+def main() -> None:
+    executable = sys.argv[1] if len(sys.argv) > 1 else "dynstiction"
+    with tempfile.TemporaryDirectory() as folder:
+        run = written(executable, Path(folder) / "run.h5", "--set", "scene.t_end=5")
+        sweep = written(
+            executable, Path(folder) / "sweep.h5", "--set", "scene.t_end=0.02", "--set", "sweep.parameter=drive.velocity",
+            "--set", "sweep.first=1e-3", "--set", "sweep.last=2e-3", "--set", "sweep.count=2",
+        )  # fmt: skip
+        with h5py.File(run) as file, h5py.File(sweep) as cases:
+            parts = [INTRODUCTION, root(file)]
+            for name, meaning in GROUPS.items():
+                parts.append(group(file, name, meaning))
+            parts += [
+                SWEEP,
+                rows(cases["sweep"], skip=("velocity",)),
+                rows(cases["sweep/summary"], "summary/"),
+                ELSEWHERE,
+            ]
+    PAGE.write_text("\n".join(parts), encoding="utf-8")
+
+
+def written(executable: str, file: Path, *settings: str) -> Path:
+    subprocess.run([executable, "run", str(DECK), "-o", str(file), "--quiet", *settings], check=True)
+    return file
+
+
+def root(file: h5py.File) -> str:
+    missing = set(file.attrs) - set(ROOT)
+    if missing:
+        sys.exit(f"attributes without a meaning in ROOT: {', '.join(sorted(missing))}")
+    lines = ["## Attributes of the file", "", "| attribute | meaning |", "| --- | --- |"]
+    return "\n".join([*lines, *(f"| `{name}` | {meaning} |" for name, meaning in ROOT.items()), ""])
+
+
+def group(file: h5py.File, name: str, meaning: str) -> str:
+    return "\n".join([f"## /{name}", "", meaning, "", rows(file[name])])
+
+
+def rows(found: h5py.Group, prefix: str = "", skip: tuple[str, ...] = ()) -> str:
+    lines = ["| dataset | type | unit | meaning |", "| --- | --- | --- | --- |"]
+    for name, dataset in found.items():
+        if not isinstance(dataset, h5py.Dataset) or name in skip:
+            continue
+        unit = dataset.attrs.get("units", "")
+        meaning = dataset.attrs["long_name"]
+        lines.append(
+            f"| `{prefix}{name}` | {kind(dataset)} | {'' if unit == '1' else unit} | {meaning.replace('|', chr(92) + '|')} |"
+        )
+    return "\n".join([*lines, ""])
+
+
+def kind(dataset: h5py.Dataset) -> str:
+    if h5py.check_string_dtype(dataset.dtype):
+        return "text"
+    return {"f": "float", "i": "integer"}[np.dtype(dataset.dtype).kind] + str(8 * dataset.dtype.itemsize)
+
+
+if __name__ == "__main__":
+    main()

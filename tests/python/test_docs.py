@@ -1,0 +1,119 @@
+"""The manual: its commands work, its generated pages are those of this program, what is public is documented."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import dynstiction as ds
+import pytest
+from pages import DOCS, first_missing, run_page
+
+ROOT = DOCS.parent
+PAGES = ("tutorial", "howto/drive_profile", "howto/model_and_accuracy", "howto/slurm", "howto/read_files")
+GENERATED = {"make_deck_page": "deck.md", "make_command_page": "command_line.md", "make_file_page": "file.md"}
+PYTHON_OF_THE_PAGES = (3, 11)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_commands_of_a_page(page: str, executable: Path, tmp_path: Path) -> None:
+    if shutil.which("h5dump") is None:
+        pytest.skip("h5dump is not installed")
+    for deck in ("fig3", "map_phi_velocity"):
+        shutil.copy(ROOT / "inputs" / f"{deck}.nml", tmp_path)
+    folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
+    assert run_page(DOCS / f"{page}.md", tmp_path, {"PATH": ":".join(folders)}) > 1
+
+
+def test_outputs_are_compared() -> None:
+    assert first_missing("period 0.915 s", "noise\nperiod 0.9151 s") is None
+    assert first_missing("period 0.915 s", "period 0.95 s") == "period 0.915 s"
+    assert first_missing("a …", "a b c") is None
+    assert first_missing("b\na", "a\nb") == "a"
+
+
+@pytest.mark.parametrize("script", GENERATED)
+def test_generated_pages(
+    script: str, executable: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = GENERATED[script]
+    specification = importlib.util.spec_from_file_location(script, DOCS / f"{script}.py")
+    assert specification and specification.loader
+    module = importlib.util.module_from_spec(specification)
+    monkeypatch.setitem(sys.modules, script, module)
+    specification.loader.exec_module(module)
+    monkeypatch.setattr(module, "PAGE", tmp_path / page)
+    monkeypatch.setattr(sys, "argv", [script, str(executable)])
+    module.main()
+    made, kept = ((folder / page).read_text(encoding="utf-8") for folder in (tmp_path, DOCS))
+    if sys.version_info[:2] != PYTHON_OF_THE_PAGES:
+        # argparse's help changes with Python.
+        made, kept = (text.partition("## python -m")[0] for text in (made, kept))
+    assert made == kept, f"docs/{page} is old: python docs/{script}.py"
+
+
+def test_python_names_are_in_the_manual() -> None:
+    text = (DOCS / "python.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^\.\. auto\w+:: (?:\w+\.)*(\w+)$", text, re.MULTILINE))
+    by_module = {name for name in ds.__all__ if getattr(ds, name).__module__ == "dynstiction.errors"}
+    assert set(ds.__all__) - by_module <= listed, "add what is missing to docs/python.md"
+
+
+def test_error_codes_are_in_the_manual() -> None:
+    source = (ROOT / "src" / "errors.f90").read_text(encoding="utf-8")
+    codes = dict(re.findall(r"integer, parameter :: (\w+) = (\d+)", source))
+    assert len(codes) > 10
+    rows = re.findall(
+        r"^\| (\d+) \|(?: ([\d to]+) \|)?", (DOCS / "errors.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    described = {first for first, _ in rows} | {second for _, second in rows}
+    assert set(codes.values()) <= described, "docs/errors.md lacks a code of src/errors.f90"
+
+
+def test_links_lead_somewhere() -> None:
+    broken = []
+    for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+        text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+        for target in re.findall(r"\]\(([^)#\s]+)", text):
+            if "://" not in target and not (page.parent / target).exists():
+                broken.append(f"{page.relative_to(ROOT)}: {target}")
+    assert not broken
+
+
+def test_every_page_is_in_the_table_of_contents() -> None:
+    index = toctrees()
+    listed = {line.strip() for text in index for line in text.splitlines()}
+    for page in DOCS.rglob("*.md"):
+        name = page.relative_to(DOCS).with_suffix("").as_posix()
+        if name in ("index", "ford") or name.startswith("notebooks/"):
+            continue
+        assert name in listed, f"{name} is in no toctree of docs/index.md"
+
+
+def toctrees() -> list[str]:
+    text = (DOCS / "index.md").read_text(encoding="utf-8")
+    return re.findall(r"^```\{toctree\}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def test_every_equation_can_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("latex2mathml", "docutils", "sphinx"):
+        pytest.importorskip(package)
+    monkeypatch.syspath_prepend(DOCS)
+    mathml = importlib.import_module("mathml").mathml
+    count = 0
+    for page in DOCS.rglob("*.md"):
+        text = re.sub(
+            r"^```.*?^```$|`[^`\n]*`", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
+        )
+        for display, inline in re.findall(r"\$\$(.+?)\$\$|\$([^$]+?)\$", text, re.DOTALL):
+            count += 1
+            drawn = mathml(display or inline, "block")
+            assert "\\" not in drawn and not re.search(r"&(?!#?\w+;)", drawn), (
+                f"{page.name}: {display or inline}"
+            )
+    assert count > 50

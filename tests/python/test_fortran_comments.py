@@ -1,0 +1,84 @@
+"""Every module of src/ and every name that it makes public has a documenting comment: `!>` before it or `!!` behind it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+SOURCES = sorted((Path(__file__).resolve().parents[2] / "src").glob("*.f90*"))
+PREFIX = r"(?:(?:pure|elemental|impure|recursive|module|logical|integer|real\(\w+\)|type\(\w+\)|character\([^)]*\))\s+)*"
+
+
+def statements(text: str) -> list[tuple[int, str]]:
+    """Line number and text of each statement, continuation lines joined."""
+    found: list[tuple[int, str]] = []
+    going_on = False
+    for number, line in enumerate(text.splitlines()):
+        code = line.strip()
+        if code.startswith("!"):
+            continue
+        if going_on:
+            found[-1] = (found[-1][0], found[-1][1].rstrip("& ") + " " + code.lstrip("&"))
+        else:
+            found.append((number, code))
+        going_on = bool(re.search(r"&\s*(!.*)?$", code))
+    return found
+
+
+def public_names(text: str) -> set[str]:
+    lists = (re.match(r"public :: (.*)", statement) for _, statement in statements(text))
+    return {name.strip().lower() for names in lists if names for name in names[1].split("!")[0].split(",")}
+
+
+def defines(statement: str, name: str) -> bool:
+    word = re.escape(name)
+    return bool(
+        re.match(rf"{PREFIX}(?:subroutine|function)\s+{word}\b", statement, re.IGNORECASE)
+        or re.match(rf"type(?:\s*,[^:]*)?(?:\s*::)?\s*{word}$", statement, re.IGNORECASE)
+        or re.match(rf"interface\s+{word}\b", statement, re.IGNORECASE)
+        or re.match(rf"[a-z].*\b(?:parameter|protected|save|bind\(c\)).*::.*\b{word}\b\s*(?:\([^)]*\))?\s*=?", statement, re.IGNORECASE)
+        or re.match(rf"enumerator\s*::.*\b{word}\b", statement, re.IGNORECASE)
+    )  # fmt: skip
+
+
+def has_comment(lines: list[str], number: int) -> bool:
+    """Whether line `number`, or the paragraph of declarations it stands in, has one."""
+    if "!!" in lines[number]:
+        return True
+    declaration = "::" in lines[number] and "procedure" not in lines[number]
+    while number > 0:
+        number -= 1
+        above = lines[number].strip()
+        if above.startswith("!>"):
+            return True
+        if not (declaration and "::" in above and "parameter" in above):
+            return False
+    return False
+
+
+def undocumented(text: str) -> list[str]:
+    lines = text.splitlines()
+    missing = [] if lines[0].startswith("!>") else ["the file"]
+    for name in sorted(public_names(text)):
+        places = [number for number, statement in statements(text) if defines(statement, name)]
+        # What is only passed on from another module is documented there.
+        if places and not any(has_comment(lines, number) for number in places):
+            missing.append(name)
+    return missing
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.name)
+def test_what_is_public_is_documented(source: Path) -> None:
+    missing = undocumented(source.read_text(encoding="utf-8"))
+    assert not missing, f"src/{source.name}: no documenting comment (!>) at {', '.join(missing)}"
+
+
+def test_the_check_finds_what_is_missing() -> None:
+    module = (
+        "!> What it is.\nmodule m\n  public :: one, two, three\n  integer, parameter :: three = 3\ncontains\n"
+    )
+    routines = "  !> Said.\n  subroutine one()\n  end subroutine one\n  pure real(wp) function two()\n  end function two\n"
+    assert undocumented(module + routines) == ["three", "two"]
+    assert undocumented("module m\nend module m\n") == ["the file"]

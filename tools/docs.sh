@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# tools/docs.sh: makes the manual, build/docs/index.html. Installs what is missing, as tools/run.sh does, and the tools of
+# docs/requirements.txt into build/docs-venv. Any warning is an error.
+
+source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
+
+(($# == 0)) || die "no arguments, please"
+manual=$checkout/build/docs
+tools=$checkout/build/docs-venv
+log=$checkout/build/docs.log
+
+# The tools of the manual, and the package of .venv beside them.
+create_tools() {
+  local requirements=$checkout/docs/requirements.txt
+  cmp -s "$requirements" "$tools/installed" && return
+  say "Installing into $tools: $(grep -v '^#' "$requirements" | tr '\n' ' ')"
+  rm -rf "$tools"
+  "$python" -m venv "$tools"
+  "$tools/bin/python" -m pip install --quiet --disable-pip-version-check -r "$requirements" >&2
+  cp "$requirements" "$tools/installed"
+}
+
+# FORD's pages would fetch style sheets and scripts from the network; docs/ford.css takes their place.
+cut_network() {
+  "$python" - "$1" << 'END'
+import re, sys
+from pathlib import Path
+
+for page in Path(sys.argv[1]).rglob("*.html"):
+    text = page.read_text(encoding="utf-8")
+    page.write_text(re.sub(r"<link [^>]*https://cdn[^>]*>|<script [^>]*https://cdn[^>]*></script>", "", text), encoding="utf-8")
+END
+}
+
+# quietly WHAT COMMAND...: its output goes to the log and is shown if it fails.
+quietly() {
+  say "$1"
+  "${@:2}" > "$log" 2>&1 || { cat "$log" >&2; die "$1 failed: see above"; }
+}
+
+prepare
+build_release
+create_tools
+export PYTHONPATH=$venv/lib/python$python_version/site-packages
+quietly 'Making the manual' "$tools/bin/sphinx-build" -W --keep-going -E -a -b html -d "$checkout/build/doctrees" "$checkout/docs" "$manual"
+quietly 'Making the pages of the Fortran modules' "$tools/bin/ford" -o "$manual/fortran" "$checkout/docs/ford.md"
+! grep -i warning "$log" || die 'FORD warns: see above'
+cut_network "$manual/fortran"
+printf '%s\n' "$manual/index.html"
