@@ -735,6 +735,7 @@ contains
     call release_type(text_type, status)
   end subroutine create_messages
 
+  !> Append texts, one a row.
   subroutine append_messages(list, texts, status)
     type(message_list_t), intent(inout) :: list
     type(path_t), intent(in) :: texts(:)

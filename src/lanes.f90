@@ -29,6 +29,7 @@ module dst_lanes
 
   public :: lanes_t, lane_count
 
+  !> Cases side by side.
   integer, parameter :: lane_count = 8
   integer, parameter :: stages = 6
   real(wp), parameter :: gamma = 0.25_wp
@@ -78,6 +79,7 @@ module dst_lanes
   !> What passes through zero inside a step.
   integer, parameter :: elongation_rate = 1, slip_rate = 2, excess_rate = 3, excess_force = 4
 
+  !> The cases side by side: `load` puts one in a lane, `advance` goes on with all, `values` takes out what is `done`.
   type :: lanes_t
     private
     !> Which lanes have a case, and which of these are done.
