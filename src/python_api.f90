@@ -54,9 +54,10 @@ module dst_python_api
     character(:), allocatable :: model_choice
   end type session_t
 
-  !> A sweep. Its threads only read it, but for `stop`.
+  !> A sweep. Its threads only read it, but for `stop`; each copies the worker, which is made under the interpreter's lock.
   type :: sweep_session_t
     type(sweep_t) :: sweep
+    type(worker_t) :: worker
     type(error_t), allocatable :: error
     logical :: stop = .false.
   end type sweep_session_t
@@ -124,6 +125,7 @@ contains
       status = int(session%error%code, c_int)
       return
     end if
+    call new_worker(session%sweep, session%worker)
     cases = int(session%sweep%cases, c_int)
     axes = int(size(session%sweep%axes), c_int)
   end subroutine sweep_open
@@ -184,9 +186,7 @@ contains
 
     session => sweep_of(handle)
     watch%session => session
-    !$omp critical (deck_copy)
-    call new_worker(session%sweep, worker)
-    !$omp end critical (deck_copy)
+    worker = session%worker
     values = 0.0_c_double
     codes = -1
     messages = iachar(' ')
