@@ -56,10 +56,11 @@ module dst_python_api
     character(:), allocatable :: model_choice
   end type session_t
 
-  !> A sweep. Its threads only read it, but for `stop`.
+  !> A sweep. Its threads only read it, but for `stop`; each copies the worker, which is made under the interpreter's lock.
   type :: sweep_session_t
     type(sweep_t) :: sweep
     character(:), allocatable :: resolved
+    type(worker_t) :: worker
     type(error_t), allocatable :: error
     logical :: stop = .false.
   end type sweep_session_t
@@ -128,6 +129,7 @@ contains
       return
     end if
     session%resolved = resolved(session%sweep%deck)
+    call new_worker(session%sweep, session%worker)
     cases = int(session%sweep%cases, c_int)
     axes = int(size(session%sweep%axes), c_int)
   end subroutine sweep_open
@@ -190,9 +192,7 @@ contains
 
     session => sweep_of(handle)
     watch%session => session
-    !$omp critical (deck_copy)
-    call new_worker(session%sweep, worker)
-    !$omp end critical (deck_copy)
+    worker = session%worker
     values = 0.0_c_double
     codes = -1
     messages = iachar(' ')

@@ -282,6 +282,7 @@ contains
     type(state_t), intent(inout), target :: state
     integer, allocatable, intent(inout) :: pending(:)
     logical, intent(in) :: quiet
+    type(worker_t) :: first_worker
 
     state%limit = sweep%deck%real_of('output', 'wall_limit')
     state%begun = wall_clock()
@@ -292,21 +293,23 @@ contains
     !$ state%at_work = omp_get_max_threads()
     ! At first a case for each thread.
     state%pace%rate = state%at_work/piece
-    !$omp parallel default(none) shared(sweep, state)
+    call new_worker(sweep, first_worker)
+    !$omp parallel default(none) shared(sweep, state, first_worker)
     ! There may be fewer threads than were asked for.
     !$omp single
     !$ state%at_work = omp_get_num_threads()
     !$omp end single
-    call work(sweep, state)
+    call work(sweep, first_worker, state)
     !$omp end parallel
     call state%ranks%close_list(state%finished, state%failed, state%stop)
     call state%progress%close()
   end subroutine run_cases
 
   !> One thread: case after case.
-  subroutine work(sweep, state)
+  subroutine work(sweep, first_worker, state)
     !$ use omp_lib, only: omp_get_thread_num
     type(sweep_t), intent(in) :: sweep
+    type(worker_t), intent(in) :: first_worker         !! is copied
     type(state_t), intent(inout), target :: state
     type(sweep_watch_t) :: watch
     type(worker_t), allocatable :: worker
@@ -317,10 +320,7 @@ contains
     watch%state => state
     watch%is_first = .true.
     !$ watch%is_first = omp_get_thread_num() == 0
-    allocate (worker)
-    !$omp critical (deck_copy)
-    call new_worker(sweep, worker)
-    !$omp end critical (deck_copy)
+    allocate (worker, source=first_worker)
     do
       if (watch%asked_to_stop()) exit
       none_left = .false.

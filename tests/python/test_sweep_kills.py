@@ -36,6 +36,8 @@ ALLOWED = {
 class Threads:
     """One process with two threads; its workers die together."""
 
+    longest_wait = 0.5
+
     def __init__(self, sweep, output):
         self.start = lambda: sweep.start(output, "--overwrite", "--keep-shards", **QUIET)
         self.process = self.start()
@@ -53,6 +55,8 @@ class Threads:
 
 class Array:
     """Three processes with a shard each; one dies, the others go on."""
+
+    longest_wait = 0.5
 
     def __init__(self, sweep, output):
         shards = [("--shard", f"{i}/3", "--overwrite") for i in (1, 2, 3)]
@@ -74,7 +78,10 @@ class Array:
 
 
 class Ranks:
-    """Three ranks of one MPI run; when one dies, mpirun ends the others."""
+    """Three ranks of one MPI run; when one dies, mpirun ends the others. An mpirun that does not is killed too."""
+
+    # It takes mpirun a while to start them.
+    longest_wait = 2.0
 
     def __init__(self, sweep, output, flavour):
         self.sign = f"{sweep.folder / output}".encode()
@@ -97,7 +104,11 @@ class Ranks:
         return found
 
     def restart(self):
-        assert self.process.wait(60) != 0
+        try:
+            assert self.process.wait(20) != 0
+        except subprocess.TimeoutExpired:
+            print(f"{self.sign.decode()}: mpirun hangs after the death of a rank", file=sys.stderr)
+            self.close()
         self.process = self.start()
 
     def close(self):
@@ -129,7 +140,7 @@ def kill_some(sweep, output, kind, kills, chance, reference):
     try:
         while seen["kills"] < kills:
             before = set(finished(sweep, output))
-            time.sleep(chance.uniform(0.0, 0.5))
+            time.sleep(chance.uniform(0.0, workers.longest_wait))
             alive = workers.workers()
             if not alive:
                 break
