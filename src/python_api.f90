@@ -174,7 +174,7 @@ contains
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: first, n, n_values
     real(c_double), intent(out) :: values(n_values, n)
-    integer(c_int), intent(out) :: codes(n), messages(200, n), done
+    integer(c_int), intent(out) :: codes(n), messages(400, n), done
     !f2py threadsafe
     type(sweep_session_t), pointer :: session
     type(stop_watch_t) :: watch
