@@ -6,8 +6,8 @@ import os
 import threading
 import time
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias, TypedDict
 
 import h5py  # type: ignore[import-untyped]
 import numpy as np
@@ -210,16 +210,26 @@ class _Work:
         warnings.warn(text, IncompleteWarning, stacklevel=4)
 
 
+class _Contents(TypedDict):
+    """Cases: `values` and `codes` by case, `messages` by number of the case from 0."""
+
+    axes: Sequence[Axis]
+    values: Sequence[tuple[Info, Floats]]
+    codes: NDArray[np.int32]
+    messages: Mapping[int, str]
+    is_list: bool
+    deck: str
+
+
 def _dataset(
     axes: Sequence[Axis],
-    values: Iterable[tuple[Info, Floats]],
+    values: Sequence[tuple[Info, Floats]],
     codes: NDArray[np.int32],
     messages: Mapping[int, str],
-    *,
     is_list: bool,
     deck: str,
 ) -> xarray.Dataset:
-    """Cases as a dataset: `values` and `codes` by case, `messages` by number of the case from 0."""
+    """The `_Contents` of a sweep as a dataset."""
     import xarray  # noqa: PLC0415  (optional)
 
     dims = ["case"] if is_list else [info.name for info, _ in axes]
@@ -276,7 +286,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
         with h5py.File(name, "r") as file:
             if "sweep" not in file:
                 raise FileError(f"{name}: holds no sweep of dynstiction")
-            data = _read_sweep(file)
+            contents = _read_sweep(file)
             code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
     except FileError:
         raise
@@ -284,10 +294,10 @@ def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
         raise FileError(f"{name}: cannot be read: {error}") from error
     if code != 0:
         warnings.warn(f"{name}: {text}", IncompleteWarning, stacklevel=2)
-    return data
+    return _dataset(**contents)
 
 
-def _read_sweep(file: h5py.File) -> xarray.Dataset:
+def _read_sweep(file: h5py.File) -> _Contents:
     group = file["sweep"]
     grid = str(group.attrs["grid"])
     is_list = grid == "list"
@@ -306,7 +316,9 @@ def _read_sweep(file: h5py.File) -> xarray.Dataset:
     messages = dict(zip(failures["case"][:] - 1, failures["result_text"].asstr()[:], strict=True))
     codes = group["result_code"][:].astype(np.int32)
     deck = file["deck/resolved"][()].decode("utf-8", "surrogateescape")
-    return _dataset(axes, columns, codes, messages, is_list=is_list, deck=deck)
+    return {
+        "axes": axes, "values": columns, "codes": codes, "messages": messages, "is_list": is_list, "deck": deck
+    }  # fmt: skip
 
 
 def _info(group: h5py.Group, name: str) -> Info:

@@ -37,7 +37,7 @@ LABELS = {"creep_share": "share of the time with $|X'| \\leq V/10$"}
 SLIDER = ("mass", "stiffness_x", "stiffness_y", "mu_0", "mu_inf", "v_f", "normal_load", "velocity")
 """What the lines of stability depend on, besides the misalignment."""
 
-FINE = 400
+FINE = 2000
 """Points of a line of stability."""
 
 
@@ -149,6 +149,8 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
         if table.has("stiffness_y"):
             axis.plot(shown, lines.slow, color=VERMILION, linewidth=1.2, label="slow mode")
             axis.plot(shown, lines.fast, color=VERMILION, linewidth=1.2, linestyle="--", label="fast mode")
+            if right.name != "stiffness_y":
+                axis.plot(shown, lines.rigid, color="white", linewidth=0.8, linestyle=":")
         else:
             axis.plot(shown, lines.rigid, color=VERMILION, linewidth=1.2, label="slow mode")
     if right.name == "stiffness_y" and table.has("stiffness_x"):
