@@ -31,7 +31,7 @@ module dst_summary
     quantity_t('sticking_time', 's', 'time at rest'), &
     quantity_t('drive_work', 'J', 'work of the drive on the spring'), &
     quantity_t('friction_work', 'J', 'work done against friction'), &
-    quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged')]
+    quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged: first energy and absolute works')]
 
   !> Mean of a quantity that comes one by one.
   type :: mean_t
@@ -55,6 +55,8 @@ module dst_summary
     integer(int64) :: sticks = 0
     real(wp) :: sticking_time = 0.0_wp
     real(wp) :: first_energy = 0.0_wp
+    !> First energy and absolute works of all advances [J]. The net works may cancel out.
+    real(wp) :: exchanged = 0.0_wp
   contains
     procedure :: exchange
   end type summary_t
@@ -69,6 +71,7 @@ contains
     self%velocity = velocity_of(trajectory, trajectory%now, trajectory%sticking)
     self%largest_rate = dot_product(self%velocity, trajectory%slider%along)
     self%first_energy = energy(trajectory, self%velocity)
+    self%exchanged = self%first_energy
     call consider(self, trajectory, trajectory%now)
     if (trajectory%event == stick_begins) self%sticks = 1
   end subroutine start_summary
@@ -79,6 +82,8 @@ contains
     type(trajectory_t), intent(in) :: trajectory
     real(wp) :: before(2), rate(2)
 
+    self%exchanged = self%exchanged + abs(trajectory%now%drive_work - trajectory%from%drive_work) + &
+      abs(trajectory%now%friction_work - trajectory%from%friction_work)
     before = self%velocity
     self%velocity = velocity_of(trajectory, trajectory%now, trajectory%sticking)
     if (trajectory%event == stick_begins) self%sticks = self%sticks + 1
@@ -337,7 +342,7 @@ contains
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(out) :: value(:)
     logical, intent(out) :: given(:)
-    real(wp) :: change, exchanged
+    real(wp) :: change
 
     value = 0.0_wp
     given = .true.
@@ -355,10 +360,10 @@ contains
     given(11:) = allocated(trajectory%stepper)
     if (.not. allocated(trajectory%stepper)) return
     change = energy(trajectory, self%velocity) - self%first_energy
-    exchanged = abs(trajectory%now%drive_work) + abs(trajectory%now%friction_work) + self%first_energy
     value(11) = trajectory%now%drive_work
     value(12) = trajectory%now%friction_work
-    if (exchanged > 0.0_wp) value(13) = (trajectory%now%drive_work - trajectory%now%friction_work - change)/exchanged
+    if (self%exchanged > 0.0_wp) &
+      value(13) = (trajectory%now%drive_work - trajectory%now%friction_work - change)/self%exchanged
 
   contains
 
@@ -396,6 +401,7 @@ contains
     call archive%exchange(self%sticks)
     call archive%exchange(self%sticking_time)
     call archive%exchange(self%first_energy)
+    call archive%exchange(self%exchanged)
   end subroutine exchange
 
   subroutine exchange_mean(self, archive)

@@ -4,13 +4,15 @@
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use hdf5, only: hid_t, hsize_t, h5fclose_f, h5f_acc_trunc_f, h5t_ieee_f64le, h5t_std_i32le
-  use dst_disk, only: path_t, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, ignore_size_limit_signal
+  use dst_disk, only: path_t, file_exists, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, &
+    ignore_size_limit_signal
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
     make_scale, attach_scale, table_t, create_table, append_rows, put_messages
-  use dst_hdf5_writer, only: run_metadata_t, write_metadata
+  use dst_hdf5_writer, only: run_metadata_t, write_metadata, check_replaceable
   use dst_kinds, only: wp, int64, real64
   use dst_schema, only: schema
+  use dst_seal, only: seal_file
   use dst_sweep, only: sweep_t, case_t, value_count, value_quantities, wall_time_value, series_quantities
   use dst_sweep_shard, only: index_t, read_record
   use dst_text, only: integer_text
@@ -52,6 +54,11 @@ contains
     integer :: units(size(files)), i, status, ignored
     logical :: placed
 
+    if (file_exists(result_file)) call check_replaceable(result_file, overwrite, error)
+    if (allocated(error)) then
+      error%text = result_file//': cannot create: '//error%text
+      return
+    end if
     call ignore_size_limit_signal()
     scratch = scratch_name(true_path(result_file))
     do i = 1, size(files)
@@ -73,6 +80,7 @@ contains
       close (units(i), iostat=ignored)
     end do
     if (.not. allocated(error)) then
+      call seal_file(scratch)
       if (overwrite) then
         call move_file(scratch, true_path(result_file), placed)
       else
