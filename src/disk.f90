@@ -9,7 +9,7 @@ module dst_disk
   private
 
   public :: prepare_file, reserve_space, set_file_size, move_file, place_file, delete_file
-  public :: read_bytes, replace_file, append_text, make_durable, make_file_durable
+  public :: read_bytes, replace_file, append_text, make_durable, make_name_durable
   public :: open_exclusively, lock_file, unlock_file, is_being_written, wait_seconds
   public :: open_for_appending, append_words, close_descriptor, matching_files, path_t
   public :: file_exists, file_size, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
@@ -242,7 +242,7 @@ contains
     if (allocated(reason)) then
       call delete_file(unfinished)
     else if (durable) then
-      call sync_by_name(folder_of(file_name))
+      call make_name_durable(folder_of(file_name))
     end if
   end subroutine replace_file
 
@@ -363,8 +363,8 @@ contains
     call c_globfree(found)
   end subroutine matching_files
 
-  !> Bring a file, or the entries of a folder, to the disk.
-  subroutine sync_by_name(name)
+  !> Let a closed file, or the entries of a folder, survive a power failure, where the system can do that.
+  subroutine make_name_durable(name)
     character(*), intent(in) :: name
     integer(c_int), parameter :: read_only = 0
     integer(c_int) :: descriptor, ignored
@@ -373,15 +373,7 @@ contains
     if (descriptor < 0) return
     ignored = c_fsync(descriptor)
     ignored = c_close(descriptor)
-  end subroutine sync_by_name
-
-  !> Let a closed file survive a power failure, where the system can do that.
-  subroutine make_file_durable(file_name)
-    character(*), intent(in) :: file_name
-
-    call sync_by_name(file_name)
-    call sync_by_name(folder_of(file_name))
-  end subroutine make_file_durable
+  end subroutine make_name_durable
 
   !> Let what was written to the open file survive a power failure.
   subroutine make_durable(descriptor, reason)

@@ -1,9 +1,9 @@
 !> What a result file says about the run that wrote it, and whether that run can be gone on with.
 module dst_hdf5_origin
   use hdf5, only: hid_t, h5fclose_f
-  use dst_disk, only: file_exists, file_size, is_folder, with_remedy
+  use dst_disk, only: file_exists, file_size, is_folder
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_tools, only: open_existing, failure_reason, get_attribute, get_text
+  use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text
   implicit none
   private
 
@@ -52,7 +52,7 @@ contains
     call get_attribute(file, 'deck_sha256', origin%deck_sha256, status)
     call get_text(file, 'deck/text', origin%deck_text, status)
     call get_text(file, 'deck/resolved', origin%deck_resolved, status)
-    if (status < 0) reason = with_remedy(failure_reason())
+    if (status < 0) reason = damage_reason()
     if (file >= 0) call h5fclose_f(file, ignored)
   end subroutine read_fields
 end module dst_hdf5_origin

@@ -19,12 +19,12 @@ module dst_hdf5_tools
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
   use dst_kinds, only: wp, real64, int64
-  use dst_disk, only: path_t, wait_seconds
+  use dst_disk, only: path_t, wait_seconds, with_remedy
   use dst_writer, only: quantity_t
   implicit none
   private
 
-  public :: start_hdf5, open_file, open_existing, failure_reason, file_descriptor
+  public :: start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor
   public :: put_attribute, get_attribute, put_text, put_texts, get_text, put_number
   public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, copy_rows
   public :: make_scale, attach_scale, table_t, create_table, append_rows, put_messages
@@ -174,6 +174,14 @@ contains
     end if
     if (reason == '') reason = 'HDF5 gave no reason'
   end function failure_reason
+
+  !> Why a file that is there could not be read, and what to do.
+  function damage_reason() result(reason)
+    character(:), allocatable :: reason
+
+    reason = with_remedy(failure_reason())
+    if (reason == failure_reason()) reason = 'the file is damaged ('//reason//'): run the deck again'
+  end function damage_reason
 
   integer(c_int) function keep_first_description(depth, entry_address, user_data) bind(c) result(status)
     integer(c_int), value :: depth

@@ -18,9 +18,9 @@ module dst_hdf5_writer
   use dst_archive, only: archive_t
   use dst_disk, only: prepare_file, reserve_space, set_file_size, make_durable, move_file, place_file, delete_file, file_exists, &
     file_size, is_folder, is_being_written, lock_file, unlock_file, true_path, scratch_name, with_remedy, ignore_size_limit_signal
-  use dst_hdf5_tools, only: start_hdf5, open_file, open_existing, failure_reason, file_descriptor, put_attribute, put_text, &
-    put_texts, put_number, create_group, delete_link, column_t, create_column, open_column, append, cut_column, copy_rows, &
-    make_scale, attach_scale
+  use dst_hdf5_tools, only: start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
+    put_attribute, put_text, put_texts, put_number, create_group, delete_link, column_t, create_column, open_column, append, &
+    cut_column, copy_rows, make_scale, attach_scale
   use dst_process, only: guard_t, is_child, end_child
   use dst_seal, only: seal_file
   implicit none
@@ -177,7 +177,7 @@ contains
     call open_existing(file_name, old%file, status)
     call allocate_waiting(old, size(columns), expected_rows)
     call open_columns(old, columns, status)
-    if (status < 0) reason = with_remedy(failure_reason())
+    if (status < 0) reason = damage_reason()
     if (.not. allocated(reason)) then
       call allocate_waiting(new, size(columns), expected_rows)
       new%file_name = new_name
@@ -218,7 +218,7 @@ contains
       end do
       call copy(old%event_remainder, new%event_remainder, bookmark%events)
     end if
-    if (status < 0) reason = with_remedy(failure_reason())
+    if (status < 0) reason = damage_reason()
     call check_bookmark(new, bookmark, columns, reason)
 
   contains

@@ -6,7 +6,7 @@ module dst_run
   use dst_build_info, only: program_name, version, git_revision, compiler
   use dst_checkpoint, only: checkpoint_t, write_checkpoint, read_checkpoint, delete_checkpoint
   use dst_deck, only: deck_t, parse_deck, resolved
-  use dst_disk, only: close_descriptor, open_exclusively, delete_file, make_file_durable, move_file, scratch_name, true_path, &
+  use dst_disk, only: close_descriptor, open_exclusively, delete_file, make_name_durable, move_file, scratch_name, true_path, &
     utc_now
   use dst_errors, only: error_t, raise, file_error, stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
@@ -284,7 +284,7 @@ contains
     if (allocated(end_error) .and. (is_stopped(error) .or. .not. allocated(error))) call move_alloc(end_error, error)
     ! A run that ended by itself is not gone on with.
     if (is_stopped(error)) then
-      call make_file_durable(run%result_file)
+      call make_name_durable(run%result_file)
       run%checkpoint%result_checksum = checksum_of_file(run%result_file)
       call write_checkpoint(run%result_file, run%checkpoint, .true., save_error)
       if (allocated(save_error)) call move_alloc(save_error, error)

@@ -61,7 +61,9 @@ contains
     end if
     call ignore_size_limit_signal()
     scratch = scratch_name(true_path(result_file))
+    units = -1
     do i = 1, size(files)
+      if (.not. any(index%shard == i)) cycle
       open (newunit=units(i), file=files(i)%text, status='old', action='read', access='stream', form='unformatted', iostat=status)
       if (status /= 0) call raise(error, file_error, files(i)%text//': cannot be read: see its permissions')
     end do
@@ -77,7 +79,7 @@ contains
     if (status < 0 .and. .not. allocated(error)) &
       call raise(error, file_error, result_file//': cannot write: '//with_remedy(failure_reason()))
     do i = 1, size(files)
-      close (units(i), iostat=ignored)
+      if (units(i) /= -1) close (units(i), iostat=ignored)
     end do
     if (.not. allocated(error)) then
       call seal_file(scratch)

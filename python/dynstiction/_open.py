@@ -80,12 +80,12 @@ def _check(name: str) -> None:
     with open(name, "rb") as stream:
         if stream.read(len(BEGINNING)) != BEGINNING:
             raise FileError(f"{name}: is no result file, or its beginning is damaged")
-        length = os.path.getsize(name) - SEAL_LENGTH
-        if length < 0:
-            return
-        stream.seek(length)
-        seal = stream.read()
-    if seal.startswith(MARK) and seal != SEAL % _crc32(name, length):
+        # Also one that was cut, or has something behind it.
+        first = max(0, os.path.getsize(name) - 2 * SEAL_LENGTH)
+        stream.seek(first)
+        end = stream.read()
+    place = end.find(MARK)
+    if place >= 0 and end[place:] != SEAL % _crc32(name, first + place):
         raise FileError(f"{name}: is damaged: its bytes do not have the checksum in its last line")
 
 

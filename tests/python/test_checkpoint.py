@@ -88,9 +88,7 @@ class Program:
         return finished([self.executable, "resume", str(file), "--quiet"], **options)
 
 
-def finished(
-    command: list[str], timeout: float = 300.0, **options
-) -> subprocess.CompletedProcess[str]:
+def finished(command: list[str], timeout: float = 300.0, **options) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False, **options)
 
 
@@ -588,7 +586,9 @@ def bends(whole: bytes, structure: list[int], chance: random.Random) -> bytes:
     """The file with damage in what describes its data: one of the kinds that disks and careless programs make."""
     bent = bytearray(whole)
     place, length = chance.choice(structure), chance.choice((1, 8, 64, 512, 4096))
-    kind = chance.choice(("flip", "flip", "flips", "zeros", "noise", "another address", "another place", "cut"))
+    kind = chance.choice(
+        ("flip", "flip", "flips", "zeros", "noise", "another address", "another place", "cut")
+    )
     if kind == "flip":
         bent[place] ^= 1 << chance.randrange(8)
     elif kind == "flips":
