@@ -670,7 +670,7 @@ contains
   pure character(160) function at_time(motion) result(text)
     type(motion_t), intent(in) :: motion
 
-    write (text, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
+    write (text, '(a,es24.16e3,a,2es25.16e3,a,2es25.16e3,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
   end function at_time
 
   !> Save or load what changes on the way; the rest follows from the scene.
