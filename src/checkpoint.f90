@@ -1,12 +1,14 @@
 !> The file from which a run goes on: FILE.h5.checkpoint beside the result FILE.h5.
 !>
-!> Lines of text say what it is and to which run it belongs; then come the words of the state (dst_archive), 8 bytes
-!> each in the machine's order; the last line is the SHA-256 of all before it. It is replaced as a whole.
+!> Lines of text say what it is and to which run it belongs; then come the deck and the words of the state (dst_archive), 8 bytes
+!> each in the machine's order; the last line is the SHA-256 of all before it. It is replaced as a whole. Together with
+!> the numbers in the result file's columns it is all that is needed to go on.
 module dst_checkpoint
   use dst_kinds, only: int64
   use dst_disk, only: read_bytes, replace_file, delete_file
   use dst_errors, only: error_t, raise, file_error
   use dst_sha256, only: sha256
+  use dst_text, only: integer_text
   implicit none
   private
 
@@ -14,17 +16,18 @@ module dst_checkpoint
 
   !> What a checkpoint holds besides the state: which run it belongs to, and what stood in the result file then.
   type :: checkpoint_t
-    character(:), allocatable :: version           !! of the program
+    character(:), allocatable :: version, git_revision, compiler   !! of the program that began the run
     character(:), allocatable :: deck_sha256       !! of the deck as read
-    character(:), allocatable :: resolved_sha256   !! of the deck as used: --set makes another one
     character(:), allocatable :: created           !! when the run began
     character(:), allocatable :: result_checksum   !! of the result file of a run that was stopped; '-' while it goes on
+    character(:), allocatable :: deck_text         !! the deck as read
+    character(:), allocatable :: deck_resolved     !! every key as used: --set makes another deck
     integer(int64), allocatable :: words(:)        !! the state
   end type checkpoint_t
 
   character(*), parameter :: signature = 'dynstiction checkpoint, format '
   !> Version of this format and of the fields that the types of a run exchange with an archive.
-  character(*), parameter :: format_version = '2'
+  character(*), parameter :: format_version = '3'
   character, parameter :: n = achar(10)
   integer, parameter :: word_bytes = 8, most_bytes = 2**24, digest_length = 64
 
@@ -46,14 +49,12 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: bytes, reason
     character(word_bytes*size(checkpoint%words)) :: state
-    character(12) :: word_count
 
-    write (word_count, '(i0)') size(checkpoint%words)
     state = transfer(checkpoint%words, state)
-    bytes = signature//format_version//n//'version '//checkpoint%version//n//'deck_sha256 '//checkpoint%deck_sha256//n// &
-      'resolved_sha256 '//checkpoint%resolved_sha256//n//'created '//checkpoint%created//n// &
+    bytes = signature//format_version//n//'version '//checkpoint%version//n//'git_revision '//checkpoint%git_revision//n// &
+      'compiler '//checkpoint%compiler//n//'deck_sha256 '//checkpoint%deck_sha256//n//'created '//checkpoint%created//n// &
       'result_checksum '//checkpoint%result_checksum//n// &
-      'words '//trim(word_count)//n//state//n
+      part('deck', checkpoint%deck_text)//part('deck_resolved', checkpoint%deck_resolved)//part('state', state)
     bytes = bytes//'sha256 '//sha256(bytes)//n
     call replace_file(checkpoint_name(result_file), bytes, durable, reason)
     if (allocated(reason)) &
@@ -112,31 +113,34 @@ contains
     if (bytes(last + 1:) == 'sha256 '//sha256(bytes(:last))//n) deallocate (reason)
   end subroutine check_digest
 
+  !> A line with the number of bytes, the bytes, and a line end.
+  pure function part(name, content)
+    character(*), intent(in) :: name, content
+    character(:), allocatable :: part
+
+    part = name//' '//integer_text(len(content, int64))//n//content//n
+  end function part
+
   !> Name every part. The digest has shown that they are as they were written.
   subroutine take_apart(bytes, checkpoint, reason)
     character(*), intent(in) :: bytes
     type(checkpoint_t), intent(inout) :: checkpoint
     character(:), allocatable, intent(out) :: reason
-    character(:), allocatable :: word_count
-    integer :: next, words, io_status
+    character(:), allocatable :: state
+    integer :: next
 
     next = index(bytes, n) + 1
     call take_line('version', checkpoint%version)
+    call take_line('git_revision', checkpoint%git_revision)
+    call take_line('compiler', checkpoint%compiler)
     call take_line('deck_sha256', checkpoint%deck_sha256)
-    call take_line('resolved_sha256', checkpoint%resolved_sha256)
     call take_line('created', checkpoint%created)
     call take_line('result_checksum', checkpoint%result_checksum)
-    call take_line('words', word_count)
-    if (allocated(reason)) return
-    read (word_count, *, iostat=io_status) words
-    if (io_status == 0 .and. words >= 0 .and. words < most_bytes/word_bytes) then
-      if (next + word_bytes*words <= len(bytes)) then
-        allocate (checkpoint%words(words))
-        checkpoint%words = transfer(bytes(next:next + word_bytes*words - 1), checkpoint%words, words)
-        return
-      end if
-    end if
-    reason = 'its state is missing'
+    call take_part('deck', checkpoint%deck_text)
+    call take_part('deck_resolved', checkpoint%deck_resolved)
+    call take_part('state', state)
+    allocate (checkpoint%words(len(state)/word_bytes))
+    checkpoint%words = transfer(state, checkpoint%words, size(checkpoint%words))
 
   contains
 
@@ -150,11 +154,30 @@ contains
       if (allocated(reason)) return
       line_end = next + index(bytes(next:), n) - 1
       if (index(bytes(next:line_end), name//' ') /= 1) then
-        reason = 'its line '//name//' is missing'
+        reason = 'its '//name//' is missing'
         return
       end if
       text = bytes(next + len(name) + 1:line_end - 1)
       next = line_end + 1
     end subroutine take_line
+
+    !> As many bytes as the next line says.
+    subroutine take_part(name, content)
+      character(*), intent(in) :: name
+      character(:), allocatable, intent(out) :: content
+      character(:), allocatable :: length
+      integer :: count, io_status
+
+      content = ''
+      call take_line(name, length)
+      if (allocated(reason)) return
+      read (length, *, iostat=io_status) count
+      if (io_status == 0 .and. count >= 0 .and. count < len(bytes) - next) then
+        content = bytes(next:next + count - 1)
+        next = next + count + 1
+      else
+        reason = 'its '//name//' is missing'
+      end if
+    end subroutine take_part
   end subroutine take_apart
 end module dst_checkpoint

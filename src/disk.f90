@@ -9,9 +9,10 @@ module dst_disk
   private
 
   public :: prepare_file, reserve_space, set_file_size, move_file, place_file, delete_file
-  public :: read_bytes, checksum_of_file, replace_file, make_durable, is_child, end_child, lock_file, unlock_file, wait_seconds
+  public :: read_bytes, replace_file, append_text, make_durable, make_name_durable
+  public :: open_exclusively, lock_file, unlock_file, is_being_written, wait_seconds
   public :: open_for_appending, append_words, close_descriptor, matching_files, path_t
-  public :: file_exists, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
+  public :: file_exists, file_size, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
 
   ! Error numbers that mean "no room" on Linux.
   integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122
@@ -98,33 +99,16 @@ module dst_disk
       import :: c_ptr
     end function c_error_number
 
-    integer(c_int) function c_fork() bind(c, name='fork')
-      import :: c_int
-    end function c_fork
-
-    integer(c_int) function c_getppid() bind(c, name='getppid')
-      import :: c_int
-    end function c_getppid
-
     integer(c_int) function c_flock(descriptor, operation) bind(c, name='flock')
       import :: c_int
       integer(c_int), value :: descriptor, operation
     end function c_flock
 
-    integer(c_int) function c_setsid() bind(c, name='setsid')
-      import :: c_int
-    end function c_setsid
-
-    integer(c_int) function c_waitpid(process, status, options) bind(c, name='waitpid')
-      import :: c_int
-      integer(c_int), value :: process, options
-      integer(c_int), intent(out) :: status
-    end function c_waitpid
-
-    subroutine c_exit_at_once(status) bind(c, name='_exit')
-      import :: c_int
-      integer(c_int), value :: status
-    end subroutine c_exit_at_once
+    integer(c_int) function c_lockf(descriptor, command, length) bind(c, name='lockf')
+      import :: c_int, c_int64_t
+      integer(c_int), value :: descriptor, command
+      integer(c_int64_t), value :: length
+    end function c_lockf
 
     integer(c_int) function c_usleep(microseconds) bind(c, name='usleep')
       import :: c_int
@@ -259,7 +243,7 @@ contains
     if (allocated(reason)) then
       call delete_file(unfinished)
     else if (durable) then
-      call make_name_durable(file_name)
+      call make_name_durable(folder_of(file_name))
     end if
   end subroutine replace_file
 
@@ -336,6 +320,21 @@ contains
     end do
   end subroutine append_words
 
+  !> Append a text to a closed file; without room for it, nothing.
+  subroutine append_text(file_name, text)
+    character(*), intent(in) :: file_name, text
+    integer(c_int), parameter :: write_append = 1 + 1024
+    character(c_char), target :: bytes(len(text) + 1)
+    integer(c_intptr_t) :: ignored
+    integer(c_int) :: descriptor
+
+    descriptor = c_open(c_text(file_name), write_append, 0_c_int)
+    if (descriptor < 0) return
+    bytes = c_text(text)
+    ignored = c_write(descriptor, c_loc(bytes), len(text, c_size_t))
+    call close_descriptor(descriptor)
+  end subroutine append_text
+
   !> Close a file; the descriptor is -1 afterwards.
   subroutine close_descriptor(descriptor)
     integer(c_int), intent(inout) :: descriptor
@@ -370,13 +369,13 @@ contains
     call c_globfree(found)
   end subroutine matching_files
 
-  !> Let a file's entry in its folder survive a power failure, where the system can do that.
-  subroutine make_name_durable(file_name)
-    character(*), intent(in) :: file_name
+  !> Let a closed file, or the entries of a folder, survive a power failure, where the system can do that.
+  subroutine make_name_durable(name)
+    character(*), intent(in) :: name
     integer(c_int), parameter :: read_only = 0
     integer(c_int) :: descriptor, ignored
 
-    descriptor = c_open(c_text(folder_of(file_name)), read_only, 0_c_int)
+    descriptor = c_open(c_text(name), read_only, 0_c_int)
     if (descriptor < 0) return
     ignored = c_fsync(descriptor)
     ignored = c_close(descriptor)
@@ -400,87 +399,27 @@ contains
     integer :: unit, io_status
 
     bytes = ''
+    length = file_size(file_name)
     if (.not. file_exists(file_name)) then
       reason = 'there is no such file'
     else if (is_folder(file_name)) then
       reason = 'it is a folder'
+    else if (length <= 0) then
+      reason = 'it is empty or not a regular file'
+    else if (length > most) then
+      reason = 'it is too long'
     end if
     if (allocated(reason)) return
     open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', &
       iostat=io_status, iomsg=message)
     if (io_status == 0) then
-      inquire (unit, size=length)
-      if (length < 0 .or. length > most) then
-        reason = 'it is too long'
-      else
-        deallocate (bytes)
-        allocate (character(int(length)) :: bytes)
-        if (length > 0) read (unit, iostat=io_status, iomsg=message) bytes
-      end if
+      deallocate (bytes)
+      allocate (character(int(length)) :: bytes)
+      read (unit, iostat=io_status, iomsg=message) bytes
       close (unit)
     end if
     if (io_status /= 0) reason = with_remedy(after_last(trim(message), ': '))
   end subroutine read_bytes
-
-  !> A checksum of a file's bytes and their number, as 16 hexadecimal digits; '-' if it cannot be read. A single bit
-  !> that changes always changes it.
-  function checksum_of_file(file_name) result(text)
-    character(*), intent(in) :: file_name
-    character(:), allocatable :: text
-    integer, parameter :: block_words = 32768, word_bytes = 8, places = 5
-    integer(int64), allocatable :: words(:)
-    integer(int64) :: length, left, checksum
-    character(16) :: digits
-    character :: byte
-    integer :: unit, io_status, i
-
-    text = '-'
-    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
-    if (io_status /= 0) return
-    inquire (unit, size=length)
-    checksum = length
-    left = length
-    do while (left >= word_bytes .and. io_status == 0)
-      allocate (words(min(int(block_words, int64), left/word_bytes)))
-      read (unit, iostat=io_status) words
-      do i = 1, size(words)
-        checksum = ieor(ishftc(checksum, places), words(i))
-      end do
-      left = left - word_bytes*size(words)
-      deallocate (words)
-    end do
-    do i = 1, int(left)
-      if (io_status == 0) read (unit, iostat=io_status) byte
-      checksum = ieor(ishftc(checksum, places), int(ichar(byte), int64))
-    end do
-    close (unit)
-    if (io_status /= 0) return
-    write (digits, '(z16.16)') checksum
-    text = digits
-  end function checksum_of_file
-
-  !> Whether this is a child process, a copy of the one that asked. The latter goes on, with `.false.`, when the child
-  !> has called `end_child`. The child is out of reach of a signal to the parent or its group, so what it does to files
-  !> is done as a whole even if the parent is killed; if that has happened already, it does nothing. Without a child the
-  !> parent goes on at once.
-  logical function is_child()
-    integer(c_int) :: parent, process, status, ignored
-
-    parent = c_getpid()
-    process = c_fork()
-    is_child = process == 0
-    if (is_child) then
-      ignored = c_setsid()
-      if (c_getppid() /= parent) call end_child()
-    else if (process > 0) then
-      ignored = c_waitpid(process, status, 0_c_int)
-    end if
-  end function is_child
-
-  !> End a child process at once, without its parent's clearing up.
-  subroutine end_child()
-    call c_exit_at_once(0_c_int)
-  end subroutine end_child
 
   !> Give up the lock that HDF5 has on an open file.
   subroutine unlock_file(descriptor)
@@ -491,6 +430,25 @@ contains
     if (are_files_locked()) ignored = c_flock(descriptor, unlock)
   end subroutine unlock_file
 
+  !> Open a file, so that no other process opens it this way until it is closed. HDF5 does not see this lock, nor do
+  !> child processes share it.
+  subroutine open_exclusively(file_name, descriptor, reason)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(out) :: descriptor          !! -1 where files are not locked
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(c_int), parameter :: read_write = 2, test_and_lock = 2
+    integer(c_int64_t), parameter :: whole_file = 0
+
+    descriptor = -1
+    if (.not. are_files_locked()) return
+    descriptor = c_open(c_text(file_name), read_write, 0_c_int)
+    if (descriptor >= 0) then
+      if (c_lockf(descriptor, test_and_lock, whole_file) == 0) return
+    end if
+    reason = system_reason()
+    call close_descriptor(descriptor)
+  end subroutine open_exclusively
+
   !> Take HDF5's lock again; if a reader has come in between, go on without it.
   subroutine lock_file(descriptor)
     integer(c_int), intent(in) :: descriptor
@@ -499,6 +457,20 @@ contains
 
     if (are_files_locked()) ignored = c_flock(descriptor, exclusive_or_fail)
   end subroutine lock_file
+
+  !> Whether another process has HDF5's lock for writing.
+  logical function is_being_written(file_name)
+    character(*), intent(in) :: file_name
+    integer(c_int), parameter :: read_only_at_once = 2048, shared_or_fail = 1 + 4
+    integer(c_int) :: descriptor
+
+    is_being_written = .false.
+    if (.not. are_files_locked()) return
+    descriptor = c_open(c_text(file_name), read_only_at_once, 0_c_int)
+    if (descriptor < 0) return
+    is_being_written = c_flock(descriptor, shared_or_fail) /= 0
+    call close_descriptor(descriptor)
+  end function is_being_written
 
   !> Whether HDF5 locks files, as its environment variable says.
   logical function are_files_locked()
@@ -572,6 +544,13 @@ contains
 
     inquire (file=file_name, exist=file_exists)
   end function file_exists
+
+  !> Bytes of a regular file, without opening it; 0 or less for what is none: opening a pipe could wait for ever.
+  integer(int64) function file_size(file_name)
+    character(*), intent(in) :: file_name
+
+    inquire (file=file_name, size=file_size)
+  end function file_size
 
   !> Whether the name is that of a folder.
   logical function is_folder(file_name)

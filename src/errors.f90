@@ -42,7 +42,9 @@ contains
     allocate (error)
     error%code = code
     error%text = text
-    if (exit_status(code) == 4 .or. code == stopped_early) error%text = text//'; see docs/errors.md'
+    ! A process that leaves the words to another one says nothing.
+    if (text == '') return
+    if (exit_status(code) == 4 .or. code == some_failed .or. code == stopped_early) error%text = text//'; see docs/errors.md'
   end subroutine raise
 
   !> Exit status of the executable for an error or result code.

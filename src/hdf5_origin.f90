@@ -1,10 +1,9 @@
-!> What a result file says about the run that wrote it: enough to go on with that run.
+!> What a result file says about the run that wrote it, and whether that run can be gone on with.
 module dst_hdf5_origin
-  use hdf5, only: hid_t, h5fclose_f, h5f_acc_rdonly_f
-  use dst_kinds, only: wp
-  use dst_disk, only: file_exists, is_folder, wait_seconds, with_remedy
+  use hdf5, only: hid_t, h5fclose_f
+  use dst_disk, only: file_exists, file_size, is_folder
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, get_attribute, get_text
+  use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text
   implicit none
   private
 
@@ -32,41 +31,30 @@ contains
       reason = 'there is no such file: give the result file of the run'
     else if (is_folder(file_name)) then
       reason = 'it is a folder: give the result file of the run'
+    else if (file_size(file_name) <= 0) then
+      reason = 'it is empty or not a regular file: run the deck again'
     else
       call read_fields(file_name, origin, reason)
     end if
     if (allocated(reason)) call raise(error, file_error, file_name//': cannot resume: '//reason)
   end subroutine read_origin
 
-  !> A run that was just killed may still be finishing a flush, and lock the file for that moment.
   subroutine read_fields(file_name, origin, reason)
     character(*), intent(in) :: file_name
     type(origin_t), intent(inout) :: origin
     character(:), allocatable, intent(out) :: reason
-    integer, parameter :: most_tries = 10
     integer(hid_t) :: file
-    integer :: status, ignored, i
+    integer :: status, ignored
 
-    do i = 1, most_tries
-      call start_hdf5(status)
-      call open_file(file_name, h5f_acc_rdonly_f, file, status)
-      if (status >= 0) exit
-      reason = failure_reason()
-      if (index(reason, 'temporarily unavailable') == 0) exit
-      call wait_seconds(0.05_wp)
-    end do
-    if (status >= 0) then
-      if (allocated(reason)) deallocate (reason)
-      call get_attribute(file, 'complete', origin%complete, status)
-      call get_attribute(file, 'result_code', origin%result_code, status)
-      call get_attribute(file, 'result_text', origin%result_text, status)
-      call get_attribute(file, 'created', origin%created, status)
-      call get_attribute(file, 'deck_sha256', origin%deck_sha256, status)
-      call get_text(file, 'deck/text', origin%deck_text, status)
-      call get_text(file, 'deck/resolved', origin%deck_resolved, status)
-      if (status < 0) reason = failure_reason()
-      call h5fclose_f(file, ignored)
-    end if
-    if (allocated(reason)) reason = with_remedy(reason)
+    call open_existing(file_name, file, status)
+    call get_attribute(file, 'complete', origin%complete, status)
+    call get_attribute(file, 'result_code', origin%result_code, status)
+    call get_attribute(file, 'result_text', origin%result_text, status)
+    call get_attribute(file, 'created', origin%created, status)
+    call get_attribute(file, 'deck_sha256', origin%deck_sha256, status)
+    call get_text(file, 'deck/text', origin%deck_text, status)
+    call get_text(file, 'deck/resolved', origin%deck_resolved, status)
+    if (status < 0) reason = damage_reason()
+    if (file >= 0) call h5fclose_f(file, ignored)
   end subroutine read_fields
 end module dst_hdf5_origin

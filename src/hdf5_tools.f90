@@ -7,7 +7,8 @@ module dst_hdf5_tools
   use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_size_t, c_char, c_null_char, c_null_ptr, &
     c_associated, c_loc, c_funloc, c_f_pointer
   use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, &
-    h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, h5pset_libver_bounds_f, h5f_libver_v18_f, &
+    h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, h5f_acc_rdonly_f, &
+    h5pset_libver_bounds_f, h5f_libver_v18_f, &
     h5tcopy_f, h5tset_cset_f, h5tclose_f, h5tis_variable_str_f, h5screate_f, h5screate_simple_f, h5sclose_f, &
     h5sselect_hyperslab_f, &
     h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, &
@@ -19,14 +20,14 @@ module dst_hdf5_tools
     h5t_string, h5t_cset_utf8_f, h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, &
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
   use dst_kinds, only: wp, real64, int64
-  use dst_disk, only: path_t
+  use dst_disk, only: path_t, wait_seconds, with_remedy
   use dst_writer, only: quantity_t
   implicit none
   private
 
-  public :: start_hdf5, open_file, failure_reason, file_descriptor
+  public :: start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor
   public :: put_attribute, get_attribute, put_text, put_texts, get_text, put_number
-  public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, column_checksum
+  public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, copy_rows
   public :: make_scale, attach_scale, table_t, create_table, append_rows
   public :: message_list_t, create_messages, append_messages, names_in, read_list
 
@@ -142,6 +143,23 @@ contains
     call h5pclose_f(access, status)
   end subroutine open_file
 
+  !> Open a file to read it. A run that was just killed may still be finishing a flush, and lock the file for that moment.
+  subroutine open_existing(file_name, file, status)
+    character(*), intent(in) :: file_name
+    integer(hid_t), intent(out) :: file
+    integer, intent(out) :: status
+    integer, parameter :: most_tries = 10
+    integer :: i
+
+    do i = 1, most_tries
+      call start_hdf5(status)
+      call open_file(file_name, h5f_acc_rdonly_f, file, status)
+      if (status >= 0) return
+      if (index(failure_reason(), 'temporarily unavailable') == 0) return
+      call wait_seconds(0.05_wp)
+    end do
+  end subroutine open_existing
+
   !> Why the last HDF5 call failed: the operating system's words when it had any.
   function failure_reason() result(reason)
     character(:), allocatable :: reason
@@ -165,6 +183,14 @@ contains
     end if
     if (reason == '') reason = 'HDF5 gave no reason'
   end function failure_reason
+
+  !> Why a file that is there could not be read, and what to do.
+  function damage_reason() result(reason)
+    character(:), allocatable :: reason
+
+    reason = with_remedy(failure_reason())
+    if (reason == failure_reason()) reason = 'the file is damaged ('//reason//'): run the deck again'
+  end function damage_reason
 
   integer(c_int) function keep_first_description(depth, entry_address, user_data) bind(c) result(status)
     integer(c_int), value :: depth
@@ -594,37 +620,30 @@ contains
     end do
   end subroutine add_to_checksum
 
-  !> Checksum of the first `rows` rows of an open column, as they are in the file.
-  subroutine column_checksum(column, rows, checksum, status)
-    type(column_t), intent(in) :: column
+  !> Append to a column the `rows` rows that `from` has next.
+  subroutine copy_rows(from, to, rows, status)
+    type(column_t), intent(in) :: from
+    type(column_t), intent(inout) :: to
     integer(hsize_t), intent(in) :: rows
-    integer(int64), intent(out) :: checksum
     integer, intent(inout) :: status
-    integer(hsize_t), parameter :: most = 65536
     real(real64), allocatable, target :: values(:)
     type(c_ptr) :: buffer
     integer(hid_t) :: file_space, memory_space
-    integer(hsize_t) :: first, count(1)
     integer :: ignored
 
-    checksum = 0
     if (status < 0) return
-    call h5dget_space_f(column%dataset, file_space, status)
-    allocate (values(most))
+    call h5dget_space_f(from%dataset, file_space, status)
+    if (status >= 0) call h5sselect_hyperslab_f(file_space, h5s_select_set_f, [to%rows], [rows], status)
+    if (status >= 0) call h5screate_simple_f(1, [rows], memory_space, status)
+    if (status < 0) return
+    allocate (values(rows))
     buffer = c_loc(values)
-    first = 0
-    do while (first < rows .and. status >= 0)
-      count = min(most, rows - first)
-      call h5sselect_hyperslab_f(file_space, h5s_select_set_f, [first], count, status)
-      if (status >= 0) call h5screate_simple_f(1, count, memory_space, status)
-      if (status >= 0) call h5dread_f(column%dataset, h5t_native_double, buffer, status, memory_space, file_space)
-      if (status < 0) exit
-      call h5sclose_f(memory_space, ignored)
-      call add_to_checksum(checksum, values(:count(1)))
-      first = first + count(1)
-    end do
+    call h5dread_f(from%dataset, h5t_native_double, buffer, status, memory_space, file_space)
+    if (status < 0) return
+    call h5sclose_f(memory_space, ignored)
     call h5sclose_f(file_space, ignored)
-  end subroutine column_checksum
+    call append(to, values, status)
+  end subroutine copy_rows
 
   !> Drop the rows behind the first `rows`.
   subroutine cut_column(column, rows, status)

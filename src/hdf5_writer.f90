@@ -11,20 +11,23 @@
 module dst_hdf5_writer
   use, intrinsic :: iso_c_binding, only: c_int
   use hdf5, only: hid_t, hsize_t, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, h5f_acc_trunc_f, h5f_acc_rdwr_f, &
-    h5f_acc_rdonly_f, h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
+    h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t, table_column_t
   use dst_archive, only: archive_t
   use dst_disk, only: prepare_file, reserve_space, set_file_size, make_durable, move_file, place_file, delete_file, file_exists, &
-    is_folder, is_child, end_child, lock_file, unlock_file, true_path, scratch_name, with_remedy, ignore_size_limit_signal
-  use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, file_descriptor, put_attribute, get_attribute, put_text, &
-    put_texts, put_number, &
-    create_group, delete_link, column_t, create_column, open_column, append, cut_column, column_checksum, make_scale, attach_scale
+    file_size, is_folder, is_being_written, lock_file, unlock_file, true_path, scratch_name, with_remedy, ignore_size_limit_signal
+  use dst_hdf5_tools, only: start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
+    put_attribute, put_text, put_texts, put_number, create_group, delete_link, column_t, create_column, open_column, append, &
+    cut_column, copy_rows, make_scale, attach_scale
+  use dst_process, only: guard_t, is_child, end_child
+  use dst_seal, only: seal_file
   implicit none
   private
 
-  public :: write_metadata, hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5, content_of
+  public :: write_metadata, hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, reopen_hdf5
+  public :: check_replaceable, is_hdf5
 
   !> A parameter of the deck whose value is text.
   type :: text_parameter_t
@@ -157,8 +160,87 @@ contains
     self%sound = .false.
   end subroutine discard
 
-  !> Open the file of an unfinished run to go on from `bookmark`; what the file has behind it is dropped. A file
-  !> that does not hold what it held then is refused and left as it is.
+  !> Write the file of a run that was killed anew as `new_name`: its header from `metadata`, its columns with what they held at
+  !> `bookmark`. Only numbers come from the old file, and all of them are checked; what is bent in its structure can spoil
+  !> nothing that follows. It can make HDF5 crash or run in circles: this is for a child process, which shows life to `guard`.
+  subroutine rebuild_hdf5(file_name, new_name, bookmark, metadata, columns, guard, error, expected_rows)
+    character(*), intent(in) :: file_name, new_name
+    type(bookmark_t), intent(in) :: bookmark
+    type(run_metadata_t), intent(in) :: metadata
+    type(quantity_t), intent(in) :: columns(:)
+    type(guard_t), intent(in) :: guard
+    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in), optional :: expected_rows    !! as when the file was created
+    type(hdf5_writer_t) :: old, new
+    character(:), allocatable :: reason
+    integer :: status
+
+    call open_existing(file_name, old%file, status)
+    call allocate_waiting(old, size(columns), expected_rows)
+    call open_columns(old, columns, status)
+    if (status < 0) reason = damage_reason()
+    if (.not. allocated(reason)) then
+      call allocate_waiting(new, size(columns), expected_rows)
+      new%file_name = new_name
+      call open_new(new, new_name, error)
+      if (.not. allocated(error)) call write_header(new, metadata, columns, error)
+      if (.not. allocated(error)) then
+        call copy_columns(old, new, bookmark, columns, guard, reason)
+        if (.not. allocated(reason)) call make_durable(new%descriptor, reason)
+        call close_file(new)
+        if (allocated(new%failure) .and. .not. allocated(reason)) reason = new%failure%text
+      end if
+    end if
+    if (old%file >= 0) call h5fclose_f(old%file, status)
+    if (allocated(reason)) call raise(error, file_error, file_name//': cannot resume: '//reason)
+  end subroutine rebuild_hdf5
+
+  !> Copy what every column of `old` held at `bookmark` to the empty columns of `new`; `reason` says which does not hold it.
+  subroutine copy_columns(old, new, bookmark, columns, guard, reason)
+    type(hdf5_writer_t), intent(inout) :: old, new
+    type(bookmark_t), intent(in) :: bookmark
+    type(quantity_t), intent(in) :: columns(:)
+    type(guard_t), intent(in) :: guard
+    character(:), allocatable, intent(out) :: reason
+    integer :: i, status
+
+    call reserve_space(new%descriptor, ending_bytes + (size(columns) + 2)*index_bytes + &
+      merge(20, 10, doubles_lose_digits)*(size(columns)*bookmark%rows + 2*bookmark%events), reason)
+    if (allocated(reason)) return
+    status = 0
+    do i = 1, size(columns)
+      call copy(old%columns(i), new%columns(i), bookmark%rows)
+    end do
+    call copy(old%event_time, new%event_time, bookmark%events)
+    call copy(old%event_kind, new%event_kind, bookmark%events)
+    if (doubles_lose_digits) then
+      do i = 1, size(columns)
+        call copy(old%remainders(i), new%remainders(i), bookmark%rows)
+      end do
+      call copy(old%event_remainder, new%event_remainder, bookmark%events)
+    end if
+    if (status < 0) reason = damage_reason()
+    call check_bookmark(new, bookmark, columns, reason)
+
+  contains
+
+    subroutine copy(from, to, rows)
+      type(column_t), intent(in) :: from
+      type(column_t), intent(inout) :: to
+      integer(int64), intent(in) :: rows
+      integer(hsize_t), parameter :: most = 1048576
+      integer(hsize_t) :: last
+
+      last = min(from%rows, int(rows, hsize_t))
+      do while (to%rows < last .and. status >= 0)
+        call guard%show_life()
+        call copy_rows(from, to, min(most, last - to%rows), status)
+      end do
+    end subroutine copy
+  end subroutine copy_columns
+
+  !> Open the file of an unfinished run to go on from `bookmark`; what the file has behind it is dropped. It must be as
+  !> this program left it.
   subroutine reopen_hdf5(self, file_name, bookmark, columns, error, expected_rows)
     class(hdf5_writer_t), intent(out) :: self
     character(*), intent(in) :: file_name
@@ -166,28 +248,20 @@ contains
     type(quantity_t), intent(in) :: columns(:)
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in), optional :: expected_rows    !! as when the file was created
-    character(:), allocatable :: reason
-    integer :: status, ignored
+    integer :: status
 
     call allocate_waiting(self, size(columns), expected_rows)
     self%file_name = trim(file_name)
     self%created_name = self%file_name
     call ignore_size_limit_signal()
     call start_hdf5(status)
-    call open_file(self%file_name, h5f_acc_rdonly_f, self%file, status)
+    call open_file(self%file_name, h5f_acc_rdwr_f, self%file, status)
+    call file_descriptor(self%file, self%descriptor, status)
     call open_columns(self, columns, status)
-    call check_bookmark(self, bookmark, columns, reason, status)
-    if (status < 0) reason = with_remedy(failure_reason())
-    if (self%file >= 0) call h5fclose_f(self%file, ignored)
-    if (.not. allocated(reason)) then
-      call open_file(self%file_name, h5f_acc_rdwr_f, self%file, status)
-      call file_descriptor(self%file, self%descriptor, status)
-      call open_columns(self, columns, status)
-      call cut_columns(self, bookmark, status)
-      if (status < 0) reason = with_remedy(failure_reason())
-    end if
-    self%sound = .not. allocated(reason)
-    if (.not. self%sound) call raise(error, file_error, self%file_name//': cannot resume: '//reason)
+    call cut_columns(self, bookmark, status)
+    self%sound = status >= 0
+    if (.not. self%sound) &
+      call raise(error, file_error, self%file_name//': cannot resume: '//with_remedy(failure_reason()))
   end subroutine reopen_hdf5
 
   !> Write and flush all that waits, and tell how far the file then is.
@@ -277,6 +351,7 @@ contains
     if (.not. self%sound) return
     call write_ending(self, outcome, error)
     if (self%sound) call close_file(self)
+    if (self%sound) call seal_file(self%file_name)
     if (.not. self%sound .and. allocated(self%failure)) error = self%failure
     if (allocated(error)) return
     if (.not. file_exists(self%file_name)) call raise(error, file_error, &
@@ -436,72 +511,58 @@ contains
     call close_group(group, status)
   end subroutine put_numbers
 
-  !> Under which name the file is created: beside an existing file that is to be replaced.
+  !> Under which name the file is created: beside an existing file that is to be replaced. An empty one is filled.
   subroutine choose_name(file_name, overwrite, created_name, error)
     character(*), intent(in) :: file_name
     logical, intent(in) :: overwrite
     character(:), allocatable, intent(out) :: created_name
     type(error_t), allocatable, intent(out) :: error
+    integer(int64) :: bytes
 
     created_name = scratch_name(file_name)
+    bytes = file_size(file_name)
     if (file_name == '') then
       call raise(error, file_error, 'the file has no name: give one with -o')
     else if (is_folder(file_name)) then
       call raise(error, file_error, 'it is a folder: give a file name')
     else if (file_exists(file_name)) then
-      if (.not. overwrite) then
-        call raise(error, file_error, 'the file exists: use --overwrite or another name')
+      if (overwrite .and. bytes == 0) then
+        created_name = file_name
       else
-        select case (content_of(file_name))
-        case ('hdf5')
-          if (is_being_written(file_name)) call raise(error, file_error, &
-            'another process is writing this file: wait for it or use another name')
-        case ('other')
-          call raise(error, file_error, 'the file exists and is not an HDF5 file: use another name or remove it')
-        case default
-          created_name = file_name
-        end select
+        call check_replaceable(file_name, overwrite, error)
       end if
     end if
   end subroutine choose_name
 
-  !> Whether another process holds HDF5's lock for writing.
-  logical function is_being_written(file_name)
+  !> Whether an existing file may be replaced: with `overwrite`, if it is an HDF5 file that nobody is writing.
+  subroutine check_replaceable(file_name, overwrite, error)
     character(*), intent(in) :: file_name
-    integer(hid_t) :: file
-    integer :: status
+    logical, intent(in) :: overwrite
+    type(error_t), allocatable, intent(out) :: error
 
-    is_being_written = .false.
-    call start_hdf5(status)
-    call open_file(file_name, h5f_acc_rdonly_f, file, status)
-    if (status == 0) then
-      call h5fclose_f(file, status)
-    else
-      is_being_written = index(failure_reason(), 'temporarily unavailable') > 0
+    if (.not. overwrite) then
+      call raise(error, file_error, 'the file exists: use --overwrite or another name')
+    else if (.not. is_hdf5(file_name)) then
+      call raise(error, file_error, 'the file exists and is not an HDF5 file: use another name or remove it')
+    else if (is_being_written(file_name)) then
+      call raise(error, file_error, 'another process is writing this file: wait for it or use another name')
     end if
-  end function is_being_written
+  end subroutine check_replaceable
 
-  !> What an existing file holds, so that --overwrite never destroys something else: 'hdf5', 'other', 'nothing', 'unknown'.
-  function content_of(file_name) result(content)
+  !> Whether a file begins like one of HDF5.
+  logical function is_hdf5(file_name)
     character(*), intent(in) :: file_name
-    character(:), allocatable :: content
     character(len(hdf5_signature)) :: beginning
-    integer(int64) :: bytes
     integer :: unit, io_status
 
-    content = 'unknown'
+    is_hdf5 = .false.
+    if (file_size(file_name) < len(hdf5_signature)) return
     open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
     if (io_status /= 0) return
-    inquire (unit, size=bytes)
-    if (bytes <= 0) then
-      content = 'nothing'
-    else
-      read (unit, iostat=io_status) beginning
-      content = 'other'
-      if (io_status == 0 .and. beginning == hdf5_signature) content = 'hdf5'
-    end if
+    read (unit, iostat=io_status) beginning
+    is_hdf5 = io_status == 0 .and. beginning == hdf5_signature
     close (unit)
-  end function content_of
+  end function is_hdf5
 
   !> Create an empty HDF5 file.
   subroutine open_new(self, file_name, error)
@@ -685,13 +746,12 @@ contains
     if (doubles_lose_digits) call open_remainders(self, columns, status)
   end subroutine open_columns
 
-  !> Whether every column holds up to the bookmark what it held then; `reason` says which does not.
-  subroutine check_bookmark(self, bookmark, columns, reason, status)
+  !> Whether the copied columns are those of the bookmark; `reason` says which is not.
+  subroutine check_bookmark(self, bookmark, columns, reason)
     class(hdf5_writer_t), intent(in) :: self
     type(bookmark_t), intent(in) :: bookmark
     type(quantity_t), intent(in) :: columns(:)
-    character(:), allocatable, intent(out) :: reason
-    integer, intent(inout) :: status
+    character(:), allocatable, intent(inout) :: reason   !! unallocated if all are
     integer :: i
 
     do i = 1, size(columns)
@@ -706,16 +766,13 @@ contains
       character(*), intent(in) :: name
       type(column_t), intent(in) :: column
       integer(int64), intent(in) :: rows, checksum
-      integer(int64) :: found
 
-      if (status < 0 .or. allocated(reason)) return
+      if (allocated(reason)) return
       if (column%rows < rows) then
         reason = name//' has fewer rows than when the checkpoint was written: run the deck again'
-        return
+      else if (column%checksum /= checksum) then
+        reason = name//' is not as it was when the checkpoint was written: run the deck again'
       end if
-      call column_checksum(column, int(rows, hsize_t), found, status)
-      if (status >= 0 .and. found /= checksum) reason = name//' is not as it was when the checkpoint was written: '// &
-        'run the deck again'
     end subroutine check_column
   end subroutine check_bookmark
 

@@ -152,6 +152,7 @@ contains
       self%summary(lane) = summary_t()
       self%summary(lane)%largest_rate = rate_along(self, lane, w)
       self%first_energy(lane) = energy(self, lane)
+      self%summary(lane)%exchanged = self%first_energy(lane)
       call take_force(self, lane, 0.0_wp, now%u(lane))
     end associate
     self%busy(lane) = .true.
@@ -247,15 +248,17 @@ contains
   pure subroutine take_works(self, i)
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: i
-    real(wp) :: h
+    real(wp) :: h, drive_work, friction_work
 
     associate (from => self%before, to => self%now)
       h = self%last_step(i)
-      self%drive_work(i) = self%drive_work(i) + 0.5_wp*h*(from%supply(i) + to%supply(i) &
-        + h/6.0_wp*(from%supply_rate(i) - to%supply_rate(i)))
-      self%friction_work(i) = self%friction_work(i) + 0.5_wp*h*(from%dissipation(i) + to%dissipation(i) &
+      drive_work = 0.5_wp*h*(from%supply(i) + to%supply(i) + h/6.0_wp*(from%supply_rate(i) - to%supply_rate(i)))
+      friction_work = 0.5_wp*h*(from%dissipation(i) + to%dissipation(i) &
         + h/6.0_wp*(from%dissipation_rate(i) - to%dissipation_rate(i)))
     end associate
+    self%drive_work(i) = self%drive_work(i) + drive_work
+    self%friction_work(i) = self%friction_work(i) + friction_work
+    self%summary(i)%exchanged = self%summary(i)%exchanged + abs(drive_work) + abs(friction_work)
   end subroutine take_works
 
   !> Peaks and valleys of the spring force, the largest X', the start of slip and the second half of the run.

@@ -47,17 +47,18 @@ contains
     progress%next = merge(terminal_interval, plain_interval, progress%terminal)
   end function new_progress
 
-  !> Report that `done` of `total` (the same unit) took `elapsed` wall time [s], if it is time to.
-  subroutine show(self, done, total, elapsed)
+  !> Report that `done` of `total` [s] of `what` took `elapsed` wall time [s], if it is time to.
+  subroutine show(self, what, done, total, elapsed)
     class(progress_t), intent(inout) :: self
+    character(*), intent(in) :: what
     real(wp), intent(in) :: done, total, elapsed
     character(200) :: text
     real(wp) :: share
 
     if (self%quiet .or. elapsed < self%next) return
     share = done/total
-    write (text, '(a,f6.1,a,es10.3,a,es10.3,a,f0.1,a)') self%label//':', 100.0_wp*share, ' %, t =', done, ' of', total, &
-      ' s, ', elapsed*(1.0_wp - share)/max(share, epsilon(share)), ' s left'
+    write (text, '(a,f6.1,a,es10.3,a,es10.3,a,f0.1,a)') self%label//':', 100.0_wp*share, ' %, '//what//' =', done, ' of', &
+      total, ' s, ', elapsed*(1.0_wp - share)/max(share, epsilon(share)), ' s left'
     call self%put_line(trim(text), elapsed)
   end subroutine show
 

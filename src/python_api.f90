@@ -515,7 +515,7 @@ contains
     integer(c_long_long), intent(in) :: handle
     real(c_double), intent(in) :: seconds
     integer(c_int), intent(out) :: finished, status
-    !f2py threadsafe
+    ! Not f2py threadsafe, as run_open: candidates are planned, described and advised on with texts.
     type(comparison_t), pointer :: comparison
     type(error_t), allocatable :: error
 

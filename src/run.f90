@@ -1,18 +1,23 @@
 !> Run a deck into a result file, or go on with a run that was stopped: what `dynstiction run` and `resume` do.
 module dst_run
+  use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp, int64
   use dst_archive, only: archive_t, archive_of
   use dst_build_info, only: program_name, version, git_revision, compiler
   use dst_checkpoint, only: checkpoint_t, write_checkpoint, read_checkpoint, delete_checkpoint
   use dst_deck, only: deck_t, parse_deck, resolved
-  use dst_disk, only: checksum_of_file, utc_now
+  use dst_disk, only: close_descriptor, open_exclusively, delete_file, make_name_durable, move_file, scratch_name, true_path, &
+    utc_now
   use dst_errors, only: error_t, raise, file_error, stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
-  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, reopen_hdf5
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, &
+    reopen_hdf5
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
+  use dst_process, only: guard_t
   use dst_progress, only: progress_t, new_progress
   use dst_scene, only: scene_t, scene_from_deck
+  use dst_seal, only: checksum_of_file
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal
   use dst_simulation, only: simulation_t
@@ -30,6 +35,7 @@ module dst_run
     character(:), allocatable :: result_file
     type(simulation_t) :: simulation
     type(hdf5_writer_t) :: writer
+    integer(c_int) :: old_file = -1    !! that of the killed run, so that no other process goes on with it too
     type(checkpoint_t) :: checkpoint   !! the last one, and to which run it belongs
   end type run_t
 
@@ -57,10 +63,13 @@ contains
       expected_rows(scene))
     if (allocated(error)) return
     run%result_file = result_file
-    run%checkpoint%version = version
+    run%checkpoint%version = metadata%version
+    run%checkpoint%git_revision = metadata%git_revision
+    run%checkpoint%compiler = metadata%compiler
     run%checkpoint%deck_sha256 = metadata%deck_sha256
-    run%checkpoint%resolved_sha256 = sha256(metadata%deck_resolved)
     run%checkpoint%created = metadata%created
+    run%checkpoint%deck_text = metadata%deck_text
+    run%checkpoint%deck_resolved = metadata%deck_resolved
     ! From its first moment on the file has a checkpoint. Another run's must not stay beside it.
     call save(run, .false., error)
     if (.not. allocated(error)) call run%writer%put_in_place(overwrite, error)
@@ -80,7 +89,6 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(run_t) :: run
     type(error_t), allocatable :: no_checkpoint
-    type(origin_t) :: origin
     type(deck_t), allocatable :: deck
     type(scene_t) :: scene
     type(bookmark_t) :: bookmark
@@ -90,43 +98,126 @@ contains
     run%result_file = result_file
     call read_checkpoint(result_file, run%checkpoint, no_checkpoint)
     if (.not. allocated(no_checkpoint)) call check_untouched(result_file, run%checkpoint, error)
-    if (allocated(error)) return
-    call read_origin(result_file, origin, error)
-    if (allocated(error)) return
-    call check_unfinished(result_file, origin, error)
-    if (allocated(error)) return
+    if (.not. allocated(error)) call check_origin(result_file, run%checkpoint, .not. allocated(no_checkpoint), error)
     ! Only now: a run that has ended has no checkpoint.
-    if (allocated(no_checkpoint)) then
-      call move_alloc(no_checkpoint, error)
-      return
-    end if
-    call check_same_run(result_file, run%checkpoint, origin, error)
+    if (.not. allocated(error)) call move_alloc(no_checkpoint, error)
     if (allocated(error)) return
     allocate (deck)
-    call parse_deck(origin%deck_resolved, result_file, no_settings, deck, error)
+    call parse_deck(run%checkpoint%deck_resolved, result_file, no_settings, deck, error)
     if (allocated(error)) return
     call scene_from_deck(deck, scene)
     call settle_model(scene, model_choice)
     call run%simulation%start(scene, error)
-    if (allocated(error)) return
-    call load(run, bookmark, error)
-    if (allocated(error)) return
-    call reopen_hdf5(run%writer, result_file, bookmark, run%simulation%output_columns(), error, expected_rows(scene))
-    if (allocated(error)) return
-    call carry_out(run, new_progress(result_file, quiet), error)
+    if (.not. allocated(error)) call load(run, bookmark, error)
+    if (.not. allocated(error) .and. .not. was_stopped(run%checkpoint)) &
+      call rebuild(run, deck, model_choice, bookmark, expected_rows(scene), error)
+    if (.not. allocated(error)) &
+      call reopen_hdf5(run%writer, result_file, bookmark, run%simulation%output_columns(), error, expected_rows(scene))
+    if (.not. allocated(error)) call carry_out(run, new_progress(result_file, quiet), error)
+    call close_descriptor(run%old_file)
   end subroutine resume_run
 
-  !> The file of a run that was stopped, not killed, must be as it was left: then HDF5 need not meet what is damaged.
+  !> Whether the run was stopped, not killed: then the checkpoint knows every bit of its file.
+  pure logical function was_stopped(checkpoint)
+    type(checkpoint_t), intent(in) :: checkpoint
+
+    was_stopped = checkpoint%result_checksum /= '-'
+  end function was_stopped
+
+  !> The file of a run that was stopped must be as it was left.
   subroutine check_untouched(result_file, checkpoint, error)
     character(*), intent(in) :: result_file
     type(checkpoint_t), intent(in) :: checkpoint
     type(error_t), allocatable, intent(out) :: error
 
-    if (checkpoint%result_checksum == '-') return
+    if (.not. was_stopped(checkpoint)) return
     if (checkpoint%result_checksum == checksum_of_file(result_file)) return
     call raise(error, file_error, result_file//': cannot resume: the file is missing, or was changed or damaged since the '// &
       'run was stopped: put it back, or run the deck again')
   end subroutine check_untouched
+
+  !> What the file says of its run must leave something to go on with and fit the checkpoint, if there is one. HDF5 may meet
+  !> anything in the file, so a child process looks.
+  subroutine check_origin(result_file, checkpoint, has_checkpoint, error)
+    character(*), intent(in) :: result_file
+    type(checkpoint_t), intent(in) :: checkpoint
+    logical, intent(in) :: has_checkpoint
+    type(error_t), allocatable, intent(out) :: error
+    type(guard_t) :: guard
+    type(origin_t) :: origin
+
+    call guard%begin()
+    if (guard%in_child) then
+      call read_origin(result_file, origin, error)
+      if (.not. allocated(error)) call check_unfinished(result_file, origin, error)
+      if (.not. allocated(error) .and. has_checkpoint) call check_same_run(result_file, checkpoint, origin, error)
+      call reply(guard, error)
+    end if
+    call await(guard, result_file, error)
+  end subroutine check_origin
+
+  !> Put a new file in the place of that of a killed run: nothing but its columns' numbers is taken from the old one.
+  subroutine rebuild(run, deck, model_choice, bookmark, rows, error)
+    type(run_t), intent(inout) :: run
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: model_choice
+    type(bookmark_t), intent(in) :: bookmark
+    integer, intent(in) :: rows   !! that are expected
+    type(error_t), allocatable, intent(out) :: error
+    type(run_metadata_t) :: metadata
+    type(guard_t) :: guard
+    character(:), allocatable :: place, new_name, reason
+    logical :: placed
+
+    call describe_run(deck, run%simulation%scene%model, run%simulation%method_name(), model_choice, metadata)
+    metadata%git_revision = run%checkpoint%git_revision
+    metadata%compiler = run%checkpoint%compiler
+    metadata%created = run%checkpoint%created
+    metadata%deck_text = run%checkpoint%deck_text
+    metadata%deck_sha256 = run%checkpoint%deck_sha256
+    metadata%deck_resolved = run%checkpoint%deck_resolved
+    place = true_path(run%result_file)
+    new_name = scratch_name(place)
+    call open_exclusively(place, run%old_file, reason)
+    if (allocated(reason)) then
+      call raise(error, file_error, run%result_file//': cannot resume: '//reason)
+      return
+    end if
+    call guard%begin()
+    if (guard%in_child) then
+      call rebuild_hdf5(run%result_file, new_name, bookmark, metadata, run%simulation%output_columns(), guard, error, rows)
+      if (.not. allocated(error)) then
+        call move_file(new_name, place, placed)
+        if (.not. placed) call raise(error, file_error, run%result_file//': cannot resume: the file cannot be replaced: '// &
+          'see the permissions of its folder')
+      end if
+      call reply(guard, error)
+    end if
+    call await(guard, run%result_file, error)
+    if (allocated(error)) call delete_file(new_name)
+  end subroutine rebuild
+
+  !> End a child process with its error, or with none.
+  subroutine reply(guard, error)
+    type(guard_t), intent(in) :: guard
+    type(error_t), allocatable, intent(in) :: error
+
+    if (allocated(error)) call guard%reply(error%text)
+    call guard%reply('')
+  end subroutine reply
+
+  !> The error of the child process.
+  subroutine await(guard, result_file, error)
+    type(guard_t), intent(inout) :: guard
+    character(*), intent(in) :: result_file
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: text
+    logical :: survived
+
+    call guard%await(text, survived)
+    if (.not. survived) text = result_file//': cannot resume: it is so damaged that HDF5 fails on it: run the deck again'
+    if (text /= '') call raise(error, file_error, text)
+  end subroutine await
 
   !> A run that ended by itself has nothing to go on with.
   subroutine check_unfinished(result_file, origin, error)
@@ -153,9 +244,9 @@ contains
     else if (checkpoint%deck_sha256 /= origin%deck_sha256) then
       call refuse('the checkpoint is of another deck (SHA-256 '//checkpoint%deck_sha256//') than the file ('// &
         origin%deck_sha256//'): run the deck again')
-    else if (checkpoint%resolved_sha256 /= sha256(origin%deck_resolved)) then
-      call refuse('the checkpoint is of another deck as used (SHA-256 '//checkpoint%resolved_sha256//') than the file ('// &
-        sha256(origin%deck_resolved)//'): run the deck again')
+    else if (checkpoint%deck_resolved /= origin%deck_resolved) then
+      call refuse('the checkpoint is of another deck as used (SHA-256 '//sha256(checkpoint%deck_resolved)// &
+        ') than the file ('//sha256(origin%deck_resolved)//'): run the deck again')
     else if (checkpoint%created /= origin%created) then
       call refuse('the checkpoint is of the run begun at '//checkpoint%created//', the file of that begun at '// &
         origin%created//': run the deck again')
@@ -193,6 +284,7 @@ contains
     if (allocated(end_error) .and. (is_stopped(error) .or. .not. allocated(error))) call move_alloc(end_error, error)
     ! A run that ended by itself is not gone on with.
     if (is_stopped(error)) then
+      call make_name_durable(run%result_file)
       run%checkpoint%result_checksum = checksum_of_file(run%result_file)
       call write_checkpoint(run%result_file, run%checkpoint, .true., save_error)
       if (allocated(save_error)) call move_alloc(save_error, error)
@@ -241,7 +333,7 @@ contains
           call raise(error, stopped_early, stop_text(run))
           exit
         end if
-        call progress%show(simulation%trajectory%now%time, scene%t_end, simulation%elapsed)
+        call progress%show('t', simulation%trajectory%now%time, scene%t_end, simulation%elapsed)
         if (scene%checkpoint_interval > 0.0_wp .and. simulation%elapsed - saved >= scene%checkpoint_interval) then
           call save(run, .true., error)
           saved = simulation%elapsed

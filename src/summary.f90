@@ -43,7 +43,7 @@ module dst_summary
     quantity_t('sticking_time', 's', 'time at rest'), &
     quantity_t('drive_work', 'J', 'work of the drive on the spring'), &
     quantity_t('friction_work', 'J', 'work done against friction'), &
-    quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged'), &
+    quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged: first energy and absolute works'), &
     quantity_t('swing', 'N', 'largest less smallest k_x u_x in the second half of the run'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
     quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)')]
@@ -77,6 +77,8 @@ module dst_summary
     !> Whether slip has begun, and how friction pointed then [rad].
     logical :: has_slipped = .false.
     real(wp) :: slip_angle = 0.0_wp
+    !> First energy and absolute works of all advances [J]. The net works may cancel out.
+    real(wp) :: exchanged = 0.0_wp
   contains
     procedure :: exchange
   end type summary_t
@@ -96,6 +98,7 @@ contains
     self%velocity = velocity_of(trajectory, trajectory%now, trajectory%sticking)
     self%largest_rate = dot_product(self%velocity, trajectory%slider%along)
     self%first_energy = energy(trajectory, self%velocity)
+    self%exchanged = self%first_energy
     call consider_motion(self, trajectory, trajectory%now)
     if (trajectory%event == stick_begins) self%sticks = 1
   end subroutine start_summary
@@ -106,6 +109,8 @@ contains
     type(trajectory_t), intent(in) :: trajectory
     real(wp) :: before(2), ends(2)
 
+    self%exchanged = self%exchanged + abs(trajectory%now%drive_work - trajectory%from%drive_work) + &
+      abs(trajectory%now%friction_work - trajectory%from%friction_work)
     before = self%velocity
     self%velocity = velocity_of(trajectory, trajectory%now, trajectory%sticking)
     if (trajectory%event == stick_begins) self%sticks = self%sticks + 1
@@ -480,7 +485,6 @@ contains
     type(energies_t), intent(in) :: energies
     real(wp), intent(out) :: value(:)
     logical, intent(out) :: given(:)
-    real(wp) :: exchanged
 
     value = 0.0_wp
     given = .true.
@@ -496,9 +500,8 @@ contains
     value(10) = self%sticking_time
     value(11) = energies%drive_work
     value(12) = energies%friction_work
-    exchanged = abs(energies%drive_work) + abs(energies%friction_work) + energies%first
-    if (exchanged > 0.0_wp) &
-      value(13) = (energies%drive_work - energies%friction_work - (energies%now - energies%first))/exchanged
+    if (self%exchanged > 0.0_wp) &
+      value(13) = (energies%drive_work - energies%friction_work - (energies%now - energies%first))/self%exchanged
     given(14:15) = self%late_time > 0.0_wp
     if (given(14)) value(14:15) = [self%late_highest - self%late_lowest, self%creep_time/self%late_time]
     given(16) = self%has_slipped
@@ -546,6 +549,7 @@ contains
     call archive%exchange(self%creep_time)
     call archive%exchange(self%has_slipped)
     call archive%exchange(self%slip_angle)
+    call archive%exchange(self%exchanged)
   end subroutine exchange
 
   subroutine exchange_mean(self, archive)

@@ -4,14 +4,15 @@
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use hdf5, only: hid_t, h5fclose_f, h5f_acc_trunc_f, h5t_ieee_f64le, h5t_std_i32le
-  use dst_disk, only: path_t, file_exists, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, &
+  use dst_disk, only: path_t, file_exists, file_size, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, &
     ignore_size_limit_signal
   use dst_errors, only: error_t, raise, file_error, result_done, some_failed, stopped_early
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
     make_scale, attach_scale, table_t, create_table, append_rows, message_list_t, create_messages, append_messages
-  use dst_hdf5_writer, only: run_metadata_t, write_metadata, content_of
+  use dst_hdf5_writer, only: run_metadata_t, write_metadata, is_hdf5
   use dst_kinds, only: int64, real64
   use dst_schema, only: schema
+  use dst_seal, only: seal_file
   use dst_sweep, only: sweep_t, case_t, value_count, value_quantities, wall_time_value, series_quantities
   use dst_sweep_shard, only: index_t, read_record
   use dst_text, only: integer_text
@@ -50,7 +51,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     if (.not. file_exists(result_file)) return
-    if (content_of(result_file) == 'other') call raise(error, file_error, result_file// &
+    if (file_size(result_file) == 0) return
+    if (.not. is_hdf5(result_file)) call raise(error, file_error, result_file// &
       ': the file exists and is not an HDF5 file: use another name or remove it')
   end subroutine check_result_file
 
@@ -81,6 +83,7 @@ contains
     if (output%file >= 0) call h5fclose_f(output%file, status)
     if (status < 0) call raise_cannot_write(result_file, error)
     if (.not. allocated(error)) then
+      call seal_file(scratch)
       if (overwrite) then
         call move_file(scratch, true_path(result_file), placed)
       else

@@ -6,7 +6,7 @@ module dst_sweep_list
   use dst_disk, only: path_t
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, names_in, read_list
-  use dst_hdf5_writer, only: content_of
+  use dst_hdf5_writer, only: is_hdf5
   use dst_kinds, only: int64
   use dst_sweep, only: axis_t
   use dst_sweep_points, only: path_of_points, read_csv, name_axis
@@ -24,7 +24,7 @@ contains
     type(axis_t), allocatable, intent(out) :: axes(:)
     type(error_t), allocatable, intent(out) :: error
 
-    if (content_of(path_of_points(deck)) == 'hdf5') then
+    if (is_hdf5(path_of_points(deck))) then
       call read_datasets(deck, path_of_points(deck), axes, error)
     else
       call read_csv(deck, axes, error)

@@ -9,6 +9,7 @@ module dst_sweep_points
   use dst_disk, only: read_bytes
   use dst_errors, only: error_t, raise, file_error
   use dst_kinds, only: wp, int64
+  use dst_namelist, only: is_plain_text
   use dst_schema, only: schema, sweep_group
   use dst_sweep, only: axis_t
   use dst_text, only: excerpt, integer_text, read_real
@@ -21,6 +22,8 @@ module dst_sweep_points
   character(*), parameter :: separators = ';,'//tab//' '
   character(*), parameter :: hdf5_signature = char(137)//'HDF'
   character(*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
+
+  integer, parameter :: most_bytes = 2**28
 
 contains
 
@@ -44,7 +47,7 @@ contains
     integer :: first, last, line, n, i
 
     path = path_of_points(deck)
-    call read_bytes(path, huge(1), text, reason)
+    call read_bytes(path, most_bytes, text, reason)
     if (allocated(reason)) then
       call raise(error, file_error, path//': cannot be read: '//reason)
       return
@@ -52,6 +55,9 @@ contains
     if (index(text, hdf5_signature) == 1) then
       call raise(error, file_error, path//': is an HDF5 file, which only the program dynstiction reads: in Python give its '// &
         'datasets as parameters, with points=True')
+      return
+    else if (.not. is_plain_text(text)) then
+      call raise(error, file_error, path//': is not plain UTF-8 text: give a CSV file with names of keys in its first line')
       return
     end if
     first = 1

@@ -5,7 +5,7 @@
 !> case and result code, length and bytes of the message, the values, the message, the series, the checksum.
 module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
-  use dst_disk, only: open_for_appending, append_words, close_descriptor, set_file_size, matching_files, path_t, with_remedy
+  use dst_disk, only: file_size, open_for_appending, append_words, close_descriptor, set_file_size, matching_files, path_t
   use dst_errors, only: error_t, raise, file_error
   use dst_kinds, only: wp, int64, real64
   use dst_sweep, only: case_t, value_count
@@ -208,15 +208,20 @@ contains
     integer :: unit, status, case
 
     words = 0
+    bytes = file_size(file_name)
+    ! Nothing has been written; a pipe would wait for its writer for ever.
+    if (bytes == 0) return
     open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=status)
     if (status /= 0) then
       call raise(error, file_error, file_name//': cannot be read: see its permissions')
       return
     end if
-    inquire (unit, size=bytes)
-    if (bytes >= 8*header_words) then
-      read (unit, iostat=status) start
-      if (start(1) /= magic .or. start(12) /= checksum(start(:11))) then
+    start = 0
+    read (unit, iostat=status) start(:min(int(header_words, int64), bytes/8))
+    if (bytes >= 8 .and. start(1) /= magic) then
+      call raise(error, file_error, file_name//': is no shard of a sweep, or its head is damaged: remove it')
+    else if (bytes >= 8*header_words) then
+      if (start(12) /= checksum(start(:11))) then
         call raise(error, file_error, file_name//': is no shard of a sweep, or its head is damaged: remove it')
       else if (any(start /= header(identity, columns))) then
         call raise(error, file_error, file_name//': is of another sweep, or of another version of deck or program: it has '// &

@@ -164,12 +164,13 @@ contains
     edit_distance = d(len(a), len(b))
   end function edit_distance
 
-  !> `text` as a message shows it: at most 60 bytes, cut between UTF-8 characters, control characters as '?'.
+  !> `text` as a message shows it: at most 60 bytes, cut between UTF-8 characters; control characters and what is not UTF-8
+  !> as '?'.
   pure function excerpt(text) result(shown)
     character(*), intent(in) :: text
     character(:), allocatable :: shown
     integer, parameter :: longest = 60
-    integer :: i, last
+    integer :: i, last, width
 
     last = len(text)
     if (last > longest) then
@@ -179,11 +180,37 @@ contains
       end do
     end if
     shown = text(:last)
-    do i = 1, last
-      if (iachar(shown(i:i)) < 32 .or. iachar(shown(i:i)) == 127) shown(i:i) = '?'
+    i = 1
+    do while (i <= last)
+      width = character_width(shown(i:))
+      if (width == 0) shown(i:i) = '?'
+      i = i + max(1, width)
     end do
     if (last < len(text)) shown = shown//'...'
   end function excerpt
+
+  !> Bytes of the UTF-8 character with which `text` begins; 0 if it is none, or a control character.
+  pure integer function character_width(text) result(width)
+    character(*), intent(in) :: text
+    integer :: i
+
+    select case (iachar(text(1:1)))
+    case (32:126)
+      width = 1
+    case (194:223)
+      width = 2
+    case (224:239)
+      width = 3
+    case (240:244)
+      width = 4
+    case default
+      width = 0
+    end select
+    if (width > len(text)) width = 0
+    do i = 2, width
+      if (iand(iachar(text(i:i)), 192) /= 128) width = 0
+    end do
+  end function character_width
 
   !> Every line of `text` with `prefix` before it.
   pure function one_per_line(text, prefix) result(lines)

@@ -74,7 +74,7 @@ contains
       elapsed = min(trade%elapsed(), trade%budget)
       if (stop_signal() /= '' .and. .not. (trade%finished .or. allocated(error))) &
         call raise(error, stopped_early, 'stopped by '//stop_signal()//': the file holds what was measured until then')
-      call progress%show(elapsed, trade%budget, elapsed)
+      call progress%show('wall time', elapsed, trade%budget, elapsed)
     end do
     call progress%close()
   end subroutine compare

@@ -391,12 +391,14 @@ contains
     if (self%now%y(1) <= epsilon(1.0_wp)**2*self%stepper%peak_speed) fades = holds(self%slider, self%now%u, velocity_now(self))
   end function fades
 
-  !> Whether the object is at rest now, as the method has found it, and the event that this is.
+  !> Whether the object is at rest now, as the method has found it, and the event that this is. A step that ends with w = 0
+  !> under more load than friction can hold is a turn.
   subroutine note_rest(self)
     class(trajectory_t), intent(inout) :: self
     logical :: at_rest_now
 
-    at_rest_now = .not. any(abs(self%now%y) > 0.0_wp)
+    at_rest_now = .not. any(abs(self%now%y) > 0.0_wp) .and. &
+      load(self%slider, self%now%u) <= self%slider%law%onset*(1.0_wp + 4.0_wp*epsilon(1.0_wp))
     if (at_rest_now .and. .not. self%sticking) then
       call come_to_rest(self)
     else if (self%sticking .and. .not. at_rest_now) then
@@ -671,7 +673,7 @@ contains
   pure character(160) function at_time(motion) result(text)
     type(motion_t), intent(in) :: motion
 
-    write (text, '(a,es23.16,a,2es24.16,a,2es24.16,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
+    write (text, '(a,es24.16e3,a,2es25.16e3,a,2es25.16e3,a)') 't =', motion%time, ' s (u =', motion%u, ' m, slip', motion%y, ')'
   end function at_time
 
   !> Save or load what changes on the way; the rest follows from the scene.

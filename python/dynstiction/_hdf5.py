@@ -14,6 +14,7 @@ import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
+from ._open import add_seal, check_list, open_file
 from .errors import FileError, IncompleteWarning
 from .record import EVENT_DTYPE, Described, Info, Record
 
@@ -27,8 +28,6 @@ EVENTS = {
 TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
 # The oldest format with checksums of what describes the data.
 FORMAT = ("v108", "v108")
-# No compression that HDF5 knows shrinks data by more: what claims to is damaged, and would fill the memory.
-MOST_EXPANSION = 1100
 STORED_AS = {"sticking": np.int8, "kind": np.int8}
 
 
@@ -40,6 +39,7 @@ def write(result: Record, path: str | os.PathLike[str], *, overwrite: bool) -> N
     try:
         with h5py.File(temporary, "x", libver=FORMAT) as file:
             _write_contents(file, result)
+        add_seal(temporary)
         temporary.replace(target)
     except OSError as error:
         raise FileError(f"{target}: cannot be written: {error.strerror or error}") from error
@@ -97,17 +97,8 @@ def _describe(dataset: h5py.Dataset, info: Info) -> None:
 def read(path: str | os.PathLike[str]) -> Record:
     """Read a result; see `dynstiction.open`."""
     name = os.fspath(path)
-    # A pipe would wait for its writer for ever.
-    if os.path.exists(name) and not os.path.isfile(name):
-        raise FileError(f"{name}: is not a regular file")
-    try:
-        with h5py.File(name, "r") as file:
-            result = _read_contents(file, name)
-    except FileError:
-        raise
-    except Exception as error:  # whatever h5py and NumPy make of damaged files
-        reason = "no such file" if isinstance(error, FileNotFoundError) else str(error)
-        raise FileError(f"{name}: cannot be read: {reason}") from error
+    with open_file(name) as file:
+        result = _read_contents(file, name)
     if not result.complete:
         reached = f"ends at t = {result.time[-1]:g} s" if result.time.size else "holds no samples"
         warnings.warn(
@@ -156,14 +147,10 @@ def _read_contents(file: h5py.File, name: str) -> Record:
 def _read_columns(group: h5py.Group, name: str) -> dict[Info, NDArray[np.float64]]:
     """All columns of a group, cut to the length of the shortest: a killed run may have flushed them unevenly."""
     datasets = dict(_read_group(group))
-    most_bytes = MOST_EXPANSION * os.path.getsize(name)
     for info, dataset in datasets.items():
-        if dataset.ndim != 1 or dataset.dtype.kind not in "fi":
+        check_list(dataset, name)
+        if dataset.dtype.kind not in "fi":
             raise FileError(f"{name}: is damaged: '{group.name}/{info.name}' is no list of numbers")
-        if dataset.nbytes > most_bytes:
-            raise FileError(
-                f"{name}: is damaged: '{group.name}/{info.name}' is longer than the file can hold"
-            )
     rows = min(dataset.shape[0] for dataset in datasets.values())
     return {info: np.array(dataset[:rows], dtype=np.float64) for info, dataset in datasets.items()}
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
+from ._open import check_list, open_file
 from .errors import FileError, UsageError
 from .record import Described, Info
 from .scene import DeckLike, Group, Scene
@@ -198,9 +199,9 @@ def _number_or_text(value: str) -> float | str:
 def holds_trade(path: str | os.PathLike[str]) -> bool:
     """Whether a file is one that ``dynstiction trade`` has written."""
     try:
-        with h5py.File(path, "r") as file:
+        with open_file(path) as file:
             return "trade" in file
-    except OSError:
+    except FileError:
         return False
 
 
@@ -212,17 +213,13 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
     FileError
         If the file is missing, damaged, or of something else.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            if "trade" not in file:
-                raise FileError(f"{os.fspath(path)}: holds no comparison of dynstiction trade")
-            entries = []
-            for name, dataset in file["trade"].items():
-                info = Info(name, dataset.attrs["units"], dataset.attrs["long_name"])
-                text = h5py.check_string_dtype(dataset.dtype) is not None
-                entries.append((info, _array(info, list(dataset.asstr()[:]) if text else dataset[:])))
-    except FileError:
-        raise
-    except (OSError, RuntimeError, KeyError) as error:  # h5py raises all three on damaged files
-        raise FileError(f"{os.fspath(path)}: cannot be read: {error}") from error
+    with open_file(path) as file:
+        if "trade" not in file:
+            raise FileError(f"{os.fspath(path)}: holds no comparison of dynstiction trade")
+        entries = []
+        for name, dataset in file["trade"].items():
+            check_list(dataset, os.fspath(path))
+            info = Info(name, dataset.attrs["units"], dataset.attrs["long_name"])
+            text = h5py.check_string_dtype(dataset.dtype) is not None
+            entries.append((info, _array(info, list(dataset.asstr()[:]) if text else dataset[:])))
     return Trade(Described(entries))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 SHORT = {"t_end": 0.05}
+SEAL_LENGTH = len("dynstiction CRC-32 01234567\n")
 
 
 @pytest.fixture(scope="module", params=["executable", "python"])
@@ -42,6 +44,7 @@ def cut(bytes_left: Callable[[int], int]) -> Callable[[Path], None]:
 
 
 def flip(file: Path, place: int, bit: int = 0) -> None:
+    place %= file.stat().st_size
     with open(file, "r+b") as stream:
         stream.seek(place)
         byte = stream.read(1)[0] ^ (1 << bit)
@@ -108,7 +111,10 @@ DAMAGES: dict[str, Callable[[Path], None]] = {
     "cut early": cut(lambda size: 2048),
     "cut in the middle": cut(lambda size: size // 2),
     "cut late": cut(lambda size: size - 600),
+    "cut before the seal by one byte": cut(lambda size: size - SEAL_LENGTH - 1),
     "cut by one byte": cut(lambda size: size - 1),
+    "bit of the seal": flip_at(-2),
+    "bytes behind the seal": lambda file: file.write_bytes(file.read_bytes() + b"\n") and None,
     "bit of the signature": flip_at(0),
     "bit of the superblock's version": flip_at(8),
     "bit of the size of offsets": flip_at(13),
@@ -172,27 +178,80 @@ import os, random, sys, warnings
 import dynstiction as ds
 warnings.simplefilter("ignore")
 sound, folder, count = open(sys.argv[1], "rb").read(), sys.argv[2], int(sys.argv[3])
+read, flips = getattr(ds, sys.argv[4]), [int(n) for n in sys.argv[5].split(",")]
 file = os.path.join(folder, "bent.h5")
 refused = 0
 for seed in range(count):
     dice = random.Random(seed)
     bent = bytearray(sound)
-    for _ in range(dice.choice((1, 1, 10, 100))):
+    for _ in range(dice.choice(flips)):
         bent[dice.randrange(len(bent))] ^= 1 << dice.randrange(8)
     with open(file, "wb") as stream:
-        stream.write(bent[: dice.randrange(len(bent))] if dice.random() < 0.2 else bent)
+        stream.write(bent[: dice.randrange(len(bent))] if len(flips) > 1 and dice.random() < 0.2 else bent)
     try:
-        ds.open(file)
+        read(file)
     except ds.FileError:
         refused += 1
 print(refused)
 """
 
 
-@pytest.mark.parametrize("count", [200, pytest.param(5000, marks=pytest.mark.full)])
-def test_any_damage_is_read_or_refused(sound: Path, tmp_path: Path, count: int) -> None:
-    command = [sys.executable, "-c", FLIPS, str(sound), str(tmp_path), str(count)]
+def refusals(file: Path, folder: Path, count: int, read: str = "open", flips: str = "1,1,10,100") -> int:
+    """How many of so many damaged copies of a file are refused; every other ending is a failure."""
+    command = [sys.executable, "-c", FLIPS, str(file), str(folder), str(count), read, flips]
     # A read takes some 10 ms; one that never ends fails here.
     done = subprocess.run(command, capture_output=True, text=True, timeout=20 + count, check=False)
     assert done.returncode == 0, done.stderr
-    assert int(done.stdout) > count / 4
+    return int(done.stdout)
+
+
+def unsealed(file: Path, folder: Path) -> Path:
+    copy = folder / "unsealed.h5"
+    copy.write_bytes(file.read_bytes()[:-SEAL_LENGTH])
+    return copy
+
+
+@pytest.mark.parametrize("count", [200, pytest.param(5000, marks=pytest.mark.full)])
+def test_any_damage_is_read_or_refused(sound: Path, tmp_path: Path, count: int) -> None:
+    """Of a file without a seal, as a killed run leaves it: HDF5 meets all of it."""
+    assert refusals(unsealed(sound, tmp_path), tmp_path, count) > count / 4
+
+
+@pytest.mark.parametrize("count", [300, pytest.param(2000, marks=pytest.mark.full)])
+def test_no_flipped_bit_stays_unnoticed(sound: Path, tmp_path: Path, count: int) -> None:
+    """But in the seal's own words, when everything before it is sound."""
+    in_words = 5 * count * SEAL_LENGTH / sound.stat().st_size
+    assert refusals(sound, tmp_path, count, flips="1") >= count - 1 - in_words
+
+
+@pytest.mark.parametrize("count", [100, pytest.param(2000, marks=pytest.mark.full)])
+def test_a_damaged_comparison_is_read_or_refused(
+    executable: Path, fig3_text: str, tmp_path: Path, count: int
+) -> None:
+    deck = tmp_path / "short.nml"
+    deck.write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.02"))
+    command = [executable, "trade", deck, "--budget", "2", "-o", tmp_path / "trade.h5", "--quiet"]
+    subprocess.run(command, check=True, timeout=60, stdout=subprocess.DEVNULL)
+    assert refusals(tmp_path / "trade.h5", tmp_path, count, "open_trade", "1") >= count - 1
+    assert refusals(unsealed(tmp_path / "trade.h5", tmp_path), tmp_path, count, "open_trade") > count / 8
+    for name in ("empty", "text", "folder", "pipe", "foreign"):
+        place = tmp_path / name
+        {"empty": Path.touch, "text": lambda path: path.write_text("&scene /"), "folder": Path.mkdir, "pipe": os.mkfifo,
+         "foreign": lambda path: h5py.File(path, "w").close()}[name](place)  # fmt: skip
+        with pytest.raises(ds.FileError, match=name):
+            ds.open_trade(place)
+
+
+def test_the_seal_is_the_checksum_that_everybody_can_compute(sound: Path) -> None:
+    data = sound.read_bytes()
+    assert data[-SEAL_LENGTH:] == b"dynstiction CRC-32 %08X\n" % zlib.crc32(data[:-SEAL_LENGTH])
+
+
+def test_a_file_that_hdf5_changed_has_no_seal_and_is_read(sound: Path, tmp_path: Path) -> None:
+    for change in (lambda data: data.attrs.__setitem__("note", "mine"), lambda data: None):
+        edited = tmp_path / "edited.h5"
+        edited.write_bytes(sound.read_bytes())
+        with h5py.File(edited, "r+") as data:
+            change(data)
+        assert b"dynstiction CRC-32" not in edited.read_bytes()[-2 * SEAL_LENGTH :]
+        assert ds.open(edited).summary["sticks"] == ds.open(sound).summary["sticks"]

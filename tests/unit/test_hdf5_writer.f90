@@ -7,7 +7,8 @@ program test_hdf5_writer
   use dst_errors, only: error_t, file_error, result_done, stopped_early
   use dst_writer, only: quantity_t, outcome_t
   use dst_hdf5_tools, only: start_hdf5, get_attribute
-  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, bookmark_t, create_hdf5, reopen_hdf5
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, bookmark_t, create_hdf5, rebuild_hdf5, reopen_hdf5
+  use dst_process, only: guard_t
   implicit none
 
   character(*), parameter :: file_name = 'test_hdf5_writer.h5', text_file = 'test_hdf5_writer.txt'
@@ -117,9 +118,12 @@ contains
     call remove(text_file)
   end subroutine test_refusals
 
-  !> A run goes on after its bookmark; what the file had behind it is dropped.
+  !> A run goes on after its bookmark; what the file had behind it is dropped. A file that does not hold what it held at
+  !> the bookmark is not written anew; one that does is, with the same numbers.
   subroutine test_resume()
     type(hdf5_writer_t) :: writer
+    type(guard_t) :: no_guard
+    character(*), parameter :: new_name = 'test_hdf5_writer_new.h5'
     type(bookmark_t) :: bookmark, other
     type(error_t), allocatable :: error
     integer :: i
@@ -136,16 +140,26 @@ contains
 
     other = bookmark
     other%rows = 3001
-    call reopen_hdf5(writer, file_name, other, columns(), error)
+    call rebuild_hdf5(file_name, new_name, other, metadata(), columns(), no_guard, error)
     call check_refusal('a file that is too short', error, 'time_series/time has fewer rows')
     other = bookmark
     other%checksum(2) = other%checksum(2) + 1
-    call reopen_hdf5(writer, file_name, other, columns(), error)
+    call rebuild_hdf5(file_name, new_name, other, metadata(), columns(), no_guard, error)
     call check_refusal('a column that changed', error, 'time_series/u_x is not as it was')
     other = bookmark
     other%checksum(5) = other%checksum(5) + 1
-    call reopen_hdf5(writer, file_name, other, columns(), error)
+    call rebuild_hdf5(file_name, new_name, other, metadata(), columns(), no_guard, error)
     call check_refusal('events that changed', error, 'events/kind is not as it was')
+    call rebuild_hdf5('none.h5', new_name, bookmark, metadata(), columns(), no_guard, error)
+    call check_refusal('a file that is not there', error, 'removed or renamed')
+    call rebuild_hdf5(file_name, 'no/such/folder.h5', bookmark, metadata(), columns(), no_guard, error)
+    call check_refusal('no place for the new file', error, 'does not exist')
+    call rebuild_hdf5(file_name, new_name, bookmark, metadata(), columns(), no_guard, error)
+    call check('written anew', .not. allocated(error))
+    call check('rows up to the bookmark', all(same(read_column('time_series/u_x', new_name), [(2.0_wp*i, i=0, 1999)])))
+    call check('events up to the bookmark', all(same(read_column('events/time', new_name), [1.0_wp, 2.0_wp])))
+    call check('the new file is unfinished', root_integer('result_code', new_name) == -1)
+    call remove(new_name)
     call check('refusals leave the rows', size(read_column('time_series/time')) == 3000)
 
     call reopen_hdf5(writer, file_name, bookmark, columns(), error)
@@ -158,9 +172,9 @@ contains
     call check('rows over the resumption', all(same(read_column('time_series/time'), [(0.5_wp*i, i=0, 4499)])))
     call check('events over the resumption', all(same(read_column('events/time'), [1.0_wp, 2.0_wp, 4.0_wp])))
     call check('complete after resuming', root_integer('complete') == 1)
-    call reopen_hdf5(writer, file_name, other, columns(), error)
+    call rebuild_hdf5(file_name, new_name, other, metadata(), columns(), no_guard, error)
     call check('checksums over the resumption', .not. allocated(error))
-    call writer%finish(outcome(result_done), error)
+    call remove(new_name)
     if (digits(1.0_wp) > digits(1.0_real64)) call test_remainders()
   end subroutine test_resume
 

@@ -1,0 +1,99 @@
+"""Opening result files that may be damaged: what can be seen is seen before HDF5 reads a byte."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import h5py  # type: ignore[import-untyped]
+
+from .errors import FileError
+
+__all__ = ["add_seal", "check_list", "open_file"]
+
+BEGINNING = b"\x89HDF\r\n\x1a\n\x02"
+"""Signature of HDF5 and version of the superblock in files of the format of HDF5 1.8, the only one that is written."""
+
+SEAL = b"dynstiction CRC-32 %08X\n"
+MARK = SEAL[:19]
+SEAL_LENGTH = len(SEAL % 0)
+BLOCK = 2**20
+"""Bytes that are read at once."""
+
+MOST_EXPANSION = 1100
+"""No compression that HDF5 knows shrinks data by more: what claims to is damaged, and would fill the memory."""
+
+
+@contextmanager
+def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
+    """A result file, open for reading.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        The file.
+
+    Yields
+    ------
+    h5py.File
+        What h5py and NumPy raise while it is used becomes a `FileError` too.
+
+    Raises
+    ------
+    FileError
+        If it is missing, no regular file, of another format, or not what its seal says.
+    """
+    name = os.fspath(path)
+    # A pipe would wait for its writer for ever.
+    if os.path.exists(name) and not os.path.isfile(name):
+        raise FileError(f"{name}: is not a regular file")
+    try:
+        _check(name)
+        with h5py.File(name, "r") as file:
+            yield file
+    except FileError:
+        raise
+    except Exception as error:  # whatever h5py and NumPy make of damaged files
+        reason = "no such file" if isinstance(error, FileNotFoundError) else str(error)
+        raise FileError(f"{name}: cannot be read: {reason}") from error
+
+
+def check_list(dataset: h5py.Dataset, name: str) -> None:
+    """Refuse a dataset of the file `name` that is no list, or longer than the file can hold."""
+    if not isinstance(dataset, h5py.Dataset) or dataset.ndim != 1:
+        raise FileError(f"{name}: is damaged: '{dataset.name}' is no list")
+    if dataset.nbytes > MOST_EXPANSION * os.path.getsize(name):
+        raise FileError(f"{name}: is damaged: '{dataset.name}' is longer than the file can hold")
+
+
+def add_seal(path: str | os.PathLike[str]) -> None:
+    """Append the checksum of all bytes of a closed file (docs/checkpoints.md, "The seal")."""
+    checksum = _crc32(path, os.path.getsize(path))
+    with open(path, "ab") as stream:
+        stream.write(SEAL % checksum)
+
+
+def _check(name: str) -> None:
+    """Refuse what is of another format or differs from its seal. Files of killed runs have none, nor have edited ones."""
+    with open(name, "rb") as stream:
+        if stream.read(len(BEGINNING)) != BEGINNING:
+            raise FileError(f"{name}: is no result file, or its beginning is damaged")
+        # Also one that was cut, or has something behind it.
+        first = max(0, os.path.getsize(name) - 2 * SEAL_LENGTH)
+        stream.seek(first)
+        end = stream.read()
+    place = end.find(MARK)
+    if place >= 0 and end[place:] != SEAL % _crc32(name, first + place):
+        raise FileError(f"{name}: is damaged: its bytes do not have the checksum in its last line")
+
+
+def _crc32(name: str | os.PathLike[str], length: int) -> int:
+    """CRC-32 of the first bytes of a file."""
+    checksum = 0
+    with open(name, "rb") as stream:
+        while length > 0 and (data := stream.read(min(BLOCK, length))):
+            checksum = zlib.crc32(data, checksum)
+            length -= len(data)
+    return checksum

@@ -1,0 +1,229 @@
+"""Every kind of input file, damaged in every way: refused with exit status 2 or 3 and a message, or read as the sound one.
+
+Kinds: deck, points of a sweep, checkpoint, result of a stopped and of a killed run, shards of a sweep. Damage within HDF5's
+structures and at random places: test_hostile_files.py, test_checkpoint.py; of the text of decks: test_decks.py, tests/fuzz.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+INPUTS = Path(__file__).parents[2] / "inputs"
+SEAL_LENGTH = len("dynstiction CRC-32 01234567\n")
+LIMIT = 10.0
+"""Wall time that a refusal may take on a busy machine [s]."""
+
+pytestmark = pytest.mark.deck
+
+POINTS = "system.misalignment_deg,drive.velocity\n1.5,1.0e-3\n2.5,2.0e-3\n3.5,3.0e-3\n"
+SWEEP = "\n&sweep\n  points = 'cases.csv'\n/\n"
+
+
+def flip(data: bytes, place: int) -> bytes:
+    """The highest bit of a byte the other way; a negative place counts from the end."""
+    place %= len(data)
+    return data[:place] + bytes([data[place] ^ 0x80]) + data[place + 1 :]
+
+
+def blank(data: bytes, place: int, value: bytes = b"\0") -> bytes:
+    """32 bytes of one value, from the place on where there was another one."""
+    while data[place : place + 1] == value:
+        place += 1
+    return data[:place] + 32 * value + data[place + 32 :]
+
+
+def foreign_hdf5(file: Path, **how: object) -> None:
+    file.unlink()
+    with h5py.File(file, "w", **how) as data:
+        data["x"] = np.arange(1000.0)
+        data.attrs["program"] = "another"
+
+
+def replace_by(make: Callable[[Path], object]) -> Callable[[Path], None]:
+    def damage(file: Path) -> None:
+        file.unlink()
+        make(file)
+
+    return damage
+
+
+def of_bytes(change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
+    return lambda file: file.write_bytes(change(file.read_bytes())) and None
+
+
+DAMAGES: dict[str, Callable[[Path], None]] = {
+    "empty": of_bytes(lambda data: b""),
+    "one byte left": of_bytes(lambda data: data[:1]),
+    "cut in its first line": of_bytes(lambda data: data[:10]),
+    "cut in the middle": of_bytes(lambda data: data[: len(data) // 2 - 3]),
+    "cut near the end": of_bytes(lambda data: data[: -SEAL_LENGTH - 7]),
+    "first byte missing": of_bytes(lambda data: data[1:]),
+    "first half missing": of_bytes(lambda data: data[len(data) // 2 :]),
+    "first bytes zero": of_bytes(lambda data: blank(data, 0)),
+    "zeros in the middle": of_bytes(lambda data: blank(data, len(data) // 2)),
+    "all bits set in the middle": of_bytes(lambda data: blank(data, len(data) // 2, b"\xff")),
+    "zeros only": of_bytes(lambda data: bytes(len(data))),
+    "bit at the beginning": of_bytes(lambda data: flip(data, 2)),
+    "bit at a third": of_bytes(lambda data: flip(data, len(data) // 3)),
+    "bit at two thirds": of_bytes(lambda data: flip(data, 2 * len(data) // 3)),
+    "bit near the end": of_bytes(lambda data: flip(data, -SEAL_LENGTH - 9)),
+    "backwards": of_bytes(lambda data: data[::-1]),
+    "bytes in pairs exchanged": of_bytes(lambda data: bytes(b for i in range(0, len(data) - 1, 2) for b in (data[i + 1], data[i]))),
+    "as UTF-16": of_bytes(lambda data: data.decode("latin-1").encode("utf-16")),
+    "compressed": of_bytes(lambda data: b"\x1f\x8b\x08\0" + hashlib.sha512(data).digest() * 20),
+    "another text": of_bytes(lambda data: b"Dear colleague,\nplease find enclosed the file.\n"),
+    "another HDF5 file": foreign_hdf5,
+    "another HDF5 file, newest format": lambda file: foreign_hdf5(file, libver="latest"),
+    "an older NetCDF file": of_bytes(lambda data: b"CDF\x01" + bytes(200)),
+    "a folder": replace_by(Path.mkdir),
+    "a pipe": replace_by(os.mkfifo),
+    "a device": replace_by(lambda file: file.symlink_to("/dev/zero")),
+    "a link to itself": replace_by(lambda file: file.symlink_to(file)),
+    "a broken link": replace_by(lambda file: file.symlink_to("nowhere")),
+    "missing": replace_by(lambda file: None),
+    "no permission": lambda file: file.chmod(0),
+}  # fmt: skip
+
+
+class Bench:
+    """Sound files of every kind, and the commands that read them."""
+
+    def __init__(self, executable: Path, folder: Path) -> None:
+        self.executable, self.folder = executable, folder
+        deck = (INPUTS / "low_frequency.nml").read_text()
+        deck = re.sub(r"t_end = \S+", "t_end = 0.2", deck)
+        (folder / "deck.nml").write_text(deck)
+        (folder / "map.nml").write_text(deck + SWEEP)
+        (folder / "cases.csv").write_text(POINTS)
+        for part in ("1/2", "2/2"):
+            assert self.call("run", "map.nml", "-o", "map.h5", "--shard", part).returncode == 0
+        stop = (
+            "--set",
+            "scene.t_end=8.0",
+            "--set",
+            "output.interval=1e-4",
+            "--set",
+            "output.wall_limit=0.001",
+        )
+        assert self.call("run", str(INPUTS / "fig3.nml"), "-o", "stopped.h5", *stop).returncode == 75
+        shutil.copy(folder / "stopped.h5", folder / "killed.h5")
+        os.truncate(folder / "killed.h5", (folder / "stopped.h5").stat().st_size - SEAL_LENGTH)
+        checkpoint = (folder / "stopped.h5.checkpoint").read_bytes()
+        body = re.sub(
+            rb"result_checksum \S+", b"result_checksum -", checkpoint[: checkpoint.rindex(b"sha256 ")]
+        )
+        digest = hashlib.sha256(body).hexdigest().encode()
+        (folder / "killed.h5.checkpoint").write_bytes(body + b"sha256 " + digest + b"\n")
+
+    def call(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [self.executable, *arguments, "--quiet"]
+        return subprocess.run(
+            command, cwd=self.folder, capture_output=True, text=True, timeout=LIMIT, check=False
+        )
+
+
+# The file that is damaged, the command that reads it, and whom its refusal must name.
+KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "deck": ("deck.nml", ("run", "deck.nml", "-o", "deck.h5")),
+    "points": ("cases.csv", ("run", "map.nml", "-o", "other.h5")),
+    "checkpoint": ("stopped.h5.checkpoint", ("resume", "stopped.h5")),
+    "checkpoint of a killed run": ("killed.h5.checkpoint", ("resume", "killed.h5")),
+    "result of a stopped run": ("stopped.h5", ("resume", "stopped.h5")),
+    "result of a killed run": ("killed.h5", ("resume", "killed.h5")),
+    "shard": ("map.h5.shard-000001", ("merge", "map.nml", "-o", "map.h5")),
+}
+
+# A part of a shard is what a killed process leaves: its cases count as not run.
+CASES_LOST = {"empty", "one byte left", "cut in its first line", "cut in the middle", "cut near the end", "missing", "a pipe", "a device",
+              "zeros in the middle", "all bits set in the middle", "bit at a third", "bit at two thirds", "bit near the end"}  # fmt: skip
+# Behind what a killed run had written: space it had reserved.
+HARMLESS = {"bit near the end"}
+
+
+@pytest.fixture(scope="module")
+def sound(executable: Path, tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    return Bench(executable, tmp_path_factory.mktemp("sound"))
+
+
+@pytest.fixture
+def bench(sound: Bench, tmp_path: Path) -> Bench:
+    copy = Bench.__new__(Bench)
+    copy.executable, copy.folder = sound.executable, tmp_path
+    shutil.copytree(sound.folder, tmp_path, dirs_exist_ok=True)
+    return copy
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_input_is_refused(bench: Bench, kind: str, damage: str) -> None:
+    if damage == "no permission" and os.geteuid() == 0:
+        pytest.skip("root reads everything")
+    name, command = KINDS[kind]
+    DAMAGES[damage](bench.folder / name)
+    others = {
+        path: path.read_bytes() for path in bench.folder.iterdir() if path.is_file() and path.name != name
+    }
+    done = bench.call(*command)
+    if kind == "shard" and damage in CASES_LOST:
+        assert done.returncode == 75, done
+        assert "of 3 cases have not been run" in done.stderr
+        assert_only_sound_cases(bench.folder / "map.h5")
+        return
+    if kind == "result of a killed run" and damage in HARMLESS:
+        assert done.returncode == 75, done
+        return
+    assert done.returncode == (2 if kind == "deck" else 3), done
+    assert done.stderr.startswith("dynstiction: ")
+    assert name.removesuffix(".checkpoint") in done.stderr
+    assert all(line.startswith("dynstiction: ") for line in done.stderr.splitlines())
+    # Nothing else was changed, and no result made of it.
+    assert {path: path.read_bytes() for path in others} == others
+    assert not (bench.folder / "deck.h5").exists()
+
+
+def assert_only_sound_cases(file: Path) -> None:
+    with h5py.File(file) as data:
+        run = data["sweep/result_code"][:] == 0
+        assert not run.all()
+        assert (data["sweep/result_code"][:][~run] == -1).all()
+        assert np.isfinite(data["sweep/summary/final_u_x"][:][run]).all()
+        assert np.isnan(data["sweep/summary/final_u_x"][:][~run]).all()
+
+
+def test_sound_inputs_are_accepted(bench: Bench) -> None:
+    """What is refused above is refused for its damage."""
+    for kind, (_, command) in KINDS.items():
+        done = bench.call(*command)
+        assert done.returncode == (75 if "stopped" in command[1] or "killed" in command[1] else 0), (
+            kind,
+            done,
+        )
+
+
+@pytest.mark.parametrize("existing", ["text", "folder", "pipe"])
+def test_what_is_no_result_is_not_overwritten(bench: Bench, existing: str) -> None:
+    for command in (("run", "deck.nml"), ("merge", "map.nml")):
+        target = bench.folder / f"{command[0]}.h5"
+        make = {"text": lambda path: path.write_text("notes\n"), "folder": Path.mkdir, "pipe": os.mkfifo}[
+            existing
+        ]
+        make(target)
+        before = target.stat()
+        for shard in bench.folder.glob("map.h5.shard-*"):
+            shutil.copy(shard, bench.folder / shard.name.replace("map", "merge"))
+        done = bench.call(*command, "-o", target.name, "--overwrite")
+        assert done.returncode == 3, done
+        assert target.name in done.stderr
+        assert (target.stat().st_ino, target.stat().st_mode) == (before.st_ino, before.st_mode)
+        if existing == "text":
+            assert target.read_text() == "notes\n"

@@ -1,0 +1,63 @@
+!> CRC-32 against published values and zlib's, and the seal that ends a file.
+program test_seal
+  use checks, only: check, finish
+  use dst_crc32, only: crc32_t
+  use dst_disk, only: delete_file, file_size
+  use dst_kinds, only: int64
+  use dst_seal, only: seal_file, checksum_of_file
+  implicit none
+
+  character(*), parameter :: file_name = 'test_seal.bin'
+
+  ! The check value of the catalogue of parametrised CRC algorithms; the others from zlib.
+  call check_text('123456789', 'CBF43926')
+  call check_text('a', 'E8B7BE43')
+  call check_text(repeat('dynstiction', 5), '67D77458')
+  call test_file()
+
+  call finish()
+
+contains
+
+  !> Words and bytes in any mixture give the same.
+  subroutine check_text(text, expected)
+    character(*), intent(in) :: text, expected
+    integer(int64) :: words(len(text)/8)
+    type(crc32_t) :: by_bytes, by_words
+    integer :: i
+
+    call by_bytes%start()
+    call by_words%start()
+    do i = 1, len(text)
+      call by_bytes%add_byte(text(i:i))
+    end do
+    words = transfer(text(:8*size(words)), words)
+    call by_words%add_words(words)
+    do i = 8*size(words) + 1, len(text)
+      call by_words%add_byte(text(i:i))
+    end do
+    call check('CRC of '//text//' by bytes', by_bytes%text() == expected)
+    call check('CRC of '//text//' by words', by_words%text() == expected)
+  end subroutine check_text
+
+  !> Longer than a block and not of whole words.
+  subroutine test_file()
+    integer :: unit, i
+    character(28) :: last
+
+    open (newunit=unit, file=file_name, access='stream', form='unformatted', status='replace')
+    write (unit) [(int(i, int64), i=0, 69999)], 'abc'
+    close (unit)
+    call check('checksum of a file', checksum_of_file(file_name) == 'B93B6C3E')
+    call seal_file(file_name)
+    call check('the seal is 28 bytes', file_size(file_name) == 8*70000 + 3 + 28)
+    open (newunit=unit, file=file_name, access='stream', form='unformatted', status='old')
+    read (unit, pos=8*70000 + 4) last
+    close (unit)
+    call check('the seal', last == 'dynstiction CRC-32 B93B6C3E'//achar(10))
+    call delete_file(file_name)
+    call check('no file, no checksum', checksum_of_file(file_name) == '-')
+    call seal_file(file_name)
+    call check('no file, no seal', file_size(file_name) <= 0)
+  end subroutine test_file
+end program test_seal
