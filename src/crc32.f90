@@ -11,6 +11,7 @@ module dst_crc32
 
   integer(int64), parameter :: polynomial = int(z'EDB88320', int64), all_ones = int(z'FFFFFFFF', int64)
 
+  !> A checksum of bytes that come piece by piece.
   type :: crc32_t
     private
     integer(int64) :: register = all_ones

@@ -123,6 +123,7 @@ contains
     end if
   end function is_child
 
+  !> End a child process at once, without its parent's clearing up.
   subroutine end_child()
     call c_exit_at_once(0_c_int)
   end subroutine end_child

@@ -9,7 +9,6 @@ module dst_sweep_points
   use dst_disk, only: read_bytes
   use dst_errors, only: error_t, raise, file_error
   use dst_kinds, only: wp, int64
-  use dst_namelist, only: is_plain_text
   use dst_schema, only: schema, sweep_group
   use dst_sweep, only: axis_t
   use dst_text, only: excerpt, integer_text, read_real
@@ -55,9 +54,6 @@ contains
     if (index(text, hdf5_signature) == 1) then
       call raise(error, file_error, path//': is an HDF5 file, which only the program dynstiction reads: in Python give its '// &
         'datasets as parameters, with points=True')
-      return
-    else if (.not. is_plain_text(text)) then
-      call raise(error, file_error, path//': is not plain UTF-8 text: give a CSV file with names of keys in its first line')
       return
     end if
     first = 1

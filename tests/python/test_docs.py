@@ -24,7 +24,7 @@ PYTHON_OF_THE_PAGES = (3, 11)
 def test_the_commands_of_a_page(page: str, executable: Path, tmp_path: Path) -> None:
     if shutil.which("h5dump") is None:
         pytest.skip("h5dump is not installed")
-    for deck in ("fig3", "map_phi_velocity"):
+    for deck in ("fig3", "map_anisotropy"):
         shutil.copy(ROOT / "inputs" / f"{deck}.nml", tmp_path)
     folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
     assert run_page(DOCS / f"{page}.md", tmp_path, {"PATH": ":".join(folders)}) > 1
