@@ -1,0 +1,183 @@
+"""How well sweeps use the cores, and what a large one needs: what a reader can rerun.
+
+    python bench/sweep_scaling.py [efficiency] [full] [million] [--repeat N] [--exe EXE] [--mpi "mpirun -n 2 EXE"]
+
+efficiency: two threads, and two ranks if --mpi names a launcher and a build with MPI, against one thread; cases of equal costs, and
+with costs that differ 1000 times, the expensive ones in a row. full: a map of model `full` against single runs. million: a
+summary sweep of a million cases, one process and its merge.
+
+Two numbers that other work on the machine does not change make up an efficiency: `busy`, the share of the wall time of all cores
+that was spent in cases, from the start of the program to its end, and `cpu`, the processor time of one thread over that of all.
+`wall` is the plain ratio of wall times over the cores, which needs a quiet machine. Medians, and the range in brackets.
+"""
+
+import argparse
+import os
+import resource
+import shlex
+import statistics
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import h5py
+
+INPUTS = Path(__file__).parents[1] / "inputs"
+SCENE = (INPUTS / "low_frequency.nml").read_text()
+ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+CORES = 2
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("parts", nargs="*", default=["efficiency", "full", "million"])
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--exe", default="dynstiction")
+    parser.add_argument("--mpi")
+    options = parser.parse_args()
+    ways = {"1 thread": ([options.exe], 1), "2 threads": ([options.exe], CORES)}
+    if options.mpi:
+        ways["2 ranks"] = (shlex.split(options.mpi), 1)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if "efficiency" in options.parts:
+            for costs in ("equal", "1000 times"):
+                print_efficiency(
+                    f"low_frequency, costs {costs}", costs_deck(folder, costs), ways, options.repeat
+                )
+        if "full" in options.parts:
+            print_efficiency("full", full_deck(folder), ways, options.repeat)
+            print_singles(folder, options.exe, options.repeat)
+        if "million" in options.parts:
+            print_million(folder, options.exe)
+
+
+def costs_deck(folder: Path, costs: str) -> Path:
+    """600 cases of some milliseconds; or 60 that cost 1000 times what the other 540 cost."""
+    ends = [300.0] * 600 if costs == "equal" else [3000.0] * 60 + [3.0] * 540
+    (folder / "points.csv").write_text("\n".join(["scene.t_end", *map(str, ends)]))
+    deck = folder / "costs.nml"
+    deck.write_text(SCENE + "&sweep points = 'points.csv' /\n")
+    return deck
+
+
+ANGLES = [0.5 + 0.25 * i for i in range(40)]
+
+
+def full_deck(folder: Path) -> Path:
+    deck = folder / "full.nml"
+    deck.write_text(
+        (INPUTS / "fig3.nml").read_text()
+        + f"&sweep parameter = 'system.misalignment_deg', first = {ANGLES[0]}, last = {ANGLES[-1]}, count = {len(ANGLES)} /\n"
+    )
+    return deck
+
+
+def measure(command: list[str], threads: int) -> tuple[float, float]:
+    """Wall and processor time [s]."""
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run(command, check=True, env=os.environ | ALLOWED | {"OMP_NUM_THREADS": str(threads)})
+    passed, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    return passed, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def print_efficiency(title: str, deck: Path, ways: dict[str, tuple[list[str], int]], repeat: int) -> None:
+    output = deck.with_suffix(".h5")
+    walls: dict[str, list[float]] = {name: [] for name in ways}
+    processor: dict[str, list[float]] = {name: [] for name in ways}
+    busy: dict[str, list[float]] = {name: [] for name in ways}
+    for _ in range(repeat):
+        for name, (launcher, threads) in ways.items():
+            command = [*launcher, "run", str(deck), "-o", str(output), "--quiet", "--overwrite"]
+            wall, cpu = measure(command, threads)
+            with h5py.File(output) as file:
+                in_cases = float(file["sweep/wall_time"][:].sum())
+            walls[name].append(wall)
+            processor[name].append(cpu)
+            busy[name].append(in_cases / wall / (1 if name == "1 thread" else CORES))
+    print(f"{title}: {repeat} runs of each, alternating")
+    for name in ways:
+        cores = 1 if name == "1 thread" else CORES
+        wall_ratio = [one / (cores * many) for one, many in zip(walls["1 thread"], walls[name], strict=True)]
+        cpu_ratio = [one / many for one, many in zip(processor["1 thread"], processor[name], strict=True)]
+        print(
+            f"{name:>10}: {statistics.median(walls[name]):7.2f} s, busy {spread(busy[name])}, cpu {spread(cpu_ratio)}, "
+            f"wall {spread(wall_ratio)}",
+            flush=True,
+        )
+
+
+def spread(values: list[float]) -> str:
+    return f"{statistics.median(values):.3f} [{min(values):.3f}, {max(values):.3f}]"
+
+
+def print_singles(folder: Path, exe: str, repeat: int) -> None:
+    """The cases of the map as runs of their own that write the same summary, against the map in one thread."""
+    totals = []
+    for _ in range(repeat):
+        total = 0.0
+        for angle in ANGLES:
+            command = [
+                exe,
+                "run",
+                str(INPUTS / "fig3.nml"),
+                "-o",
+                str(folder / "single.h5"),
+                "--quiet",
+                "--overwrite",
+            ]
+            settings = ["--set", f"system.misalignment_deg={angle!r}", "--set", "output.interval=10"]
+            total += measure([*command, *settings], 1)[1]
+        command = [
+            exe,
+            "run",
+            str(folder / "full.nml"),
+            "-o",
+            str(folder / "full.h5"),
+            "--quiet",
+            "--overwrite",
+        ]
+        totals.append(measure(command, CORES)[1] / total)
+    print(
+        f"full: processor time of the map in {CORES} threads over that of {len(ANGLES)} single runs: {spread(totals)}"
+    )
+
+
+def print_million(folder: Path, exe: str) -> None:
+    deck, output = folder / "million.nml", folder / "million.h5"
+    deck.write_text(
+        SCENE.replace("t_end = 10.0", "t_end = 0.02")
+        + "&sweep parameter = 'system.misalignment_deg', 'drive.velocity', first = 1.0, 1e-3, last = 8.0, 4e-3, "
+        "count = 1000, 1000 /\n"
+    )
+    wall, cpu = measure([exe, "run", str(deck), "-o", str(output), "--quiet", "--shard", "1/1"], CORES)
+    shard = next(folder.glob("million.h5.shard-*"))
+    print(f"million cases: {wall:.1f} s, {1e6 * cpu / 1e6:.1f} us of processor time a case, {memory()} MB")
+    written = shard.stat().st_size
+    wall, cpu = measure([exe, "merge", str(deck), "-o", str(output)], 1)
+    with h5py.File(output) as file:
+        values = sum(item.size for name, item in datasets(file["sweep"]) if not name.startswith("failures"))
+    print(
+        f"merge: {wall:.1f} s ({cpu:.1f} s of processor time), {memory()} MB at most so far; shard {written / 1e6:.0f} MB, "
+        f"{written / values:.2f} bytes a value; result {output.stat().st_size / values:.2f} bytes a value"
+    )
+
+
+def memory() -> int:
+    """Most memory of any process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024
+
+
+def datasets(group: h5py.Group) -> list[tuple[str, h5py.Dataset]]:
+    found: list[tuple[str, h5py.Dataset]] = []
+    group.visititems(
+        lambda name, item: found.append((name, item)) if isinstance(item, h5py.Dataset) else None
+    )
+    return found
+
+
+if __name__ == "__main__":
+    main()
