@@ -522,7 +522,7 @@ contains
       reason = 'no permission to write there: choose another folder with -o'
     else if (index(system_reason, 'Read-only') > 0) then
       reason = 'the file system is read-only: choose another folder with -o'
-    else if (index(system_reason, 'temporarily unavailable') > 0 .or. index(system_reason, 'lock') > 0) then
+    else if (index(system_reason, 'temporarily unavailable') > 0 .or. index(system_reason, ' lock') > 0) then
       reason = 'locked by another process, or the file system has no locks: close the other program, ' &
         //'or set HDF5_USE_FILE_LOCKING=FALSE'
     else

@@ -491,7 +491,7 @@ def edit(file: Path, change: Callable[[h5py.File], None]) -> None:
 
 
 def shorten(data: h5py.File) -> None:
-    data["time_series/u_y"].resize((100,))
+    data["time_series/u_y"].resize((1,))
 
 
 def exchange(data: h5py.File) -> None:
@@ -633,7 +633,8 @@ def test_damage_of_a_killed_run_is_refused_or_does_no_harm(program, references, 
         file.write_bytes(bends(whole, structure, random.Random(seed)))
         checkpoint_of(file).write_bytes(killed(checkpoint))
         done = program.resume(file, timeout=20)
-        while done.returncode == STOPPED:  # at its wall limit again
+        # On a busy machine the limit of the run is met again.
+        while done.returncode == STOPPED:
             done = program.resume(file, timeout=20)
         assert done.returncode in tally, (seed, done)
         tally[done.returncode] += 1

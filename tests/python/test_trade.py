@@ -168,6 +168,7 @@ def test_budget_is_kept(fig3):
     assert np.any(trade["result_code"] == 75)
 
 
+@pytest.mark.deck
 def test_budget_too_small_for_the_reference(command, tmp_path):
     result = command("trade", "deck.nml", "--budget", "1e-3")
     assert result.returncode == 75
@@ -207,6 +208,7 @@ def test_closed_form_has_nothing_to_compare():
         ds.trade(deck)
 
 
+@pytest.mark.deck
 def test_options_of_trade_alone(command):
     result = command("run", "deck.nml", "--budget", "3")
     assert result.returncode == 1
@@ -218,6 +220,30 @@ def test_existing_file(command):
     again = command("trade", "deck.nml", "--budget", "0.5", "--quiet")
     assert again.returncode == 3
     assert command("trade", "deck.nml", "--budget", "0.5", "--quiet", "--overwrite").returncode == 0
+
+
+@pytest.mark.deck
+def test_a_short_scene_is_compared_and_advised_on(command, tmp_path):
+    """Also by a slow build on a busy machine."""
+    result = command(
+        "trade",
+        "deck.nml",
+        "--budget",
+        "5",
+        "--set",
+        "scene.t_end=0.002",
+        "--accuracy",
+        "1e-2",
+        "--quantity",
+        "final_elongation",
+    )
+    assert result.returncode == 0, result.stderr
+    assert "--set scene.model=" in result.stdout
+    with h5py.File(tmp_path / "deck_trade.h5") as file:
+        assert file.attrs["complete"] == 1
+        done = (file["trade/role"].asstr()[:] == "candidate") & (file["trade/result_code"][:] == 0)
+        assert done.sum() >= 5
+        assert file["trade/error_final_elongation"][:][done].min() < 1e-2
 
 
 def test_unattainable_accuracy(command):
