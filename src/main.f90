@@ -17,7 +17,7 @@ program dynstiction
   use dst_trade_advice, only: check_wish, cheapest, advice
   use dst_trade_report, only: trade_report
   use dst_trade_run, only: trade_deck
-  use dst_build_info, only: program_name, version, git_revision, compiler
+  use dst_build_info, only: program_name, version, git_revision, compiler, build_facts
   implicit none
 
   interface
@@ -49,7 +49,7 @@ contains
     end if
     select case (command%name)
     case ('version')
-      call print_text(program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a'))
+      call print_text(program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts)
     case ('template')
       call print_template()
     case ('check')
