@@ -21,7 +21,7 @@ unwanted='lib(hdf5.*|gfortran|quadmath|gomp|lapack.*|blas.*|openblas.*|sz|aec|cu
 within() {
   local prelude=
   [[ $hidden == no ]] || prelude='while read -r file; do mount --bind "$0" "$file" || exit 99; done < unwanted.txt; '
-  (cd "$scratch" && PATH=$clean/bin:/usr/local/bin:/usr/bin:/bin PYTHONDONTWRITEBYTECODE=1 \
+  (cd "$scratch" && PATH=$clean/bin:/usr/local/bin:/usr/bin:/bin \
     "${namespace[@]}" bash -c "$prelude"'exec "$@"' "$scratch/empty" "$@")
 }
 
