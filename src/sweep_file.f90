@@ -70,6 +70,7 @@ contains
     if (status < 0 .and. .not. allocated(error)) &
       call raise(error, file_error, result_file//': cannot write: '//with_remedy(failure_reason()))
     do i = 1, size(files)
+      ! allow(C181)
       close (units(i), iostat=ignored)
     end do
     if (.not. allocated(error)) then

