@@ -122,28 +122,47 @@ font-family="DejaVu Sans, Helvetica, Arial, sans-serif">
 only slip_system and drive. Dashed: abstract types. Numbers: the way of a deck.</text>"""
 
 
-def draw_room(room: str, title: str, x: int, y: int, width: int, height: int, _: str, modules: str) -> list[str]:
+def draw_room(
+    room: str, title: str, x: int, y: int, width: int, height: int, _: str, modules: str
+) -> list[str]:
     parts = [
         f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="8" fill="{TONES[room]}" stroke="#888"/>',
         f'<text x="{x + width / 2}" y="{y + 19}" font-size="13" font-weight="bold" text-anchor="middle">{escape(title)}</text>',
     ]
     chips = modules.split()
     wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {"executable": 5, "comparison": 3, "sweeps": 2, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 5}.get(room, 1)
+    columns = {
+        "executable": 5,
+        "comparison": 3,
+        "sweeps": 2,
+        "writers": 3,
+        "physics": 2,
+        "numerics": 2,
+        "meeting": 5,
+        "ground": 5,
+    }.get(room, 1)
     rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
     gap, top = 8, 28
     chip_width = (width - gap * (columns + 1)) / columns
     chip_height = (height - top - gap * rows) / rows
     if room == "python":
         chip_height = 43
-        return parts + draw_chip("python_api", x + gap, y + height - chip_height - gap, width - 2 * gap, chip_height)
+        return parts + draw_chip(
+            "python_api", x + gap, y + height - chip_height - gap, width - 2 * gap, chip_height
+        )
     column = row = 0
     for chip in [*(c for c in chips if c not in wide), *wide]:
         span = chip in wide
         if span and column:
             column, row = 0, row + 1
         left = x + gap + column * (chip_width + gap)
-        parts += draw_chip(chip, left, y + top + row * (chip_height + gap), width - 2 * gap if span else chip_width, chip_height)
+        parts += draw_chip(
+            chip,
+            left,
+            y + top + row * (chip_height + gap),
+            width - 2 * gap if span else chip_width,
+            chip_height,
+        )
         column += columns if span else 1
         if column >= columns:
             column, row = 0, row + 1
@@ -154,7 +173,11 @@ def draw_chip(name: str, x: float, y: float, width: float, height: float) -> lis
     dash = ' stroke-dasharray="4 3"' if name in DOORS else ""
     middle = x + width / 2
     rect = f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="4" fill="white" stroke="#999"{dash}/>'
-    return [rect, text(name, middle, y + height / 2 - 3, 12.5, "#000"), text(SAY[name], middle, y + height / 2 + 11, 10.5, "#666")]
+    return [
+        rect,
+        text(name, middle, y + height / 2 - 3, 12.5, "#000"),
+        text(SAY[name], middle, y + height / 2 + 11, 10.5, "#666"),
+    ]
 
 
 def text(content: str, x: float, y: float, size: float, colour: str) -> str:
@@ -164,9 +187,14 @@ def text(content: str, x: float, y: float, size: float, colour: str) -> str:
 def draw_python() -> list[str]:
     """The package stands outside src/, over its flat interface."""
     x, y, width = ROOMS["python"][1:4]
-    rect = f'<rect x="{x + 8}" y="{y + 28}" width="{width - 16}" height="43" rx="4" fill="white" stroke="#999"/>'
-    return [rect, text("python/dynstiction", x + width / 2, y + 48, 12.5, "#000"),
-            text("run, trade, Scene, plot; f2py makes the wrappers", x + width / 2, y + 63, 10.5, "#666")]
+    rect = (
+        f'<rect x="{x + 8}" y="{y + 28}" width="{width - 16}" height="43" rx="4" fill="white" stroke="#999"/>'
+    )
+    return [
+        rect,
+        text("python/dynstiction", x + width / 2, y + 48, 12.5, "#000"),
+        text("run, trade, Scene, plot; f2py makes the wrappers", x + width / 2, y + 63, 10.5, "#666"),
+    ]
 
 
 def draw_mark(number: int, x: int, y: int) -> str:

@@ -54,7 +54,9 @@ def main() -> None:
     keys: dict[str, dict[str, Key]] = {}
     models: dict[str, list[str]] = {}
     for model in MODELS:
-        template = subprocess.run([executable, "template", model], capture_output=True, text=True, check=True).stdout
+        template = subprocess.run(
+            [executable, "template", model], capture_output=True, text=True, check=True
+        ).stdout
         for group, body in re.findall(r"^&(\w+)\n(.*?)^/$", template, re.MULTILINE | re.DOTALL):
             for entry in re.findall(r"^  ! (.*)\n  (.*)$", body, re.MULTILINE):
                 key = key_of(*entry)
@@ -89,8 +91,15 @@ def key_of(comment: str, line: str) -> Key:
 
 
 def table(group: str, keys: list[Key]) -> str:
-    rows = [f"| {code(k.name)} | {describe(k)} | {k.values} | {k.unit} | {k.default or '(none)'} |" for k in keys]
-    head = [f"## &{group}", "", "| key | meaning | values | unit | default |", "| --- | --- | --- | --- | --- |"]
+    rows = [
+        f"| {code(k.name)} | {describe(k)} | {k.values} | {k.unit} | {k.default or '(none)'} |" for k in keys
+    ]
+    head = [
+        f"## &{group}",
+        "",
+        "| key | meaning | values | unit | default |",
+        "| --- | --- | --- | --- | --- |",
+    ]
     return "\n".join([*head, *rows, ""])
 
 
