@@ -15,7 +15,7 @@ ABOUT = """\
 .B dynstiction
 follows a mass on two springs, a soft and a stiff one, that is pulled over a floor with friction: slow creep, stick-slip and steady
 sliding, after Nakano and Popov, Phys. Rev. E 102, 063001 (2020).
-It reads a deck, a Fortran namelist file in SI units with angles in degrees, and writes an HDF5 file.
+It reads a deck and writes an HDF5 file.
 """
 FILES = """\
 .TP
@@ -37,13 +37,13 @@ OPTION = re.compile(r"^  (-.*?)(?:   *(\S.*))?$")
 
 def main(program: str, output: Path) -> None:
     overview = said_by(program, "--help")
-    commands = said_by(program, "complete", "").split("--help")[0].split()
+    commands = re.findall(r"^dynstiction ([a-z]+)", "\n".join(usage_lines(overview)), re.MULTILINE)
     version = said_by(program, "--version").split()[1]
     parts = [
         f'.TH DYNSTICTION 1 "" "dynstiction {version}" "User Commands"\n',
         ".SH NAME\ndynstiction \\- dynamic stiction by rotation of the friction vector\n",
         ".SH SYNOPSIS\n" + verbatim(usage_lines(overview)),
-        ".SH DESCRIPTION\n" + ABOUT,
+        ".SH DESCRIPTION\n" + ABOUT + describe_rest(overview),
         ".SH COMMANDS\n"
         + "".join(describe_command(said_by(program, name, "--help"), name) for name in commands),
         ".SH DECK\n" + describe_keys(said_by(program, "keys")),
@@ -62,6 +62,17 @@ def usage_lines(overview: str) -> list[str]:
     """The lines below 'Usage:', without what they mean."""
     lines = overview.partition("Usage:\n")[2].partition("\n\n")[0].splitlines()
     return [re.split(r"   +", line.strip())[0] for line in lines]
+
+
+def describe_rest(overview: str) -> str:
+    """The paragraphs of the overview after the usage; indented lines are commands."""
+    paragraphs = overview.partition("Usage:\n")[2].partition("\n\nExit status:")[0].split("\n\n")[1:]
+    parts = []
+    for paragraph in paragraphs:
+        for indented, lines in groupby(paragraph.splitlines(), key=lambda line: line.startswith("  ")):
+            stripped = [line.strip() for line in lines]
+            parts.append(verbatim(stripped) if indented else ".P\n" + prose("\n".join(stripped)))
+    return "".join(parts)
 
 
 def describe_command(text: str, name: str) -> str:
