@@ -53,6 +53,10 @@ said = subprocess.run(['$prefix/bin/dynstiction', '--version'], capture_output=T
 assert said.split()[1] == ds.__version__ == '$(pkg-config --modversion dynstiction)'"
 check 'OpenMP is not in it' grep -x 'OpenMP: *no' <("$prefix/bin/dynstiction" --version)
 check 'nor linked' fails grep libgomp <(ldd "$prefix/bin/dynstiction" "$libraries"/libdynstiction.so)
+check 'the manual page' grep -q '^\.TH DYNSTICTION 1' "$prefix/share/man/man1/dynstiction.1"
+for file in bash-completion/completions/dynstiction zsh/site-functions/_dynstiction fish/vendor_completions.d/dynstiction.fish; do
+  check "completion: $file" test -s "$prefix/share/$file"
+done
 check 'a picture' python -m dynstiction plot "$scratch/fig3.h5" -o "$scratch/fig3.png"
 check 'a sweep without OpenMP' runs_a_sweep
 for library in shared static; do
