@@ -2,11 +2,12 @@
 module dst_command_line
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
-  use dst_text, only: starts_with, has_word, nearest_word, excerpt, alternatives, read_real
+  use dst_text, only: starts_with, has_word, word, word_count, nearest_word, excerpt, alternatives, read_real
   implicit none
   private
 
   public :: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
+  public :: commands, options_of, takes_value
 
   !> One word of the command line.
   type :: argument_t
@@ -15,7 +16,7 @@ module dst_command_line
 
   !> A command as understood, with its options.
   type :: command_t
-    character(:), allocatable :: name              !! run | resume | check | template | stability | trade | version | help
+    character(:), allocatable :: name              !! one of `commands`, version or help
     character(:), allocatable :: output            !! of -o; '' = not given
     type(argument_t), allocatable :: operands(:)   !! decks, result files, or the template's model
     type(argument_t), allocatable :: settings(:)   !! of --set
@@ -28,9 +29,9 @@ module dst_command_line
     logical :: help = .false.                      !! help on the command is wanted, not the command
   end type command_t
 
-  character(*), parameter :: commands = 'run resume merge check template stability trade'
-  character(*), parameter :: all_options = &
-    '-o --set --accuracy --budget --quantity --overwrite --quiet --shard --keep-shards --help --version'
+  character(*), parameter :: commands = 'run resume merge check template keys stability trade'
+  character(*), parameter :: options_with_value = '-o --set --shard --accuracy --budget --quantity'
+  character(*), parameter :: all_options = options_with_value//' --overwrite --quiet --keep-shards --help --version'
   character(*), parameter :: see_help = ', see dynstiction --help'
 
 contains
@@ -242,54 +243,59 @@ contains
     end if
   end subroutine check_command
 
+  !> The options that a command takes, blank-separated, besides --help.
+  pure function options_of(name) result(options)
+    character(*), intent(in) :: name
+    character(:), allocatable :: options
+
+    select case (name)
+    case ('run')
+      options = '-o --set --overwrite --quiet --shard --keep-shards'
+    case ('merge')
+      options = '-o --set --overwrite --quiet --keep-shards'
+    case ('resume')
+      options = '--quiet'
+    case ('check', 'stability')
+      options = '--set'
+    case ('trade')
+      options = '-o --set --accuracy --quantity --budget --overwrite --quiet'
+    case default
+      options = ''
+    end select
+  end function options_of
+
+  !> Whether the word after the option belongs to it.
+  pure logical function takes_value(option)
+    character(*), intent(in) :: option
+
+    takes_value = has_word(options_with_value, option)
+  end function takes_value
+
   subroutine check_options(command, options, error)
     type(command_t), intent(in) :: command
     character(*), intent(in) :: options
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: taken
+    character(:), allocatable :: option
+    integer :: i
 
-    if (command%name == 'trade') return
-    if (has_word(options, '--accuracy')) call refuse('--accuracy')
-    if (has_word(options, '--budget')) call refuse('--budget')
-    if (has_word(options, '--quantity')) call refuse('--quantity')
-    if (allocated(error)) return
-    select case (command%name)
-    case ('run', 'merge')
-      return
-    case ('check', 'stability')
-      taken = '--set'
-    case ('resume')
-      taken = '--quiet'
-    case default
-      taken = ''
-    end select
-    if (has_word(options, '-o')) then
-      call refuse('-o')
-    else if (command%setting_count > 0 .and. taken /= '--set') then
-      call refuse('--set')
-    else if (command%overwrite) then
-      call refuse('--overwrite')
-    else if (command%keep_shards .or. command%shards > 0) then
-      call refuse('--shard or --keep-shards')
-    else if (command%quiet .and. taken /= '--quiet') then
-      call refuse('--quiet')
-    end if
-
-  contains
-
-    subroutine refuse(option)
-      character(*), intent(in) :: option
-
+    option = ''
+    do i = 1, word_count(options)
+      option = word(options, i)
+      if (.not. has_word(options_of(command%name)//' -h --help --version', option)) exit
+    end do
+    if (i <= word_count(options)) &
       call raise(error, usage_error, "'"//command%name//"' takes no "//option//': remove it, see dynstiction '// &
                  command%name//' --help')
-    end subroutine refuse
   end subroutine check_options
 
   subroutine check_operands(command, error)
     type(command_t), intent(in) :: command
     type(error_t), allocatable, intent(out) :: error
 
-    if (command%name == 'template') then
+    if (command%name == 'keys') then
+      if (command%operand_count > 0) &
+        call raise(error, usage_error, "'keys' takes no operand: '"//excerpt(command%operands(1)%text)//"' is too many")
+    else if (command%name == 'template') then
       if (command%operand_count > 1) &
         call raise(error, usage_error, "'template' takes one model: '"//excerpt(command%operands(2)%text)//"' is too many")
     else if (command%name == 'resume' .and. command%operand_count == 0) then
@@ -381,6 +387,13 @@ contains
         'Example:'//n// &
         '  dynstiction template > my.nml'//n//n// &
         exit_codes(n)
+    case ('keys')
+      text = 'Usage: dynstiction keys'//n//n// &
+        'Print every key that a deck may have, a line each: GROUP.KEY, its kind, unit, range or choices and default, and'//n// &
+        'its meaning, with tabs between the three.'//n//n// &
+        'Example:'//n// &
+        '  dynstiction keys | grep velocity'//n//n// &
+        exit_codes(n)
     case ('stability')
       text = 'Usage: dynstiction stability DECK... [--set GROUP.KEY=VALUE]...'//n//n// &
         'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment'//n// &
@@ -419,6 +432,7 @@ contains
         '  dynstiction merge DECK... [-o FILE]                    join the shards of a sweep'//n// &
         '  dynstiction check DECK... [--set GROUP.KEY=VALUE]...   print the deck as used, run nothing'//n// &
         '  dynstiction template [MODEL]                           print a deck with every key explained'//n// &
+        '  dynstiction keys                                       print every key of a deck, a line each'//n// &
         '  dynstiction stability DECK... [--set GROUP.KEY=VALUE]...   whether steady sliding is stable'//n// &
         '  dynstiction trade DECK [--accuracy A] [--budget S]     measured error against cost of methods and models'//n// &
         '  dynstiction --version | --help | COMMAND --help'//n//n// &

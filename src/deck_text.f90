@@ -9,7 +9,7 @@ module dst_deck_text
   implicit none
   private
 
-  public :: resolved, template, has_other_condition
+  public :: resolved, template, key_table, has_other_condition
 
   !> Column at which the comments begin.
   integer, parameter :: comment_column = 32
@@ -129,6 +129,24 @@ contains
     text = builder%content()
   end subroutine template
 
+  !> Every key of any deck: 'group.key', 'real, kg, > 0.0; no default', and its meaning, separated by tabs.
+  function key_table() result(text)
+    character(:), allocatable :: text
+    character, parameter :: tab = achar(9)
+    type(text_builder_t) :: builder
+    character(:), allocatable :: meaning
+    integer :: i
+
+    do i = 1, key_count
+      associate (key => schema(i))
+        meaning = trim(key%meaning)
+        if (key%used_by /= '') meaning = meaning//'; only with '//condition_text(key)
+        call builder%line(trim(key%group)//'.'//trim(key%name)//tab//explanation(key)//tab//meaning)
+      end associate
+    end do
+    text = builder%content()
+  end function key_table
+
   subroutine check_model(model, error)
     character(*), intent(in) :: model
     type(error_t), allocatable, intent(out) :: error
@@ -209,7 +227,7 @@ contains
       text = text//'; no default'
     else if (any(key%kind == [text_kind, texts_kind, choice_kind])) then
       text = text//'; default '//quoted_text(trim(key%default))
-    else
+    else if (key%default /= '') then
       text = text//'; default '//trim(key%default)
     end if
   end function explanation

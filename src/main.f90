@@ -6,8 +6,9 @@ program dynstiction
   use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: one_per_line
   use dst_disk, only: file_exists, is_folder, folder_of, true_path
-  use dst_deck, only: deck_t, read_deck, resolved, template
+  use dst_deck, only: deck_t, read_deck, resolved, template, key_table
   use dst_command_line, only: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
+  use dst_completion, only: is_completion, completions
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
@@ -17,7 +18,7 @@ program dynstiction
   use dst_trade_advice, only: check_wish, cheapest, advice
   use dst_trade_report, only: trade_report
   use dst_trade_run, only: trade_deck
-  use dst_build_info, only: program_name, version, git_revision, compiler
+  use dst_build_info, only: program_name, version, git_revision, compiler, build_facts
   implicit none
 
   interface
@@ -33,9 +34,13 @@ program dynstiction
   integer :: status
 
   status = result_done
-  call parse_arguments(program_arguments(), command, error)
-  call complain(error)
-  if (status == result_done) call execute()
+  if (is_completion(program_arguments())) then
+    call print_text(completions(program_arguments()))
+  else
+    call parse_arguments(program_arguments(), command, error)
+    call complain(error)
+    if (status == result_done) call execute()
+  end if
   flush (output_unit)
   flush (error_unit)
   call c_exit(int(status, c_int))
@@ -49,9 +54,11 @@ contains
     end if
     select case (command%name)
     case ('version')
-      call print_text(program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a'))
+      call print_text(program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts)
     case ('template')
       call print_template()
+    case ('keys')
+      call print_text(key_table())
     case ('check')
       call check_decks()
     case ('stability')

@@ -386,7 +386,7 @@ contains
     integer, intent(out) :: times
     character(:), allocatable, intent(inout) :: problem
     character(:), allocatable :: count_text
-    integer :: width, ios
+    integer :: width
     ! More than any list may hold, and no overflow.
     integer, parameter :: longest = 9
 
@@ -398,7 +398,7 @@ contains
     if (width > longest) then
       times = huge(1)
     else
-      read (count_text, *, iostat=ios) times
+      read (count_text, *) times
     end if
     list%position = list%position + width + 1
     if (times < 1) then

@@ -281,6 +281,7 @@ contains
     call run%simulation%outcome(error, outcome)
     call run%writer%finish(outcome, end_error)
     ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
+    ! allow(C161)
     if (allocated(end_error) .and. (is_stopped(error) .or. .not. allocated(error))) call move_alloc(end_error, error)
     ! A run that ended by itself is not gone on with.
     if (is_stopped(error)) then

@@ -12,7 +12,7 @@ module dst_signals
   integer(c_int), parameter :: sigint = 2, sigusr1 = 10, sigterm = 15
   integer(c_intptr_t), parameter :: default_action = 0, ignore = 1
 
-  integer(c_int), volatile, save :: received = 0
+  integer(c_int), volatile :: received = 0
 
   interface
     type(c_funptr) function c_signal(number, handler) bind(c, name='signal')

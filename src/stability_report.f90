@@ -29,7 +29,7 @@ contains
 
     text = ''
     if (.not. (scene%mass > 0.0_wp .and. scene%stiffness_y > 0.0_wp)) then
-      call raise(error, deck_error, "scene.model: the linear theory of steady sliding needs a mass and both stiffnesses, "// &
+      call raise(error, deck_error, 'scene.model: the linear theory of steady sliding needs a mass and both stiffnesses, '// &
                  "which model '"//scene%model//"' does not have: give a deck of model 'full'")
       return
     end if

@@ -284,7 +284,7 @@ contains
     end where
     where (self%reference_error < 0.0_wp)
       self%best_observation%has = .false.
-    elsewhere
+    else where
       ! That two runs agree by chance to the last digit makes neither exact.
       self%reference_error = max(self%reference_error, roundoff)
     end where

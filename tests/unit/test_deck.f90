@@ -17,7 +17,7 @@ program test_deck
   character(*), parameter :: none(0) = [character(1) ::]
   character(*), parameter :: scene_group = '&scene t_end = 10.0 /'//n
   character(*), parameter :: system_group = '&system mass = 0.25, stiffness_x = 1e3, stiffness_y = 1e7, misalignment_deg = 1 /'//n
-  character(*), parameter :: friction_group = "&friction mu_0 = 0.2, mu_inf = 0.15, v_f = 0.01, normal_load = 10 /"//n
+  character(*), parameter :: friction_group = '&friction mu_0 = 0.2, mu_inf = 0.15, v_f = 0.01, normal_load = 10 /'//n
   character(*), parameter :: drive_group = '&drive velocity = 1e-3 /'//n
   character(*), parameter :: rest = system_group//friction_group//drive_group
   character(*), parameter :: whole = scene_group//rest
@@ -442,7 +442,7 @@ contains
     call refuse_once('step unused', whole//'&integrator step = 1e-6 /', "'step' is not used with method radau9")
     call refuse_once('v_cut unused', whole//'&integrator v_cut = 1e-6 /', "'v_cut' is not used with method radau9")
     call accept('v_cut', whole//"&integrator v_cut = 1e-6 method = 'dop853' /", deck)
-    call refuse_once('v_cut smoothed', smoothed//" v_smooth = 1e-9 /"//"&integrator v_cut = 1e-6 method = 'dop853' /", &
+    call refuse_once('v_cut smoothed', smoothed//' v_smooth = 1e-9 /'//"&integrator v_cut = 1e-6 method = 'dop853' /", &
                      "'v_cut' is not used with contact smoothed")
     call refuse_once('rk4 exact', whole//"&integrator method = 'rk4' step = 1e-6 /", &
                      "method 'rk4' cannot follow the exact contact of model 'full': choose contact = 'smoothed'")
@@ -538,7 +538,7 @@ contains
   subroutine test_resolved()
     character(*), parameter :: odd = "&scene t_end = 1.2345678901234567, title='it''s ""φ"" & / ! =' /"// &
       '&system mass=1e-300 stiffness_x=3.3333333333333335 stiffness_y=123456789.12345679 misalignment_deg=-0.0 /'// &
-      friction_group//"&integrator max_steps = 9000000000 /"//"&output fields='X','zeta' /"
+      friction_group//'&integrator max_steps = 9000000000 /'//"&output fields='X','zeta' /"
     type(deck_t) :: deck, again
     type(error_t), allocatable :: error
     character(:), allocatable :: first, second, third

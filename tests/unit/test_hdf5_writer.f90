@@ -31,7 +31,8 @@ contains
   subroutine test_written_is_read()
     type(hdf5_writer_t) :: writer
     type(error_t), allocatable :: error
-    integer :: blocks(6) = [1, 63, 64, 65, 1000, 7], i, first
+    integer, parameter :: blocks(6) = [1, 63, 64, 65, 1000, 7]
+    integer :: i, first
 
     call create_hdf5(writer, file_name, .false., metadata(), columns(), error, expected_rows=100)
     call check('created', .not. allocated(error))

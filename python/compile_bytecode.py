@@ -1,0 +1,33 @@
+"""Bytecode of the package, for `meson install`: a file that Meson installs is one that it uninstalls; one that Python caches is not.
+
+Usage: compile_bytecode.py PACKAGE OUTPUT DEPFILE. OUTPUT gets the folders ``__pycache__`` of PACKAGE, and nothing else.
+"""
+
+import shutil
+import sys
+from importlib.util import cache_from_source
+from pathlib import Path
+from py_compile import PycInvalidationMode, compile
+
+
+def main(package: Path, output: Path, depfile: Path) -> None:
+    shutil.rmtree(output, ignore_errors=True)
+    sources = sorted(package.rglob("*.py"))
+    for source in sources:
+        name = source.relative_to(package.parent)
+        cached = cache_from_source(str(output.parent / name))
+        # The hash, as the times of installed files are the installer's matter.
+        compile(
+            str(source),
+            cached,
+            dfile=str(name),
+            doraise=True,
+            invalidation_mode=PycInvalidationMode.CHECKED_HASH,
+        )
+    # A file that comes or goes changes its folder.
+    watched = {*sources, *(source.parent for source in sources)}
+    depfile.write_text(f"{output}: {' '.join(map(str, sorted(watched)))}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:]))

@@ -1,0 +1,222 @@
+"""Completion of the command line: what the program offers, and that bash, zsh and fish take it."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import select
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "tools" / "completion"
+
+
+def offered(executable: Path, line: str) -> list[str]:
+    """What the program offers after `line`; a blank at its end begins a new word."""
+    said = subprocess.run(
+        [executable, "complete", *line.split(" ")[1:]], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert said.stderr == ""
+    return said.stdout.splitlines()
+
+
+def keys(executable: Path) -> list[str]:
+    said = subprocess.run([executable, "keys"], capture_output=True, text=True, timeout=60, check=True)
+    return [line.split("\t")[0] for line in said.stdout.splitlines()]
+
+
+def help_of(executable: Path, *command: str) -> str:
+    return subprocess.run(
+        [executable, *command, "--help"], capture_output=True, text=True, timeout=60, check=True
+    ).stdout
+
+
+def test_commands_are_those_of_the_help(executable):
+    commands = {word for word in offered(executable, "dynstiction ") if not word.startswith("-")}
+    assert commands == set(re.findall(r"^  dynstiction ([a-z]+)", help_of(executable), re.MULTILINE)) - {
+        "check_"
+    }
+    assert offered(executable, "dynstiction mer") == ["merge"]
+    assert offered(executable, "dynstiction nonsense") == []
+
+
+@pytest.mark.parametrize(
+    "command", ["run", "resume", "merge", "check", "template", "keys", "stability", "trade"]
+)
+def test_every_option_in_the_help_is_offered_and_taken(executable, command):
+    options = set(offered(executable, f"dynstiction {command} -")) - {"--help"}
+    mentioned = set(
+        re.findall(r"(?<![\w-])(-o|--[a-z-]+)", help_of(executable, command).partition("Exit")[0])
+    )
+    assert mentioned <= options
+    for option in options:
+        value = {"--set": ["scene.t_end=1"], "--shard": ["1/2"], "-o": ["x.h5"]}.get(option, ["1"])
+        taken = subprocess.run(
+            [executable, command, "missing.nml", option, *(value if option_takes_value(option) else [])],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert "takes no -" not in taken.stderr
+
+
+def option_takes_value(option: str) -> bool:
+    return option in {"-o", "--set", "--shard", "--accuracy", "--budget", "--quantity"}
+
+
+def test_an_option_of_another_command_is_refused(executable):
+    for line in (
+        "check --quiet",
+        "resume --set a.b=1",
+        "merge --shard 1/2",
+        "trade --shard 1/2",
+        "template -o x",
+    ):
+        said = subprocess.run(
+            [executable, *line.split()], capture_output=True, text=True, timeout=60, check=False
+        )
+        assert said.returncode == 1
+        assert f"takes no {line.split()[1]}: " in said.stderr
+
+
+def test_keys_are_offered_after_set(executable):
+    names = [f"{key}=" for key in keys(executable)]
+    assert len(names) > 30
+    assert offered(executable, "dynstiction run --set ") == names
+    assert offered(executable, "dynstiction run --set=friction.mu_i") == ["--set=friction.mu_inf="]
+
+
+@pytest.mark.parametrize("form", ["--set ", "--set="])
+def test_choices_are_offered_after_a_key(executable, form):
+    before = "--set=" if form == "--set=" else ""
+    assert offered(executable, f"dynstiction check {form}friction.law=") == [
+        f"{before}friction.law=constant",
+        f"{before}friction.law=weakening",
+    ]
+    assert offered(executable, f"dynstiction check {form}system.mass=") == []
+    assert offered(executable, f"dynstiction check {form}system.mess=") == []
+    assert offered(executable, f"dynstiction check {form}=") == []
+
+
+def test_operands(executable):
+    assert offered(executable, "dynstiction run ") == ["*.nml"]
+    assert offered(executable, "dynstiction run -o x.h5 a.nml ") == ["*.nml"]
+    assert offered(executable, "dynstiction run -o ") == ["*.h5"]
+    assert offered(executable, "dynstiction resume ") == ["*.h5"]
+    assert "low_frequency" in offered(executable, "dynstiction template ")
+    assert offered(executable, "dynstiction trade --quantity per") == ["period"]
+    assert offered(executable, "dynstiction keys ") == []
+
+
+LINES = {
+    "dynstiction mer": "dynstiction merge ",
+    "dynstiction run --overw": "dynstiction run --overwrite ",
+    "dynstiction run --set system.mis": "dynstiction run --set system.misalignment_deg=",
+    "dynstiction run --set friction.law=w": "dynstiction run --set friction.law=weakening ",
+    "dynstiction run only": "dynstiction run only_this.nml ",
+    "dynstiction resume only": "dynstiction resume only_this.h5 ",
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("only_this.nml", "only_this.h5", "only_this.txt"):
+        (tmp_path / name).touch()
+    return tmp_path
+
+
+def shell(name: str) -> str:
+    path = shutil.which(name)
+    if path is None:
+        pytest.skip(f"{name} is not installed")
+    return path
+
+
+def environment(executable: Path, folder: Path) -> dict[str, str]:
+    """One in which the program goes by its name, and nobody's own settings are read."""
+    if executable.name != "dynstiction":
+        pytest.skip("completion is for dynstiction by that name")
+    return {
+        **os.environ,
+        "PATH": f"{executable.resolve().parent}:{os.environ['PATH']}",
+        "HOME": str(folder),
+        "ZDOTDIR": str(folder),
+        "TERM": "dumb",
+        "PS1": "> ",
+    }
+
+
+def typed(command: list[str], setup: str, line: str, wanted: str, **options) -> str:
+    """What a terminal shows after `line` and the tab key; waits until that is `wanted`."""
+    process, terminal = pty.fork()
+    if process == 0:
+        os.chdir(options["cwd"])
+        os.execve(command[0], command, options["env"])
+    try:
+        os.write(terminal, f"{setup}; echo rea''dy\n".encode())
+        assert "\nready" in shown_until(terminal, "\nready")
+        os.write(terminal, f"{line}\t".encode())
+        return shown_until(terminal, wanted)
+    finally:
+        os.kill(process, signal.SIGKILL)
+        os.waitpid(process, 0)
+        os.close(terminal)
+
+
+def shown_until(terminal: int, wanted: str) -> str:
+    """What a terminal shows, without bells and returns, up to `wanted` or for 20 s."""
+    shown = ""
+    deadline = time.monotonic() + 20
+    while wanted not in shown and time.monotonic() < deadline:
+        if select.select([terminal], [], [], 0.1)[0]:
+            shown += re.sub("[\a\r]", "", os.read(terminal, 65536).decode(errors="replace"))
+    return shown
+
+
+@pytest.mark.parametrize(("line", "completed"), LINES.items())
+def test_bash(executable, folder, line, completed):
+    command = [shell("bash"), "--norc", "--noprofile", "-i"]
+    shown = typed(
+        command,
+        f"source '{SCRIPTS}/dynstiction.bash'",
+        line,
+        completed,
+        cwd=folder,
+        env=environment(executable, folder),
+    )
+    assert completed in shown
+
+
+@pytest.mark.parametrize(("line", "completed"), LINES.items())
+def test_zsh(executable, folder, line, completed):
+    shown = typed(
+        [shell("zsh"), "-f", "-i"],
+        f"fpath=('{SCRIPTS}' $fpath); autoload -Uz compinit; compinit -u -D",
+        line,
+        completed,
+        cwd=folder,
+        env=environment(executable, folder),
+    )
+    assert completed in shown
+
+
+@pytest.mark.parametrize(("line", "completed"), LINES.items())
+def test_fish(executable, folder, line, completed):
+    said = subprocess.run(
+        [shell("fish"), "--no-config", "-c", f"source '{SCRIPTS}/dynstiction.fish'; complete -C '{line}'"],
+        cwd=folder,
+        env=environment(executable, folder),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    offers = [offer.split("\t")[0] for offer in said.stdout.splitlines()]
+    assert offers == [completed.split(" ")[-1] or completed.split(" ")[-2]]

