@@ -29,6 +29,7 @@ module dst_command_line
     logical :: help = .false.                      !! help on the command is wanted, not the command
   end type command_t
 
+  !> All commands, in the order of the help.
   character(*), parameter :: commands = 'run resume merge check template keys stability trade'
   character(*), parameter :: options_with_value = '-o --set --shard --accuracy --budget --quantity'
   character(*), parameter :: all_options = options_with_value//' --overwrite --quiet --keep-shards --help --version'

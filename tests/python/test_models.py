@@ -371,3 +371,19 @@ def test_decks_run(deck: str, executable: Path, tmp_path: Path) -> None:
         [executable, "run", INPUTS / f"{deck}.nml"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert finished.returncode == 0, finished.stderr
+
+
+@pytest.mark.parametrize("method", ["radau5", "radau9", "dopri5"])
+@pytest.mark.parametrize("late", [0.0, 4e-16, 1e-14, 1e-11, 1e-8])
+def test_a_release_just_before_the_end(method: str, late: float) -> None:
+    """The spring reaches the static limit at 2 s. Where nothing can be seen of the slip before the end, it is rest."""
+    result = run(
+        "fig3",
+        scene={"t_end": 2.0 + late},
+        system={"misalignment_deg": 0.0},
+        initial={"velocity_ratio": 0.0},
+        integrator={"method": method},
+        output={"interval": 1.0},
+    )
+    assert result["u_x"][-1] == pytest.approx(2e-3, rel=1e-7)
+    assert np.hypot(result["w_x"][-1], result["w_y"][-1]) < 1e-10
