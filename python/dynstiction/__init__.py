@@ -24,9 +24,11 @@ from .errors import (
     SolverError,
     UsageError,
 )
+from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
 from .record import Described
 from .result import Result, open
 from .scene import Scene
+from .simulation import Simulation
 from .spectrum import Spectrogram, creep_frequency, oscillation_frequency, ridge, spectrogram
 from .stability import (
     CriticalMisalignment,
@@ -43,13 +45,22 @@ __all__ = [
     "CriticalMisalignment",
     "DeckError",
     "Described",
+    "Drive",
     "Error",
     "FileError",
+    "Friction",
     "IncompleteWarning",
+    "Initial",
+    "Integrator",
+    "Output",
     "Result",
     "Scene",
+    "Setup",
+    "Simulation",
     "SolverError",
     "Spectrogram",
+    "Sweep",
+    "System",
     "Trade",
     "UsageError",
     "creep_asymptotic",

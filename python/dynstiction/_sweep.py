@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 import threading
 import warnings
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+from ._progress import progress_bar
 from .errors import IncompleteWarning, UsageError
+from .groups import Groups
 from .record import Info
-from .scene import DeckLike, Group, Scene
+from .scene import DeckLike, Scene
 
 if TYPE_CHECKING:
     import xarray
@@ -34,7 +36,8 @@ def sweep(
     *,
     points: bool = False,
     threads: int | None = None,
-    **groups: Group,
+    progress: bool | None = None,
+    **groups: Unpack[Groups],
 ) -> xarray.Dataset:
     """Run a scene for many values of its parameters.
 
@@ -49,7 +52,9 @@ def sweep(
         Whether the values, all of one length, are those of the cases one by one, not the sides of a grid.
     threads : int, optional
         Cores to use; all by default. The results do not depend on it.
-    **groups : mapping
+    progress : bool, optional
+        Whether to show the number of cases done as a bar; by default as for `dynstiction.run`.
+    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
         Overrides by group, as for `dynstiction.run`.
 
     Returns
@@ -87,10 +92,15 @@ def sweep(
         raise UsageError("each parameter takes a list of values")
     if points and len({axis.size for _, axis in axes}) > 1:
         raise UsageError("points=True takes lists of one length")
-    with _native.Sweep(scene.text, scene.name, scene.settings, axes, points) as core:
+    with _native.Sweep(scene.source, axes, points) as core:
         work = _Work(core)
-        work.run(threads or len(os.sched_getaffinity(0)))
+        with progress_bar(progress, core.cases, BAR) as show:
+            work.run(threads or len(os.sched_getaffinity(0)), show)
+        work.warn()
         return _dataset(core, work, points)
+
+
+BAR = "{percentage:3.0f}%|{bar}| {n:.0f} of {total:.0f} cases [{elapsed}<{remaining}]"
 
 
 class _Work:
@@ -100,13 +110,14 @@ class _Work:
         self._core = core
         self._lock = threading.Lock()
         self._next = 0
+        self._done = 0
         self._stopped = False
         self._error: BaseException | None = None
         self.values = np.full((core.cases, len(core.quantities)), np.nan)
         self.codes = np.full(core.cases, NOT_RUN, dtype=np.int32)
         self.messages: dict[int, str] = {}
 
-    def run(self, n_threads: int) -> None:
+    def run(self, n_threads: int, show: Callable[[float], None]) -> None:
         threads = [
             threading.Thread(target=self._one_thread, args=(n_threads,), daemon=True)
             for _ in range(n_threads)
@@ -115,7 +126,10 @@ class _Work:
             thread.start()
         try:
             for thread in threads:
-                thread.join()
+                while thread.is_alive():
+                    thread.join(_native.CHUNK_SECONDS)
+                    show(self._done)
+            show(self._done)
         except KeyboardInterrupt:
             self._stopped = True
             self._core.stop()
@@ -123,7 +137,6 @@ class _Work:
                 thread.join()
         if self._error is not None:
             raise self._error
-        self._warn()
 
     def _one_thread(self, n_threads: int) -> None:
         try:
@@ -139,10 +152,13 @@ class _Work:
                 self.values[first : first + done] = values
                 self.codes[first : first + done] = codes
                 self.messages.update(messages)
+                with self._lock:
+                    self._done += done
         except BaseException as error:
             self._error = error
 
-    def _warn(self) -> None:
+    def warn(self) -> None:
+        """Say if not all is done."""
         if self._stopped:
             text = f"stopped after {np.count_nonzero(self.codes != NOT_RUN)} of {self._core.cases} cases"
         elif self.messages:
@@ -150,7 +166,7 @@ class _Work:
             text = f"{len(self.messages)} of {self._core.cases} cases failed; the first, number {case}: {message}"
         else:
             return
-        warnings.warn(text, IncompleteWarning, stacklevel=4)
+        warnings.warn(text, IncompleteWarning, stacklevel=3)
 
 
 def _dataset(core: _native.Sweep, work: _Work, points: bool) -> xarray.Dataset:

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
-import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
+from ._progress import progress_bar
 from .errors import FileError, UsageError
+from .groups import Groups
 from .record import Described, Info
-from .scene import DeckLike, Group, Scene
+from .scene import DeckLike, Scene
 
 if TYPE_CHECKING:
     import xarray
 
 __all__ = ["Trade", "holds_trade", "open_trade", "trade"]
 
-CHUNK_SECONDS = 0.05
-"""Wall time between two looks at Ctrl-C."""
-
 RESOLUTION = 100.0
 """An error counts as measured from this multiple of the reference's own on."""
+
+BAR = "{percentage:3.0f}%|{bar}| {n:.0f} of {total:.0f} s"
 
 Column = NDArray[np.float64] | NDArray[np.str_]
 
@@ -116,7 +117,8 @@ def trade(
     budget: float = 10.0,
     *,
     quantity: str = "",
-    **groups: Group,
+    progress: bool | None = None,
+    **groups: Unpack[Groups],
 ) -> Trade:
     """Measure error against cost of models, methods and tolerances on a scene.
 
@@ -131,7 +133,9 @@ def trade(
     quantity : str
         Of which quantity the accuracy is meant, or ``"all"``; by default final_elongation, period, peak_force and
         creep_velocity, as far as the scene has them.
-    **groups : mapping
+    progress : bool, optional
+        Whether to show the time spent of the budget as a bar; by default as for `dynstiction.run`.
+    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
         Overrides by group, as for `dynstiction.run`.
 
     Returns
@@ -158,9 +162,11 @@ def trade(
     wanted = 0.0 if accuracy is None else float(accuracy)
     if accuracy is not None and not 0.0 < wanted <= 1.0:
         raise UsageError(f"accuracy={accuracy}: it must be > 0 and <= 1")
-    with _native.Comparison(scene.text, scene.name, scene.settings, quantity, wanted, budget) as core:
-        while not core.advance(CHUNK_SECONDS):
-            pass
+    with _native.Comparison(scene.source, quantity, wanted, budget) as core:
+        begun = time.monotonic()
+        with progress_bar(progress, budget, BAR) as show:
+            while not core.advance(_native.CHUNK_SECONDS):
+                show(min(budget, time.monotonic() - begun))
         columns = Described((info, _array(info, values)) for info, values in core.table())
         return Trade(
             columns=columns,
@@ -197,6 +203,8 @@ def _number_or_text(value: str) -> float | str:
 
 def holds_trade(path: str | os.PathLike[str]) -> bool:
     """Whether a file is one that ``dynstiction trade`` has written."""
+    import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
     try:
         with h5py.File(path, "r") as file:
             return "trade" in file
@@ -207,11 +215,18 @@ def holds_trade(path: str | os.PathLike[str]) -> bool:
 def open_trade(path: str | os.PathLike[str]) -> Trade:
     """Points in a file written by ``dynstiction trade``.
 
+    Parameters
+    ----------
+    path : str or PathLike
+        The file.
+
     Raises
     ------
     FileError
         If the file is missing, damaged, or of something else.
     """
+    import h5py  # noqa: PLC0415  (slow to import)
+
     try:
         with h5py.File(path, "r") as file:
             if "trade" not in file:
