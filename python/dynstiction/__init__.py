@@ -36,6 +36,7 @@ from .stability import (
     damping_ratio,
     steady_sliding_eigenvalues,
 )
+from .stick_slip import StickSlip, stick_slip_statistics
 
 __version__ = _native.build_info().version
 
@@ -59,6 +60,7 @@ __all__ = [
     "Simulation",
     "SolverError",
     "Spectrogram",
+    "StickSlip",
     "Sweep",
     "System",
     "Trade",
@@ -78,6 +80,7 @@ __all__ = [
     "run",
     "spectrogram",
     "steady_sliding_eigenvalues",
+    "stick_slip_statistics",
     "sweep",
     "trade",
 ]

@@ -6,24 +6,35 @@ A kind of figure is a function of a result and an empty figure, in a file of its
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from matplotlib.figure import Figure
 
 from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
+from .comparison import MOST_RESULTS, draw_comparison
 from .creep import draw_creep
 from .damping import draw_damping
 from .history import draw_history
 from .path import draw_path
 from .samples import first_release, thin
+from .series import draw_series
 from .spectra import draw_spectrogram
 from .style import DOTS_PER_INCH, new_figure, write
 from .velocities import draw_velocities
 from .work_precision import draw_work_precision
 
-__all__ = ["DOTS_PER_INCH", "KINDS", "WORK_PRECISION", "draw", "first_release", "save", "thin"]
+__all__ = [
+    "DOTS_PER_INCH",
+    "KINDS",
+    "WORK_PRECISION",
+    "compare",
+    "draw",
+    "first_release",
+    "save",
+    "thin",
+]
 
 KINDS: dict[str, Callable[[Result, Figure], None]] = {
     "history": draw_history,
@@ -32,8 +43,12 @@ KINDS: dict[str, Callable[[Result, Figure], None]] = {
     "damping": draw_damping,
     "creep": draw_creep,
     "path": draw_path,
+    "columns": draw_series,
 }
 """Kinds of figure of a run by name."""
+
+KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequency": "velocities"}
+"""What shows best what a model is for; of the others the history."""
 
 WORK_PRECISION = "work_precision"
 """The kind of figure of a comparison."""
@@ -48,7 +63,8 @@ def draw(result: Result | Trade, kind: str | None = None) -> Figure:
         A run, from `dynstiction.run` or `dynstiction.open`, or a comparison, from `dynstiction.trade` or
         `dynstiction.open_trade`.
     kind : str, optional
-        Of a run a name in `KINDS`, by default ``"history"``; of a comparison `WORK_PRECISION`, the only one.
+        Of a run a name in `KINDS`, by default what its model is for, or all columns
+        where that needs more than the result has; of a comparison `WORK_PRECISION`, the only one.
 
     Returns
     -------
@@ -66,13 +82,49 @@ def draw(result: Result | Trade, kind: str | None = None) -> Figure:
             raise UsageError(f"a comparison has no figure '{kind}': its kind is {WORK_PRECISION}")
         comparison = result
         return new_figure(lambda figure: draw_work_precision(comparison, figure))
-    kind = kind or "history"
-    if kind not in KINDS:
+    if kind is not None and kind not in KINDS:
         raise UsageError(f"no kind of figure '{kind}': the kinds are {', '.join(KINDS)}")
+    _refuse_empty(result)
+    if kind is not None:
+        return _draw_run(result, kind)
+    try:
+        return _draw_run(result, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history"))
+    except UsageError:
+        return _draw_run(result, "columns")
+
+
+def _draw_run(result: Result, kind: str) -> Figure:
+    return new_figure(lambda figure: KINDS[kind](result, figure))
+
+
+def _refuse_empty(result: Result) -> None:
     if result.time.size < 2:
         raise UsageError("nothing to draw: the result has fewer than two samples")
-    run, draw_kind = result, KINDS[kind]
-    return new_figure(lambda figure: draw_kind(run, figure))
+
+
+def compare(results: Mapping[str, Result]) -> Figure:
+    """Draw several runs side by side, on the same scales.
+
+    Parameters
+    ----------
+    results : mapping of Result
+        Two to six runs by name.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Not attached to any window; above each run its name, and the parameters in which the runs differ.
+
+    Raises
+    ------
+    UsageError
+        If there are too few or too many, one has no samples, or they share no column.
+    """
+    if not 2 <= len(results) <= MOST_RESULTS:
+        raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
+    for result in results.values():
+        _refuse_empty(result)
+    return new_figure(lambda figure: draw_comparison(results, figure))
 
 
 def save(result: Result | Trade, path: str | os.PathLike[str], kind: str | None = None) -> None:
