@@ -56,7 +56,7 @@ class DeckSource(NamedTuple):
     name: str
     settings: tuple[str, ...] = ()
     fields: Mapping[int, str] = {}
-    """Key of each line of a text that was made from keys: messages name it, not the line."""
+    """Group or key of each line of a text that was made from them: messages name it, not the line."""
 
     def encoded(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
         """Text, name and settings for the core."""

@@ -21,6 +21,7 @@ def deck_from(groups: Mapping[str, Mapping[str, object]], name: str) -> DeckSour
     fields: dict[int, str] = {}
     for group, keys in groups.items():
         lines.append(f"&{group}")
+        fields[len(lines)] = group
         for key, value in keys.items():
             if value is None:
                 continue

@@ -100,7 +100,7 @@ class Simulation:
     @property
     def finished(self) -> bool:
         """Whether the run has ended, at `t_end` or before."""
-        return self._outcome is not None
+        return self._outcome is not None and (self._outcome[0] != 0 or self._time >= self._t_end)
 
     @property
     def state(self) -> Described[float]:
@@ -131,8 +131,8 @@ class Simulation:
                 (info, np.ascontiguousarray(rows[:, i])) for i, info in enumerate(self._core.columns)
             ),
             events=self.events,
-            summary=self._summary,
-            statistics=self._statistics,
+            summary=self._summary if self.finished else Described([]),
+            statistics=self._statistics if self.finished else Described([]),
             parameters=self._parameters,
             attributes=self._attributes(),
             deck=self._scene.text,
@@ -209,22 +209,28 @@ class Simulation:
         return self.result
 
     def _advance(self, until: float) -> bool:
-        """Go on for a while, at most to `until`; whether that has been reached."""
-        # The end is more than a time that has been reached: the run is summed up there.
-        aim = until if until < self._t_end else np.inf
-        finished, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
-        self._samples.append(rows)
-        events = np.empty(time.size, dtype=EVENT_DTYPE)
-        events["time"], events["kind"] = time, kind
-        self._events.append(events)
-        if finished:
-            self._outcome = self._core.outcome()
-            self._summary = Described(self._core.summary())
-            self._statistics = Described(map(_counted, self._core.statistics()))
-            self._time = next((float(r[-1, 0]) for r in reversed(self._samples) if r.size), 0.0)
-        elif reached:
+        """Go on for a while, at most to `until`; whether that has been reached, or the run has ended before."""
+        reached = False
+        if self._outcome is None:
+            # The end is more than a time that is reached: the run is summed up there.
+            aim = until if until < self._t_end else np.inf
+            finished, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
+            self._samples.append(rows)
+            events = np.empty(time.size, dtype=EVENT_DTYPE)
+            events["time"], events["kind"] = time, kind
+            self._events.append(events)
+            if finished:
+                self._outcome = self._core.outcome()
+                self._summary = Described(self._core.summary())
+                self._statistics = Described(map(_counted, self._core.statistics()))
+        if self._outcome is not None and self._outcome[0] != 0:
+            self._time = next((float(rows[-1, 0]) for rows in reversed(self._samples) if rows.size), 0.0)
+        elif self._outcome is not None or reached:
+            # The last step may have ended the run beyond a time that lies before its end.
             self._time = float(until)
-        return finished or reached
+        else:
+            return False
+        return True
 
     def _need_core(self) -> None:
         if self._core.closed:
@@ -242,7 +248,8 @@ class Simulation:
             raise error
 
     def _attributes(self) -> dict[str, str | int]:
-        code, text = self._outcome or (GOING_ON, f"reached t = {self._time:g} s")
+        going_on = GOING_ON, f"reached t = {self._time:g} s"
+        code, text = self._outcome if self.finished and self._outcome else going_on
         choice = self._core.model_choice
         return {
             "program": "dynstiction",

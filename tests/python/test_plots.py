@@ -150,7 +150,7 @@ NEEDED = {
 }
 
 
-@pytest.mark.parametrize("kind", plot.KINDS)
+@pytest.mark.parametrize("kind", NEEDED)
 def test_missing_column_names_the_remedy(fig4_result: ds.Result, kind: str) -> None:
     kept = [(info, values) for info, values in fig4_result.columns.info() if info.name in ("time", "Y")]
     lacking = replace(fig4_result, columns=ds.Described(kept))
@@ -160,7 +160,9 @@ def test_missing_column_names_the_remedy(fig4_result: ds.Result, kind: str) -> N
 
 
 def test_unknown_kind_and_empty_result_are_refused() -> None:
-    with pytest.raises(ds.UsageError, match="history, velocities, spectrogram, damping, creep, path"):
+    with pytest.raises(
+        ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns"
+    ):
         plot.draw(sawtooth(), "hystory")
     with pytest.raises(ds.UsageError, match="fewer than two samples"):
         plot.draw(result_of(time=np.empty(0)))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 
 from ..errors import UsageError
 from ..record import Described
@@ -50,6 +51,8 @@ def draw_comparison(results: Mapping[str, Result], figure: Figure) -> None:
             axis.label_outer()
         column[-1].set_xlim(result.time[0], result.time[-1])
         column[-1].set_xlabel("$t$ [s]")
+    if "theta" in shown:
+        axes[shown.index("theta"), 0].yaxis.set_major_locator(MultipleLocator(30.0))
     for axis, title in zip(axes[0], titles, strict=True):
         axis.set_title(title, fontsize=7.5)
     figure.align_ylabels(axes[:, 0])
@@ -70,4 +73,4 @@ def what_differs(results: Mapping[str, Result]) -> list[str]:
 def _value(name: str, parameters: Described[float | str]) -> str:
     value, units = parameters[name], parameters.units[name]
     text = f"{value:g}" if isinstance(value, float) else str(value)
-    return f"{name.replace('_', ' ')} = {text}{'' if units == '1' else f' {units}'}"
+    return f"{name.removesuffix('_deg').replace('_', ' ')} = {text}{'' if units == '1' else f' {units}'}"

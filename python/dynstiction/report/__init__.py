@@ -183,6 +183,7 @@ def _frames(result: Result) -> dict[str, list[float]]:
 
     # Friction acts against the slip.
     return {
+        "span": [float(result.time[0]), float(result.time[-1])],
         "time": means(result.time),
         "x": means(-result["friction"] * np.cos(result["psi"])),
         "y": means(-result["friction"] * np.sin(result["psi"])),

@@ -6,7 +6,7 @@
   const width = 520, height = 190, radius = 92, trailLength = 60, seconds = 20;
   const largest = Math.max(...frames.x.map((x, i) => Math.hypot(x, frames.y[i]))) || 1;
   const low = Math.min(...frames.force), high = Math.max(...frames.force);
-  const start = frames.time[0], end = frames.time[count - 1];
+  const start = frames.span[0], end = frames.span[1];
   const tipX = (i) => radius * frames.x[i] / largest;
   const tipY = (i) => -radius * frames.y[i] / largest;
   const placeX = (i) => width * (frames.time[i] - start) / (end - start);
@@ -18,8 +18,8 @@
   set("trace", { points: points(all, placeX, placeY) });
   set("frame", { max: count - 1 });
   get("top").textContent = "k_x u_x, " + low.toPrecision(3) + " to " + high.toPrecision(3) + " N";
-  get("first").textContent = start.toPrecision(3) + " s";
-  get("last").textContent = end.toPrecision(3) + " s";
+  get("first").textContent = start + " s";
+  get("last").textContent = end + " s";
 
   function show(i) {
     const x = tipX(i), y = tipY(i), angle = Math.atan2(y, x) * 180 / Math.PI;
