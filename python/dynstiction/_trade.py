@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -15,10 +16,12 @@ from . import _native
 from ._progress import progress_bar
 from .errors import FileError, UsageError
 from .groups import Groups
+from .html import page_table
 from .record import Described, Info
 from .scene import DeckLike, Scene
 
 if TYPE_CHECKING:
+    import pandas  # type: ignore[import-untyped]
     import xarray
 
 __all__ = ["Trade", "holds_trade", "open_trade", "trade"]
@@ -81,15 +84,33 @@ class Trade:
         return np.asarray((self["role"] == "candidate") & (self["result_code"] == 0))
 
     def error(self, quantity: str) -> NDArray[np.float64]:
-        """Errors of a quantity in all rows, NaN where there is none."""
+        """Errors of a quantity in all rows, NaN where there is none.
+
+        Parameters
+        ----------
+        quantity : str
+            One of `quantities`.
+        """
         return self.number(f"error_{quantity}")
 
     def number(self, name: str) -> NDArray[np.float64]:
-        """A column of numbers."""
+        """A column of numbers, shape (n,).
+
+        Parameters
+        ----------
+        name : str
+            Of the column.
+        """
         return np.asarray(self[name], dtype=np.float64)
 
     def floor(self, quantity: str) -> float:
-        """What an error must exceed to be measured: 100 times the reference's own."""
+        """What an error must exceed to be measured: 100 times the reference's own.
+
+        Parameters
+        ----------
+        quantity : str
+            One of `quantities`.
+        """
         return max(RESOLUTION * float(self.error(quantity)[1]), float(np.finfo(float).eps))
 
     def to_xarray(self) -> xarray.Dataset:
@@ -104,6 +125,26 @@ class Trade:
             {name: variable for name, variable in variables.items() if name != "point"},
             coords={"point": variables["point"]},
         )
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The table as a `pandas.DataFrame`, one row a point; ``frame.attrs["units"]`` has the units."""
+        import pandas  # noqa: PLC0415  (optional)
+
+        frame = pandas.DataFrame(dict(self.columns))
+        frame.attrs["units"] = dict(self.columns.units)
+        return frame
+
+    def _repr_html_(self) -> str:
+        title, advice = repr(self).partition("\n")[0].strip("<>"), self.recommendation or self.shortfall
+        rows = [
+            [str(self[name][i]) for name in ("role", "model", "method", "contact")]
+            + [f"{self.number(name)[i]:.3g}" for name in ("rtol", "step", "v_smooth", "seconds")]
+            + [f"{self.error(name)[i]:.2e}" for name in self.quantities]
+            for i in range(len(self["role"]))
+        ]
+        heads = ("role", "model", "method", "contact", "rtol", "step [s]", "v_smooth [m/s]", "time [s]")
+        shown = page_table(title, (*heads, *(f"error of {name}" for name in self.quantities)), rows)
+        return f"{shown}<pre>{escape(advice)}</pre>"
 
     def __repr__(self) -> str:
         n, done = len(self["role"]) - 2, int(np.count_nonzero(self.done))

@@ -9,6 +9,7 @@ import types
 import warnings
 import weakref
 from pathlib import Path
+from typing import ClassVar
 
 import dynstiction as ds
 import numpy as np
@@ -168,7 +169,7 @@ def test_simulations_interleave_and_run_in_threads(fig3: ds.Scene) -> None:
 class Bar:
     """In the place of tqdm's."""
 
-    shown: list[Bar] = []
+    shown: ClassVar[list[Bar]] = []
 
     def __init__(self, total: float, **_: object) -> None:
         self.n, self.total = 0.0, total
@@ -197,7 +198,7 @@ def grid(scene: ds.Scene, **options: bool | None) -> object:
 
 
 CALLS = {
-    "run": (lambda scene, **how: ds.run(scene, **how), 0.05),
+    "run": (ds.run, 0.05),
     "sweep": (grid, 3.0),
     "trade": (lambda scene, **how: ds.trade(scene, budget=1.0, **how), None),
 }
