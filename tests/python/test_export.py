@@ -10,10 +10,11 @@ from pathlib import Path
 import dynstiction as ds
 import h5py
 import numpy as np
-import pandas
 import pytest
 import xarray
 from dynstiction.__main__ import main
+
+pandas = pytest.importorskip("pandas", reason="no pandas: pip install pandas")
 
 INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 

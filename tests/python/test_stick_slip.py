@@ -107,6 +107,7 @@ def test_runs_without_cycles_and_without_columns(fig3: ds.Scene) -> None:
 
 def test_the_table_is_shown_tabled_and_pickled(fig3_result: ds.Result) -> None:
     cycles = ds.stick_slip_statistics(fig3_result)
+    pytest.importorskip("pandas", reason="no pandas: pip install pandas")
     frame = cycles.to_pandas()
     assert list(frame) == list(cycles)
     assert frame.attrs["units"]["slip_length"] == "m"
