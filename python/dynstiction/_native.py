@@ -98,7 +98,7 @@ class KeyInfo(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """What one call of `Run.advance` brought: samples (rows, columns), event times and kinds."""
+    """What one call of `Run.advance` brought: samples (rows, columns; each column contiguous), event times and kinds."""
 
     finished: bool
     reached: bool
@@ -220,7 +220,7 @@ class Run(Session):
         finished, reached, n_rows, n_events = _core.run_advance(self._handle, seconds, until)
         samples = np.empty((0, len(self.columns)))
         if n_rows > 0:
-            samples = _core.run_samples(self._handle, len(self.columns), n_rows).T
+            samples = _core.run_samples(self._handle, len(self.columns), n_rows)
         time, kind = np.empty(0), np.empty(0, dtype=np.int32)
         if n_events > 0:
             time, kind = _core.run_events(self._handle, n_events)

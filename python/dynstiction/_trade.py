@@ -16,7 +16,7 @@ from . import _native
 from ._progress import progress_bar
 from .errors import FileError, UsageError
 from .groups import Groups
-from .html import page_table
+from .html import table
 from .record import Described, Info
 from .scene import DeckLike, Scene
 
@@ -143,8 +143,11 @@ class Trade:
             for i in range(len(self["role"]))
         ]
         heads = ("role", "model", "method", "contact", "rtol", "step [s]", "v_smooth [m/s]", "time [s]")
-        shown = page_table(title, (*heads, *(f"error of {name}" for name in self.quantities)), rows)
-        return f"{shown}<pre>{escape(advice)}</pre>"
+        points = table((*heads, *(f"error of {name}" for name in self.quantities)), rows)
+        return (
+            f"<div><b>{escape(title)}</b><pre>{escape(advice)}</pre>"
+            f"<details><summary>{len(rows)} points</summary>{points}</details></div>"
+        )
 
     def __repr__(self) -> str:
         n, done = len(self["role"]) - 2, int(np.count_nonzero(self.done))

@@ -27,6 +27,33 @@ GOING_ON = -1
 BAR = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining}]"
 
 
+MOST_EXPECTED = 1_000_000
+"""Rows that are made room for before they are there, at most."""
+
+
+class _Samples:
+    """Columns that grow; each is contiguous. Memory is touched once, which is most of what long series cost."""
+
+    def __init__(self, n_columns: int, expected: int) -> None:
+        self._values = np.empty((n_columns, max(expected, 1)))
+        self._rows = 0
+
+    def append(self, rows: NDArray[np.float64]) -> None:
+        end = self._rows + len(rows)
+        if end > self._values.shape[1]:
+            larger = np.empty((self._values.shape[0], 2 * end))
+            larger[:, : self._rows] = self._values[:, : self._rows]
+            self._values = larger
+        self._values[:, self._rows : end] = rows.T
+        self._rows = end
+
+    def columns(self) -> list[NDArray[np.float64]]:
+        return [values[: self._rows] for values in self._values]
+
+    def last_time(self) -> float:
+        return float(self._values[0, self._rows - 1]) if self._rows > 0 else 0.0
+
+
 class Simulation:
     """A run that goes on when it is told to; in the end it is what `dynstiction.run` returns, bit for bit.
 
@@ -59,7 +86,7 @@ class Simulation:
         self._core = _native.Run(self._scene.source)
         self._parameters = Described(self._core.parameters())
         self._t_end = float(self._parameters["t_end"])
-        self._samples = [np.empty((0, len(self._core.columns)))]
+        self._samples = _Samples(len(self._core.columns), self._expected_rows())
         self._events = [np.empty(0, dtype=EVENT_DTYPE)]
         self._outcome: tuple[int, str] | None = None
         self._summary: Described[float] = Described([])
@@ -123,13 +150,13 @@ class Simulation:
     @property
     def result(self) -> Result:
         """What there is up to `time`; summary and statistics are there when the run has ended."""
-        rows = np.concatenate(self._samples)
+        columns = self._samples.columns()
         if not self.finished:
-            rows = rows[rows[:, 0] <= self._time]
+            n = int(np.searchsorted(columns[0], self._time, side="right"))
+            # The run goes on in what the core has filled; this does not.
+            columns = [values[:n].copy() for values in columns]
         return Result(
-            columns=Described(
-                (info, np.ascontiguousarray(rows[:, i])) for i, info in enumerate(self._core.columns)
-            ),
+            columns=Described(zip(self._core.columns, columns, strict=True)),
             events=self.events,
             summary=self._summary if self.finished else Described([]),
             statistics=self._statistics if self.finished else Described([]),
@@ -166,11 +193,10 @@ class Simulation:
             raise UsageError(
                 f"time = {time:g} s: the run has reached {self._time:g} s and ends at {self._t_end:g} s"
             )
-        if self.finished:
-            return
-        self._need_core()
-        while not self._advance(time):
-            pass
+        if not self.finished:
+            self._need_core()
+            while not self._advance(time):
+                pass
         self._tell(stacklevel=3)
 
     def finish(self, progress: bool | None = None) -> Result:
@@ -203,7 +229,7 @@ class Simulation:
             self._need_core()
             with progress_bar(progress, self._t_end, BAR) as show:
                 while not self._advance(self._t_end):
-                    show(self._samples[-1][-1, 0] if self._samples[-1].size else 0.0)
+                    show(self._samples.last_time())
                 show(self._time)
         self._tell(stacklevel)
         return self.result
@@ -224,13 +250,17 @@ class Simulation:
                 self._summary = Described(self._core.summary())
                 self._statistics = Described(map(_counted, self._core.statistics()))
         if self._outcome is not None and self._outcome[0] != 0:
-            self._time = next((float(rows[-1, 0]) for rows in reversed(self._samples) if rows.size), 0.0)
+            self._time = self._samples.last_time()
         elif self._outcome is not None or reached:
             # The last step may have ended the run beyond a time that lies before its end.
             self._time = float(until)
         else:
             return False
         return True
+
+    def _expected_rows(self) -> int:
+        interval = float(self._parameters["interval"])
+        return int(min(self._t_end / interval + 2, MOST_EXPECTED)) if interval > 0.0 else 0
 
     def _need_core(self) -> None:
         if self._core.closed:

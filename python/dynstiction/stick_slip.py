@@ -37,6 +37,9 @@ COLUMNS = (
     Info("rest_time", "s", "time at rest, from peak to the next peak"),
 )
 
+INSTANTS = ("peak_time", "valley_time")
+"""Columns that have no mean."""
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class StickSlip:
