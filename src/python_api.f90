@@ -96,7 +96,7 @@ contains
   subroutine key_info(i, kind, required, group, name, units, range, choices, condition, meaning)
     integer(c_int), intent(in) :: i
     integer(c_int), intent(out) :: kind, required
-    integer(c_int), intent(out) :: group(12), name(20), units(8), range(64), choices(160), condition(160), meaning(88)
+    integer(c_int), intent(out) :: group(12), name(20), units(8), range(64), choices(256), condition(256), meaning(88)
 
     ! Not through the name below: gfortran 12 takes `key%kind` there for the kind of a number.
     kind = int(schema(i)%kind, c_int)
