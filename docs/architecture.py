@@ -24,7 +24,7 @@ TONES = {
 ROOMS = {
     "executable": ("the executable", 20, 66, 570, 130,
                    "ground deck simulation comparison sweeps writers slider stability",
-                   "main command_line completion run trade_run sweep_runner ranks progress signals stability_report"),
+                   "main command_line completion handover run trade_run sweep_runner ranks progress signals stability_report"),
     "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison sweeps writers", "python_api"),
     "comparison": ("comparing runs of one scene", 20, 220, 560, 110, "ground physics deck simulation writers observables linear_solve",
                    "trade trade_plan trade_quantities trade_advice trade_report trade_table"),
@@ -50,7 +50,7 @@ SAY = {
     "main": "prints, exits", "command_line": "words, --help", "completion": "for shells", "run": "deck → file", "progress": "one line",
     "python_api": "flat routines for f2py", "simulation": "builds, advances, records", "hdf5_writer": "the file",
     "memory_writer": "arrays", "hdf5_origin": "whose file it is", "checkpoint": "state on disk",
-    "archive": "state as words", "signals": "stop, please", "moreau_jean": "steps without events",
+    "archive": "state as words", "signals": "stop, please", "handover": "Python's turn", "moreau_jean": "steps without events",
     "disk": "the system", "seal": "end of a file", "crc32": "checksum", "process": "a child", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
     "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",

@@ -6,7 +6,7 @@ module dst_command_line
   implicit none
   private
 
-  public :: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
+  public :: argument_t, command_t, program_arguments, is_python_command, parse_arguments, setting_list, help_text
   public :: commands, options_of, takes_value
 
   !> One word of the command line.
@@ -31,6 +31,8 @@ module dst_command_line
 
   !> All commands, in the order of the help.
   character(*), parameter :: commands = 'run resume merge check template keys stability trade'
+  !> Commands of the Python package, to which the executable hands over.
+  character(*), parameter :: python_commands = 'plot report export animate paper validate-creep'
   character(*), parameter :: options_with_value = '-o --set --shard --accuracy --budget --quantity'
   character(*), parameter :: all_options = options_with_value//' --overwrite --quiet --keep-shards --help --version'
   character(*), parameter :: see_help = ', see dynstiction --help'
@@ -49,6 +51,14 @@ contains
       if (length > 0) call get_command_argument(i, arguments(i)%text)
     end do
   end function program_arguments
+
+  !> Whether the command is one that Python carries out: it comes first.
+  pure logical function is_python_command(arguments)
+    type(argument_t), intent(in) :: arguments(:)
+
+    is_python_command = .false.
+    if (size(arguments) > 0) is_python_command = has_word(python_commands, arguments(1)%text)
+  end function is_python_command
 
   !> Understand the arguments; a fault of usage goes to `error`.
   subroutine parse_arguments(arguments, command, error)
@@ -233,11 +243,13 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     if (command%name == '') then
-      call raise(error, usage_error, 'no command: give one of '//alternatives(commands)//see_help)
+      call raise(error, usage_error, 'no command: give one of '//alternatives(commands//' '//python_commands)//see_help)
     else if (command%name == 'version' .or. command%name == 'help') then
       return
+    else if (has_word(python_commands, command%name)) then
+      call raise(error, usage_error, "'"//command%name//"' comes first: write dynstiction "//command%name//' ...')
     else if (.not. has_word(commands, command%name)) then
-      call raise(error, usage_error, unknown_text('command', command%name, commands))
+      call raise(error, usage_error, unknown_text('command', command%name, commands//' '//python_commands))
     else if (.not. command%help) then
       call check_options(command, options, error)
       if (.not. allocated(error)) call check_operands(command, error)
@@ -437,6 +449,14 @@ contains
         '  dynstiction stability DECK... [--set GROUP.KEY=VALUE]...   whether steady sliding is stable'//n// &
         '  dynstiction trade DECK [--accuracy A] [--budget S]     measured error against cost of methods and models'//n// &
         '  dynstiction --version | --help | COMMAND --help'//n//n// &
+        'By the Python package, through the interpreter DYNSTICTION_PYTHON, else the python3 beside the executable,'//n// &
+        'else that of PATH:'//n// &
+        '  dynstiction plot FILE.h5... [--kind KIND] [-o PNG]     draw a result file, or several side by side'//n// &
+        '  dynstiction report FILE.h5 [-o HTML]                   one page with all that a file holds'//n// &
+        '  dynstiction export FILE.h5 --csv [-o DIR]              its tables as CSV'//n// &
+        '  dynstiction animate FILE.h5 -o OUT                     a film of the object from above'//n// &
+        '  dynstiction paper -o DIR                               every figure of the paper'//n// &
+        '  dynstiction validate-creep                             which exponent Eq. (8) has'//n//n// &
         'A DECK is a Fortran namelist file; SI units, angles in degrees. Start from the template:'//n// &
         '  dynstiction template > my.nml'//n// &
         '  dynstiction check my.nml'//n// &

@@ -16,7 +16,7 @@ module dst_deck
   implicit none
   private
 
-  public :: deck_t, read_deck, parse_deck, resolved, template, key_table
+  public :: deck_t, read_deck, parse_deck, parse_values, resolved, template, key_table
 
   !> Where a value comes from: a line of the deck or an argument of the command line.
   type :: source_t
@@ -85,19 +85,12 @@ contains
     character(*), intent(in) :: settings(:)
     type(deck_t), intent(out) :: deck
     type(error_t), allocatable, intent(out) :: error
-    type(namelist_t) :: list
     type(faults_t) :: faults
-    integer :: line_of(word_count(group_names)), i
+    integer :: line_of(word_count(group_names))
+    logical :: plain
 
-    deck%name = name
-    deck%text = text
-    call set_defaults(deck)
-    call scan_namelist(text, list, faults)
-    if (list%plain) then
-      call take_groups(list, deck, line_of, faults)
-      do i = 1, size(settings)
-        call take_setting(trim(settings(i)), i, deck, faults)
-      end do
+    call take_text(text, name, settings, deck, line_of, plain, faults)
+    if (plain) then
       call check_keys(deck, faults)
       call check_missing(deck, line_of, last_line(text), faults)
       call check_contact(deck, faults)
@@ -107,6 +100,46 @@ contains
     end if
     if (faults%count > 0) call raise(error, deck_error, faults%report(name))
   end subroutine parse_deck
+
+  !> As `parse_deck`, but each value is held against its own key only: a part of a deck is not refused for what it lacks, or
+  !> for what does not go together.
+  subroutine parse_values(text, name, settings, deck, error)
+    character(*), intent(in) :: text, name
+    character(*), intent(in) :: settings(:)
+    type(deck_t), intent(out) :: deck
+    type(error_t), allocatable, intent(out) :: error
+    type(faults_t) :: faults
+    integer :: line_of(word_count(group_names))
+    logical :: plain
+
+    call take_text(text, name, settings, deck, line_of, plain, faults)
+    if (faults%count > 0) call raise(error, deck_error, faults%report(name))
+  end subroutine parse_values
+
+  !> The values of a deck and of the settings that win over it. `line_of` is the line of each known group, 0 if it is absent;
+  !> `plain` tells whether the deck is a text at all.
+  subroutine take_text(text, name, settings, deck, line_of, plain, faults)
+    character(*), intent(in) :: text, name
+    character(*), intent(in) :: settings(:)
+    type(deck_t), intent(inout) :: deck
+    integer, intent(out) :: line_of(:)
+    logical, intent(out) :: plain
+    type(faults_t), intent(inout) :: faults
+    type(namelist_t) :: list
+    integer :: i
+
+    deck%name = name
+    deck%text = text
+    line_of = 0
+    call set_defaults(deck)
+    call scan_namelist(text, list, faults)
+    plain = list%plain
+    if (.not. plain) return
+    call take_groups(list, deck, line_of, faults)
+    do i = 1, size(settings)
+      call take_setting(trim(settings(i)), i, deck, faults)
+    end do
+  end subroutine take_text
 
   !> The groups and assignments of a scanned deck. `line_of` is the line of each known group, 0 if it is absent.
   subroutine take_groups(list, deck, line_of, faults)

@@ -7,8 +7,10 @@ program dynstiction
   use dst_text, only: one_per_line
   use dst_disk, only: file_exists, is_folder, folder_of, true_path
   use dst_deck, only: deck_t, read_deck, resolved, template, key_table
-  use dst_command_line, only: argument_t, command_t, program_arguments, parse_arguments, setting_list, help_text
+  use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
+    setting_list, help_text
   use dst_completion, only: is_completion, completions
+  use dst_handover, only: hand_over
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
@@ -29,15 +31,21 @@ program dynstiction
     end subroutine c_exit
   end interface
 
+  type(argument_t), allocatable :: arguments(:)
   type(command_t) :: command
   type(error_t), allocatable :: error
   integer :: status
 
   status = result_done
-  if (is_completion(program_arguments())) then
-    call print_text(completions(program_arguments()))
+  arguments = program_arguments()
+  if (is_completion(arguments)) then
+    call print_text(completions(arguments))
   else
-    call parse_arguments(program_arguments(), command, error)
+    if (is_python_command(arguments)) then
+      call hand_over(arguments, error)
+    else
+      call parse_arguments(arguments, command, error)
+    end if
     call complain(error)
     if (status == result_done) call execute()
   end if

@@ -10,7 +10,7 @@ module dst_python_api
   use dst_kinds, only: wp, pi
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
-  use dst_deck, only: deck_t, parse_deck, resolved
+  use dst_deck, only: deck_t, parse_deck, parse_values, resolved
   use dst_errors, only: error_t, raise, usage_error
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
@@ -18,7 +18,7 @@ module dst_python_api
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema
+  use dst_schema, only: schema, key_count, condition_text, range_text
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: stage_terms_t, new_terms
@@ -35,13 +35,20 @@ module dst_python_api
   implicit none
   private
 
-  public :: run_open, run_columns, column_info, run_advance, run_samples, run_events, run_outcome, run_counts
+  public :: key_total, key_info, key_default, deck_open, deck_given, deck_numbers, deck_texts, deck_close
+  public :: run_open, run_columns, column_info, run_advance, run_state, run_samples, run_events, run_outcome, run_counts
   public :: summary_info, statistics_info, parameter_info, parameter_text, run_text_length, run_text, run_close
   public :: sweep_open, sweep_sizes, sweep_axis, sweep_value_info, sweep_run, sweep_stop, sweep_message
   public :: sweep_deck_length, sweep_deck, sweep_close
   public :: trade_open, trade_advance, trade_size, trade_column, trade_numbers, trade_texts, trade_text_length, trade_text
   public :: trade_close
   public :: build_text, rhs, jacobian, creep_exact, creep_asymptotic, eigenvalues, critical, slow_damping
+
+  !> A deck that has been read.
+  type :: deck_session_t
+    type(deck_t) :: deck
+    type(error_t), allocatable :: error
+  end type deck_session_t
 
   !> A run with everything that Python may ask of it.
   type :: session_t
@@ -82,6 +89,127 @@ module dst_python_api
   end type comparison_t
 
 contains
+
+  !> Number of keys that a deck may have.
+  subroutine key_total(n)
+    integer(c_int), intent(out) :: n
+
+    n = int(key_count, c_int)
+  end subroutine key_total
+
+  !> Key i (from 1) of the schema: its kind (1 real, 2 integer, 3 text, 4 choice, 5 reals, 6 texts), what it takes and means.
+  subroutine key_info(i, kind, required, group, name, units, range, choices, condition, meaning)
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: kind, required
+    integer(c_int), intent(out) :: group(12), name(20), units(8), range(64), choices(256), condition(256), meaning(88)
+
+    ! Not through the name below: gfortran 12 takes `key%kind` there for the kind of a number.
+    kind = int(schema(i)%kind, c_int)
+    associate (key => schema(i))
+      required = merge(1_c_int, 0_c_int, key%required)
+      call put_text(key%group, group)
+      call put_text(key%name, name)
+      call put_text(key%unit, units)
+      call put_text(range_text(key), range)
+      call put_text(key%choices, choices)
+      call put_text(condition_text(key), condition)
+      call put_text(key%meaning, meaning)
+    end associate
+  end subroutine key_info
+
+  !> Default of key i as in a deck, text without quotes; blank if it has none.
+  subroutine key_default(i, default)
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: default(16)
+
+    call put_text(schema(i)%default, default)
+  end subroutine key_default
+
+  !> Read a deck and hold it against the schema as a whole, or with `alone` = 1 each value against its own key only. The
+  !> handle is valid until deck_close, also on failure; `message` is cut at 8192 bytes.
+  subroutine deck_open(n_deck, deck, n_name, name, n_settings, settings, alone, handle, status, message)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings
+    integer(c_int), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), alone
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status, message(8192)
+    ! Not f2py threadsafe, as run_open.
+    type(deck_session_t), pointer :: session
+
+    allocate (session)
+    handle = int(transfer(c_loc(session), 0_c_intptr_t), c_long_long)
+    if (alone == 1) then
+      call parse_values(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
+    else
+      call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
+    end if
+    status = 0
+    call put_text('', message)
+    if (.not. allocated(session%error)) return
+    status = int(session%error%code, c_int)
+    call put_text(session%error%text, message)
+  end subroutine deck_open
+
+  !> Whether key i (from 1) is given, and its values: numbers of them, of texts, and the value of an integer key.
+  subroutine deck_given(handle, i, given, n_numbers, n_texts, integer_value)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i
+    integer(c_int), intent(out) :: given, n_numbers, n_texts
+    integer(c_long_long), intent(out) :: integer_value
+    type(deck_session_t), pointer :: session
+
+    session => deck_of(handle)
+    associate (value => session%deck%value(i))
+      given = merge(1_c_int, 0_c_int, value%user)
+      n_numbers = 0
+      n_texts = 0
+      if (allocated(value%reals)) n_numbers = int(size(value%reals), c_int)
+      if (allocated(value%texts)) n_texts = int(size(value%texts), c_int)
+      integer_value = int(value%integer, c_long_long)
+    end associate
+  end subroutine deck_given
+
+  !> The n numbers of key i.
+  subroutine deck_numbers(handle, i, n, values)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i, n
+    real(c_double), intent(out) :: values(n)
+    type(deck_session_t), pointer :: session
+
+    session => deck_of(handle)
+    values = real(session%deck%value(i)%reals, c_double)
+  end subroutine deck_numbers
+
+  !> The n texts of key i (byte, text).
+  subroutine deck_texts(handle, i, n, texts)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: i, n
+    integer(c_int), intent(out) :: texts(256, n)
+    type(deck_session_t), pointer :: session
+    integer :: k
+
+    session => deck_of(handle)
+    do k = 1, n
+      call put_text(session%deck%value(i)%texts(k), texts(:, k))
+    end do
+  end subroutine deck_texts
+
+  !> Free the deck; the handle is void afterwards.
+  subroutine deck_close(handle)
+    integer(c_long_long), intent(in) :: handle
+    type(deck_session_t), pointer :: session
+
+    session => deck_of(handle)
+    deallocate (session)
+  end subroutine deck_close
+
+  function deck_of(handle) result(session)
+    integer(c_long_long), intent(in) :: handle
+    type(deck_session_t), pointer :: session
+    type(c_ptr) :: address
+
+    address = transfer(int(handle, c_intptr_t), address)
+    call c_f_pointer(address, session)
+  end function deck_of
 
   !> Read a deck and the parameters that are varied: their names one a line, the number of values of each, all values one
   !> after the other. Without names the deck's own &sweep is taken. `is_list` = 1: the values of a case have the same place.
@@ -333,33 +461,53 @@ contains
     call put_description(session%columns(i), name, units, long_name)
   end subroutine column_info
 
-  !> Integrate for at most `seconds` of wall time [s]; rows and events now wait to be taken.
-  subroutine run_advance(handle, seconds, finished, n_rows, n_events, status)
+  !> Integrate for at most `seconds` of wall time [s] or until the simulated time `until` [s] has been `reached`; rows and
+  !> events now wait to be taken.
+  subroutine run_advance(handle, seconds, until, finished, reached, n_rows, n_events)
     integer(c_long_long), intent(in) :: handle
-    real(c_double), intent(in) :: seconds
-    integer(c_int), intent(out) :: finished, n_rows, n_events, status
+    real(c_double), intent(in) :: seconds, until
+    integer(c_int), intent(out) :: finished, reached, n_rows, n_events
     !f2py threadsafe
     type(session_t), pointer :: session
 
     session => session_of(handle)
-    call session%simulation%proceed(real(seconds, wp), session%writer, session%error)
+    call session%simulation%proceed(real(seconds, wp), session%writer, session%error, until=real(until, wp))
     finished = merge(1_c_int, 0_c_int, session%simulation%finished)
+    reached = merge(1_c_int, 0_c_int, session%simulation%has_reached(real(until, wp)))
     if (finished == 1) call session%simulation%outcome(session%error, session%outcome)
     n_rows = int(session%writer%rows, c_int)
     n_events = int(session%writer%events, c_int)
-    status = 0
-    if (allocated(session%error)) status = int(session%error%code, c_int)
   end subroutine run_advance
 
-  !> Take the waiting samples (column, row).
+  !> What a sample at `time` [s] would hold, within the last advance.
+  subroutine run_state(handle, time, n_columns, state)
+    integer(c_long_long), intent(in) :: handle
+    real(c_double), intent(in) :: time
+    integer(c_int), intent(in) :: n_columns
+    real(c_double), intent(out) :: state(n_columns)
+    type(session_t), pointer :: session
+    real(wp) :: row(n_columns)
+
+    session => session_of(handle)
+    call session%simulation%state_at(real(time, wp), row)
+    state = real(row, c_double)
+  end subroutine run_state
+
+  !> Take the waiting samples (row, column).
   subroutine run_samples(handle, n_columns, n_rows, samples)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: n_columns, n_rows
-    real(c_double), intent(out) :: samples(n_columns, n_rows)
+    real(c_double), intent(out) :: samples(n_rows, n_columns)
     type(session_t), pointer :: session
+    !> Rows that fit into a processor's nearest memory: turned all at once, a long run's samples would take longer than its Python.
+    integer, parameter :: block_rows = 128
+    integer :: first, last
 
     session => session_of(handle)
-    samples = real(session%writer%samples(:, :n_rows), c_double)
+    do first = 1, n_rows, block_rows
+      last = min(first + block_rows - 1, int(n_rows))
+      samples(first:last, :) = transpose(real(session%writer%samples(:, first:last), c_double))
+    end do
     session%writer%rows = 0
   end subroutine run_samples
 

@@ -57,6 +57,8 @@ module dst_simulation
   contains
     procedure :: start
     procedure :: proceed
+    procedure :: has_reached
+    procedure :: state_at
     procedure :: outcome
     procedure :: output_columns
     procedure :: method_name
@@ -296,21 +298,24 @@ contains
     if (allocated(self%creep)) name = 'closed form'
   end function method_name
 
-  !> Go on for at most `seconds` of wall time [s], or to the end. An error of the solver ends the
-  !> run: it is then finished, and all up to the error has been written.
-  subroutine proceed(self, seconds, writer, error)
+  !> Go on for at most `seconds` of wall time [s], or to the end, or until the time `until` [s] has been reached. An error of
+  !> the solver ends the run: it is then finished, and all up to the error has been written.
+  subroutine proceed(self, seconds, writer, error, until)
     class(simulation_t), intent(inout) :: self
     real(wp), intent(in) :: seconds
     class(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
+    real(wp), intent(in), optional :: until
     type(error_t), allocatable :: disk_error
-    real(wp) :: begun, passed
+    real(wp) :: begun, passed, last
     integer :: looks_left
 
     begun = wall_clock()
+    last = huge(1.0_wp)
+    if (present(until)) last = until
     passed = 0.0_wp
     looks_left = advances_between_looks
-    do while (.not. (allocated(error) .or. at_end(self)))
+    do while (.not. (allocated(error) .or. at_end(self) .or. self%has_reached(last)))
       if (self%recorded) call advance(self, error)
       if (.not. allocated(error)) call record(self, writer, error)
       looks_left = looks_left - 1
@@ -334,6 +339,44 @@ contains
 
     at_end = self%recorded .and. self%trajectory%finished()
   end function at_end
+
+  !> Whether the motion is known up to `time` [s], and all samples up to it have been taken.
+  pure logical function has_reached(self, time)
+    class(simulation_t), intent(in) :: self
+    real(wp), intent(in) :: time
+
+    if (allocated(self%creep)) then
+      has_reached = self%recorded .and. (at_end(self) .or. sample_time(self) > time)
+    else
+      has_reached = self%recorded .and. self%trajectory%now%time >= time
+    end if
+  end function has_reached
+
+  !> The row of output at `time` [s], within the last advance or, in closed form, anywhere.
+  subroutine state_at(self, time, row)
+    class(simulation_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    real(wp), intent(out) :: row(:)
+
+    if (allocated(self%creep)) then
+      call row_of(self%trajectory, self%creep%at(time), self%selected, row)
+    else
+      call row_of(self%trajectory, instant_at(self, time), self%selected, row)
+    end if
+  end subroutine state_at
+
+  !> The motion inside the last advance.
+  type(instant_t) function instant_at(self, time)
+    class(simulation_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    logical :: sticking
+
+    associate (trajectory => self%trajectory)
+      sticking = trajectory%was_sticking
+      if (time >= trajectory%now%time) sticking = trajectory%sticking
+      instant_at = observe(trajectory, trajectory%at(time), sticking)
+    end associate
+  end function instant_at
 
   subroutine raise_over_time(error)
     type(error_t), allocatable, intent(out) :: error
@@ -479,13 +522,8 @@ contains
     class(writer_t), intent(inout) :: writer
     real(wp), intent(in) :: time
     type(error_t), allocatable, intent(out) :: error
-    logical :: sticking
 
-    associate (trajectory => self%trajectory)
-      sticking = trajectory%was_sticking
-      if (time >= trajectory%now%time) sticking = trajectory%sticking
-      call add_row(self, observe(trajectory, trajectory%at(time), sticking), writer, error)
-    end associate
+    call add_row(self, instant_at(self, time), writer, error)
   end subroutine take_sample
 
   subroutine add_row(self, instant, writer, error)

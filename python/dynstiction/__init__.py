@@ -24,9 +24,11 @@ from .errors import (
     SolverError,
     UsageError,
 )
+from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
 from .record import Described
 from .result import Result, open
 from .scene import Scene
+from .simulation import Simulation
 from .spectrum import Spectrogram, creep_frequency, oscillation_frequency, ridge, spectrogram
 from .stability import (
     CriticalMisalignment,
@@ -34,6 +36,7 @@ from .stability import (
     damping_ratio,
     steady_sliding_eigenvalues,
 )
+from .stick_slip import StickSlip, stick_slip_statistics
 
 __version__ = _native.build_info().version
 
@@ -43,13 +46,23 @@ __all__ = [
     "CriticalMisalignment",
     "DeckError",
     "Described",
+    "Drive",
     "Error",
     "FileError",
+    "Friction",
     "IncompleteWarning",
+    "Initial",
+    "Integrator",
+    "Output",
     "Result",
     "Scene",
+    "Setup",
+    "Simulation",
     "SolverError",
     "Spectrogram",
+    "StickSlip",
+    "Sweep",
+    "System",
     "Trade",
     "UsageError",
     "creep_asymptotic",
@@ -68,6 +81,7 @@ __all__ = [
     "run",
     "spectrogram",
     "steady_sliding_eigenvalues",
+    "stick_slip_statistics",
     "sweep",
     "trade",
 ]

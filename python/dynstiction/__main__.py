@@ -1,4 +1,7 @@
-"""``python -m dynstiction``: figures of results and of the paper, animations, and the validation of slow creep."""
+"""``python -m dynstiction``: figures, reports and tables of results, figures of the paper, the validation of slow creep.
+
+The executable hands these commands over to this module: ``dynstiction plot FILE.h5`` is the same.
+"""
 
 from __future__ import annotations
 
@@ -26,21 +29,35 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}: see {self.prog} --help")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit status; a fault goes to stderr as one line."""
+def main(arguments: Sequence[str] | None = None, program: str = "python -m dynstiction") -> int:
+    """Run a command and return its exit status; a fault goes to stderr as one line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Of the command line; by default this process's.
+    program : str
+        How the user has called it.
+    """
     try:
-        options = _parser().parse_args(arguments)
+        options = _parser(program).parse_args(arguments)
         command: Callable[[argparse.Namespace], int | None] = options.command
         return command(options) or 0
     except Error as error:
         print(f"dynstiction: {error}", file=sys.stderr)
         return error.exit_status
+    except ModuleNotFoundError as error:
+        remedy = f"install it, {sys.executable} -m pip install {error.name}"
+        print(f"dynstiction: the Python package {error.name} is missing: {remedy}", file=sys.stderr)
+        return FileError.exit_status
 
 
-def _parser() -> _Parser:
-    parser = _Parser(prog="python -m dynstiction", description="Figures of dynstiction's results.")
+def _parser(program: str) -> _Parser:
+    parser = _Parser(prog=program, description="Figures, reports and tables of dynstiction's results.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_plot(commands)
+    _add_report(commands)
+    _add_export(commands)
     _add_paper(commands)
     _add_animate(commands)
     _add_validate_creep(commands)
@@ -48,23 +65,101 @@ def _parser() -> _Parser:
 
 
 def _add_plot(commands: argparse._SubParsersAction[_Parser]) -> None:
-    parser = commands.add_parser("plot", help="draw a result file", description="Draw a result file.")
-    parser.add_argument("file", metavar="FILE.h5", type=Path)
+    parser = commands.add_parser(
+        "plot",
+        help="draw a result file, or several side by side",
+        description="Draw a result file; of several runs one figure that compares them.",
+    )
+    parser.add_argument("files", metavar="FILE.h5", type=Path, nargs="+")
     parser.add_argument(
         "--kind",
-        help="of a run history (the default), velocities, spectrogram, damping, creep or path; "
-        "of a sweep map (the default) or lambda; of dynstiction trade work_precision",
+        help="of a run history, velocities, spectrogram, damping, creep, path or columns; by default what its model is "
+        "for; of a sweep map (the default) or lambda; of dynstiction trade work_precision",
     )
     parser.add_argument("--quantity", metavar="NAME", help="what a map of a sweep shows, like period (swing)")
-    parser.add_argument("-o", "--output", metavar="PNG", type=Path, help="default: FILE.png; also .pdf, .svg")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="PNG",
+        type=Path,
+        help="default: FILE.png, of several files comparison.png; also .pdf, .svg",
+    )
     parser.set_defaults(command=_plot)
 
 
 def _plot(options: argparse.Namespace) -> None:
     from . import plot  # noqa: PLC0415
 
-    result = _open_any(options.file)
-    plot.save(result, options.output or options.file.with_suffix(".png"), options.kind, options.quantity)
+    if len(options.files) == 1:
+        (file,) = options.files
+        plot.save(_open_any(file), options.output or file.with_suffix(".png"), options.kind, options.quantity)
+        return
+    from .plot.style import write  # noqa: PLC0415
+
+    if options.kind is not None or options.quantity is not None:
+        raise UsageError("--kind and --quantity are for one file: several are compared")
+    names = _short_names(options.files)
+    figure = plot.compare({name: _open(file) for name, file in zip(names, options.files, strict=True)})
+    write(figure, options.output or Path("comparison.png"))
+
+
+def _short_names(files: Sequence[Path]) -> list[str]:
+    """The files' names without folder and suffix, or whole where that is not enough to tell them apart."""
+    stems = [file.stem for file in files]
+    return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
+
+
+def _add_report(commands: argparse._SubParsersAction[_Parser]) -> None:
+    parser = commands.add_parser(
+        "report",
+        help="one HTML page with all that a result file holds",
+        description="Write one HTML page: summary, figures, animation of the friction vector, cycles, parameters, solver "
+        "statistics, provenance, deck. It needs neither network nor other files.",
+    )
+    parser.add_argument("file", metavar="FILE.h5", type=Path)
+    parser.add_argument("-o", "--output", metavar="HTML", type=Path, help="default: FILE.html")
+    parser.add_argument("--overwrite", action="store_true", help="replace an existing page")
+    parser.set_defaults(command=_report)
+
+
+def _report(options: argparse.Namespace) -> None:
+    from .report import write_report  # noqa: PLC0415
+
+    output = options.output or options.file.with_suffix(".html")
+    write_report(_open(options.file), output, options.file.name, overwrite=options.overwrite)
+
+
+def _add_export(commands: argparse._SubParsersAction[_Parser]) -> None:
+    parser = commands.add_parser(
+        "export",
+        help="write a result file's tables as CSV",
+        description="Write the tables of a result file as CSV: of a run time series, events and summary, of a sweep its "
+        "cases, of a comparison its points. Prints the files it wrote.",
+    )
+    parser.add_argument("file", metavar="FILE.h5", type=Path)
+    parser.add_argument("--csv", action="store_true", required=True, help="the format")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=Path,
+        default=Path(),
+        help="made if it is not there; default: here",
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace existing tables")
+    parser.set_defaults(command=_export)
+
+
+def _export(options: argparse.Namespace) -> None:
+    from .export import export_csv, export_sweep_csv  # noqa: PLC0415
+
+    name, folder = options.file.stem, options.output
+    if holds_sweep(options.file):
+        print(export_sweep_csv(options.file, folder, name, overwrite=options.overwrite))
+        return
+    result = open_trade(options.file) if holds_trade(options.file) else _open(options.file)
+    for file in export_csv(result, folder, name, overwrite=options.overwrite):
+        print(file)
 
 
 def _add_paper(commands: argparse._SubParsersAction[_Parser]) -> None:

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from types import TracebackType
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._core import dst_python_api as _core
-from .errors import UsageError, error_for
+from .errors import Error, UsageError, error_for
 from .record import Info
 
 __all__ = [
+    "CHUNK_SECONDS",
     "Advance",
     "BuildInfo",
     "Comparison",
+    "DeckSource",
+    "DeckValues",
+    "KeyInfo",
     "Run",
+    "Session",
     "Sweep",
+    "Value",
     "build_info",
     "creep_asymptotic",
     "creep_exact",
@@ -27,17 +35,73 @@ __all__ = [
     "eigenvalues",
     "jacobian",
     "rhs",
+    "schema",
     "slow_damping",
     "text_from",
 ]
 
+CHUNK_SECONDS = 0.05
+"""Wall time between two looks at Ctrl-C."""
+
 RESOLVED_DECK, MESSAGE, MODEL, METHOD, MODEL_CHOICE = 2, 3, 4, 5, 6
+
+Value = float | int | str | tuple[float, ...] | tuple[str, ...]
+"""Value of a key: of a list with one element that element."""
+
+
+class DeckSource(NamedTuple):
+    """A deck as the core reads it."""
+
+    text: str
+    name: str
+    settings: tuple[str, ...] = ()
+    fields: Mapping[int, str] = {}
+    """Group or key of each line of a text that was made from them: messages name it, not the line."""
+
+    def encoded(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+        """Text, name and settings for the core."""
+        return _bytes(self.text), _bytes(self.name), _bytes("\n".join(self.settings))
+
+    def error(self, status: int, message: str) -> Error:
+        """Exception for a status of the core; its text names keys where the user gave keys."""
+        return error_for(status, "\n".join(map(self._with_key, message.splitlines())))
+
+    def _with_key(self, line: str) -> str:
+        place, _, rest = line.removeprefix(f"{self.name}:").partition(": ")
+        if line.startswith(f"{self.name}:") and place.isdecimal() and int(place) in self.fields:
+            return f"{self.fields[int(place)]}: {rest}"
+        if match := re.match(r"--set (\d+) \(", line):
+            setting = self.settings[int(match[1]) - 1]
+            whole = f"{match[0]}{setting}): "
+            rest = line[len(whole) :] if line.startswith(whole) else line.partition("...): ")[2]
+            return f"{setting.partition('=')[0]}: {rest}"
+        return line
+
+
+class KeyInfo(NamedTuple):
+    """What the schema says of a key of the deck."""
+
+    group: str
+    name: str
+    kind: str
+    """real, integer, text, choice, reals or texts"""
+    required: bool
+    """Whether it must be given where it is used."""
+    units: str
+    range: str
+    choices: tuple[str, ...]
+    default: str
+    """As in a deck, text without quotes; empty if there is none."""
+    condition: str
+    """With what it is used; empty if always."""
+    meaning: str
 
 
 class Advance(NamedTuple):
-    """What one call of `Run.advance` brought: samples (rows, columns), event times and kinds."""
+    """What one call of `Run.advance` brought: samples (rows, columns; each column contiguous), event times and kinds."""
 
     finished: bool
+    reached: bool
     samples: NDArray[np.float64]
     event_time: NDArray[np.float64]
     event_kind: NDArray[np.int32]
@@ -51,20 +115,12 @@ class BuildInfo(NamedTuple):
     compiler: str
 
 
-class Run:
-    """A run in the core, from deck to outcome; a context manager, so that it is always closed."""
+class Session(ABC):
+    """What lives in the core under a handle; a context manager, so that it is always closed."""
 
-    def __init__(self, text: str, name: str, settings: Sequence[str]) -> None:
-        self._handle, status = _core.run_open(_bytes(text), _bytes(name), _bytes("\n".join(settings)))
-        if status != 0:
-            message = self._text(MESSAGE)
-            self.close()
-            raise error_for(status, message)
-        self.columns = [
-            _info(*_core.column_info(self._handle, i + 1)) for i in range(_core.run_columns(self._handle))
-        ]
+    _handle = 0
 
-    def __enter__(self) -> Run:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -75,23 +131,105 @@ class Run:
     ) -> None:
         self.close()
 
+    def __del__(self) -> None:
+        self.close()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the handle is void."""
+        return self._handle == 0
+
     def close(self) -> None:
-        """Free the run; closing twice does no harm."""
+        """Free what the core holds; closing twice does no harm."""
         handle, self._handle = self._handle, 0
         if handle != 0:
-            _core.run_close(handle)
+            self._free(handle)
 
-    def advance(self, seconds: float) -> Advance:
-        """Integrate for at most `seconds` of wall time, without the interpreter's lock."""
-        # The status is kept by the core and comes back from `outcome`, with its text.
-        finished, n_rows, n_events, _ = _core.run_advance(self._handle, seconds)
+    @staticmethod
+    @abstractmethod
+    def _free(handle: int) -> None:
+        """Free what the handle stands for."""
+
+
+class DeckValues(Session):
+    """The values that a deck gives.
+
+    Parameters
+    ----------
+    deck : DeckSource
+        The deck.
+    alone : bool
+        Whether each value is held against its own key only, so that a part of a deck will do.
+    """
+
+    def __init__(self, deck: DeckSource, *, alone: bool) -> None:
+        self._handle, status, message = _core.deck_open(*deck.encoded(), int(alone))
+        if status != 0:
+            self.close()
+            raise deck.error(status, _text(message))
+
+    @staticmethod
+    def _free(handle: int) -> None:
+        _core.deck_close(handle)
+
+    def given(self) -> dict[str, dict[str, Value]]:
+        """Values by group and key, of the keys that are given, in the schema's order."""
+        groups: dict[str, dict[str, Value]] = {}
+        for i, key in enumerate(schema()):
+            given, n_numbers, n_texts, integer = _core.deck_given(self._handle, i + 1)
+            if given:
+                groups.setdefault(key.group, {})[key.name] = self._value(
+                    i + 1, key.kind, n_numbers, n_texts, integer
+                )
+        return groups
+
+    def _value(self, i: int, kind: str, n_numbers: int, n_texts: int, integer: int) -> Value:
+        if kind == "integer":
+            return integer
+        if kind in ("real", "reals"):
+            numbers = tuple(_core.deck_numbers(self._handle, i, n_numbers).tolist())
+            return numbers[0] if n_numbers == 1 else numbers
+        texts = tuple(_text(text) for text in _core.deck_texts(self._handle, i, n_texts).T)
+        return texts[0] if n_texts == 1 else texts
+
+
+class Run(Session):
+    """A run in the core, from deck to outcome."""
+
+    def __init__(self, deck: DeckSource) -> None:
+        self._handle, status = _core.run_open(*deck.encoded())
+        if status != 0:
+            message = self._text(MESSAGE)
+            self.close()
+            raise deck.error(status, message)
+        self.columns = [
+            _info(*_core.column_info(self._handle, i + 1)) for i in range(_core.run_columns(self._handle))
+        ]
+        self.resolved_deck = self._text(RESOLVED_DECK)
+        self.model = self._text(MODEL)
+        self.method = self._text(METHOD)
+        self.model_choice = self._text(MODEL_CHOICE)
+        """Why the model 'auto' is the one integrated; empty if the deck names another."""
+
+    @staticmethod
+    def _free(handle: int) -> None:
+        _core.run_close(handle)
+
+    def advance(self, seconds: float, until: float = np.inf) -> Advance:
+        """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
+        finished, reached, n_rows, n_events = _core.run_advance(self._handle, seconds, until)
         samples = np.empty((0, len(self.columns)))
         if n_rows > 0:
-            samples = _core.run_samples(self._handle, len(self.columns), n_rows).T
+            samples = _core.run_samples(self._handle, len(self.columns), n_rows)
         time, kind = np.empty(0), np.empty(0, dtype=np.int32)
         if n_events > 0:
             time, kind = _core.run_events(self._handle, n_events)
-        return Advance(bool(finished), samples, time, kind)
+        return Advance(bool(finished), bool(reached), samples, time, kind)
+
+    def state(self, time: float) -> list[tuple[Info, float]]:
+        """What a sample at `time` would hold; it lies in the last advance."""
+        values = _core.run_state(self._handle, time, len(self.columns))
+        return list(zip(self.columns, values.tolist(), strict=True))
 
     def outcome(self) -> tuple[int, str]:
         """Result code (0 done) and its text."""
@@ -117,60 +255,28 @@ class Run:
         *about, value, is_text = _core.parameter_info(self._handle, i)
         return _info(*about), _text(_core.parameter_text(self._handle, i)) if is_text else value
 
-    def resolved_deck(self) -> str:
-        """Every key as used."""
-        return self._text(RESOLVED_DECK)
-
-    def model(self) -> str:
-        """The model integrated."""
-        return self._text(MODEL)
-
-    def method(self) -> str:
-        """The method, or that there is none."""
-        return self._text(METHOD)
-
-    def model_choice(self) -> str:
-        """Why the model 'auto' is the one integrated; empty if the deck names another."""
-        return self._text(MODEL_CHOICE)
-
     def _text(self, which: int) -> str:
         length = _core.run_text_length(self._handle, which)
         return text_from(_core.run_text(self._handle, which, length).astype(np.uint8).tobytes())
 
 
-class Comparison:
-    """A comparison of settings in the core, from deck to table; a context manager, so that it is always closed."""
+class Comparison(Session):
+    """A comparison of settings in the core, from deck to table."""
 
-    def __init__(
-        self, text: str, name: str, settings: Sequence[str], quantity: str, accuracy: float, budget: float
-    ) -> None:
-        self._handle, status = _core.trade_open(
-            _bytes(text), _bytes(name), _bytes("\n".join(settings)), _bytes(quantity), accuracy, budget
-        )
+    def __init__(self, deck: DeckSource, quantity: str, accuracy: float, budget: float) -> None:
+        self._deck = deck
+        self._handle, status = _core.trade_open(*deck.encoded(), _bytes(quantity), accuracy, budget)
         self._raise(status)
 
-    def __enter__(self) -> Comparison:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Free the comparison; closing twice does no harm."""
-        handle, self._handle = self._handle, 0
-        if handle != 0:
-            _core.trade_close(handle)
+    @staticmethod
+    def _free(handle: int) -> None:
+        _core.trade_close(handle)
 
     def _raise(self, status: int) -> None:
         if status != 0:
             message = self.shortfall()
             self.close()
-            raise error_for(status, message)
+            raise self._deck.error(status, message)
 
     def advance(self, seconds: float) -> bool:
         """Go on for at most `seconds` of wall time, without the interpreter's lock; whether that was the end."""
@@ -210,22 +316,15 @@ class Comparison:
         return text_from(_core.trade_text(self._handle, which, length).astype(np.uint8).tobytes())
 
 
-class Sweep:
-    """The cases of a sweep in the core; a context manager, so that it is always closed."""
+class Sweep(Session):
+    """The cases of a sweep in the core."""
 
     def __init__(
-        self,
-        text: str,
-        name: str,
-        settings: Sequence[str],
-        axes: Sequence[tuple[str, NDArray[np.float64]]],
-        is_list: bool,
+        self, deck: DeckSource, axes: Sequence[tuple[str, NDArray[np.float64]]], is_list: bool
     ) -> None:
         values = [np.asarray(axis, dtype=np.float64) for _, axis in axes]
         self._handle, self.cases, n_axes, status = _core.sweep_open(
-            _bytes(text),
-            _bytes(name),
-            _bytes("\n".join(settings)),
+            *deck.encoded(),
             _bytes("\n".join(key for key, _ in axes)),
             np.array([axis.size for axis in values], dtype=np.int32),
             np.concatenate([np.empty(0), *values]),
@@ -234,7 +333,7 @@ class Sweep:
         if status != 0:
             message = _text(_core.sweep_message(self._handle))
             self.close()
-            raise error_for(status, message)
+            raise deck.error(status, message)
         self.axes = [self._axis(i + 1) for i in range(n_axes)]
         _, self._n_values, self.at_once, found_list = _core.sweep_sizes(self._handle, 1)
         self.is_list = found_list == 1
@@ -247,16 +346,9 @@ class Sweep:
         name, units, long_name, values = _core.sweep_axis(self._handle, i, size)
         return _info(name, units, long_name), values
 
-    def __enter__(self) -> Sweep:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
+    @staticmethod
+    def _free(handle: int) -> None:
+        _core.sweep_close(handle)
 
     def run(self, first: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[int, str]]:
         """Run cases `first` (from 0) and following: values (case, value), codes (-1 if stopped), messages."""
@@ -269,17 +361,38 @@ class Sweep:
         """Let all threads give up what they do."""
         _core.sweep_stop(self._handle)
 
-    def close(self) -> None:
-        """Free the sweep; closing twice does no harm."""
-        handle, self._handle = self._handle, 0
-        if handle != 0:
-            _core.sweep_close(handle)
-
 
 @cache
 def build_info() -> BuildInfo:
     """Version, revision and compiler of the core."""
     return BuildInfo(*(_text(_core.build_text(which)) for which in (1, 2, 3)))
+
+
+KINDS = ("real", "integer", "text", "choice", "reals", "texts")
+"""Kinds of keys, in the order of the core's numbers for them."""
+
+
+@cache
+def schema() -> tuple[KeyInfo, ...]:
+    """Every key that a deck may have: the one table of src/schema.f90."""
+    return tuple(_key(i + 1) for i in range(_core.key_total()))
+
+
+def _key(i: int) -> KeyInfo:
+    kind, required, *about = _core.key_info(i)
+    group, name, units, limits, choices, condition, meaning = map(_text, about)
+    return KeyInfo(
+        group,
+        name,
+        KINDS[kind - 1],
+        bool(required),
+        units,
+        limits,
+        tuple(choices.split()),
+        _text(_core.key_default(i)),
+        condition,
+        meaning,
+    )
 
 
 def rhs(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,10 +6,12 @@ import os
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-
-import h5py  # type: ignore[import-untyped]
+from typing import TYPE_CHECKING
 
 from .errors import FileError
+
+if TYPE_CHECKING:
+    import h5py  # type: ignore[import-untyped]
 
 __all__ = ["add_seal", "check_list", "open_file"]
 
@@ -49,6 +51,8 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
     # A pipe would wait for its writer for ever.
     if os.path.exists(name) and not os.path.isfile(name):
         raise FileError(f"{name}: is not a regular file")
+    import h5py  # noqa: PLC0415  (slow to import)
+
     try:
         _check(name)
         with h5py.File(name, "r") as file:
@@ -62,6 +66,8 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
 
 def check_list(dataset: h5py.Dataset, name: str) -> None:
     """Refuse a dataset of the file `name` that is no list, or longer than the file can hold."""
+    import h5py  # noqa: PLC0415
+
     if not isinstance(dataset, h5py.Dataset) or dataset.ndim != 1:
         raise FileError(f"{name}: is damaged: '{dataset.name}' is no list")
     if dataset.nbytes > MOST_EXPANSION * os.path.getsize(name):

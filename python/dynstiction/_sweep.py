@@ -6,19 +6,21 @@ import os
 import threading
 import time
 import warnings
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias, TypedDict
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias, TypedDict, Unpack
 
-import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+from ._progress import progress_bar
 from .errors import FileError, IncompleteWarning, UsageError
+from .groups import Groups
 from .record import Info
-from .scene import DeckLike, Group, Scene
+from .scene import DeckLike, Scene
 
 if TYPE_CHECKING:
+    import h5py  # type: ignore[import-untyped]
     import xarray
 
 __all__ = ["holds_sweep", "open_sweep", "sweep"]
@@ -46,7 +48,8 @@ def sweep(
     *,
     points: bool = False,
     threads: int | None = None,
-    **groups: Group,
+    progress: bool | None = None,
+    **groups: Unpack[Groups],
 ) -> xarray.Dataset:
     """Run a scene for many values of its parameters.
 
@@ -61,7 +64,9 @@ def sweep(
         Whether the values, all of one length, are those of the cases one by one, not the sides of a grid.
     threads : int, optional
         Cores to use, at least 1; all by default. The results do not depend on it.
-    **groups : mapping
+    progress : bool, optional
+        Whether to show the number of cases done as a bar; by default as for `dynstiction.run`.
+    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
         Overrides by group, as for `dynstiction.run`.
 
     Returns
@@ -106,14 +111,15 @@ def sweep(
         threads = len(os.sched_getaffinity(0))
     if threads < 1:
         raise UsageError(f"{threads} threads: give 1 or more, or None for all cores")
-    with _native.Sweep(scene.text, scene.name, scene.settings, axes, points) as core:
+    with _native.Sweep(scene.source, axes, points) as core:
         work = _Work(core)
-        work.run(threads)
+        with progress_bar(progress, core.cases, BAR) as show:
+            work.run(threads, show)
+        work.warn()
         columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
         return _dataset(
             core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
         )
-
 
 
 def _key(key: str) -> str:
@@ -132,6 +138,9 @@ def _values(key: str, values: ArrayLike) -> NDArray[np.float64]:
     return axis
 
 
+BAR = "{percentage:3.0f}%|{bar}| {n:.0f} of {total:.0f} cases [{elapsed}<{remaining}]"
+
+
 class _Work:
     """The cases of a sweep, dealt out to threads a few at a time."""
 
@@ -139,13 +148,14 @@ class _Work:
         self._core = core
         self._lock = threading.Lock()
         self._next = 0
+        self._done = 0
         self._stopped = False
         self._error: BaseException | None = None
         self.values = np.full((core.cases, len(core.quantities)), np.nan)
         self.codes = np.full(core.cases, NOT_RUN, dtype=np.int32)
         self.messages: dict[int, str] = {}
 
-    def run(self, n_threads: int) -> None:
+    def run(self, n_threads: int, show: Callable[[float], None]) -> None:
         threads = [
             threading.Thread(target=self._one_thread, args=(n_threads,), daemon=True)
             for _ in range(n_threads)
@@ -154,14 +164,16 @@ class _Work:
             for thread in threads:
                 thread.start()
             for thread in threads:
-                thread.join()
+                while thread.is_alive():
+                    thread.join(_native.CHUNK_SECONDS)
+                    show(self._done)
+            show(self._done)
         except KeyboardInterrupt:
             self._stopped = True
         finally:
             self._wait(threads)
         if self._error is not None:
             raise self._error
-        self._warn()
 
     def _wait(self, threads: list[threading.Thread]) -> None:
         """Let the threads end, whatever has happened: they use the core, which is freed afterwards."""
@@ -195,11 +207,14 @@ class _Work:
                 self.codes[first : first + count] = codes
                 self.messages.update(messages)
                 count = int(min(LONGEST_PIECE, count * PIECE_SECONDS / passed))
+                with self._lock:
+                    self._done += count
         except BaseException as error:
             self._error = error
             self._stopped = True
 
-    def _warn(self) -> None:
+    def warn(self) -> None:
+        """Say if not all is done."""
         if self._stopped:
             text = f"stopped after {np.count_nonzero(self.codes != NOT_RUN)} of {self._core.cases} cases"
         elif self.messages:
@@ -207,7 +222,7 @@ class _Work:
             text = f"{len(self.messages)} of {self._core.cases} cases failed; the first, number {case}: {message}"
         else:
             return
-        warnings.warn(text, IncompleteWarning, stacklevel=4)
+        warnings.warn(text, IncompleteWarning, stacklevel=3)
 
 
 class _Contents(TypedDict):
@@ -251,6 +266,8 @@ def _about(info: Info) -> dict[str, str]:
 
 def holds_sweep(path: str | os.PathLike[str]) -> bool:
     """Whether a file is one of a sweep."""
+    import h5py  # noqa: PLC0415  (slow to import)
+
     try:
         with h5py.File(path, "r") as file:
             return "sweep" in file
@@ -281,6 +298,8 @@ def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
     FileError
         If the file is missing, damaged, or of something else.
     """
+    import h5py  # noqa: PLC0415  (slow to import)
+
     name = os.fspath(path)
     try:
         with h5py.File(name, "r") as file:

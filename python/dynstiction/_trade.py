@@ -3,30 +3,34 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from html import escape
+from typing import TYPE_CHECKING, Unpack
 
-import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
 from ._open import check_list, open_file
+from ._progress import progress_bar
 from .errors import FileError, UsageError
+from .groups import Groups
+from .html import table
 from .record import Described, Info
-from .scene import DeckLike, Group, Scene
+from .scene import DeckLike, Scene
 
 if TYPE_CHECKING:
+    import pandas  # type: ignore[import-untyped]
     import xarray
 
 __all__ = ["Trade", "holds_trade", "open_trade", "trade"]
 
-CHUNK_SECONDS = 0.05
-"""Wall time between two looks at Ctrl-C."""
-
 RESOLUTION = 100.0
 """An error counts as measured from this multiple of the reference's own on."""
+
+BAR = "{percentage:3.0f}%|{bar}| {n:.0f} of {total:.0f} s"
 
 Column = NDArray[np.float64] | NDArray[np.str_]
 
@@ -81,15 +85,33 @@ class Trade:
         return np.asarray((self["role"] == "candidate") & (self["result_code"] == 0))
 
     def error(self, quantity: str) -> NDArray[np.float64]:
-        """Errors of a quantity in all rows, NaN where there is none."""
+        """Errors of a quantity in all rows, NaN where there is none.
+
+        Parameters
+        ----------
+        quantity : str
+            One of `quantities`.
+        """
         return self.number(f"error_{quantity}")
 
     def number(self, name: str) -> NDArray[np.float64]:
-        """A column of numbers."""
+        """A column of numbers, shape (n,).
+
+        Parameters
+        ----------
+        name : str
+            Of the column.
+        """
         return np.asarray(self[name], dtype=np.float64)
 
     def floor(self, quantity: str) -> float:
-        """What an error must exceed to be measured: 100 times the reference's own."""
+        """What an error must exceed to be measured: 100 times the reference's own.
+
+        Parameters
+        ----------
+        quantity : str
+            One of `quantities`.
+        """
         return max(RESOLUTION * float(self.error(quantity)[1]), float(np.finfo(float).eps))
 
     def to_xarray(self) -> xarray.Dataset:
@@ -105,6 +127,29 @@ class Trade:
             coords={"point": variables["point"]},
         )
 
+    def to_pandas(self) -> pandas.DataFrame:
+        """The table as a `pandas.DataFrame`, one row a point; ``frame.attrs["units"]`` has the units."""
+        import pandas  # noqa: PLC0415  (optional)
+
+        frame = pandas.DataFrame(dict(self.columns))
+        frame.attrs["units"] = dict(self.columns.units)
+        return frame
+
+    def _repr_html_(self) -> str:
+        title, advice = repr(self).partition("\n")[0].strip("<>"), self.recommendation or self.shortfall
+        rows = [
+            [str(self[name][i]) for name in ("role", "model", "method", "contact")]
+            + [f"{self.number(name)[i]:.3g}" for name in ("rtol", "step", "v_smooth", "seconds")]
+            + [f"{self.error(name)[i]:.2e}" for name in self.quantities]
+            for i in range(len(self["role"]))
+        ]
+        heads = ("role", "model", "method", "contact", "rtol", "step [s]", "v_smooth [m/s]", "time [s]")
+        points = table((*heads, *(f"error of {name}" for name in self.quantities)), rows)
+        return (
+            f"<div><b>{escape(title)}</b><pre>{escape(advice)}</pre>"
+            f"<details><summary>{len(rows)} points</summary>{points}</details></div>"
+        )
+
     def __repr__(self) -> str:
         n, done = len(self["role"]) - 2, int(np.count_nonzero(self.done))
         head = f"<Trade: {n} candidates, {done} measured: {', '.join(self.quantities)}"
@@ -117,7 +162,8 @@ def trade(
     budget: float = 10.0,
     *,
     quantity: str = "",
-    **groups: Group,
+    progress: bool | None = None,
+    **groups: Unpack[Groups],
 ) -> Trade:
     """Measure error against cost of models, methods and tolerances on a scene.
 
@@ -132,7 +178,9 @@ def trade(
     quantity : str
         Of which quantity the accuracy is meant, or ``"all"``; by default final_elongation, period, peak_force and
         creep_velocity, as far as the scene has them.
-    **groups : mapping
+    progress : bool, optional
+        Whether to show the time spent of the budget as a bar; by default as for `dynstiction.run`.
+    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
         Overrides by group, as for `dynstiction.run`.
 
     Returns
@@ -159,9 +207,11 @@ def trade(
     wanted = 0.0 if accuracy is None else float(accuracy)
     if accuracy is not None and not 0.0 < wanted <= 1.0:
         raise UsageError(f"accuracy={accuracy}: it must be > 0 and <= 1")
-    with _native.Comparison(scene.text, scene.name, scene.settings, quantity, wanted, budget) as core:
-        while not core.advance(CHUNK_SECONDS):
-            pass
+    with _native.Comparison(scene.source, quantity, wanted, budget) as core:
+        begun = time.monotonic()
+        with progress_bar(progress, budget, BAR) as show:
+            while not core.advance(_native.CHUNK_SECONDS):
+                show(min(budget, time.monotonic() - begun))
         columns = Described((info, _array(info, values)) for info, values in core.table())
         return Trade(
             columns=columns,
@@ -208,11 +258,18 @@ def holds_trade(path: str | os.PathLike[str]) -> bool:
 def open_trade(path: str | os.PathLike[str]) -> Trade:
     """Points in a file written by ``dynstiction trade``.
 
+    Parameters
+    ----------
+    path : str or PathLike
+        The file.
+
     Raises
     ------
     FileError
         If the file is missing, damaged, or of something else.
     """
+    import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
     with open_file(path) as file:
         if "trade" not in file:
             raise FileError(f"{os.fspath(path)}: holds no comparison of dynstiction trade")

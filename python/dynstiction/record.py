@@ -30,6 +30,11 @@ class Info(NamedTuple):
 class Described(Mapping[str, T], Generic[T]):
     """Read-only mapping of names to values that knows what each value is.
 
+    Parameters
+    ----------
+    entries : iterable of (Info, value)
+        Name, unit and meaning of each value, and the value.
+
     Attributes
     ----------
     units : dict of str

@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _hdf5
-from .errors import ColumnError
+from .errors import ColumnError, UsageError
+from .html import page_table, sparkline, table
 from .record import STICK_BEGINS, Record
+from .thinning import extremes
 
 if TYPE_CHECKING:
+    import pandas  # type: ignore[import-untyped]
     import xarray
 
 __all__ = ["Result", "open"]
+
+SPARKLINES = ("spring_force_x", "theta", "X")
+SPARKLINE_BINS = 220
 
 
 class Result(Record):
@@ -42,7 +47,13 @@ class Result(Record):
         return iter(self.columns)
 
     def sticks(self, until: float = np.inf) -> int:
-        """Number of sticks that began up to the time `until` [s], the first one included."""
+        """Number of sticks that began, the first one included.
+
+        Parameters
+        ----------
+        until : float
+            Later ones are not counted [s].
+        """
         began = (self.events["kind"] == STICK_BEGINS) & (self.events["time"] <= until)
         return int(np.count_nonzero(began))
 
@@ -64,6 +75,33 @@ class Result(Record):
             attrs=dict(self.attributes),
         )
 
+    def to_pandas(self, which: str = "time_series") -> pandas.DataFrame:
+        """Time series or events as a `pandas.DataFrame`; ``frame.attrs["units"]`` has the units.
+
+        Parameters
+        ----------
+        which : str
+            ``"time_series"``, indexed by time [s], or ``"events"``, with time [s] and kind (1 = stick begins, 2 = slip
+            begins).
+
+        Raises
+        ------
+        UsageError
+            If `which` is neither.
+        """
+        import pandas  # noqa: PLC0415  (optional)
+
+        if which == "time_series":
+            series = {name: values for name, values in self.columns.items() if name != "time"}
+            frame = pandas.DataFrame(series, index=pandas.Index(self.time, name="time"))
+            frame.attrs["units"] = dict(self.columns.units)
+        elif which == "events":
+            frame = pandas.DataFrame({name: self.events[name] for name in ("time", "kind")})
+            frame.attrs["units"] = {"time": "s", "kind": "1"}
+        else:
+            raise UsageError(f"which={which!r}: a result has 'time_series' and 'events'")
+        return frame
+
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the HDF5 file that the executable writes.
 
@@ -79,13 +117,37 @@ class Result(Record):
         FileError
             If the file exists or cannot be written.
         """
+        from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
+
         _hdf5.write(self, path, overwrite=overwrite)
 
-    def __repr__(self) -> str:
+    def _heading(self) -> str:
         about = " ".join(str(self.attributes[key]) for key in ("model", "method") if key in self.attributes)
         state = "complete" if self.complete else f"incomplete: {self.result_text}"
         span = f"to t = {self.time[-1]:g} s" if self.time.size else "none"
-        lines = [f"<Result {about}: {self.time.size} samples {span}, {self.sticks()} sticks, {state}"]
+        return f"Result {about}: {self.time.size} samples {span}, {self.sticks()} sticks, {state}"
+
+    def _repr_html_(self) -> str:
+        summary = [
+            (info.name, f"{value:.6g}", "" if info.units == "1" else info.units, info.long_name)
+            for info, value in self.summary.info()
+        ]
+        lines = ""
+        if self.time.size > 1:
+            drawn = [
+                f"<tr><td>{name}</td><td>{sparkline(*extremes(self.time, self[name], SPARKLINE_BINS))}</td></tr>"
+                for name in SPARKLINES
+                if name in self
+            ]
+            lines = f"<table>{''.join(drawn)}</table>"
+        shown = page_table(self._heading(), ("summary", "value", "unit", ""), summary)
+        columns = table(
+            ("column", "unit", ""), [(i.name, i.units, i.long_name) for i, _ in self.columns.info()]
+        )
+        return f"{shown}{lines}<details><summary>{len(self.columns)} columns</summary>{columns}</details>"
+
+    def __repr__(self) -> str:
+        lines = [f"<{self._heading()}"]
         lines.append("  columns: " + ", ".join(f"{n} [{u}]" for n, u in self.columns.units.items()))
         for name, value in self.summary.items():
             lines.append(f"  {name} = {value:.10g} {self.summary.units[name]}")
@@ -94,6 +156,11 @@ class Result(Record):
 
 def open(path: str | os.PathLike[str]) -> Result:
     """Result in a file written by the executable or by `Result.save`.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        The file.
 
     Warns
     -----
@@ -105,4 +172,6 @@ def open(path: str | os.PathLike[str]) -> Result:
     FileError
         If the file is missing, damaged, of another program, or holds a sweep (`dynstiction.open_sweep`).
     """
+    from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
+
     return Result(**vars(_hdf5.read(path)))

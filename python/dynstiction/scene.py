@@ -7,34 +7,42 @@ the deck reader of the Fortran core merges, checks and completes them.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
-from typing import TypeAlias
-
-import numpy as np
+from typing import Any, Self, TypeAlias, TypeVar, Unpack, cast
 
 from . import _native
-from .errors import FileError, UsageError
+from .deck_group import DeckGroup
+from .deck_text import deck_from, setting_value
+from .errors import DeckError, FileError, UsageError
+from .groups import Groups, GroupValues, SceneGroups
+from .html import page_table
 
 __all__ = ["DeckLike", "Group", "Scene"]
 
-Group: TypeAlias = Mapping[str, object]
-"""Keys of one deck group and their values: numbers, strings, or sequences of them; None takes a key out."""
+Group: TypeAlias = DeckGroup | GroupValues
+"""What a keyword for a group takes: its dataclass, which replaces the group, or a mapping, which changes keys."""
 
-VALUES_PER_LINE = 6
+G = TypeVar("G", bound=DeckGroup)
 
 
-class Scene:
+class Scene(SceneGroups):
     """Immutable description of a run.
+
+    Scenes are equal if they give every key the same value, wherever it stands. They can be hashed, pickled, and
+    changed with `replace` or ``copy.replace``. The attributes ``scene``, ``system``, ``friction``, ``drive``,
+    ``initial``, ``integrator``, ``output`` and ``sweep`` are the groups as dataclasses.
 
     Parameters
     ----------
     deck : str, PathLike or Scene, optional
         Path of a deck, or the text of one (what contains a line break, or an ``&`` and is no file).
         Without it the scene is made of the keyword groups alone.
-    **groups : mapping
-        Deck groups, ``system={"misalignment_deg": 2.0}``; with a `deck` they override it, and a key that is
-        None is used as if the deck did not set it.
+    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
+        Deck groups, ``system=ds.System(mass=0.25, …)`` or ``system={"misalignment_deg": 2.0}``. With a `deck` a
+        dataclass replaces the group, and a mapping overrides its keys; a key that is None is used as if the deck did
+        not set it.
 
     Raises
     ------
@@ -46,29 +54,41 @@ class Scene:
     >>> fig3 = Scene("inputs/fig3.nml")                             # doctest: +SKIP
     >>> scenes = [fig3.replace(system={"misalignment_deg": phi})    # doctest: +SKIP
     ...           for phi in (1.0, 2.0, 5.0)]
+    >>> fig3.system.mass                                            # doctest: +SKIP
+    0.25
     """
 
-    __slots__ = ("_name", "_settings", "_text")
+    __slots__ = ("_fields", "_name", "_settings", "_text")
 
     _text: str
     _name: str
+    _fields: Mapping[int, str]
     _settings: dict[str, str]
 
-    def __init__(self, deck: DeckLike | None = None, /, **groups: Group) -> None:
+    def __init__(self, deck: DeckLike | None = None, /, **groups: Unpack[Groups]) -> None:
+        given = cast(Mapping[str, Group], groups)
+        self._fields, self._settings = {}, {}
         if isinstance(deck, Scene):
-            self._text, self._name, self._settings = deck._text, deck._name, dict(deck._settings)
+            self._text, self._name, self._fields = deck._text, deck._name, deck._fields
+            self._settings = dict(deck._settings)
         elif deck is None:
-            self._text, self._name, self._settings = _deck_text(groups), "scene", {}
+            written = deck_from({name: _given(name, keys) for name, keys in given.items()}, "scene")
+            self._text, self._name, self._fields = written.text, written.name, written.fields
             return
         elif isinstance(deck, str) and _is_text(deck):
-            self._text, self._name, self._settings = deck, "deck", {}
+            self._text, self._name = deck, "deck"
         else:
-            self._text, self._name, self._settings = _read(deck), os.fspath(deck), {}
-        self._settings.update(_settings(groups))
+            self._text, self._name = _read(deck), os.fspath(deck)
+        self._settings.update(_settings(given))
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Scene:
         """Scene of the deck in a file.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            The file.
 
         Raises
         ------
@@ -76,6 +96,17 @@ class Scene:
             If the file cannot be read.
         """
         return cls(Path(path))
+
+    @classmethod
+    def from_deck(cls, deck: DeckLike) -> Scene:
+        """Scene of a deck, the same as ``Scene(deck)``.
+
+        Parameters
+        ----------
+        deck : str, PathLike or Scene
+            Path of a deck, text of a deck, or a scene.
+        """
+        return cls(deck)
 
     @property
     def text(self) -> str:
@@ -92,31 +123,116 @@ class Scene:
         """Overrides of the deck, ``group.key=value`` each."""
         return tuple(f"{name}={value}" for name, value in self._settings.items())
 
-    def replace(self, **groups: Group) -> Scene:
-        """Scene with some keys changed, ``scene.replace(system={"mass": 0.5})``."""
+    @property
+    def source(self) -> _native.DeckSource:
+        """What the core reads."""
+        return _native.DeckSource(self._text, self._name, self.settings, self._fields)
+
+    def groups(self) -> dict[str, dict[str, _native.Value]]:
+        """Every key that the scene gives, by group, overrides included: a scene is ``Scene(**scene.groups())``.
+
+        Raises
+        ------
+        DeckError
+            If a key or a value is refused.
+        """
+        with _native.DeckValues(self.source, alone=True) as values:
+            return values.given()
+
+    def to_deck(self) -> str:
+        """Text of a deck with every key that the scene gives, overrides included.
+
+        Raises
+        ------
+        DeckError
+            If a key or a value is refused.
+        """
+        return deck_from(self.groups(), self._name).text
+
+    def replace(self, **groups: Unpack[Groups]) -> Scene:
+        """Scene with some groups or keys changed, ``scene.replace(system={"mass": 0.5})``; also of ``copy.replace``.
+
+        Parameters
+        ----------
+        **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
+            A dataclass replaces the group, a mapping changes its keys.
+        """
         return Scene(self, **groups)
 
+    __replace__ = replace
+
     def check(self) -> str:
-        """Every key of the scene as it will be used, defaults included.
+        """Every key of the scene as it will be used, defaults included: a deck.
 
         Raises
         ------
         DeckError
             If the scene is refused; all its faults are named.
         """
-        with _native.Run(self._text, self._name, self.settings) as run:
-            return run.resolved_deck()
+        with _native.Run(self.source) as run:
+            return run.resolved_deck
+
+    def _group(self, kind: type[G]) -> G:
+        return kind._read(self.groups().get(kind.group, {}))
+
+    def _identity(self) -> object:
+        """What makes two scenes the same: the values, or of one that cannot be read its text."""
+        try:
+            given = self.groups()
+        except DeckError:
+            return self._text, frozenset(self._settings.items())
+        kinds = (kind for kind in DeckGroup.__subclasses__() if kind.group in given)
+        groups = (kind._read(given[kind.group]) for kind in kinds)
+        return tuple(group for group in groups if group.given())
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):
             return NotImplemented
-        return (self._text, self._settings) == (other._text, other._settings)
+        return self._identity() == other._identity()
 
     def __hash__(self) -> int:
-        return hash((self._text, frozenset(self._settings.items())))
+        return hash(self._identity())
+
+    def __getstate__(self) -> tuple[str, str, dict[int, str], dict[str, str]]:
+        return self._text, self._name, dict(self._fields), self._settings
+
+    def __setstate__(self, state: tuple[str, str, dict[int, str], dict[str, str]]) -> None:
+        self._text, self._name, self._fields, self._settings = state
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
 
     def __repr__(self) -> str:
-        return f"<Scene {', '.join([repr(self._name), *self.settings])}>"
+        head = f"<Scene {', '.join([repr(self._name), *self.settings])}"
+        try:
+            groups = self.groups()
+        except DeckError as error:
+            return f"{head}\n  refused: {error}>"
+        lines = (
+            f"  {group}: {', '.join(f'{key} = {_shown(value, _units(group, key))}' for key, value in keys.items())}"
+            for group, keys in groups.items()
+        )
+        return "\n".join([head, *lines]) + ">"
+
+    def _repr_html_(self) -> str:
+        try:
+            self.check()
+            fault = ""
+        except DeckError as error:
+            fault = str(error)
+        try:
+            groups = self.groups()
+        except DeckError:
+            groups = {}
+        rows = [
+            (group, key, _shown(value), _units(group, key), _about(group, key).meaning)
+            for group, keys in groups.items()
+            for key, value in keys.items()
+        ]
+        return page_table(f"Scene {self._name}", ("group", "key", "value", "unit", ""), rows, fault)
 
 
 DeckLike: TypeAlias = str | os.PathLike[str] | Scene
@@ -135,44 +251,52 @@ def _read(path: str | os.PathLike[str]) -> str:
         raise FileError(f"{os.fspath(path)}: {error.strerror or error}: give the path of a deck") from error
 
 
-def _deck_text(groups: Mapping[str, Group]) -> str:
-    lines: list[str] = []
-    for group, keys in groups.items():
-        entries = [f"  {key} = {_value(value)}" for key, value in _items(group, keys) if value is not None]
-        lines += [f"&{group}", *entries, "/"]
-    return "\n".join(lines) + "\n"
-
-
 def _settings(groups: Mapping[str, Group]) -> dict[str, str]:
     return {
-        f"{group}.{key}".lower(): "" if value is None else _value(value).replace("\n", "")
+        f"{group}.{key}".lower(): setting_value(value)
         for group, keys in groups.items()
-        for key, value in _items(group, keys)
+        for key, value in _changes(group, keys).items()
     }
 
 
-def _items(group: str, keys: Group) -> Iterable[tuple[str, object]]:
+def _changes(group: str, keys: Group) -> Mapping[str, object]:
+    """Keys that a group changes in a deck; a dataclass takes out those that it does not give."""
+    given = _given(group, keys)
+    if isinstance(keys, DeckGroup):
+        return {field.name: given.get(field.name) for field in fields(keys)}
+    return given
+
+
+def _given(group: str, keys: Group) -> Mapping[str, object]:
+    if isinstance(keys, DeckGroup):
+        if keys.group != group:
+            raise UsageError(f"{group}={keys!r}: a {type(keys).__name__} is the group '{keys.group}'")
+        return keys.given()
     if not isinstance(keys, Mapping):
-        raise UsageError(f"{group}={keys!r}: a group is a mapping, {group}={{'key': value}}")
-    return keys.items()
+        raise UsageError(
+            f"{group}={keys!r}: a group is a mapping, {group}={{'key': value}}, or its dataclass"
+        )
+    return keys
 
 
-def _value(value: object) -> str:
-    """Namelist form of a value; every float64 is read back as the same number."""
-    if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    match value:
-        case bool():
-            return ".true." if value else ".false."
-        case int() | float():
-            return repr(value)
-        case str() | os.PathLike():
-            text = os.fspath(value)
-            if "\n" in text or "\r" in text:
-                raise UsageError(f"{text!r}: a value of a deck has no line breaks")
-            return "'" + text.replace("'", "''") + "'"
-        case Sequence():
-            items = [_value(item) for item in value]
-            rows = [items[i : i + VALUES_PER_LINE] for i in range(0, len(items), VALUES_PER_LINE)]
-            return ",\n    ".join(", ".join(row) for row in rows)
-    raise UsageError(f"{value!r}: a value of a deck is a number, a string, or a sequence of them")
+def _about(group: str, key: str) -> _native.KeyInfo:
+    return next(info for info in _native.schema() if (info.group, info.name) == (group, key))
+
+
+def _units(group: str, key: str) -> str:
+    units = _about(group, key).units
+    return "" if units == "1" else units
+
+
+def _shown(value: _native.Value, units: str = "") -> str:
+    if isinstance(value, tuple) and len(value) > 6:
+        shown = (
+            f"{value[0]:g}, {value[1]:g}, … ({len(value)} values)"
+            if isinstance(value[0], float)
+            else str(value)
+        )
+    elif isinstance(value, tuple):
+        shown = ", ".join(map(str, value))
+    else:
+        shown = repr(value)
+    return f"{shown} {units}".rstrip()

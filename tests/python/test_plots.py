@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from dynstiction import plot
 from dynstiction._native import Info
+from dynstiction.plot.paper import deck
 from matplotlib import image
 
 MM_PER_INCH = 25.4
@@ -150,7 +151,7 @@ NEEDED = {
 }
 
 
-@pytest.mark.parametrize("kind", plot.KINDS)
+@pytest.mark.parametrize("kind", NEEDED)
 def test_missing_column_names_the_remedy(fig4_result: ds.Result, kind: str) -> None:
     kept = [(info, values) for info, values in fig4_result.columns.info() if info.name in ("time", "Y")]
     lacking = replace(fig4_result, columns=ds.Described(kept))
@@ -160,10 +161,70 @@ def test_missing_column_names_the_remedy(fig4_result: ds.Result, kind: str) -> N
 
 
 def test_unknown_kind_and_empty_result_are_refused() -> None:
-    with pytest.raises(ds.UsageError, match="history, velocities, spectrogram, damping, creep, path"):
+    with pytest.raises(
+        ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns"
+    ):
         plot.draw(sawtooth(), "hystory")
     with pytest.raises(ds.UsageError, match="fewer than two samples"):
         plot.draw(result_of(time=np.empty(0)))
+
+
+# The kind that a file is drawn as by itself, and several files
+
+
+def test_the_kind_follows_from_the_file(fig3: ds.Scene, fig4_result: ds.Result) -> None:
+    def panels(result: ds.Result, kind: str | None = None) -> list[str]:
+        return [axis.get_ylabel() for axis in plot.draw(result, kind).axes]
+
+    assert panels(fig4_result) == panels(fig4_result, "history")
+    creep = ds.run(deck("creep"))
+    assert panels(creep) == panels(creep, "creep")
+    asymptotic = ds.run(deck("creep_asymptotic"))
+    assert panels(asymptotic) == ["X [m]", "X rate [m s-1]"]
+    fast = ds.run(deck("high_frequency"))
+    assert panels(fast) == panels(fast, "velocities")
+    few = ds.run(fig3, scene={"t_end": 0.05}, output={"fields": ["theta", "sticking"]})
+    assert panels(few) == ["theta [rad]", "sticking [–]"]
+    with pytest.raises(ds.UsageError, match="times only"):
+        plot.draw(result_of(time=np.arange(5.0)))
+
+
+def test_a_comparison_shares_scales_and_says_what_differs(fig3: ds.Scene) -> None:
+    runs = {f"phi{a}": ds.run(fig3, scene={"t_end": 3.0}, system={"misalignment_deg": a}) for a in (1, 5, 10)}
+    figure = plot.compare(runs)
+    figure.draw_without_rendering()
+    axes = np.array(figure.axes).reshape(5, 3)
+    for row in axes:
+        assert len({axis.get_ylim() for axis in row}) == 1
+        assert "[" in row[0].get_ylabel()
+    for column, (name, run) in zip(axes.T, runs.items(), strict=True):
+        assert column[0].get_title() == f"{name}\nmisalignment = {run.parameters['misalignment_deg']:g} deg"
+        (line,) = column[0].lines
+        assert line.get_ydata().max() == run["spring_force_x"].max()
+        assert column[-1].get_xlabel()
+    fewer = runs | {"x": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": ["X", "theta"]})}
+    assert len(plot.compare(fewer).axes) == 2 * 4
+    for wrong in ({"a": runs["phi1"]}, {str(i): runs["phi1"] for i in range(7)}):
+        with pytest.raises(ds.UsageError, match="two to 6"):
+            plot.compare(wrong)
+    with pytest.raises(ds.UsageError, match="share none"):
+        plot.compare(runs | {"y": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": "Y"})})
+
+
+def test_command_compares_files(tmp_path: Path, fig3: ds.Scene) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        ds.run(fig3, scene={"t_end": 0.05}).save(tmp_path / folder / "run.h5")
+    assert run_command("plot", "a/run.h5", "b/run.h5", cwd=tmp_path).returncode == 0
+    pixels = image.imread(tmp_path / "comparison.png")
+    assert pixels.shape[1] == pytest.approx((86.0 + 46.0) / MM_PER_INCH * plot.DOTS_PER_INCH, abs=1)
+    refused = run_command("plot", "a/run.h5", "b/run.h5", "--kind", "path", cwd=tmp_path)
+    assert (refused.returncode, refused.stderr) == (
+        1,
+        "dynstiction: --kind is for one file: several are compared\n",
+    )
+    again = run_command("plot", "a/run.h5", "a/run.h5", "-o", "x.pdf", cwd=tmp_path)
+    assert (again.returncode, "of different names" in again.stderr) == (1, True)
 
 
 def run_command(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:

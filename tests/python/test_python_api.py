@@ -250,6 +250,28 @@ def test_result_describes_itself(fig3_result: ds.Result) -> None:
         fig3_result["zet"]
 
 
+def test_result_is_shown_in_a_notebook(fig3: ds.Scene, fig3_result: ds.Result) -> None:
+    page = fig3_result._repr_html_()
+    assert page.count("<svg") == 3
+    assert "dynamic stiction" in page
+    assert len(page) < 50_000
+    assert "<svg" not in ds.run(fig3, scene=SHORT, output={"fields": "Y"})._repr_html_()
+
+
+def test_results_and_errors_are_pickled(fig3: ds.Scene, fig3_result: ds.Result) -> None:
+    again = pickle.loads(pickle.dumps(fig3_result))
+    assert_same(again, fig3_result)
+    assert again.attributes == fig3_result.attributes
+    assert dict(again.summary) == dict(fig3_result.summary)
+    assert again.columns.units == fig3_result.columns.units
+    assert repr(again) == repr(fig3_result)
+    with pytest.raises(ds.SolverError) as gave_up:
+        ds.run(fig3, integrator={"max_steps": 10})
+    error = pickle.loads(pickle.dumps(gave_up.value))
+    assert (error.code, str(error)) == (42, str(gave_up.value))
+    assert_same(error.result, gave_up.value.result)
+
+
 def test_arrays_are_float64_and_contiguous(fig3_result: ds.Result) -> None:
     for name in fig3_result:
         values = fig3_result[name]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import time
 
@@ -279,6 +280,19 @@ def test_figure_of_a_file(command, tmp_path):
     assert main(["plot", str(file), "--kind", "work_precision", "-o", str(tmp_path / "x.svg")]) == 0
     assert main(["plot", str(file), "--kind", "history"]) == 1
     assert (tmp_path / "deck_trade.png").stat().st_size > 10000
+
+
+def test_shown_tabled_and_pickled(creep):
+    pytest.importorskip("pandas", reason="no pandas: pip install pandas")
+    frame = creep.to_pandas()
+    assert list(frame) == list(creep)
+    assert list(frame["role"][:2]) == list(creep["role"][:2])
+    assert frame.attrs["units"]["seconds"] == "s"
+    page = creep._repr_html_()
+    assert page.count("<tr>") == len(creep["role"]) + 1
+    again = pickle.loads(pickle.dumps(creep))
+    assert repr(again) == repr(creep)
+    np.testing.assert_array_equal(again["rtol"], creep["rtol"])
 
 
 def test_figure_shows_every_measured_point(creep):

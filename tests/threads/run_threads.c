@@ -8,8 +8,9 @@
 /* src/python_api.f90, under gfortran's names. */
 void __dst_python_api_MOD_run_open(const int *n_deck, const int *deck, const int *n_name, const int *name, const int *n_settings,
                                    const int *settings, long long *handle, int *status);
-void __dst_python_api_MOD_run_advance(const long long *handle, const double *seconds, int *finished, int *n_rows,
-                                      int *n_events, int *status);
+void __dst_python_api_MOD_run_advance(const long long *handle, const double *seconds, const double *until,
+                                      int *finished, int *reached, int *n_rows, int *n_events);
+void __dst_python_api_MOD_run_outcome(const long long *handle, int *status);
 void __dst_python_api_MOD_run_close(const long long *handle);
 void __dst_python_api_MOD_sweep_open(const int *n_deck, const int *deck, const int *n_name, const int *name, const int *n_settings,
                                      const int *settings, const int *n_names, const int *names, const int *n_axes,
@@ -43,15 +44,16 @@ static void *run(void *which) {
   int deck_codes[longest], name_codes[longest], setting_codes[longest];
   const int n_deck = spread(deck, deck_codes), n_name = spread("deck", name_codes);
   const int n_settings = spread(settings[*(int *)which % 7], setting_codes);
-  const double slice = 0.02;
+  const double slice = 0.02, until = 1e300;
   long long handle;
-  int status, finished = 0, n_rows, n_events;
+  int status, finished = 0, reached, n_rows, n_events;
 
   if (with_lock) pthread_mutex_lock(&lock);
   __dst_python_api_MOD_run_open(&n_deck, deck_codes, &n_name, name_codes, &n_settings, setting_codes, &handle, &status);
   if (with_lock) pthread_mutex_unlock(&lock);
   while (status == 0 && !finished)
-    __dst_python_api_MOD_run_advance(&handle, &slice, &finished, &n_rows, &n_events, &status);
+    __dst_python_api_MOD_run_advance(&handle, &slice, &until, &finished, &reached, &n_rows, &n_events);
+  if (status == 0) __dst_python_api_MOD_run_outcome(&handle, &status);
   if (with_lock) pthread_mutex_lock(&lock);
   __dst_python_api_MOD_run_close(&handle);
   if (with_lock) pthread_mutex_unlock(&lock);

@@ -6,7 +6,7 @@ A kind of figure is a function of a result and an empty figure, in a file of its
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, TypeAlias
 
 from matplotlib.figure import Figure
@@ -14,11 +14,13 @@ from matplotlib.figure import Figure
 from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
+from .comparison import MOST_RESULTS, draw_comparison
 from .creep import draw_creep
 from .damping import draw_damping
 from .history import draw_history
 from .path import draw_path
 from .samples import first_release, thin
+from .series import draw_series
 from .spectra import draw_spectrogram
 from .style import DOTS_PER_INCH, new_figure, write
 from .sweep_lambda import draw_lambda
@@ -35,6 +37,7 @@ __all__ = [
     "SWEEP_KINDS",
     "WORK_PRECISION",
     "Drawable",
+    "compare",
     "draw",
     "first_release",
     "save",
@@ -48,6 +51,7 @@ KINDS: dict[str, Callable[[Result, Figure], None]] = {
     "damping": draw_damping,
     "creep": draw_creep,
     "path": draw_path,
+    "columns": draw_series,
 }
 """Kinds of figure of a run by name."""
 
@@ -56,6 +60,9 @@ SWEEP_KINDS: dict[str, Callable[[xarray.Dataset, Figure], None]] = {
     "lambda": draw_lambda,
 }
 """Kinds of figure of a sweep by name."""
+
+KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequency": "velocities"}
+"""What shows best what a model is for; of the others the history."""
 
 WORK_PRECISION = "work_precision"
 """The kind of figure of a comparison."""
@@ -73,7 +80,8 @@ def draw(result: Drawable, kind: str | None = None, quantity: str | None = None)
         A run, from `dynstiction.run` or `dynstiction.open`; a comparison, from `dynstiction.trade` or
         `dynstiction.open_trade`; or a sweep, from `dynstiction.sweep` or `dynstiction.open_sweep`.
     kind : str, optional
-        Of a run a name in `KINDS`, by default ``"history"``; of a sweep one in `SWEEP_KINDS`, by default ``"map"``;
+        Of a run a name in `KINDS`, by default what its model is for, or all columns
+        where that needs more than the result has; of a sweep one in `SWEEP_KINDS`, by default ``"map"``;
         of a comparison `WORK_PRECISION`, the only one.
     quantity : str, optional
         What a map of a sweep shows, by default ``"swing"``.
@@ -101,11 +109,49 @@ def draw(result: Drawable, kind: str | None = None, quantity: str | None = None)
     if not isinstance(result, Result):
         sweep, draw_sweep = result, SWEEP_KINDS[_known(kind or "map", SWEEP_KINDS)]
         return new_figure(lambda figure: draw_sweep(sweep, figure))
-    kind = _known(kind or "history", KINDS)
+    if kind is not None:
+        kind = _known(kind, KINDS)
+    _refuse_empty(result)
+    if kind is not None:
+        return _draw_run(result, kind)
+    try:
+        return _draw_run(result, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history"))
+    except UsageError:
+        return _draw_run(result, "columns")
+
+
+def _draw_run(result: Result, kind: str) -> Figure:
+    return new_figure(lambda figure: KINDS[kind](result, figure))
+
+
+def _refuse_empty(result: Result) -> None:
     if result.time.size < 2:
         raise UsageError("nothing to draw: the result has fewer than two samples")
-    run, draw_kind = result, KINDS[kind]
-    return new_figure(lambda figure: draw_kind(run, figure))
+
+
+def compare(results: Mapping[str, Result]) -> Figure:
+    """Draw several runs side by side, on the same scales.
+
+    Parameters
+    ----------
+    results : mapping of Result
+        Two to six runs by name.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Not attached to any window; above each run its name, and the parameters in which the runs differ.
+
+    Raises
+    ------
+    UsageError
+        If there are too few or too many, one has no samples, or they share no column.
+    """
+    if not 2 <= len(results) <= MOST_RESULTS:
+        raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
+    for result in results.values():
+        _refuse_empty(result)
+    return new_figure(lambda figure: draw_comparison(results, figure))
 
 
 def _known(kind: str, kinds: Iterable[str]) -> str:

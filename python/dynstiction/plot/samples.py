@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import ColumnError
 from ..result import Result
+from ..thinning import extremes
 from .style import COLUMN_WIDTH, DOTS_PER_INCH
 
 __all__ = ["BINS", "Floats", "columns", "first_release", "thin"]
@@ -38,37 +39,8 @@ def columns(result: Result, *names: str) -> Mapping[str, Floats]:
 
 
 def thin(time: Floats, values: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
-    """Smallest and largest value of each stretch of time, in their order.
-
-    The drawn line covers the same dots as that of all samples, however fast they oscillate.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (n,)
-        Rising times and a value at each.
-    bins : int
-        Number of stretches of equal length.
-
-    Returns
-    -------
-    time, values : ndarray, shape (at most 2*bins + 2,)
-        The kept samples, the first and the last among them.
-    """
-    if time.size <= 2 * bins:
-        return time, values
-    edges = np.searchsorted(time, np.linspace(time[0], time[-1], bins + 1)[1:-1])
-    starts = np.unique(np.concatenate([[0], edges]))
-    starts = starts[starts < time.size]
-    sizes = np.diff(np.append(starts, time.size))
-    keep = [0, time.size - 1]
-    for extreme in (np.fmin, np.fmax):
-        reached = values == np.repeat(extreme.reduceat(values, starts), sizes)
-        # The first sample of each bin that reaches its extreme; none where all are NaN.
-        reaching = np.flatnonzero(reached)
-        bin_of = np.searchsorted(starts, reaching, side="right")
-        keep.extend(reaching[np.unique(bin_of, return_index=True)[1]])
-    kept = np.unique(keep)
-    return time[kept], values[kept]
+    """Smallest and largest value of each stretch of time that is drawn as one dot: see `extremes`."""
+    return extremes(time, values, bins)
 
 
 def first_release(force: Floats) -> int:

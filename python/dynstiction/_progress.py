@@ -1,0 +1,67 @@
+"""Bars that show how far something is; tqdm is imported when the first one is drawn."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from .errors import UsageError
+
+__all__ = ["progress_bar"]
+
+DELAY = 1.0
+"""Nobody wants a bar for what takes less [s]."""
+
+
+@contextmanager
+def progress_bar(wanted: bool | None, total: float, form: str) -> Iterator[Callable[[float], None]]:
+    """Give a function that is told how much of `total` is done.
+
+    Parameters
+    ----------
+    wanted : bool or None
+        None: only on a terminal or in a notebook, after a second, and if tqdm is installed.
+    total : float
+        All there is to do.
+    form : str
+        The bar, as tqdm's ``bar_format``.
+
+    Raises
+    ------
+    UsageError
+        If a bar is wanted and tqdm is not installed.
+    """
+    begun = time.monotonic()
+    delay = 0.0 if wanted else DELAY if wanted is None and _is_watched() else float("inf")
+    bar: Any = None
+    with ExitStack() as stack:
+
+        def show(done: float) -> None:
+            nonlocal bar, delay
+            if bar is None and time.monotonic() - begun >= delay:
+                make = _tqdm()
+                if make is None:
+                    delay = float("inf")
+                else:
+                    bar = stack.enter_context(make(total=total, bar_format=form))
+            if bar is not None and done > bar.n:
+                bar.update(done - bar.n)
+
+        if wanted and _tqdm() is None:
+            raise UsageError("progress=True needs tqdm: pip install tqdm")
+        yield show
+
+
+def _is_watched() -> bool:
+    return "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
+
+
+def _tqdm() -> Any:
+    try:
+        from tqdm.auto import tqdm  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+    except ImportError:
+        return None
+    return tqdm

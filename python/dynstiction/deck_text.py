@@ -1,0 +1,69 @@
+"""Values as a deck writes them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ._native import DeckSource
+from .errors import UsageError
+
+__all__ = ["deck_from", "plain", "setting_value"]
+
+VALUES_PER_LINE = 6
+
+
+def deck_from(groups: Mapping[str, Mapping[str, object]], name: str) -> DeckSource:
+    """Deck of some groups; None leaves a key out. Messages on it name the keys."""
+    lines: list[str] = []
+    fields: dict[int, str] = {}
+    for group, keys in groups.items():
+        lines.append(f"&{group}")
+        fields[len(lines)] = group
+        for key, value in keys.items():
+            if value is None:
+                continue
+            written = f"  {key} = {_namelist(value)}".split("\n")
+            lines += written
+            fields |= {len(lines) - i: f"{group}.{key}" for i in range(len(written))}
+        lines.append("/")
+    return DeckSource("\n".join(lines) + "\n", name, fields=fields)
+
+
+def setting_value(value: object) -> str:
+    """A value in one line; None is nothing, which takes a key out of the deck."""
+    return "" if value is None else _namelist(value).replace("\n", "")
+
+
+def plain(value: object) -> object:
+    """A value without NumPy, sequences as tuples."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        return tuple(plain(item) for item in value)
+    return value
+
+
+def _namelist(value: object) -> str:
+    """Namelist form of a value; every float64 is read back as the same number."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    match value:
+        case bool():
+            return ".true." if value else ".false."
+        case int() | float():
+            return repr(value)
+        case str() | os.PathLike():
+            text = os.fspath(value)
+            if "\n" in text or "\r" in text:
+                raise UsageError(f"{text!r}: a value of a deck has no line breaks")
+            return "'" + text.replace("'", "''") + "'"
+        case Sequence():
+            items = [_namelist(item) for item in value]
+            rows = [items[i : i + VALUES_PER_LINE] for i in range(0, len(items), VALUES_PER_LINE)]
+            return ",\n    ".join(", ".join(row) for row in rows)
+    raise UsageError(f"{value!r}: a value of a deck is a number, a string, or a sequence of them")

@@ -1,0 +1,129 @@
+"""Results as CSV files, for spreadsheets and programs without HDF5."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._trade import Trade
+from .errors import FileError
+from .record import Info
+from .result import Result
+
+__all__ = ["export_csv", "export_sweep_csv"]
+
+EVENTS = (Info("time", "s", ""), Info("kind", "1", ""))
+ABOUT = ("table", "name", "value", "unit", "meaning")
+
+
+def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
+    """Write the tables of a run or a comparison, and yield the files as they are there.
+
+    Numbers are written so that they are read back as the same doubles; a column's head is ``name [unit]``.
+
+    Parameters
+    ----------
+    result : Result or Trade
+        Of a run NAME_time_series.csv, NAME_events.csv (kind 1 = stick begins, 2 = slip begins) and NAME_summary.csv
+        (summary, statistics and parameters, one a line) are written, of a comparison NAME_trade.csv.
+    folder : Path
+        Made if it is not there.
+    name : str
+        Begins the names of the files.
+    overwrite : bool
+        Whether files may be replaced.
+
+    Raises
+    ------
+    FileError
+        If a file is there already or cannot be written.
+    """
+    if isinstance(result, Trade):
+        infos, values = zip(*result.columns.info(), strict=True)
+        yield _write(folder / f"{name}_trade.csv", _heads(infos), _rows(values), overwrite)
+        return
+    infos, values = zip(*result.columns.info(), strict=True)
+    yield _write(folder / f"{name}_time_series.csv", _heads(infos), _rows(values), overwrite)
+    events = [result.events[info.name] for info in EVENTS]
+    yield _write(folder / f"{name}_events.csv", _heads(EVENTS), _rows(events), overwrite)
+    yield _write(folder / f"{name}_summary.csv", ABOUT, _summary_rows(result), overwrite)
+
+
+def _summary_rows(result: Result) -> Iterator[Sequence[object]]:
+    for table in ("summary", "statistics", "parameters"):
+        for info, value in getattr(result, table).info():
+            yield table, info.name, value, info.units, info.long_name
+
+
+def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = False) -> Path:
+    """Write the cases of a sweep file, one a row: parameters, summary, result code, wall time.
+
+    Parameters
+    ----------
+    path : Path
+        The sweep file.
+    folder, name, overwrite
+        As for `export_csv`; the file is NAME_sweep.csv.
+
+    Raises
+    ------
+    FileError
+        If the sweep file cannot be read, or the CSV file is there already or cannot be written.
+    """
+    import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
+    try:
+        with h5py.File(path, "r") as file:
+            columns = list(_sweep_columns(file["sweep"]))
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
+        raise FileError(f"{path}: cannot be read as a sweep: {error}") from error
+    infos, values = zip(*columns, strict=True)
+    return _write(folder / f"{name}_sweep.csv", _heads(infos), _rows(values), overwrite)
+
+
+def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
+    """All that has one number a case: case, parameters, result code, wall time, then the summary."""
+    cases = group["case"].shape
+    for table in (group, group["summary"]):
+        # What is sorted by name, but for the number of the case.
+        for name in sorted(table, key=lambda name: name != "case"):
+            if getattr(table[name], "shape", None) == cases:
+                yield _sweep_info(name, table[name]), table[name][...]
+
+
+def _sweep_info(name: str, dataset: Any) -> Info:
+    return Info(name, str(dataset.attrs.get("units", "1")), str(dataset.attrs.get("long_name", "")))
+
+
+def _heads(infos: Iterable[Info]) -> list[str]:
+    return [info.name if info.units in ("", "1") else f"{info.name} [{info.units}]" for info in infos]
+
+
+def _rows(columns: Iterable[Any]) -> Iterable[Sequence[object]]:
+    # As Python's numbers: they are written in the fewest digits that are read back as the same.
+    return zip(*(np.asarray(column).tolist() for column in columns), strict=True)
+
+
+def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]], overwrite: bool) -> Path:
+    with _writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w" if overwrite else "x", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(head)
+            writer.writerows(rows)
+    return path
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except FileExistsError as error:
+        raise FileError(f"{path}: the file exists: use --overwrite or another folder") from error
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error

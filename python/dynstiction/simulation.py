@@ -1,0 +1,304 @@
+"""A run step by step."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from datetime import UTC, datetime
+from types import TracebackType
+from typing import Self, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._progress import progress_bar
+from .errors import IncompleteWarning, SolverError, UsageError
+from .groups import Groups
+from .record import EVENT_DTYPE, Described, Info
+from .result import Result
+from .scene import DeckLike, Scene
+
+__all__ = ["Simulation"]
+
+STOPPED_EARLY = 75
+GOING_ON = -1
+
+BAR = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining}]"
+
+
+MOST_EXPECTED = 1_000_000
+"""Rows that are made room for before they are there, at most."""
+
+
+class _Samples:
+    """Columns that grow; each is contiguous. Memory is touched once, which is most of what long series cost."""
+
+    def __init__(self, n_columns: int, expected: int) -> None:
+        self._values = np.empty((n_columns, max(expected, 1)))
+        self._rows = 0
+
+    def append(self, rows: NDArray[np.float64]) -> None:
+        end = self._rows + len(rows)
+        if end > self._values.shape[1]:
+            larger = np.empty((self._values.shape[0], 2 * end))
+            larger[:, : self._rows] = self._values[:, : self._rows]
+            self._values = larger
+        self._values[:, self._rows : end] = rows.T
+        self._rows = end
+
+    def columns(self) -> list[NDArray[np.float64]]:
+        return [values[: self._rows] for values in self._values]
+
+    def last_time(self) -> float:
+        return float(self._values[0, self._rows - 1]) if self._rows > 0 else 0.0
+
+
+class Simulation:
+    """A run that goes on when it is told to; in the end it is what `dynstiction.run` returns, bit for bit.
+
+    A context manager; what the core holds is freed at its end, and what was computed stays.
+
+    Parameters
+    ----------
+    deck : str, PathLike or Scene
+        Path of a deck, text of a deck, or a scene.
+    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
+        Overrides by group, as for `dynstiction.run`.
+
+    Raises
+    ------
+    DeckError
+        If the scene is refused.
+    FileError
+        If the deck cannot be read.
+
+    Examples
+    --------
+    >>> with ds.Simulation("inputs/fig3.nml") as simulation:                # doctest: +SKIP
+    ...     simulation.step_to(0.5)
+    ...     print(simulation.state["spring_force_x"], len(simulation.events))
+    ...     result = simulation.finish()
+    """
+
+    def __init__(self, deck: DeckLike, **groups: Unpack[Groups]) -> None:
+        self._scene = Scene(deck, **groups)
+        self._core = _native.Run(self._scene.source)
+        self._parameters = Described(self._core.parameters())
+        self._t_end = float(self._parameters["t_end"])
+        self._samples = _Samples(len(self._core.columns), self._expected_rows())
+        self._events = [np.empty(0, dtype=EVENT_DTYPE)]
+        self._outcome: tuple[int, str] | None = None
+        self._summary: Described[float] = Described([])
+        self._statistics: Described[float] = Described([])
+        self._time = 0.0
+        self._advance(0.0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free what the core holds; a run that is not finished can then not go on."""
+        self._core.close()
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, overrides included."""
+        return self._scene
+
+    @property
+    def time(self) -> float:
+        """Simulated time reached [s]."""
+        return self._time
+
+    @property
+    def t_end(self) -> float:
+        """End of the simulated time [s]."""
+        return self._t_end
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run has ended, at `t_end` or before."""
+        return self._outcome is not None and (self._outcome[0] != 0 or self._time >= self._t_end)
+
+    @property
+    def state(self) -> Described[float]:
+        """What a sample at `time` holds: the columns of the time series, interpolated as samples are.
+
+        Raises
+        ------
+        UsageError
+            If the simulation is closed.
+        """
+        self._need_core()
+        return Described(self._core.state(self._time))
+
+    @property
+    def events(self) -> NDArray[np.void]:
+        """Events so far: ``time`` [s] and ``kind`` (1 = stick begins, 2 = slip begins)."""
+        events = np.concatenate(self._events)
+        return events if self.finished else events[events["time"] <= self._time]
+
+    @property
+    def result(self) -> Result:
+        """What there is up to `time`; summary and statistics are there when the run has ended."""
+        columns = self._samples.columns()
+        if not self.finished:
+            n = int(np.searchsorted(columns[0], self._time, side="right"))
+            # The run goes on in what the core has filled; this does not.
+            columns = [values[:n].copy() for values in columns]
+        return Result(
+            columns=Described(zip(self._core.columns, columns, strict=True)),
+            events=self.events,
+            summary=self._summary if self.finished else Described([]),
+            statistics=self._statistics if self.finished else Described([]),
+            parameters=self._parameters,
+            attributes=self._attributes(),
+            deck=self._scene.text,
+            resolved_deck=self._core.resolved_deck,
+        )
+
+    def step_to(self, time: float) -> None:
+        """Integrate up to a time.
+
+        The steps are those of an undisturbed run: the last one may end later, and what lies beyond `time` is kept
+        back until the run gets there.
+
+        Parameters
+        ----------
+        time : float
+            Simulated time [s], from the one reached to `t_end`; that ends the run.
+
+        Raises
+        ------
+        UsageError
+            If the time lies in the past or beyond the end, or the simulation is closed.
+        SolverError
+            If the solver gave up; its ``result`` holds what was computed until then.
+
+        Warns
+        -----
+        IncompleteWarning
+            If the run was stopped at ``output.wall_limit``.
+        """
+        if not self._time <= time <= self._t_end:
+            raise UsageError(
+                f"time = {time:g} s: the run has reached {self._time:g} s and ends at {self._t_end:g} s"
+            )
+        if not self.finished:
+            self._need_core()
+            while not self._advance(time):
+                pass
+        self._tell(stacklevel=3)
+
+    def finish(self, progress: bool | None = None) -> Result:
+        """Integrate to the end.
+
+        Parameters
+        ----------
+        progress : bool, optional
+            Whether to show the simulated time as a bar; by default as for `dynstiction.run`.
+
+        Returns
+        -------
+        Result
+            As of `dynstiction.run`.
+
+        Raises
+        ------
+        SolverError
+            If the solver gave up; its ``result`` holds what was computed until then.
+
+        Warns
+        -----
+        IncompleteWarning
+            If the run was stopped at ``output.wall_limit``.
+        """
+        return self._finish(progress, stacklevel=4)
+
+    def _finish(self, progress: bool | None, stacklevel: int) -> Result:
+        if not self.finished:
+            self._need_core()
+            with progress_bar(progress, self._t_end, BAR) as show:
+                while not self._advance(self._t_end):
+                    show(self._samples.last_time())
+                show(self._time)
+        self._tell(stacklevel)
+        return self.result
+
+    def _advance(self, until: float) -> bool:
+        """Go on for a while, at most to `until`; whether that has been reached, or the run has ended before."""
+        reached = False
+        if self._outcome is None:
+            # The end is more than a time that is reached: the run is summed up there.
+            aim = until if until < self._t_end else np.inf
+            finished, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
+            self._samples.append(rows)
+            events = np.empty(time.size, dtype=EVENT_DTYPE)
+            events["time"], events["kind"] = time, kind
+            self._events.append(events)
+            if finished:
+                self._outcome = self._core.outcome()
+                self._summary = Described(self._core.summary())
+                self._statistics = Described(map(_counted, self._core.statistics()))
+        if self._outcome is not None and self._outcome[0] != 0:
+            self._time = self._samples.last_time()
+        elif self._outcome is not None or reached:
+            # The last step may have ended the run beyond a time that lies before its end.
+            self._time = float(until)
+        else:
+            return False
+        return True
+
+    def _expected_rows(self) -> int:
+        interval = float(self._parameters["interval"])
+        return int(min(self._t_end / interval + 2, MOST_EXPECTED)) if interval > 0.0 else 0
+
+    def _need_core(self) -> None:
+        if self._core.closed:
+            raise UsageError("the simulation is closed: make a new one")
+
+    def _tell(self, stacklevel: int) -> None:
+        """Raise or warn if the run has ended badly."""
+        code, text = self._outcome or (0, "")
+        if code == STOPPED_EARLY:
+            warnings.warn(text, IncompleteWarning, stacklevel=stacklevel)
+        elif code != 0:
+            error = self._scene.source.error(code, text)
+            if isinstance(error, SolverError):
+                error.result = self.result
+            raise error
+
+    def _attributes(self) -> dict[str, str | int]:
+        going_on = GOING_ON, f"reached t = {self._time:g} s"
+        code, text = self._outcome if self.finished and self._outcome else going_on
+        choice = self._core.model_choice
+        return {
+            "program": "dynstiction",
+            **_native.build_info()._asdict(),
+            "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            "deck_sha256": hashlib.sha256(self._scene.text.encode("utf-8", "surrogateescape")).hexdigest(),
+            "model": self._core.model,
+            "method": self._core.method,
+            **({"model_choice": choice} if choice else {}),
+            "result_code": code,
+            "result_text": text,
+            "complete": int(code == 0),
+        }
+
+    def __repr__(self) -> str:
+        state = "finished" if self.finished else "closed" if self._core.closed else "going on"
+        return f"<Simulation {self._scene.name!r}: t = {self._time:g} of {self._t_end:g} s, {state}>"
+
+
+def _counted(entry: tuple[Info, float]) -> tuple[Info, float]:
+    info, value = entry
+    return info, int(value) if info.units == "1" else value

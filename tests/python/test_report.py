@@ -1,0 +1,200 @@
+"""The HTML page of a run: complete, self-contained, and alive in a browser."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from dynstiction.__main__ import main
+from dynstiction.report import FRAMES, report
+from matplotlib import image
+
+
+@pytest.fixture(scope="module")
+def page(fig3_result: ds.Result) -> str:
+    return report(fig3_result, "fig3.h5")
+
+
+class Reader(HTMLParser):
+    """Texts, and every attribute that can make a browser load something."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.texts: list[str] = []
+        self.links: list[str] = []
+        self.open: list[str] = []
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "img", "input", "link"):
+            self.open.append(tag)
+        self.links += [
+            value or "" for name, value in attrs if name in ("src", "href", "srcset", "action", "data")
+        ]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+
+def test_the_page_holds_what_the_file_holds(page: str, fig3_result: ds.Result) -> None:
+    reader = Reader(page)
+    assert reader.open == []
+    texts = {text.strip() for text in reader.texts}
+    for values in (fig3_result.summary, fig3_result.statistics, fig3_result.parameters):
+        for info, value in values.info():
+            assert info.name in texts
+            assert info.long_name in texts
+            assert (f"{value:.8g}" if isinstance(value, float) else str(value)) in texts
+    assert {str(value) for value in fig3_result.attributes.values()} <= texts
+    assert {"m s-1", "N/m", "Fig. 3, Nakano & Popov (2020)", "fig3.h5", "complete"} <= texts
+    assert fig3_result.deck.strip() in texts
+    assert "0.915064" in texts, "a period of the table of cycles"
+
+
+def test_the_page_loads_nothing(page: str) -> None:
+    links = Reader(page).links
+    assert links, "no figure"
+    assert all(link.startswith("data:image/png;base64,") for link in links)
+    assert not re.search(r"https?:|//[a-z]|@import|url\(", re.sub(r"base64,[^\"]*", "", page))
+    assert "Content-Security-Policy" in page
+
+
+def test_the_figures_are_those_of_plot(page: str) -> None:
+    kinds = re.findall(r'<img alt="(\w+)"', page)
+    assert kinds == ["history", "velocities", "spectrogram", "damping", "creep", "path"]
+    for link in Reader(page).links:
+        pixels = image.imread(io.BytesIO(base64.b64decode(link.partition(",")[2])))
+        assert pixels.shape[1] > 700
+        assert np.ptp(pixels) > 0.5
+
+
+def test_the_animation_has_the_friction_vector(page: str, fig3_result: ds.Result) -> None:
+    frames = json.loads(re.search(r'id="frames">(.*?)</script>', page)[1])
+    assert {len(values) for name, values in frames.items() if name != "span"} == {FRAMES}
+    assert frames["span"] == [0.0, 10.0]
+    x, y = np.array(frames["x"]), np.array(frames["y"])
+    # The first creep: across the pull, then against it; never with it.
+    assert (x[1], y[1]) == (pytest.approx(0.0, abs=0.1), pytest.approx(-2.0, abs=0.05))
+    assert x.min() == pytest.approx(-2.0, abs=0.03)
+    assert x.max() < 0.1
+    assert np.hypot(x, y).max() <= 2.0 * (1 + 1e-5)
+    assert max(frames["position"]) == pytest.approx(1e3 * fig3_result["X"].max(), rel=0.01)
+
+
+def test_any_run_has_a_page(fig3: ds.Scene, fig3_result: ds.Result) -> None:
+    few = ds.run(fig3, scene={"t_end": 0.05, "title": "<script>alert(1)</script>"}, output={"fields": "X"})
+    page = report(few, "a<b>.h5")
+    assert "<script>alert" not in page
+    assert "a&lt;b&gt;.h5" in page
+    assert 'alt="columns"' in page
+    assert "lacks the columns" in page
+    cut = replace(fig3_result, columns=ds.Described((i, v[:0]) for i, v in fig3_result.columns.info()))
+    assert "Too few samples" in report(replace(cut, attributes={"complete": 0}), "cut.h5")
+
+
+def test_the_command_writes_beside_the_file(
+    tmp_path: Path, fig3: ds.Scene, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ds.run(fig3, scene={"t_end": 0.05}).save(tmp_path / "run.h5")
+    assert main(["report", str(tmp_path / "run.h5")]) == 0
+    assert (tmp_path / "run.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert main(["report", str(tmp_path / "run.h5")]) == 3
+    assert "exists" in capsys.readouterr().err
+    assert main(["report", str(tmp_path / "run.h5"), "--overwrite"]) == 0
+    assert main(["report", str(tmp_path / "run.h5"), "-o", str(tmp_path / "no" / "x.html")]) == 3
+    assert main(["report", str(tmp_path / "none.h5")]) == 3
+
+
+# In a browser
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+PLAY = """<script>
+const shown = () => document.getElementById("clock").textContent;
+const frame = document.getElementById("frame");
+const before = shown();
+frame.value = frame.max; frame.dispatchEvent(new Event("input"));
+const last = shown();
+frame.value = 300; frame.dispatchEvent(new Event("input"));
+document.getElementById("play").click();
+setTimeout(() => {
+  document.body.dataset.clocks = [before, last, shown(), document.getElementById("play").textContent].join("|");
+}, 3000);
+</script></body>"""
+
+
+def browse(page: str, folder: Path, *options: str) -> tuple[str, list[str]]:
+    """The page's elements after its scripts, and what it wrote on the console: errors, and loads that failed."""
+    assert BROWSER is not None
+    (folder / "page.html").write_text(page, encoding="utf-8")
+    command = [
+        BROWSER,
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--no-first-run",
+        f"--user-data-dir={folder / 'profile'}",
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+        "--enable-logging=stderr",
+        "--virtual-time-budget=8000",
+        *options,
+        f"file://{folder / 'page.html'}",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE:" in line]
+
+
+@pytest.mark.full
+@pytest.mark.skipif(BROWSER is None, reason="no chromium: apt-get install chromium")
+def test_the_page_is_alive_in_a_browser(page: str, tmp_path: Path) -> None:
+    elements, console = browse(page.replace("</body>", PLAY), tmp_path, "--dump-dom")
+    assert console == []
+    before, last, playing, button = re.search(r'data-clocks="([^"]*)"', elements)[1].split("|")
+    times = [float(re.fullmatch(r"t = ([\d.]+) s", clock)[1]) for clock in (before, last, playing)]
+    assert times[0] == pytest.approx(1.26, abs=0.02)
+    assert times[1] == pytest.approx(10.0, abs=0.02)
+    assert 5.0 < times[2] < 9.0
+    assert button == "Pause"
+    assert len(re.search(r'id="trace" points="([^"]*)"', elements)[1].split()) == FRAMES
+
+
+@pytest.mark.full
+@pytest.mark.skipif(BROWSER is None, reason="no chromium: apt-get install chromium")
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "<script>undefined_function()</script>",
+        '<img src="https://example.org/x.png">',
+        '<link rel="stylesheet" href="https://example.org/x.css">',
+    ],
+)
+def test_a_fault_of_the_page_would_be_seen(page: str, tmp_path: Path, fault: str) -> None:
+    """A load would be one against the page's own policy, which the browser reports."""
+    _, console = browse(page.replace("</body>", f"{fault}</body>"), tmp_path, "--dump-dom")
+    assert console
+
+
+@pytest.mark.full
+@pytest.mark.skipif(BROWSER is None, reason="no chromium: apt-get install chromium")
+def test_the_page_is_drawn(page: str, tmp_path: Path) -> None:
+    browse(page, tmp_path, f"--screenshot={tmp_path / 'page.png'}", "--window-size=1200,2400")
+    pixels = image.imread(tmp_path / "page.png")[..., :3]
+    assert pixels.shape[:2] == (2400, 1200)
+    ink = np.any(pixels < 0.9, axis=2)
+    bands = ink.reshape(24, 100, 1200).mean(axis=(1, 2))
+    assert np.all(bands > 0.002), "a band of the page is empty"
+    assert ink.mean() < 0.5

@@ -1,0 +1,309 @@
+"""Scenes: the deck's groups as dataclasses, made from the schema and checked by the deck reader."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+import pickle
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import dynstiction as ds
+import f90nml
+import numpy as np
+import pytest
+from dynstiction._native import schema
+from dynstiction.deck_group import DeckGroup
+from hypothesis import given
+from hypothesis import strategies as st
+
+ROOT = Path(__file__).resolve().parents[2]
+GROUPS = {group.group: group for group in DeckGroup.__subclasses__()}
+
+FIG3 = {
+    "scene": ds.Setup(title="Fig. 3, Nakano & Popov (2020)", t_end=10.0),
+    "system": ds.System(mass=0.25, stiffness_x=1e3, stiffness_y=1e7, misalignment_deg=1.0),
+    "friction": ds.Friction(mu_0=0.2, mu_inf=0.15, v_f=0.01, normal_load=10.0),
+    "drive": ds.Drive(velocity=1e-3),
+    "initial": ds.Initial(velocity_ratio=1e-6),
+    "output": ds.Output(interval=1e-4),
+}
+
+
+# The classes and the schema
+
+
+def test_the_module_of_groups_is_that_of_the_schema() -> None:
+    command = [sys.executable, ROOT / "tools" / "generate_groups.py", "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_every_key_is_a_field_with_the_schema_s_unit_and_meaning() -> None:
+    for key in schema():
+        (field,) = [f for f in dataclasses.fields(GROUPS[key.group]) if f.name == key.name]
+        assert field.metadata["units"] == (key.units or "1")
+        assert field.metadata["long_name"] == key.meaning
+    assert len(schema()) == sum(len(dataclasses.fields(group)) for group in GROUPS.values())
+
+
+def test_defaults_are_those_that_the_deck_reader_takes() -> None:
+    """Against resolved decks that give no key but those that must be given."""
+    compared = set()
+    for model in ("full", "auto", "creep_asymptotic"):
+        needed = {"scene": {"model": model, "t_end": 1.0}, "drive": {"velocity": 1e-3}}
+        needed["system"] = {"stiffness_x": 1e3, "misalignment_deg": 1.0}
+        needed["friction"] = {"mu_0": 0.2, "normal_load": 10.0}
+        if model != "creep_asymptotic":
+            needed["system"] |= {"mass": 0.25, "stiffness_y": 1e7}
+            needed["friction"] |= {"mu_inf": 0.15, "v_f": 0.01}
+        for group, keys in f90nml.reads(ds.Scene(**needed).check()).items():
+            defaults = {field.name: field.default for field in dataclasses.fields(GROUPS[group])}
+            for name, value in keys.items():
+                assert name in needed.get(group, {}) or defaults[name] == value, name
+                compared.add(name)
+    assert {"rtol", "method", "interval", "fields", "accuracy", "form", "law", "contact", "time"} <= compared
+
+
+def test_a_scene_of_groups_is_that_of_its_deck(fig3: ds.Scene) -> None:
+    scene = ds.Scene(**FIG3)
+    assert scene == fig3
+    assert hash(scene) == hash(fig3)
+    assert scene.check().count("user") < fig3.check().count("user"), "defaults are not written"
+    short = {"t_end": 0.02}
+    a, b = ds.run(scene, scene=short), ds.run(fig3, scene=short)
+    assert all(a[name].tobytes() == b[name].tobytes() for name in a)
+
+
+def test_groups_of_a_deck_are_typed_values(fig3: ds.Scene) -> None:
+    for name, group in FIG3.items():
+        assert getattr(fig3, name) == group
+    assert fig3.integrator == ds.Integrator() == ds.Integrator(rtol=1e-8, method="radau9")
+    assert (fig3.integrator.rtol, fig3.integrator.max_steps, fig3.scene.model) == (1e-8, 0, "full")
+    assert isinstance(fig3.integrator.max_steps, int)
+    profile = fig3.replace(drive={"time": [0, 1, 1, 3], "velocity": [1e-3, 1e-3, 0, 0]})
+    assert profile.drive == ds.Drive(time=np.array([0.0, 1, 1, 3]), velocity=(1e-3, 1e-3, 0, 0))
+    assert profile.drive.velocity == (1e-3, 1e-3, 0.0, 0.0)
+    assert fig3.replace(output={"fields": ["X", "theta"]}).output.fields == ("X", "theta")
+
+
+# Refusals: the words are the deck reader's
+
+
+@pytest.mark.parametrize(
+    ("group", "values", "key"),
+    [
+        (ds.System, {"mass": -1.0}, "mass"),
+        (ds.System, {"mass": math.nan}, "mass"),
+        (ds.System, {"mass": 10**400}, "mass"),
+        (ds.System, {"mass": "heavy"}, "mass"),
+        (ds.System, {"mass": True}, "mass"),
+        (ds.System, {"mass": [1.0, 2.0]}, "mass"),
+        (ds.System, {"misalignment_deg": 361.0}, "misalignment_deg"),
+        (ds.Setup, {"model": "ful"}, "model"),
+        (ds.Setup, {"title": "a" * 300}, "title"),
+        (ds.Integrator, {"max_steps": 1.5}, "max_steps"),
+        (ds.Output, {"fields": ["u_x", "u_z"]}, "fields"),
+        (ds.Drive, {"velocity": [1.0, math.inf]}, "velocity"),
+    ],
+)
+def test_a_wrong_field_is_refused_at_once_in_the_deck_reader_s_words(
+    executable: Path, tmp_path: Path, fig3_text: str, group: type[DeckGroup], values: dict[str, Any], key: str
+) -> None:
+    with pytest.raises(ds.DeckError) as refused:
+        group(**values)
+    (line,) = str(refused.value).splitlines()
+    place, _, words = line.partition(": ")
+    assert place == f"{group.group}.{key}"
+    text = ds.Scene(**{group.group: values}).text
+    value = text.partition(" = ")[2].removesuffix("\n/\n")
+    deck = re.sub(rf"\b{key} = [^\n]*?(?=, mu|\n)", "", fig3_text)
+    deck = deck.replace(f"&{group.group}\n", f"&{group.group}\n{key} = {value}\n", 1)
+    (tmp_path / "deck.nml").write_text(deck)
+    done = subprocess.run(
+        [executable, "check", "deck.nml"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert words in done.stderr
+
+
+def test_what_a_scene_lacks_is_found_when_it_is_checked() -> None:
+    scene = ds.Scene(scene=ds.Setup(t_end=1.0), system=ds.System(mass=1.0))
+    assert scene.system.mass == 1.0
+    with pytest.raises(ds.DeckError) as refused:
+        scene.check()
+    assert "system: 'stiffness_x' is missing in &system" in str(refused.value)
+    assert "group &friction is missing" in str(refused.value)
+    with pytest.raises(ds.DeckError, match=r"^integrator\.step: 'step' is not used with method radau9"):
+        ds.Scene(**FIG3, integrator=ds.Integrator(step=1e-5)).check()
+
+
+def test_faults_name_keys_not_lines_of_a_text_that_nobody_wrote(fig3: ds.Scene) -> None:
+    with pytest.raises(ds.DeckError) as refused:
+        fig3.replace(
+            system={"mass": -1.0}, scene={"title": "x" * 300 + "): "}, drive={"velocity": "fast"}
+        ).check()
+    places = [line.partition(": ")[0] for line in str(refused.value).splitlines()]
+    assert sorted(places) == ["drive.velocity", "scene.title", "system.mass"]
+    for at in (0, 29):
+        velocity = [1e-3] * 30
+        velocity[at] = math.inf
+        with pytest.raises(ds.DeckError, match=r"^drive\.velocity: 'inf'"):
+            ds.Scene(**{**FIG3, "drive": {"time": list(range(30)), "velocity": velocity}}).check()
+
+
+def test_wrong_groups_are_refused(fig3: ds.Scene) -> None:
+    with pytest.raises(ds.UsageError, match="a System is the group 'system'"):
+        fig3.replace(friction=ds.System(mass=1.0))
+    with pytest.raises(TypeError, match="mas"):
+        ds.System(mas=1.0)  # type: ignore[call-arg]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        ds.System(mass=1.0).mass = 2.0  # type: ignore[misc]
+
+
+# Changing, copying
+
+
+def test_a_dataclass_replaces_a_group_and_a_mapping_changes_keys(fig3: ds.Scene) -> None:
+    assert fig3.replace(system={"mass": 1}).system == dataclasses.replace(fig3.system, mass=1.0)
+    heavier = dataclasses.replace(fig3.system, mass=1.0)
+    assert fig3.replace(system=heavier) == fig3.replace(system={"mass": 1.0})
+    constant = ds.Friction(law="constant", mu_0=0.2, normal_load=10.0)
+    assert fig3.replace(friction=constant).friction.mu_inf is None
+    assert fig3.replace(friction=constant).check()
+    assert fig3.replace(output=ds.Output()).output.interval == 1e-3
+
+
+def test_scenes_are_copied_pickled_and_replaced(fig3: ds.Scene) -> None:
+    scene = ds.Scene(**FIG3).replace(system={"mass": 1.0})
+    for other in (copy.copy(scene), copy.deepcopy(scene), pickle.loads(pickle.dumps(scene))):
+        assert other == scene
+        assert other.settings == scene.settings
+    assert scene.__replace__(system={"mass": 0.25}) == fig3
+    if sys.version_info >= (3, 13):
+        assert copy.replace(scene, system={"mass": 0.25}) == fig3
+        assert copy.replace(fig3.system, mass=1.0).mass == 1.0
+    broken = pickle.loads(pickle.dumps(ds.Scene(system={"mass": -1.0})))
+    with pytest.raises(ds.DeckError, match=r"^system\.mass: "):
+        broken.groups()
+    assert pickle.loads(pickle.dumps(fig3.system)) == fig3.system
+    assert ds.Scene.from_deck(fig3) == ds.Scene.from_deck(fig3.text) == fig3
+
+
+def test_equality_is_of_values(fig3: ds.Scene, fig3_text: str) -> None:
+    assert ds.Scene(fig3_text.replace("0.25", "2.5e-1").replace("/\n", "/ ! end\n")) == fig3
+    assert ds.Scene(fig3_text.replace("0.25", "0.26")) != fig3
+    assert ds.Scene(fig3_text + "&system\n/\n") != fig3
+    assert fig3 != fig3_text
+
+
+# Round trips
+
+
+def as_dicts(deck: f90nml.Namelist) -> dict[str, dict[str, Any]]:
+    return {group: dict(keys) for group, keys in deck.items()}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "inputs").glob("*.nml")), ids=lambda path: path.stem)
+def test_f90nml_reads_what_a_scene_writes_and_a_scene_what_f90nml_reads(path: Path) -> None:
+    deck = as_dicts(f90nml.read(path))
+    scene = ds.Scene(**deck)
+    assert scene == ds.Scene(path)
+    assert as_dicts(f90nml.reads(scene.text)) == deck
+    assert as_dicts(f90nml.reads(ds.Scene(path).to_deck())) == deck
+
+
+def numbers(key: Any) -> st.SearchStrategy[float]:
+    """Values that the schema's range allows."""
+    bounds = dict(re.findall(r"([<>]=?) ([-+.\de]+)", key.range))
+    low = float(bounds.get(">=", bounds.get(">", -1e300)))
+    high = float(bounds.get("<=", bounds.get("<", 1e300)))
+    # The reader refuses numbers at the lower end of double precision.
+    allowed = st.floats(low, high, exclude_max="<" in bounds).filter(lambda v: v == 0.0 or abs(v) > 1e-307)
+    return allowed.filter(lambda value: value > low) if ">" in bounds else allowed
+
+
+def values(key: Any) -> st.SearchStrategy[Any]:
+    """Any value of one key alone."""
+    plain = st.text(st.characters(min_codepoint=32, exclude_categories=["C", "Z"]), min_size=1, max_size=40)
+    match key.kind:
+        case "real":
+            return numbers(key)
+        case "reals":
+            return st.lists(numbers(key), min_size=1, max_size=40)
+        case "integer":
+            return st.integers(0, 2**62)
+        case "choice":
+            return st.sampled_from(key.choices)
+        case "texts":
+            choices = st.sampled_from(key.choices) if key.choices else plain
+            return st.lists(choices, min_size=1, max_size=5)
+        case _:
+            return plain
+
+
+@st.composite
+def decks(draw: st.DrawFn) -> dict[str, dict[str, Any]]:
+    keys = draw(st.lists(st.sampled_from(schema()), min_size=1, max_size=12, unique=True))
+    deck: dict[str, dict[str, Any]] = {}
+    for key in keys:
+        deck.setdefault(key.group, {})[key.name] = draw(values(key))
+    return deck
+
+
+def flat(value: Any) -> Any:
+    return (
+        value[0]
+        if isinstance(value, list | tuple) and len(value) == 1
+        else tuple(value)
+        if isinstance(value, list)
+        else value
+    )
+
+
+@given(decks())
+def test_every_value_survives_deck_python_deck(deck: dict[str, dict[str, Any]]) -> None:
+    wanted = {group: {key: flat(value) for key, value in keys.items()} for group, keys in deck.items()}
+    scene = ds.Scene(**deck)
+    assert scene.groups() == wanted
+    again = ds.Scene(scene.to_deck())
+    assert again.groups() == wanted
+    assert again == scene == ds.Scene("&scene\n/\n", **deck)
+    groups = {name: getattr(scene, name) for name in wanted}
+    assert ds.Scene(**groups) == scene
+    for name, group in groups.items():
+        assert all(getattr(group, key) == value for key, value in wanted[name].items())
+
+
+@given(decks())
+def test_f90nml_finds_the_same_values(deck: dict[str, dict[str, Any]]) -> None:
+    # f90nml takes an apostrophe doubled in quotes for the end of the text.
+    text = ds.Scene(**deck).text.replace("''", "")
+    found = f90nml.reads(text).todict()
+    for group, keys in deck.items():
+        for key, value in keys.items():
+            if not any("'" in str(v) for v in (value if isinstance(value, list) else [value])):
+                assert flat(found[group][key]) == flat(value)
+
+
+# Shown
+
+
+def test_a_scene_shows_its_keys_and_its_faults(fig3: ds.Scene) -> None:
+    text = repr(fig3.replace(system={"mass": 0.5}))
+    assert text.startswith("<Scene 'deck', system.mass=0.5\n")
+    assert "mass = 0.5 kg" in text
+    page = fig3._repr_html_()
+    assert "<td" in page
+    assert "stiffness along the soft principal axis" in page
+    assert "Nakano &amp; Popov" in page
+    wrong = fig3.replace(scene={"title": "<b>"}, system={"mass": -1.0})
+    assert "refused: system.mass" in repr(wrong)
+    assert "out of range" in wrong._repr_html_()
+    assert "<b>'" not in ds.Scene(scene={"title": "<b>"})._repr_html_()
+    assert "500 values" in repr(fig3.replace(drive={"time": range(500), "velocity": [0.0] * 500}))
+    assert repr(ds.System(mass=1)) == "System(mass=1.0)"

@@ -1,0 +1,199 @@
+"""Write python/dynstiction/groups.py, the deck's groups as dataclasses, from the schema of the built package.
+
+    python tools/generate_groups.py          # with the built package on the path
+    python tools/generate_groups.py --check  # exit status 1 if the file is not current
+
+The schema is src/schema.f90. A file that is written, rather than classes made at import, is what editors, type checkers
+and readers see, and it costs nothing at import.
+"""
+
+import sys
+from itertools import groupby
+from pathlib import Path
+
+from dynstiction._native import KeyInfo, schema
+
+TARGET = Path(__file__).resolve().parents[1] / "python" / "dynstiction" / "groups.py"
+WIDTH = 110
+
+CLASS_NAMES = {"scene": "Setup"}
+"""Where the group's own name is taken."""
+
+TYPES = {
+    "real": "float",
+    "integer": "int",
+    "text": "str",
+    "reals": "float | Sequence[float]",
+    "texts": "str | Sequence[str]",
+}
+
+HEAD = '''"""The groups of a deck as dataclasses.
+
+Made by tools/generate_groups.py from the schema of the core: change src/schema.f90 or the script, not this file.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal, TypedDict, TypeVar
+
+from .deck_group import DeckGroup, key
+'''
+
+
+def main() -> int:
+    """Write the file, or compare it."""
+    text = module()
+    if sys.argv[1:] == ["--check"]:
+        current = TARGET.read_text(encoding="utf-8") == text
+        if not current:
+            print(f"{TARGET.name} is not that of the schema: run tools/generate_groups.py", file=sys.stderr)
+        return 0 if current else 1
+    TARGET.write_text(text, encoding="utf-8")
+    return 0
+
+
+def module() -> str:
+    """Text of the module."""
+    groups = {name: list(keys) for name, keys in groupby(schema(), lambda key: key.group)}
+    names = {group: CLASS_NAMES.get(group, group.capitalize()) for group in groups}
+    listed = sorted([*names.values(), "GroupValues", "Groups", "SceneGroups"])
+    parts = [HEAD, "__all__ = [", *(f'    "{name}",' for name in listed), "]", ""]
+    for group, keys in groups.items():
+        parts += group_class(group, names[group], keys)
+    parts += groups_by_name(names)
+    parts += scene_base(names)
+    return "\n".join(parts) + "\n"
+
+
+def group_class(group: str, name: str, keys: list[KeyInfo]) -> list[str]:
+    """One group."""
+    about = [
+        "",
+        "@dataclass(frozen=True, kw_only=True, repr=False)",
+        f"class {name}(DeckGroup):",
+        f'    """Group ``&{group}`` of a deck.',
+        "",
+        "    Parameters",
+        "    ----------",
+    ]
+    for key in keys:
+        about.append(f"    {key.name} : {type_of(key)}")
+        about += wrapped(meaning_of(key), 8)
+    about += ['    """', "", f'    group: ClassVar[str] = "{group}"', ""]
+    for key in keys:
+        about += field_of(key)
+    return [*about, ""]
+
+
+def type_of(key: KeyInfo) -> str:
+    """Annotation of a field."""
+    kind = TYPES.get(key.kind) or f"Literal[{', '.join(quoted(choice) for choice in key.choices)}]"
+    return kind if default_of(key) != "None" else f"{kind} | None"
+
+
+def default_of(key: KeyInfo) -> str:
+    """Default of a field."""
+    if key.kind in ("text", "choice") or (key.kind == "texts" and key.default):
+        return quoted(key.default)
+    return (
+        str(int(key.default))
+        if key.kind == "integer"
+        else repr(float(key.default))
+        if key.default
+        else "None"
+    )
+
+
+def meaning_of(key: KeyInfo) -> str:
+    """Unit, range, choices, default and condition in words."""
+    unit = f" [{key.units}]" if key.units else ""
+    text = f"{key.meaning[0].upper()}{key.meaning[1:]}{unit}"
+    if key.range:
+        text += f"; {key.range}"
+    if key.choices and key.kind == "texts":
+        text += f"; of {', '.join(key.choices)}"
+    if key.condition:
+        text += f"; only with {key.condition}"
+    if key.default:
+        text += f". Default {key.default}"
+    elif key.required:
+        text += ". No default"
+    return text.replace("|w|", "abs(w)").replace("*", "") + "."
+
+
+def wrapped(text: str, indent: int) -> list[str]:
+    """Lines of a docstring."""
+    lines, line = [], " " * indent
+    for word in text.split():
+        if len(line) + len(word) + 1 > WIDTH:
+            lines.append(line.rstrip())
+            line = " " * indent
+        line += word + " "
+    return [*lines, line.rstrip()]
+
+
+def field_of(key: KeyInfo) -> list[str]:
+    """One field, as the formatter would break it."""
+    long_name = f'"{key.meaning}"'
+    arguments = [default_of(key), quoted(key.units or "1"), long_name]
+    start = f"    {key.name}: {type_of(key)} = key("
+    one_line = f"{start}{', '.join(arguments)})"
+    if len(one_line) <= WIDTH:
+        return [one_line]
+    inside = f"        {', '.join(arguments)}"
+    body = [inside] if len(inside) <= WIDTH else [f"        {argument}," for argument in arguments]
+    return [start, *body, "    )"]
+
+
+def quoted(text: str) -> str:
+    """A Python string with double quotes."""
+    return f'"{text}"'
+
+
+def groups_by_name(names: dict[str, str]) -> list[str]:
+    """The keywords of `Scene`, `run` and others, for type checkers and editors."""
+    return [
+        "",
+        "GroupValues = Mapping[str, object]",
+        '"""Keys of one deck group and their values: numbers, strings, or sequences of them; None takes a key out."""',
+        "",
+        "",
+        "class Groups(TypedDict, total=False):",
+        '    """Keywords that stand for the groups of a deck: a dataclass replaces a group, a mapping changes keys of it."""',
+        "",
+        *(f"    {group}: {name} | GroupValues" for group, name in names.items()),
+        "",
+    ]
+
+
+def scene_base(names: dict[str, str]) -> list[str]:
+    """The groups as attributes of a scene."""
+    lines = [
+        "",
+        'G = TypeVar("G", bound=DeckGroup)',
+        "",
+        "",
+        "class SceneGroups:",
+        '    """The groups of a scene as attributes."""',
+        "",
+        "    __slots__ = ()",
+        "",
+        "    @abstractmethod",
+        "    def _group(self, kind: type[G]) -> G: ...",
+    ]
+    for group, name in names.items():
+        lines += [
+            "",
+            "    @property",
+            f"    def {group}(self) -> {name}:",
+            f'        """Group ``&{group}``, with the defaults of what is not given."""',
+            f"        return self._group({name})",
+        ]
+    return lines
+
+
+if __name__ == "__main__":
+    sys.exit(main())
