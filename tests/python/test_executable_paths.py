@@ -1,5 +1,5 @@
 """What a deck can bring about in the executable and no other test of it does: why 'auto' is the full model, scenes that are
-refused when they are set up, faults of &sweep, a sweep that keeps its series, a comparison of the fast oscillation.
+refused when they are set up, faults of &sweep, a sweep that keeps its series.
 """
 
 from __future__ import annotations
@@ -156,15 +156,3 @@ def test_a_sweep_keeps_its_series(call, tmp_path):
             expected = single[f"time_series/{column}"][:]
             np.testing.assert_allclose(series[: expected.size], expected, rtol=1e-9, atol=1e-18)
             assert np.isnan(series[expected.size :]).all()
-
-
-def test_the_fast_oscillation_is_compared(call, tmp_path):
-    deck = str(INPUTS / "fig3.nml")
-    done = call("trade", deck, "-o", "x.h5", "--budget", "4", "--quiet", settings=("scene.t_end=0.02",))
-    assert done.returncode == 0, done.stderr
-    with h5py.File(tmp_path / "x.h5") as file:
-        amplitude = file["trade/error_fast_amplitude"]
-        done = (file["trade/role"].asstr()[:] == "candidate") & (file["trade/result_code"][:] == 0)
-        errors = amplitude[:][done & (amplitude[:] != amplitude.attrs["_FillValue"])]
-        assert errors.size >= 3
-        assert errors.min() < 1e-3
