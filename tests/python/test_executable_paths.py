@@ -156,3 +156,36 @@ def test_a_sweep_keeps_its_series(call, tmp_path):
             expected = single[f"time_series/{column}"][:]
             np.testing.assert_allclose(series[: expected.size], expected, rtol=1e-9, atol=1e-18)
             assert np.isnan(series[expected.size :]).all()
+
+
+def test_the_energy_balance_of_a_swing_back_to_rest(call, tmp_path):
+    """Without friction a pulled mass is at rest again after one period, and the works are 0: what was exchanged is not."""
+    period = float(2 * np.pi * np.sqrt(0.25 / 1e3))
+    settings = (
+        "friction.normal_load=0",
+        "initial.velocity_ratio=0",
+        "system.misalignment_deg=0",
+        f"scene.t_end={period!r}",
+    )
+    done = call("run", str(INPUTS / "fig3_constant.nml"), "-o", "x.h5", "--quiet", settings=settings)
+    assert done.returncode == 0, done.stderr
+    with h5py.File(tmp_path / "x.h5") as file:
+        kinetic = 0.5 * 0.25 * 1e-3**2
+        assert abs(file["summary/drive_work"][()]) < 1e-8 * kinetic
+        assert abs(file["summary/energy_residual"][()]) < 1e-8
+
+
+def test_moreau_jean_sticks_only_where_friction_can_hold(call, tmp_path):
+    """A swing of the springs far beyond the static limit turns many times before it sticks."""
+    settings = ("integrator.method=moreau_jean", "integrator.step=1e-4", "integrator.rtol=", "initial.elongation_x=0.05",
+                "scene.t_end=2.0", "output.interval=0")  # fmt: skip
+    done = call("run", str(INPUTS / "fig3.nml"), "-o", "x.h5", "--quiet", settings=settings)
+    assert done.returncode == 0, done.stderr
+    with h5py.File(tmp_path / "x.h5") as file:
+        series = {name: column[:] for name, column in file["time_series"].items()}
+    load = np.hypot(series["spring_force_x"], series["spring_force_y"])
+    at_rest = (series["w_x"] == 0) & (series["w_y"] == 0)
+    sticking = series["sticking"] == 1
+    assert (at_rest & (load > 2.0)).any()
+    assert sticking.any()
+    assert (load[sticking] <= 2.0 * (1 + 1e-9)).all()
