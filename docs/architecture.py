@@ -12,7 +12,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).resolve().parent.parent
-WIDTH, HEIGHT = 1000, 976
+WIDTH, HEIGHT = 1000, 1016
 # fmt: off
 TONES = {
     "ground": "#e9e9e9", "physics": "#d9ead8", "numerics": "#d6e4f2", "deck": "#f6e7cf", "meeting": "#e2dcef",
@@ -30,20 +30,20 @@ ROOMS = {
                    "trade trade_plan trade_quantities trade_advice trade_report trade_table"),
     "sweeps": ("many cases of one scene", 600, 220, 380, 110, "ground deck simulation writers observables summary slider friction",
                "sweep lanes sweep_shard sweep_points sweep_list sweep_file"),
-    "simulation": ("the one run routine", 20, 352, 300, 110,
+    "simulation": ("the one run routine", 20, 352, 300, 150,
                    "ground physics numerics scene meeting memory_writer",
                    "simulation model_choice"),
-    "writers": ("where results go", 340, 352, 320, 110, "ground sha256",
-                 "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint disk seal crc32 process"),
-    "meeting": ("where physics and numerics meet", 20, 486, 640, 112, "ground physics numerics",
+    "writers": ("where results go", 340, 352, 320, 150, "ground sha256",
+                 "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint seal crc32 disk process"),
+    "meeting": ("where physics and numerics meet", 20, 526, 640, 112, "ground physics numerics",
                 "contact trajectory observables summary moreau_jean creep_motion"),
-    "physics": ("physics", 20, 622, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
-    "numerics": ("numerics", 240, 622, 420, 240, "ground slip_system drive",
+    "physics": ("physics", 20, 662, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
+    "numerics": ("numerics", 240, 662, 420, 240, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
                  "interpolation stepper"),
-    "deck": ("the deck", 680, 352, 300, 510, "ground",
+    "deck": ("the deck", 680, 352, 300, 550, "ground",
              "scene parameters deck deck_sweep deck_text deck_values schema namelist faults sha256"),
-    "ground": ("ground", 20, 886, 960, 72, "", "kinds errors text archive writer"),
+    "ground": ("ground", 20, 926, 960, 72, "", "kinds errors text archive writer"),
 }
 
 SAY = {
@@ -51,7 +51,7 @@ SAY = {
     "python_api": "flat routines for f2py", "simulation": "builds, advances, records", "hdf5_writer": "the file",
     "memory_writer": "arrays", "hdf5_origin": "whose file it is", "checkpoint": "state on disk",
     "archive": "state as words", "signals": "stop, please", "handover": "Python's turn", "moreau_jean": "steps without events",
-    "disk": "the system", "seal": "end of a file", "crc32": "checksum", "process": "a child", "contact": "rest, release, stop",
+    "disk": "the system", "seal": "checksum of all", "crc32": "as in zlib", "process": "what may crash", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
     "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
     "sweep": "what a case is", "lanes": "cases side by side", "sweep_shard": "finished cases", "sweep_points": "lists in CSV", "sweep_list": "lists of cases", "sweep_file": "one file of all",
@@ -60,7 +60,7 @@ SAY = {
     "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
     "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
     "slip_system": "a model, seen by a method", "radau": "implicit steps", "runge_kutta": "explicit steps",
-    "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5 in few words", "bernstein": "first zero",
+    "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5, briefly", "bernstein": "first zero",
     "interpolation": "dense output", "stepper": "a method, seen by the trajectory",
     "scene": "the deck, typed", "deck": "reads and checks", "schema": "the one table of keys",
     "namelist": "scanner", "kinds": "wp", "errors": "codes as values",
@@ -71,7 +71,7 @@ SAY = {
 DOORS = {"slip_system", "stepper", "writer"}
 
 # The way of a deck: number, x, y of its mark, as in architecture.md.
-MARKS = [(1, 38, 66), (2, 698, 352), (3, 962, 352), (4, 38, 352), (5, 38, 486), (6, 642, 486), (7, 642, 352), (8, 572, 66)]
+MARKS = [(1, 38, 66), (2, 698, 352), (3, 962, 352), (4, 38, 352), (5, 38, 526), (6, 642, 526), (7, 642, 352), (8, 572, 66)]
 # fmt: on
 
 

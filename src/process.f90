@@ -24,7 +24,7 @@ module dst_process
   end type guard_t
 
   !> Processor time that a child may spend between two signs of life [s]. Waiting for a slow disk does not count.
-  integer(c_long), parameter :: patience = 2
+  integer(c_long), parameter :: patience = 1
   character, parameter :: reply_mark = c_null_char
 
   interface

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["add_seal", "check_list", "open_file"]
 
-BEGINNING = b"\x89HDF\r\n\x1a\n\x02"
-"""Signature of HDF5 and version of the superblock in files of the format of HDF5 1.8, the only one that is written."""
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+FORMAT = b"\x02"
+"""Version of the superblock in files of the format of HDF5 1.8, the only one that is written: older ones have no checksums."""
 
 SEAL = b"dynstiction CRC-32 %08X\n"
 MARK = SEAL[:19]
@@ -84,8 +85,12 @@ def add_seal(path: str | os.PathLike[str]) -> None:
 def _check(name: str) -> None:
     """Refuse what is of another format or differs from its seal. Files of killed runs have none, nor have edited ones."""
     with open(name, "rb") as stream:
-        if stream.read(len(BEGINNING)) != BEGINNING:
-            raise FileError(f"{name}: is no result file, or its beginning is damaged")
+        if stream.read(len(SIGNATURE)) != SIGNATURE:
+            raise FileError(f"{name}: cannot be read: it is no HDF5 file, or its beginning is damaged")
+        if stream.read(len(FORMAT)) != FORMAT:
+            raise FileError(
+                f"{name}: is no file of dynstiction, or of another format of HDF5: h5repack -j 1 -k 1 makes that readable"
+            )
         # Also one that was cut, or has something behind it.
         first = max(0, os.path.getsize(name) - 2 * SEAL_LENGTH)
         stream.seek(first)

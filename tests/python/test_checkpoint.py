@@ -622,7 +622,7 @@ def bytes_of_structure(file: Path) -> list[int]:
     return [place for block in blocks if any(whole[block : block + 64]) for place in range(block, block + 64)]
 
 
-@pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.full)])
+@pytest.mark.parametrize("count", [40, pytest.param(1000, marks=pytest.mark.full)])
 def test_damage_of_a_killed_run_is_refused_or_does_no_harm(program, references, stopped, tmp_path, count):
     """HDF5 itself crashes, hangs or reads other numbers on some of these files; the last part of the result is written anew."""
     file = tmp_path / "x.h5"
