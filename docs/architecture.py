@@ -129,7 +129,7 @@ def draw_room(room: str, title: str, x: int, y: int, width: int, height: int, _:
     ]
     chips = modules.split()
     wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {"executable": 5, "comparison": 3, "sweeps": 2, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 5}.get(room, 1)
+    columns = {"executable": 5, "comparison": 3, "sweeps": 3, "writers": 3, "physics": 2, "numerics": 2, "meeting": 5, "ground": 5}.get(room, 1)
     rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
     gap, top = 8, 28
     chip_width = (width - gap * (columns + 1)) / columns
