@@ -236,8 +236,8 @@ class Sweep:
             self.close()
             raise error_for(status, message)
         self.axes = [self._axis(i + 1) for i in range(n_axes)]
-        _, self._n_values, is_list = _core.sweep_sizes(self._handle, 1)
-        self.is_list = bool(is_list)
+        _, self._n_values, list_flag = _core.sweep_sizes(self._handle, 1)
+        self.is_list = bool(list_flag)
         self.quantities = [_info(*_core.sweep_value_info(i + 1)) for i in range(self._n_values)]
 
     def _axis(self, i: int) -> tuple[Info, NDArray[np.float64]]:

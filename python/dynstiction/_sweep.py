@@ -199,7 +199,9 @@ def _dataset(core: _native.Sweep, work: _Work) -> xarray.Dataset:
     import xarray  # noqa: PLC0415  (optional)
 
     names = [info.name for info, _ in core.axes]
-    dims, shape = (["case"], [core.cases]) if core.is_list else (names, [values.size for _, values in core.axes])
+    dims, shape = (
+        (["case"], [core.cases]) if core.is_list else (names, [values.size for _, values in core.axes])
+    )
     coordinates = {
         info.name: ("case" if core.is_list else info.name, values, _about(info)) for info, values in core.axes
     }
