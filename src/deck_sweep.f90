@@ -1,5 +1,6 @@
 !> The group &sweep of a deck: which keys may be varied, and whether its lists fit together.
 module dst_deck_sweep
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dst_kinds, only: wp, int64
   use dst_deck_values, only: deck_t, usage, failing_condition, used
   use dst_faults, only: faults_t
@@ -198,7 +199,7 @@ contains
     character(:), allocatable :: problem
 
     problem = ''
-    if (.not. abs(value) <= huge(value)) then
+    if (.not. ieee_is_finite(value)) then
       problem = 'a value of '//trim(schema(k)%name)//' is not finite: give a finite number'
     else if (.not. in_range(schema(k)%range, value)) then
       problem = real_text(value)//' is out of range for '//trim(schema(k)%name)//': it must be finite'

@@ -158,7 +158,7 @@ module dst_schema
     key_t('sweep', 'spacing', texts_kind, '', any_real, may, 'linear', '', 'linear log', '', &
           'distance of the values: one for all parameters, or one for each'), &
     key_t('sweep', 'points', text_kind, '', any_real, may, '', '', '', '', &
-          'CSV file with a column for each GROUP.KEY and a case a row, in place of the above'), &
+          'CSV or HDF5 file, a column for each GROUP.KEY and a case a row, in place of the above'), &
     key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series', '', &
           'what is kept of a case: its summary, or the time series too')]
 

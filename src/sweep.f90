@@ -263,7 +263,10 @@ contains
     real(wp), allocatable :: times(:)
     integer :: i
 
-    times = [(real(i - 1, wp)*self%deck%real_of('output', 'interval'), i=1, self%series_rows())]
+    allocate (times(self%series_rows()))
+    do i = 1, size(times)
+      times(i) = real(i - 1, wp)*self%deck%real_of('output', 'interval')
+    end do
     if (size(times) > 0) times(size(times)) = self%deck%real_of('scene', 't_end')
   end function series_times
 

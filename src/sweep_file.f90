@@ -302,8 +302,9 @@ contains
     type(output_t), intent(inout) :: output
     type(block_t), intent(in) :: block
     integer, intent(inout) :: status
-    integer, allocatable :: failed(:)
-    integer :: i, n
+    real(real64), allocatable :: numbers(:)
+    type(path_t), allocatable :: messages(:)
+    integer :: i, n, failed
 
     n = block%count
     call append(output%case_number, block%number(:n), status)
@@ -317,9 +318,17 @@ contains
     do i = 1, size(output%series)
       call append_rows(output%series(i), block%series(:, :n, i), status)
     end do
-    failed = pack([(i, i=1, n)], block%result_code(:n) > 0.0_real64)
-    call append(output%failed, block%number(failed), status)
-    call append_messages(output%failure, block%message(failed), status)
+    failed = count(block%result_code(:n) > 0.0_real64)
+    allocate (numbers(failed), messages(failed))
+    failed = 0
+    do i = 1, n
+      if (.not. block%result_code(i) > 0.0_real64) cycle
+      failed = failed + 1
+      numbers(failed) = block%number(i)
+      messages(failed)%text = block%message(i)%text
+    end do
+    call append(output%failed, numbers, status)
+    call append_messages(output%failure, messages, status)
   end subroutine write_block
 
   subroutine put_ending(output, sweep, index, status)

@@ -1,0 +1,48 @@
+!> How many pieces of work a second rank 0 of a sweep can deal out: mpirun -n 3 bench_dealer [CASES A PIECE]
+!>
+!> The other ranks do nothing but ask; rank 0 does nothing but answer. Prints pieces a second, of wall time and of rank 0's
+!> processor time, of which a part is spent in looking for messages.
+program bench_dealer
+  use, intrinsic :: iso_fortran_env, only: output_unit
+  use dst_errors, only: error_t
+  use dst_kinds, only: wp
+  use dst_ranks, only: ranks_t, start_ranks
+  use dst_simulation, only: wall_clock
+  implicit none
+
+  integer, parameter :: pieces = 200000
+  type(ranks_t) :: ranks
+  type(error_t), allocatable :: error
+  integer, allocatable :: pending(:), numbers(:)
+  integer :: size_of_piece, i, status, taken
+  logical :: none_left, stop
+  real(wp) :: begun, begun_processor, ended_processor, passed
+  character(32) :: argument
+
+  size_of_piece = 64
+  call get_command_argument(1, argument, status=status)
+  if (status == 0) read (argument, *) size_of_piece
+  call start_ranks(ranks, error)
+  if (ranks%rank == 0) then
+    allocate (pending(pieces*size_of_piece))
+    do i = 1, size(pending)
+      pending(i) = i
+    end do
+  end if
+  begun = wall_clock()
+  call cpu_time(begun_processor)
+  call ranks%open_list(pending)
+  taken = 0
+  none_left = .false.
+  stop = .false.
+  do while (.not. merge(ranks%others_are_done(), none_left, ranks%rank == 0))
+    call ranks%deal(merge(0, size_of_piece, ranks%rank == 0), taken, 0, numbers, none_left, stop)
+    if (allocated(numbers)) taken = taken + size(numbers)
+  end do
+  call ranks%close_list(taken, 0, stop)
+  passed = wall_clock() - begun
+  call cpu_time(ended_processor)
+  if (ranks%rank == 0) write (output_unit, '(a, i0, a, 2(es9.2, a))') 'pieces of ', size_of_piece, ' cases: ', &
+    pieces/passed, ' a second, ', pieces/(ended_processor - begun_processor), ' a second of processor time of rank 0'
+  call ranks%end()
+end program bench_dealer
