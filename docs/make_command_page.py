@@ -27,7 +27,8 @@ EXIT_STATUS = "\nExit status:\n"
 def main() -> None:
     executable = sys.argv[1] if len(sys.argv) > 1 else "dynstiction"
     parts = [INTRODUCTION, section("dynstiction", text := printed(executable))]
-    for name in dict.fromkeys(re.findall(r"^  dynstiction (\w+)", text, re.MULTILINE)):
+    own = text.partition("By the Python package")[0]
+    for name in dict.fromkeys(re.findall(r"^  dynstiction (\w+)", own, re.MULTILINE)):
         parts.append(
             section(f"dynstiction {name}", printed(executable, name).partition(EXIT_STATUS)[0] + "\n")
         )

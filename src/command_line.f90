@@ -7,7 +7,7 @@ module dst_command_line
   private
 
   public :: argument_t, command_t, program_arguments, is_python_command, parse_arguments, setting_list, help_text
-  public :: commands, options_of, takes_value
+  public :: commands, python_commands, options_of, takes_value
 
   !> One word of the command line.
   type :: argument_t

@@ -4,7 +4,7 @@
 !> one is being typed. It prints the candidates, a line each; a line '*.nml' or '*.h5' stands for the files of that ending. So the
 !> shells know no command, option or key themselves.
 module dst_completion
-  use dst_command_line, only: argument_t, commands, options_of, takes_value
+  use dst_command_line, only: argument_t, commands, python_commands, options_of, takes_value
   use dst_schema, only: key_t, schema, key_count, find_key, find_name
   use dst_text, only: text_builder_t, starts_with, word, word_count
   use dst_trade_quantities, only: quantities
@@ -50,7 +50,7 @@ contains
     else if (starts_with(typed, '--set=')) then
       call offer_settings(builder, '--set=', typed)
     else if (command == '') then
-      call offer(builder, commands//' --help --version', typed)
+      call offer(builder, commands//' '//python_commands//' --help --version', typed)
     else if (starts_with(typed, '-')) then
       call offer(builder, options_of(command)//' --help', typed)
     else

@@ -4,7 +4,7 @@
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use hdf5, only: hid_t, h5fclose_f, h5f_acc_trunc_f, h5t_ieee_f64le, h5t_std_i32le
-  use dst_disk, only: path_t, file_exists, file_size, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, &
+  use dst_disk, only: path_t, file_exists, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, &
     ignore_size_limit_signal
   use dst_errors, only: error_t, raise, file_error, result_done, some_failed, stopped_early
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
@@ -51,7 +51,6 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     if (.not. file_exists(result_file)) return
-    if (file_size(result_file) == 0) return
     if (.not. is_hdf5(result_file)) call raise(error, file_error, result_file// &
       ': the file exists and is not an HDF5 file: use another name or remove it')
   end subroutine check_result_file

@@ -206,9 +206,9 @@ class _Work:
                 self.values[first : first + count] = values
                 self.codes[first : first + count] = codes
                 self.messages.update(messages)
-                count = int(min(LONGEST_PIECE, count * PIECE_SECONDS / passed))
                 with self._lock:
                     self._done += count
+                count = int(min(LONGEST_PIECE, count * PIECE_SECONDS / passed))
         except BaseException as error:
             self._error = error
             self._stopped = True

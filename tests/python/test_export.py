@@ -92,7 +92,7 @@ def test_existing_tables_are_kept(file: Path, tmp_path: Path, capsys: pytest.Cap
 
 
 def test_a_sweep_as_csv(executable: Path, tmp_path: Path) -> None:
-    deck = INPUTS / "map_lambda.nml"
+    deck = INPUTS / "map_anisotropy.nml"
     command = [executable, "run", deck, "-o", "map.h5", "--quiet", "--set", "sweep.count=3,2"]
     subprocess.run(command, check=True, cwd=tmp_path)
     assert main(["export", str(tmp_path / "map.h5"), "--csv", "-o", str(tmp_path)]) == 0

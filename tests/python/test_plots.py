@@ -221,7 +221,7 @@ def test_command_compares_files(tmp_path: Path, fig3: ds.Scene) -> None:
     refused = run_command("plot", "a/run.h5", "b/run.h5", "--kind", "path", cwd=tmp_path)
     assert (refused.returncode, refused.stderr) == (
         1,
-        "dynstiction: --kind is for one file: several are compared\n",
+        "dynstiction: --kind and --quantity are for one file: several are compared\n",
     )
     again = run_command("plot", "a/run.h5", "a/run.h5", "-o", "x.pdf", cwd=tmp_path)
     assert (again.returncode, "of different names" in again.stderr) == (1, True)

@@ -79,7 +79,7 @@ def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "place", "words"),
     [
-        ("", "", "holds no points"),
+        ("", "", "it is empty"),
         (NAMES + "\n", "", "holds no points"),
         ("system.stiffness_y\n1\n", ":1:", "'system.stiffness_y' is not used with"),
         ("drive.velocity\n1e-3\n\n\nfast\n", ":5:", "'fast' is not a real number"),
