@@ -425,7 +425,7 @@ contains
     stop = state%stop
     stop = stop .or. stop_signal() /= '' .or. (state%limit > 0.0_wp .and. passed > state%limit)
     wanted = 0
-    if (.not. (none_left .or. stop)) wanted = state%pace%wanted(left, state%ranks%count)
+    if (.not. (none_left .or. stop)) wanted = state%pace%wanted(left, finished, state%ranks%count)
     call state%ranks%deal(wanted, finished, failed, numbers, none_left, stop)
     if (stop) then
       !$omp atomic write
@@ -444,13 +444,15 @@ contains
       state%failed_before + state%ranks%failed, passed)
   end subroutine look_around
 
-  !> Cases to ask for while `left` have not begun.
-  pure integer function wanted(self, left, ranks)
+  !> Cases to ask for while `left` have not begun. The pace may have changed: nothing is asked ahead before one of the
+  !> cases given last is finished.
+  pure integer function wanted(self, left, finished, ranks)
     class(pace_t), intent(in) :: self
-    integer, intent(in) :: left, ranks
+    integer, intent(in) :: left, finished, ranks
     real(wp), parameter :: most = 1.0e6_wp
 
     wanted = 0
+    if (left > 0 .and. finished == self%finished) return
     if (left <= self%rate*ahead) wanted = max(1, nint(min(most, self%rate*max(piece, ranks*message))))
   end function wanted
 

@@ -12,6 +12,8 @@ from sweeps import GRID, HEADER_BYTES, SCENE, Sweep, cases_in, end_group, execut
 from test_sweep_kills import ALLOWED, MPI, Ranks, skip_without
 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
+# After a signal to itself MPICH's mpirun may forget the status of the ranks.
+STOPPED = {"openmpi": (75,), "mpich": (75, 0)}
 ENDLESS = ("--set", "scene.t_end=20000")
 
 
@@ -105,7 +107,7 @@ def test_a_signal_to_mpirun_reaches_the_ranks(launched):
     try:
         wait_until(lambda: sum(len(cases_in(shard)) for shard in launched.shards("m.h5")) > 1)
         process.send_signal(signal.SIGUSR1)
-        assert process.wait(60) == 75
+        assert process.wait(60) in STOPPED[launched.flavour]
         assert "stopped by SIGUSR1" in process.stderr.read()
     finally:
         end_group(process)
@@ -117,7 +119,7 @@ def test_progress_is_of_rank_0_only_and_of_all_ranks(launched):
         line = process.stderr.readline()
         assert " of 60 cases, 0 failed" in line
         process.send_signal(signal.SIGUSR1)
-        assert process.wait(60) == 75
+        assert process.wait(60) in STOPPED[launched.flavour]
         assert process.stderr.read().count(" of 60 cases, 0 failed") == 0
     finally:
         end_group(process)
