@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+from ._open import open_file
 from ._progress import progress_bar
 from .errors import FileError, IncompleteWarning, UsageError
 from .groups import Groups
@@ -266,12 +267,10 @@ def _about(info: Info) -> dict[str, str]:
 
 def holds_sweep(path: str | os.PathLike[str]) -> bool:
     """Whether a file is one of a sweep."""
-    import h5py  # noqa: PLC0415  (slow to import)
-
     try:
-        with h5py.File(path, "r") as file:
+        with open_file(path) as file:
             return "sweep" in file
-    except OSError:
+    except FileError:
         return False
 
 
@@ -298,19 +297,12 @@ def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
     FileError
         If the file is missing, damaged, or of something else.
     """
-    import h5py  # noqa: PLC0415  (slow to import)
-
     name = os.fspath(path)
-    try:
-        with h5py.File(name, "r") as file:
-            if "sweep" not in file:
-                raise FileError(f"{name}: holds no sweep of dynstiction")
-            contents = _read_sweep(file)
-            code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
-    except FileError:
-        raise
-    except Exception as error:  # whatever h5py and NumPy make of damaged files
-        raise FileError(f"{name}: cannot be read: {error}") from error
+    with open_file(path) as file:
+        if "sweep" not in file:
+            raise FileError(f"{name}: holds no sweep of dynstiction")
+        contents = _read_sweep(file)
+        code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
     if code != 0:
         warnings.warn(f"{name}: {text}", IncompleteWarning, stacklevel=2)
     return _dataset(**contents)

@@ -272,7 +272,7 @@ class Sweep(DeckGroup):
     spacing : str | Sequence[str]
         Distance of the values: one for all parameters, or one for each; of linear, log. Default linear.
     points : str
-        CSV file with a column for each GROUP.KEY and a case a row, in place of the above.
+        CSV or HDF5 file, a column for each GROUP.KEY and a case a row, in place of the above.
     keep : Literal["summary", "series"]
         What is kept of a case: its summary, or the time series too. Default summary.
     """
@@ -289,7 +289,7 @@ class Sweep(DeckGroup):
         "linear", "1", "distance of the values: one for all parameters, or one for each"
     )
     points: str = key(
-        "", "1", "CSV file with a column for each GROUP.KEY and a case a row, in place of the above"
+        "", "1", "CSV or HDF5 file, a column for each GROUP.KEY and a case a row, in place of the above"
     )
     keep: Literal["summary", "series"] = key(
         "summary", "1", "what is kept of a case: its summary, or the time series too"

@@ -100,7 +100,7 @@ def test_a_sweep_as_csv(executable: Path, tmp_path: Path) -> None:
     assert next(iter(table)) == "case"
     np.testing.assert_array_equal(table["case"], range(1, 7))
     with h5py.File(tmp_path / "map.h5") as file:
-        for name in ("summary/period", "friction.normal_load", "result_code", "summary/steps"):
+        for name in ("summary/period", "system.stiffness_y", "result_code", "summary/steps"):
             (column,) = [c for c in table if c.partition(" [")[0] == name.rpartition("/")[2]]
             np.testing.assert_array_equal(table[column], file["sweep"][name][:])
 
