@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# tools/test.sh [--quick | --full | --sanitize]: installs what is missing, builds, and runs every test.
+# tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package]: installs what is missing, builds, and runs every test.
 # --quick leaves out the builds with run-time checks and sanitizers; --full adds the heavier proofs, the decks under the
-# sanitizers and the build in quadruple precision; --sanitize runs the sanitizers and valgrind alone. See docs/testing.md.
+# sanitizers and the build in quadruple precision; --sanitize runs the sanitizers and valgrind alone. --cluster adds sweeps on
+# real MPI and Slurm, --package wheel, source archive, library, manual and notebooks. See docs/testing.md.
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 
@@ -9,13 +10,17 @@ with_release=yes
 with_debug=yes
 with_sanitizers=yes
 with_quad=no
+with_cluster=no
+with_package=no
 selection=(-m 'not full')
 for argument in "$@"; do
   case $argument in
     --quick) with_debug=no with_sanitizers=no ;;
     --sanitize) with_release=no with_debug=no ;;
     --full) selection=() with_quad=yes DYNSTICTION_FULL=1; export DYNSTICTION_FULL ;;
-    *) die "unknown option $argument: tools/test.sh [--quick | --full | --sanitize]" ;;
+    --cluster) with_cluster=yes ;;
+    --package) with_package=yes ;;
+    *) die "unknown option $argument: tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package]" ;;
   esac
 done
 
@@ -67,6 +72,26 @@ memcheck() {
     "$release/src/dynstiction" run inputs/fig3.nml --set scene.t_end=0.05 --quiet --overwrite -o "$checkout/build/memcheck.h5"
 }
 
+# Sweeps over real MPI processes and through a real Slurm, on this machine.
+cluster_tests() {
+  run_tests 'Sweeps over MPI' '(^=+ .*(passed|failed|error|skipped|no tests ran).* =+$)|skipped' "$checkout/tests/mpi/run.sh" "$checkout/build/mpi"
+  run_tests 'Sweeps through Slurm' '(passed|skipped|FAILED)' "$checkout/tests/slurm/run.sh" "$DYNSTICTION_EXE" \
+    "$checkout/build/mpi/openmpi/src/dynstiction" pmix
+}
+
+# What a user installs, and the manual.
+package_tests() {
+  local script
+  for script in sdist meson_install wheel parallel_hdf5; do
+    run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
+  done
+  run_tests 'Manual' '(build/docs/index.html|failed)' "$checkout/tools/docs.sh"
+  run_tests 'Pages that change the source, notebooks, report' '^=+ .*(passed|failed|error|skipped|no tests ran).* =+$' \
+    python -m pytest "$checkout"/tests/python/test_{howto,notebooks,report,documented}.py
+}
+
+[[ $with_cluster == no ]] || debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge)
+[[ $with_package == no ]] || debian_packages+=(patch)
 prepare
 build_release
 cd "$checkout"
@@ -80,6 +105,9 @@ if [[ $with_release == yes ]]; then
   unit_tests 'Fortran unit tests' "$release"
   python_tests 'Python tests' ${selection[@]+"${selection[@]}"}
 fi
+
+[[ $with_cluster == no ]] || cluster_tests
+[[ $with_package == no ]] || package_tests
 
 if [[ $with_debug == yes ]]; then
   build "$debug" -Dpython=false -Doptimization=1 -Ddebug=true -Dwerror=true -Db_coverage=true "-Dfortran_args=$checks"
