@@ -368,14 +368,14 @@ contains
 
     first = dot_product(before, trajectory%slider%along)
     last = dot_product(self%velocity, trajectory%slider%along)
-    if (max(first, last) > 0.9_wp*self%largest_rate) then
+    if (max(first, last) > self%largest_rate - 0.1_wp*abs(self%largest_rate)) then
       rates(0) = first
       rates(probes) = last
       do i = 1, probes - 1
         rates(i) = rate_at(trajectory, real(i, wp)/real(probes, wp))
       end do
       best = maxloc(rates, dim=1) - 1
-      if (best > 0 .and. best < probes .and. rates(best) > 0.99_wp*self%largest_rate) then
+      if (best > 0 .and. best < probes .and. rates(best) > self%largest_rate - 0.01_wp*abs(self%largest_rate)) then
         candidate = golden_maximum(trajectory, real(best - 1, wp)/real(probes, wp), real(best + 1, wp)/real(probes, wp))
         self%largest_rate = max(self%largest_rate, candidate)
       end if
