@@ -24,7 +24,7 @@ from sweeps import GRID, HEADER_BYTES, SCENE, Sweep, cases_in, end_group, same, 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
 SMALL = GRID.replace("count = 12, 5", "count = 4, 3")
 # 60 cases of a second each.
-ENDLESS = ("--set", "scene.t_end=20000")
+ENDLESS = ("--set", "scene.t_end=2000000")
 
 
 @pytest.fixture
