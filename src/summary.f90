@@ -258,6 +258,8 @@ contains
       call widen(self, trajectory%slider%stiffness(1)*first%u(1))
     end if
     duration = trajectory%now%time - first%time
+    ! Where the mass is tiny, steps may be shorter than the time can tell.
+    if (.not. duration > 0.0_wp) return
     ends = [level(excess_rate, trajectory, first, velocity), level(excess_rate, trajectory, trajectory%now, self%velocity)]
     share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
     if (trajectory%was_sticking) then

@@ -257,7 +257,7 @@ contains
       delay = release_delay(self%slider, self%from%u, drive, self%from%time)
       duration = horizon - self%from%time
       released = delay < duration
-      if (released) released = duration - delay > time_to_move(self, delay)
+      if (released) released = moves_within(self, delay, duration - delay)
       if (released) duration = delay
       travel = drive%displacement(self%from%time, duration)
       self%now%u = self%from%u + travel*self%system%along
@@ -276,20 +276,19 @@ contains
     end if
   end subroutine stay_stuck
 
-  !> Time [s] after a release, `delay` from now, in which the load does not grow beyond its own roundoff. Where the advance ends
-  !> before that, nothing can be said of the slip, and the object rests until then.
-  pure real(wp) function time_to_move(self, delay)
+  !> Whether the load grows beyond its own roundoff within `time` [s] of a release that is `delay` away. If it does not, nothing can
+  !> be said of the slip, and the object rests.
+  pure logical function moves_within(self, delay, time)
     class(trajectory_t), intent(in) :: self
-    real(wp), intent(in) :: delay
+    real(wp), intent(in) :: delay, time
     type(onset_t) :: onset
 
     associate (drive => self%drive%segment(self%segment))
       onset = onset_of_slip(self%slider, self%from%u + drive%displacement(self%from%time, delay)*self%system%along, &
         drive%velocity_at(self%from%time + delay))
     end associate
-    time_to_move = 0.0_wp
-    if (onset%curvature(1) > 0.0_wp) time_to_move = 10.0_wp*self%system%acceleration_noise/onset%curvature(1)
-  end function time_to_move
+    moves_within = .not. onset%curvature(1) > 0.0_wp .or. onset%curvature(1)*time > 10.0_wp*self%system%acceleration_noise
+  end function moves_within
 
   !> From rest into slip.
   subroutine set_off(self, onset)
