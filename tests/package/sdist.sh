@@ -5,7 +5,7 @@
 source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 
 prepare
-python -c 'import build' 2> /dev/null || python -m pip install --quiet --disable-pip-version-check build
+python -c 'import build.__main__' 2> /dev/null || python -m pip install --quiet --disable-pip-version-check build
 (cd "$checkout" && python -m build --sdist --no-isolation --outdir "$scratch/dist" > "$scratch/build.log" 2>&1) || {
   cat "$scratch/build.log" >&2
   die 'no source archive: see above'

@@ -47,7 +47,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     source = tmp_path_factory.mktemp("source")
     for part in ("meson.build", "meson.options"):
         shutil.copy(ROOT / part, source)
-    for part in ("src", "bench", "inputs"):
+    for part in ("src", "bench", "inputs", "tools"):
         shutil.copytree(ROOT / part, source / part)
     for page in PAGES:
         for patch in patches(page):
