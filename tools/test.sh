@@ -93,7 +93,7 @@ package_tests() {
 }
 
 [[ $with_cluster == no ]] || debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge)
-[[ $with_package == no ]] || debian_packages+=(patch)
+[[ $with_package == no ]] || debian_packages+=(patch chromium)
 prepare
 build_release
 cd "$checkout"
