@@ -136,7 +136,7 @@ contains
     type(deck_session_t), pointer :: session
 
     allocate (session)
-    handle = int(transfer(c_loc(session), 0_c_intptr_t), c_long_long)
+    handle = handle_of(c_loc(session))
     if (alone == 1) then
       call parse_values(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
     else
@@ -205,11 +205,22 @@ contains
   function deck_of(handle) result(session)
     integer(c_long_long), intent(in) :: handle
     type(deck_session_t), pointer :: session
-    type(c_ptr) :: address
 
-    address = transfer(int(handle, c_intptr_t), address)
-    call c_f_pointer(address, session)
+    call c_f_pointer(address_of(handle), session)
   end function deck_of
+
+  !> What Python keeps for an address, and back.
+  pure integer(c_long_long) function handle_of(address)
+    type(c_ptr), intent(in) :: address
+
+    handle_of = int(transfer(address, 0_c_intptr_t), c_long_long)
+  end function handle_of
+
+  pure type(c_ptr) function address_of(handle)
+    integer(c_long_long), intent(in) :: handle
+
+    address_of = transfer(int(handle, c_intptr_t), address_of)
+  end function address_of
 
   !> Read a deck and the parameters that are varied: their names one a line, the number of values of each, all values one
   !> after the other. Without names the deck's own &sweep is taken. `is_list` = 1: the values of a case have the same place.
@@ -227,7 +238,7 @@ contains
     integer :: i, first
 
     allocate (session, parsed)
-    handle = int(transfer(c_loc(session), 0_c_intptr_t), c_long_long)
+    handle = handle_of(c_loc(session))
     call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), parsed, session%error)
     if (.not. allocated(session%error)) then
       lines = lines_of(text_of(names))
@@ -402,10 +413,8 @@ contains
   function sweep_of(handle) result(session)
     integer(c_long_long), intent(in) :: handle
     type(sweep_session_t), pointer :: session
-    type(c_ptr) :: address
 
-    address = transfer(int(handle, c_intptr_t), address)
-    call c_f_pointer(address, session)
+    call c_f_pointer(address_of(handle), session)
   end function sweep_of
 
   !> Read a deck (text, name for messages, overrides 'group.key=value' one a line) and get ready to
@@ -421,7 +430,7 @@ contains
     type(scene_t) :: scene
 
     allocate (session)
-    handle = int(transfer(c_loc(session), 0_c_intptr_t), c_long_long)
+    handle = handle_of(c_loc(session))
     call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
     if (.not. allocated(session%error) .and. session%deck%is_sweep()) call raise(session%error, usage_error, &
       'the deck has a &sweep of many cases: use dynstiction.sweep, or remove the group')
@@ -645,7 +654,7 @@ contains
     type(scene_t) :: scene
 
     allocate (comparison)
-    handle = int(transfer(c_loc(comparison), 0_c_intptr_t), c_long_long)
+    handle = handle_of(c_loc(comparison))
     comparison%accuracy = accuracy
     comparison%quantity = text_of(quantity)
     if (abs(accuracy) > 0.0_c_double) call check_wish(comparison%accuracy, comparison%quantity, error)
@@ -753,10 +762,8 @@ contains
   function comparison_of(handle) result(comparison)
     integer(c_long_long), intent(in) :: handle
     type(comparison_t), pointer :: comparison
-    type(c_ptr) :: address
 
-    address = transfer(int(handle, c_intptr_t), address)
-    call c_f_pointer(address, comparison)
+    call c_f_pointer(address_of(handle), comparison)
   end function comparison_of
 
   subroutine note_error(comparison, error, status)
@@ -1081,10 +1088,8 @@ contains
   function session_of(handle) result(session)
     integer(c_long_long), intent(in) :: handle
     type(session_t), pointer :: session
-    type(c_ptr) :: address
 
-    address = transfer(int(handle, c_intptr_t), address)
-    call c_f_pointer(address, session)
+    call c_f_pointer(address_of(handle), session)
   end function session_of
 
   function chosen_text(handle, which) result(text)
