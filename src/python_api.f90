@@ -1110,7 +1110,7 @@ contains
     case (4)
       text = session%simulation%scene%model
     case (5)
-      text = session%simulation%method_name()
+      text = session%simulation%scene%method_name()
     case default
       text = session%model_choice
     end select

@@ -58,7 +58,7 @@ contains
     call settle_model(scene, model_choice)
     call run%simulation%start(scene, error)
     if (allocated(error)) return
-    call describe_run(deck, run%simulation%scene%model, run%simulation%method_name(), model_choice, metadata)
+    call describe_run(deck, run%simulation%scene%model, run%simulation%scene%method_name(), model_choice, metadata)
     call create_hdf5(run%writer, result_file, overwrite, metadata, run%simulation%output_columns(), error, &
       expected_rows(scene))
     if (allocated(error)) return
@@ -169,7 +169,7 @@ contains
     character(:), allocatable :: place, new_name, reason
     logical :: placed
 
-    call describe_run(deck, run%simulation%scene%model, run%simulation%method_name(), model_choice, metadata)
+    call describe_run(deck, run%simulation%scene%model, run%simulation%scene%method_name(), model_choice, metadata)
     metadata%git_revision = run%checkpoint%git_revision
     metadata%compiler = run%checkpoint%compiler
     metadata%created = run%checkpoint%created

@@ -41,9 +41,28 @@ module dst_scene
     real(wp), allocatable :: drive_time(:)               !! s, corners of the drive; one entry at 0 = constant
     real(wp), allocatable :: drive_velocity(:)           !! m/s
     character(24), allocatable :: fields(:)              !! columns of the time series, or 'default'
+  contains
+    procedure :: is_closed_form
+    procedure :: method_name
   end type scene_t
 
 contains
+
+  !> Whether the model is known at any time, without a method.
+  pure logical function is_closed_form(self)
+    class(scene_t), intent(in) :: self
+
+    is_closed_form = self%model == 'creep' .or. self%model == 'creep_asymptotic'
+  end function is_closed_form
+
+  !> The method, for the record.
+  pure function method_name(self) result(name)
+    class(scene_t), intent(in) :: self
+    character(:), allocatable :: name
+
+    name = self%method
+    if (self%is_closed_form()) name = 'closed form'
+  end function method_name
 
   !> The scene that a checked deck describes.
   subroutine scene_from_deck(deck, scene)

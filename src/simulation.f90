@@ -61,7 +61,6 @@ module dst_simulation
     procedure :: state_at
     procedure :: outcome
     procedure :: output_columns
-    procedure :: method_name
     procedure :: state_text
     procedure :: exchange
   end type simulation_t
@@ -79,7 +78,7 @@ contains
       call slider_from_scene(scene, trajectory%slider)
       trajectory%drive = new_drive(scene%drive_time, scene%drive_velocity)
       trajectory%t_end = scene%t_end
-      if (scene%model == 'creep' .or. scene%model == 'creep_asymptotic') then
+      if (scene%is_closed_form()) then
         call start_creep(self, error)
       else
         call choose_equations(scene, trajectory, error)
@@ -288,15 +287,6 @@ contains
 
     descriptions = columns(self%selected)
   end function output_columns
-
-  !> The method, for the record.
-  pure function method_name(self) result(name)
-    class(simulation_t), intent(in) :: self
-    character(:), allocatable :: name
-
-    name = self%scene%method
-    if (allocated(self%creep)) name = 'closed form'
-  end function method_name
 
   !> Go on for at most `seconds` of wall time [s], or to the end, or until the time `until` [s] has been reached. An error of
   !> the solver ends the run: it is then finished, and all up to the error has been written.

@@ -295,8 +295,10 @@ contains
 
     call scene_from_deck(sweep%deck, worker%scene)
     call adapt_output(worker%scene, sweep%keeps_series, worker%kept)
-    if (worker%scene%method == 'rodas4p') allocate (worker%lanes)
-    allocate (worker%number(cases_at_once(sweep)), worker%begun(cases_at_once(sweep)))
+    associate (places => cases_at_once(sweep))
+      if (places > 1) allocate (worker%lanes)
+      allocate (worker%number(places), worker%begun(places))
+    end associate
     worker%number = 0
   end subroutine new_worker
 
@@ -408,7 +410,7 @@ contains
     type(case_writer_t) :: writer
     type(error_t), allocatable :: error
 
-    if (.not. (kept > 0 .or. is_closed_form(scene%model))) scene%interval = scene%t_end
+    if (.not. (kept > 0 .or. scene%is_closed_form())) scene%interval = scene%t_end
     call simulation%start(scene, error)
     done = allocated(error)
     do while (.not. done)
@@ -436,12 +438,6 @@ contains
     result%result_code = error%code
     result%result_text = error%text
   end subroutine take_code
-
-  pure logical function is_closed_form(model)
-    character(*), intent(in) :: model
-
-    is_closed_form = index(model, 'creep') == 1
-  end function is_closed_form
 
   !> The last state is among the columns, and the limit is that of the sweep. A summary needs no series; only the largest
   !> velocity of slow creep, which is known in closed form, is looked for among its samples.

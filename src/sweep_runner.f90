@@ -501,7 +501,7 @@ contains
     integer :: i
 
     call scene_from_deck(sweep%deck, scene)
-    call describe_run(sweep%deck, scene%model, method_of(scene), '', metadata)
+    call describe_run(sweep%deck, scene%model, scene%method_name(), '', metadata)
     call merge_shards(sweep, files, index, metadata, result_file, options%overwrite, error)
     if (allocated(error)) return
     if (index%done == sweep%cases .and. .not. options%keep_shards) then
@@ -517,15 +517,6 @@ contains
         ' cases failed: see result_code and failures in '//result_file)
     end if
   end subroutine write_result
-
-  !> The method, for the record.
-  function method_of(scene) result(name)
-    type(scene_t), intent(in) :: scene
-    character(:), allocatable :: name
-
-    name = scene%method
-    if (index(scene%model, 'creep') == 1) name = 'closed form'
-  end function method_of
 
   function stop_text(sweep, state) result(text)
     type(sweep_t), intent(in) :: sweep

@@ -97,7 +97,7 @@ contains
     self%budget = budget
     self%scene = scene
     if (scene%model == 'auto') self%scene%model = 'full'
-    if (scene%model == 'creep' .or. scene%model == 'creep_asymptotic') then
+    if (scene%is_closed_form()) then
       call raise(error, deck_error, "model '"//scene%model//"' is a closed form and leaves nothing to compare: "// &
         "choose model = 'full', which has it among its candidates")
       return
