@@ -22,7 +22,7 @@ module dst_lanes
   use dst_scene, only: scene_t
   use dst_simulation, only: slider_from_scene
   use dst_slider, only: slider_t
-  use dst_summary, only: summary_t, energies_t, consider, widen, summary_quantities, values_with_energies, tiny_rate
+  use dst_summary, only: summary_t, energies_t, consider, widen, note_creep, summary_quantities, values_with_energies, tiny_rate
   use dst_text, only: short_text
   implicit none
   private
@@ -321,7 +321,7 @@ contains
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: i
     type(course_t) :: course
-    real(wp) :: first, ends(2), share, half
+    real(wp) :: first, ends(2), crossing, half
 
     half = 0.5_wp*self%t_end(i)
     first = 0.0_wp
@@ -333,13 +333,10 @@ contains
         call widen(summary, self%stiffness(i)*value_of(course%u, first))
         ends(1) = level(self, i, excess_rate, value_of(course%u, first), value_of(course%w, first))
       end if
-      share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
-      if (ends(1)*ends(2) < 0.0_wp) then
-        share = (max(first, zero_of(self, i, course, excess_rate)) - first)/max(1.0_wp - first, tiny(first))
-        if (ends(2) < 0.0_wp) share = 1.0_wp - share
-      end if
-      summary%late_time = summary%late_time + (1.0_wp - first)*self%last_step(i)
-      summary%creep_time = summary%creep_time + share*(1.0_wp - first)*self%last_step(i)
+      crossing = 0.0_wp
+      if (ends(1)*ends(2) < 0.0_wp) &
+        crossing = (max(first, zero_of(self, i, course, excess_rate)) - first)/max(1.0_wp - first, tiny(first))
+      call note_creep(summary, (1.0_wp - first)*self%last_step(i), ends, crossing)
     end associate
   end subroutine take_late
 

@@ -19,8 +19,8 @@ module dst_summary
   implicit none
   private
 
-  public :: summary_t, energies_t, start_summary, follow, consider, widen, describe, summary_quantities, summary_values, &
-    values_with_energies, tiny_rate
+  public :: summary_t, energies_t, start_summary, follow, consider, widen, note_creep, describe
+  public :: summary_quantities, summary_values, values_with_energies, tiny_rate
 
   real(wp), parameter :: threshold = 0.01_wp
   !> An object that is slower than this share of the drive looks at rest.
@@ -248,7 +248,7 @@ contains
     type(trajectory_t), intent(in) :: trajectory
     real(wp), intent(in) :: before(2)
     type(motion_t) :: first
-    real(wp) :: velocity(2), ends(2), duration, share
+    real(wp) :: velocity(2), ends(2), duration, crossing
 
     first = trajectory%from
     velocity = before
@@ -260,19 +260,30 @@ contains
     duration = trajectory%now%time - first%time
     ! Where the mass is tiny, steps may be shorter than the time can tell.
     if (.not. duration > 0.0_wp) return
-    ends = [level(excess_rate, trajectory, first, velocity), level(excess_rate, trajectory, trajectory%now, self%velocity)]
-    share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
-    if (trajectory%was_sticking) then
-      share = 1.0_wp
-    else if (ends(1)*ends(2) < 0.0_wp) then
+    ends = 0.0_wp
+    if (.not. trajectory%was_sticking) &
+      ends = [level(excess_rate, trajectory, first, velocity), level(excess_rate, trajectory, trajectory%now, self%velocity)]
+    crossing = 0.0_wp
+    if (ends(1)*ends(2) < 0.0_wp) then
       associate (zero => motion_at_zero(excess_rate, trajectory, first%time, trajectory%now%time, ends))
-        share = (zero%time - first%time)/duration
+        crossing = (zero%time - first%time)/duration
       end associate
-      if (ends(2) < 0.0_wp) share = 1.0_wp - share
     end if
+    call note_creep(self, duration, ends, crossing)
+  end subroutine follow_late
+
+  !> Take in a stretch of the second half [s] with |X'| - V/10 at its ends; `crossing` is the share of it after which that passes
+  !> through zero, if the ends have opposite signs.
+  pure subroutine note_creep(self, duration, ends, crossing)
+    type(summary_t), intent(inout) :: self
+    real(wp), intent(in) :: duration, ends(2), crossing
+    real(wp) :: share
+
+    share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
+    if (ends(1)*ends(2) < 0.0_wp) share = merge(1.0_wp - crossing, crossing, ends(2) < 0.0_wp)
     self%late_time = self%late_time + duration
     self%creep_time = self%creep_time + share*duration
-  end subroutine follow_late
+  end subroutine note_creep
 
   !> Take the longitudinal spring force [N] at one instant of the second half into its range.
   pure subroutine widen(self, force)
