@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ._closing import Closing
 from ._core import dst_python_api as _core
 from .errors import Error, UsageError, error_for
 from .record import Info
@@ -115,21 +115,10 @@ class BuildInfo(NamedTuple):
     compiler: str
 
 
-class Session(ABC):
+class Session(Closing):
     """What lives in the core under a handle; a context manager, so that it is always closed."""
 
     _handle = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __del__(self) -> None:
         self.close()

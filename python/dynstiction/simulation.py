@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import warnings
 from datetime import UTC, datetime
-from types import TracebackType
-from typing import Self, Unpack
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
+from ._closing import Closing
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
 from .groups import Groups
@@ -54,7 +54,7 @@ class _Samples:
         return float(self._values[0, self._rows - 1]) if self._rows > 0 else 0.0
 
 
-class Simulation:
+class Simulation(Closing):
     """A run that goes on when it is told to; in the end it is what `dynstiction.run` returns, bit for bit.
 
     A context manager; what the core holds is freed at its end, and what was computed stays.
@@ -93,17 +93,6 @@ class Simulation:
         self._statistics: Described[float] = Described([])
         self._time = 0.0
         self._advance(0.0)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Free what the core holds; a run that is not finished can then not go on."""
