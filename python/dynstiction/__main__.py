@@ -13,8 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from ._sweep import holds_sweep, open_sweep
-from ._trade import holds_trade, open_trade
+from ._open import groups_in
+from ._sweep import open_sweep
+from ._trade import open_trade
 from .errors import Error, FileError, IncompleteWarning, UsageError
 from .result import Result, open
 
@@ -154,10 +155,11 @@ def _export(options: argparse.Namespace) -> None:
     from .export import export_csv, export_sweep_csv  # noqa: PLC0415
 
     name, folder = options.file.stem, options.output
-    if holds_sweep(options.file):
+    groups = groups_in(options.file)
+    if "sweep" in groups:
         print(export_sweep_csv(options.file, folder, name, overwrite=options.overwrite))
         return
-    result = open_trade(options.file) if holds_trade(options.file) else _open(options.file)
+    result = open_trade(options.file) if "trade" in groups else _open(options.file)
     for file in export_csv(result, folder, name, overwrite=options.overwrite):
         print(file)
 
@@ -291,9 +293,10 @@ def _open(file: Path) -> Result:
 
 def _open_any(file: Path) -> Drawable:
     """A file of a run, a comparison or a sweep."""
-    if holds_trade(file):
+    groups = groups_in(file)
+    if "trade" in groups:
         return open_trade(file)
-    if holds_sweep(file):
+    if "sweep" in groups:
         with _warnings_in_one_line():
             return open_sweep(file)
     return _open(file)

@@ -13,7 +13,7 @@ from .errors import FileError
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
 
-__all__ = ["add_seal", "check_list", "open_file"]
+__all__ = ["add_seal", "check_list", "groups_in", "open_file"]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FORMAT = b"\x02"
@@ -63,6 +63,15 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
     except Exception as error:  # whatever h5py and NumPy make of damaged files
         reason = "no such file" if isinstance(error, FileNotFoundError) else str(error)
         raise FileError(f"{name}: cannot be read: {reason}") from error
+
+
+def groups_in(path: str | os.PathLike[str]) -> set[str]:
+    """Names at the root of a result file, which tell what it holds; none of a file that cannot be opened."""
+    try:
+        with open_file(path) as file:
+            return set(file)
+    except FileError:
+        return set()
 
 
 def check_list(dataset: h5py.Dataset, name: str) -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
     import xarray
 
-__all__ = ["holds_sweep", "open_sweep", "sweep"]
+__all__ = ["open_sweep", "sweep"]
 
 Floats: TypeAlias = NDArray[np.float64]
 Axis: TypeAlias = tuple[Info, Floats]
@@ -263,15 +263,6 @@ def _dataset(
 
 def _about(info: Info) -> dict[str, str]:
     return {"units": info.units, "long_name": info.long_name}
-
-
-def holds_sweep(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is one of a sweep."""
-    try:
-        with open_file(path) as file:
-            return "sweep" in file
-    except FileError:
-        return False
 
 
 def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:

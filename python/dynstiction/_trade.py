@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
     import xarray
 
-__all__ = ["Trade", "holds_trade", "open_trade", "trade"]
+__all__ = ["Trade", "open_trade", "trade"]
 
 RESOLUTION = 100.0
 """An error counts as measured from this multiple of the reference's own on."""
@@ -244,15 +244,6 @@ def _number_or_text(value: str) -> float | str:
         return float(value)
     except ValueError:
         return value
-
-
-def holds_trade(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is one that ``dynstiction trade`` has written."""
-    try:
-        with open_file(path) as file:
-            return "trade" in file
-    except FileError:
-        return False
 
 
 def open_trade(path: str | os.PathLike[str]) -> Trade:
