@@ -159,7 +159,7 @@ contains
         call note_unknown_group(list%groups(i)%line, trim(list%groups(i)%name), deck, faults)
       else if (line_of(g) > 0) then
         call faults%add(list%groups(i)%line, 'group &'//group//' given again: it began in line '// &
-                        number(line_of(g))//', put all its keys there')
+                        integer_text(line_of(g))//', put all its keys there')
       else
         line_of(g) = list%groups(i)%line
       end if
@@ -225,7 +225,7 @@ contains
         if (.not. assignment%bare) call faults%add(assignment%line, unknown_key_text(group, trim(assignment%key)))
         call mark_meant(group, key, deck)
       else if (deck%value(k)%attempted .and. deck%value(k)%line > 0) then
-        call faults%add(assignment%line, "'"//key//"' given again: it stands in line "//number(deck%value(k)%line)// &
+        call faults%add(assignment%line, "'"//key//"' given again: it stands in line "//integer_text(deck%value(k)%line)// &
                         ' already, keep one of them')
       else if (assignment%faulty) then
         deck%value(k)%attempted = .true.
@@ -332,7 +332,7 @@ contains
     logical :: faulty
 
     if (value%setting > 0) then
-      call note(faults, source, "'"//trim(schema(k)%name)//"' set again: --set "//number(value%setting)// &
+      call note(faults, source, "'"//trim(schema(k)%name)//"' set again: --set "//integer_text(value%setting)// &
                 ' sets it already, keep one of them')
       return
     end if
@@ -559,8 +559,8 @@ contains
 
     problem = ''
     if (len(given) > longest_text) then
-      problem = "'"//excerpt(given)//"' is too long for '"//trim(key%name)//"': "//number(len(given))// &
-                ' bytes given, at most '//number(longest_text)//' allowed'
+      problem = "'"//excerpt(given)//"' is too long for '"//trim(key%name)//"': "//integer_text(len(given))// &
+                ' bytes given, at most '//integer_text(longest_text)//' allowed'
     else if (key%choices /= '') then
       problem = choice_problem(key, given)
     end if
@@ -681,18 +681,18 @@ contains
       if (.not. (velocity%user .and. velocity%valid .and. time%valid)) return
       source = source_of(merge_value(time, velocity))
       if (size(time%reals) /= size(velocity%reals)) then
-        call note(faults, source, number(size(velocity%reals))//" value(s) of 'velocity' but "//number(size(time%reals))// &
-                  " of 'time': give one velocity for each time, or one velocity alone")
+        call note(faults, source, integer_text(size(velocity%reals))//" value(s) of 'velocity' but "// &
+          integer_text(size(time%reals))//" of 'time': give one velocity for each time, or one velocity alone")
         return
       end if
       if (abs(time%reals(1)) > 0.0_wp) call note(faults, source, "time(1) = '"//real_text(time%reals(1))// &
                                                  "' is not the start: the first time must be 0.0 s")
       do i = 2, size(time%reals)
         if (time%reals(i) < time%reals(i - 1)) then
-          call note(faults, source, 'time('//number(i)//") = '"//real_text(time%reals(i))//"' is before the time ahead of it, "// &
-                    real_text(time%reals(i - 1))//' s: times must not decrease')
+          call note(faults, source, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))// &
+            "' is before the time ahead of it, "//real_text(time%reals(i - 1))//' s: times must not decrease')
         else if (repeats_too_often(time%reals(:i))) then
-          call note(faults, source, 'time('//number(i)//") = '"//real_text(time%reals(i))//"' "// &
+          call note(faults, source, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))//"' "// &
                     'repeats a time once too often: give a time twice for a jump, but not 0.0 s')
         else
           cycle
@@ -757,11 +757,4 @@ contains
 
     call faults%add(source%line, text, source%setting, trim(source%argument))
   end subroutine note
-
-  pure function number(i) result(text)
-    integer, intent(in) :: i
-    character(:), allocatable :: text
-
-    text = integer_text(int(i, int64))
-  end function number
 end module dst_deck

@@ -1,7 +1,7 @@
 !> The group &sweep of a deck: which keys may be varied, and whether its lists fit together.
 module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp
   use dst_deck_values, only: deck_t, usage, failing_condition, used
   use dst_faults, only: faults_t
   use dst_schema, only: schema, sweep_group, find_key, in_range, range_text, real_kind, reals_kind, integer_kind, longest_text
@@ -110,8 +110,8 @@ contains
       character(*), intent(in) :: key
       integer, intent(in) :: given
 
-      if (given /= n) call note(faults, deck, sweep_group, key, number(given)//" value(s) of '"//key//"' but "//number(n)// &
-        " of 'parameter': give one for each")
+      if (given /= n) call note(faults, deck, sweep_group, key, integer_text(given)//" value(s) of '"//key//"' but "// &
+        integer_text(n)//" of 'parameter': give one for each")
     end subroutine check_length
   end subroutine check_lengths
 
@@ -218,11 +218,4 @@ contains
       call faults%add(value%line, text, value%setting, trim(value%argument))
     end associate
   end subroutine note
-
-  pure function number(i) result(text)
-    integer, intent(in) :: i
-    character(:), allocatable :: text
-
-    text = integer_text(int(i, int64))
-  end function number
 end module dst_deck_sweep

@@ -1,6 +1,5 @@
 !> The faults found in one deck and in the settings of the command line, in the order of their lines.
 module dst_faults
-  use dst_kinds, only: int64
   use dst_text, only: text_builder_t, integer_text, excerpt
   implicit none
   private
@@ -94,6 +93,6 @@ contains
     integer, intent(in) :: i
     character(:), allocatable :: text
 
-    text = integer_text(int(i, int64))
+    text = integer_text(i)
   end function number
 end module dst_faults

@@ -149,7 +149,7 @@ contains
       if (sweep%is_list) cases = real(size(sweep%axes(1)%values), wp)
     end do
     if (cases > many_cases .or. cases < 1.0_wp) then
-      call raise(error, deck_error, 'a sweep has from 1 to '//integer_text(int(many_cases, int64))//' cases')
+      call raise(error, deck_error, 'a sweep has from 1 to '//integer_text(int(many_cases))//' cases')
     else
       sweep%cases = nint(cases)
     end if
@@ -175,7 +175,7 @@ contains
         do j = 1, size(axis%values)
           if (problem /= '') exit
           problem = range_problem(axis%key, axis%values(j))
-          if (problem /= '') problem = 'value '//integer_text(int(j, int64))//': '//problem
+          if (problem /= '') problem = 'value '//integer_text(j)//': '//problem
         end do
       end associate
       if (problem == '') cycle

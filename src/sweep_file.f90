@@ -10,7 +10,7 @@ module dst_sweep_file
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
     make_scale, attach_scale, table_t, create_table, append_rows, message_list_t, create_messages, append_messages
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, is_hdf5
-  use dst_kinds, only: int64, real64
+  use dst_kinds, only: real64
   use dst_schema, only: schema
   use dst_seal, only: seal_file
   use dst_sweep, only: sweep_t, case_t, value_count, value_quantities, wall_time_value, series_quantities
@@ -181,7 +181,7 @@ contains
     if (sweep%is_list) return
     text = ''
     do i = 1, size(sweep%axes)
-      text = text//integer_text(size(sweep%axes(i)%values, kind=int64))//' '
+      text = text//integer_text(size(sweep%axes(i)%values))//' '
     end do
     text = trim(text)
   end function grid_text
@@ -342,11 +342,11 @@ contains
     code = result_done
     if (index%failed > 0) then
       code = some_failed
-      text = integer_text(int(index%failed, int64))//' of '//integer_text(int(sweep%cases, int64))//' cases failed'
+      text = integer_text(index%failed)//' of '//integer_text(sweep%cases)//' cases failed'
     end if
     if (index%done < sweep%cases) then
       code = stopped_early
-      text = integer_text(int(sweep%cases - index%done, int64))//' of '//integer_text(int(sweep%cases, int64))// &
+      text = integer_text(sweep%cases - index%done)//' of '//integer_text(sweep%cases)// &
         ' cases have not been run'
     end if
     call put_attribute(output%file, 'result_code', code, status)

@@ -7,7 +7,6 @@ module dst_sweep_list
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, names_in, read_list
   use dst_hdf5_writer, only: is_hdf5
-  use dst_kinds, only: int64
   use dst_sweep, only: axis_t
   use dst_sweep_points, only: path_of_points, read_csv, name_axis
   use dst_text, only: integer_text
@@ -72,7 +71,7 @@ contains
     type(axis_t), intent(in) :: axis
     character(:), allocatable :: text
 
-    text = integer_text(size(axis%values, kind=int64))
+    text = integer_text(size(axis%values))
   end function number
 
   subroutine take_values(file, path, name, axis, error)
@@ -90,7 +89,7 @@ contains
     do i = 1, size(axis%values)
       if (problem /= '') exit
       problem = range_problem(axis%key, axis%values(i))
-      if (problem /= '') problem = 'value '//integer_text(int(i, int64))//': '//problem
+      if (problem /= '') problem = 'value '//integer_text(i)//': '//problem
     end do
     if (problem /= '') call raise(error, file_error, path//": '"//name//"' "//problem)
   end subroutine take_values

@@ -8,7 +8,7 @@ module dst_sweep_points
   use dst_deck_sweep, only: varied_key, variation_problem, range_problem
   use dst_disk, only: read_bytes
   use dst_errors, only: error_t, raise, file_error
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp
   use dst_schema, only: schema, sweep_group
   use dst_sweep, only: axis_t
   use dst_text, only: excerpt, integer_text, read_real
@@ -67,12 +67,12 @@ contains
       if (verify(text(first:last), ' '//tab) > 0) then
         if (.not. allocated(axes)) then
           separator = separator_of(text(first:last))
-          call read_names(deck, text(first:last), separator, path//':'//integer_text(int(line, int64)), axes, error)
+          call read_names(deck, text(first:last), separator, path//':'//integer_text(line), axes, error)
           deallocate (table)
           allocate (table(1 + line_count(text(last + 1:)), size(axes)))
         else
           n = n + 1
-          call read_row(axes, text(first:last), separator, path//':'//integer_text(int(line, int64)), table(n, :), error)
+          call read_row(axes, text(first:last), separator, path//':'//integer_text(line), table(n, :), error)
         end if
         if (allocated(error)) return
       end if
@@ -172,8 +172,8 @@ contains
     values = 0.0_wp
     call find_fields(line, separator, bounds)
     if (size(bounds, 2) /= size(values)) then
-      call raise(error, file_error, place//': '//integer_text(size(bounds, 2, kind=int64))// &
-        ' value(s), but the first line names '//integer_text(int(size(values), int64))//': give one for each')
+      call raise(error, file_error, place//': '//integer_text(size(bounds, 2))// &
+        ' value(s), but the first line names '//integer_text(size(values))//': give one for each')
       return
     end if
     do i = 1, size(values)

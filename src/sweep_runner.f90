@@ -183,7 +183,7 @@ contains
       if (status /= 0) cycle
       read (value, *, iostat=status) copies
       if (status /= 0 .or. copies < 2) cycle
-      call raise(error, usage_error, 'this is one of '//integer_text(int(copies, int64))//' copies that know nothing of each '// &
+      call raise(error, usage_error, 'this is one of '//integer_text(copies)//' copies that know nothing of each '// &
         'other ('//trim(variables(i))//'): start the program once, build it with -Dmpi=enabled for this MPI, or use --shard')
       return
     end do
@@ -480,7 +480,7 @@ contains
     type(path_t), allocatable :: files(:)
 
     if (options%shards > 0) then
-      if (state%failed > 0) call raise(error, some_failed, integer_text(int(state%failed, int64))//' cases failed')
+      if (state%failed > 0) call raise(error, some_failed, integer_text(state%failed)//' cases failed')
     else if (state%ranks%rank == 0) then
       call look_at_shards(sweep, identity, result_file, .false., index, files, error)
       if (.not. allocated(error)) call write_result(sweep, result_file, index, files, options, error)
@@ -510,10 +510,10 @@ contains
       end do
     end if
     if (index%done < sweep%cases) then
-      call raise(error, stopped_early, integer_text(int(sweep%cases - index%done, int64))//' of '// &
-        integer_text(int(sweep%cases, int64))//' cases have not been run: run the deck again to go on')
+      call raise(error, stopped_early, integer_text(sweep%cases - index%done)//' of '// &
+        integer_text(sweep%cases)//' cases have not been run: run the deck again to go on')
     else if (index%failed > 0) then
-      call raise(error, some_failed, integer_text(int(index%failed, int64))//' of '//integer_text(int(sweep%cases, int64))// &
+      call raise(error, some_failed, integer_text(index%failed)//' of '//integer_text(sweep%cases)// &
         ' cases failed: see result_code and failures in '//result_file)
     end if
   end subroutine write_result
@@ -525,7 +525,7 @@ contains
 
     text = 'stopped at output.wall_limit'
     if (stop_signal() /= '') text = 'stopped by '//stop_signal()
-    text = text//' after '//integer_text(int(state%done_before + state%ranks%finished, int64))//' of '// &
-      integer_text(int(sweep%cases, int64))//' cases: start it again to go on'
+    text = text//' after '//integer_text(state%done_before + state%ranks%finished)//' of '// &
+      integer_text(sweep%cases)//' cases: start it again to go on'
   end function stop_text
 end module dst_sweep_runner

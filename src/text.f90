@@ -19,6 +19,11 @@ module dst_text
     procedure :: content
   end type text_builder_t
 
+  !> The digits of an integer.
+  interface integer_text
+    module procedure text_of_long, text_of_integer
+  end interface integer_text
+
   character(*), parameter :: newline = achar(10)
   character(*), parameter :: digits = '0123456789'
   !> No name of a deck or a command is longer; a longer word is near to none.
@@ -286,19 +291,26 @@ contains
     else
       text = mantissa(1:1)//'.'//mantissa(2:)
       if (len(mantissa) == 1) text = text//'0'
-      text = text//'e'//integer_text(int(exponent, int64))
+      text = text//'e'//integer_text(exponent)
     end if
   end function decimal_text
 
   !> An integer in as few characters as it needs.
-  pure function integer_text(value) result(text)
+  pure function text_of_long(value) result(text)
     integer(int64), intent(in) :: value
     character(:), allocatable :: text
     character(24) :: buffer
 
     write (buffer, '(i0)') value
     text = trim(buffer)
-  end function integer_text
+  end function text_of_long
+
+  pure function text_of_integer(value) result(text)
+    integer, intent(in) :: value
+    character(:), allocatable :: text
+
+    text = text_of_long(int(value, int64))
+  end function text_of_integer
 
   !> Text as a deck writes it: in single quotes, a quote inside doubled.
   pure function quoted_text(text) result(quoted)

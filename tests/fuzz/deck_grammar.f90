@@ -124,7 +124,7 @@ contains
         names = names//quoted(dice, trim(key%group)//'.'//trim(key%name))//blank(dice)
         first = first//number_text(dice, key)//blank(dice)
         last = last//number_text(dice, key)//blank(dice)
-        counts = counts//integer_text(int(1 + dice%below(40), int64))//blank(dice)
+        counts = counts//integer_text(1 + dice%below(40))//blank(dice)
       end associate
     end do
     text = gap(dice)//'&sweep'//gap(dice)//newline//'parameter = '//names//'first ='//gap(dice)//first//'last = '//last// &
