@@ -8,7 +8,7 @@ module dst_bernstein
   implicit none
   private
 
-  public :: first_zero, bernstein_value
+  public :: first_zero, first_minimum, bernstein_value
 
 contains
 
@@ -20,6 +20,41 @@ contains
 
     position = search(ubound(coefficient, 1), coefficient, 0)
   end function first_zero
+
+  !> First position after `start` where the polynomial stops falling and begins to rise; 2 if there is none.
+  pure function first_minimum(coefficient, start) result(position)
+    real(wp), intent(in) :: coefficient(0:), start
+    real(wp) :: position
+    real(wp) :: slope(0:ubound(coefficient, 1) - 1), begin
+
+    position = 2.0_wp
+    begin = start
+    slope = slope_from(begin)
+    if (slope(0) > 0.0_wp) then
+      begin = begin + first_zero(slope)*(1.0_wp - begin)
+      if (.not. begin < 1.0_wp) return
+      slope = slope_from(begin)
+    end if
+    position = first_zero(-slope)
+    if (position <= 1.0_wp) position = begin + position*(1.0_wp - begin)
+
+  contains
+
+    !> Bernstein coefficients of the slope on [x, 1], but for a positive factor.
+    pure function slope_from(x) result(difference)
+      real(wp), intent(in) :: x
+      real(wp) :: difference(0:ubound(coefficient, 1) - 1)
+      real(wp) :: c(0:ubound(coefficient, 1))
+      integer :: k, n
+
+      n = ubound(coefficient, 1)
+      c = coefficient
+      do k = 1, n
+        c(0:n - k) = (1.0_wp - x)*c(0:n - k) + x*c(1:n - k + 1)
+      end do
+      difference = c(1:) - c(:n - 1)
+    end function slope_from
+  end function first_minimum
 
   pure recursive function search(degree, coefficient, depth) result(position)
     integer, intent(in) :: degree, depth

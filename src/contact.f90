@@ -4,6 +4,10 @@
 !> |K u| = F_0, in the direction of K u. Coming to rest with |K u| >= F_0 is no rest: the motion
 !> goes on in the direction of K u.
 !>
+!> A rest that lasts no longer than a thousandth of the time in which the stiffer spring oscillates by one radian, or in which the
+!> drive loads the springs from nothing to the static limit, is a touch: the object passes on, and neither a stick nor an event
+!> is counted. How many touches there are hangs on roundoff where the slip speed just reaches zero in each oscillation.
+!>
 !> An implicit method starts from rest by itself. For an explicit one the slip that follows a release
 !> is given here as a power series, and the end of slip in closed form.
 module dst_contact
@@ -14,7 +18,7 @@ module dst_contact
   implicit none
   private
 
-  public :: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake
+  public :: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, touch_time
   public :: release_t, series_order, release_series, default_cut_speed
 
   !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
@@ -137,6 +141,18 @@ contains
     if (.not. delay <= huge(delay)) delay = huge(delay)
   end function time_to_travel
 
+  !> Longest rest [s] that is a touch only, with the drive at this velocity [m/s].
+  pure real(wp) function touch_time(slider, drive_velocity)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: drive_velocity
+    real(wp) :: pull(2)
+    real(wp), parameter :: share = 1.0e-3_wp
+
+    pull = slider%stiffness*slider%pulled()*drive_velocity
+    touch_time = share*min(sqrt(slider%mass/maxval(slider%stiffness)), &
+      slider%law%onset/max(hypot(pull(1), pull(2)), tiny(1.0_wp)))
+  end function touch_time
+
   !> Start of slip from rest at elongation `u`, where |K u| >= F_0.
   pure function onset_of_slip(slider, u, drive_velocity) result(onset)
     type(slider_t), intent(in) :: slider
@@ -201,7 +217,7 @@ contains
       call slider%law%evaluate(1, [v], friction, slope)
       slipped = delay*(v + delay*(0.5_wp*course%acceleration + delay*course%jerk/6.0_wp))
       travel = drive%displacement(from%time, delay)
-      to%time = from%time + delay
+      call to%later(from, delay)
       to%u = from%u + travel*slider%pulled() - slipped*slider%follows*direction
       to%y = 0.0_wp
       to%position = from%position + slipped*dot_product(slider%along, direction)
@@ -210,23 +226,6 @@ contains
         + slipped*dot_product(slider%held_force(from%u), direction)
     end associate
   end function end_of_slip
-
-  !> The last instants before a stop in closed form, for a slip speed so small that the direction
-  !> does not matter any more: v falls to zero with the acceleration and jerk that it has now.
-  !> `ends` is false where it does not fall to zero.
-  pure subroutine brake(slider, drive, from, to, ends)
-    type(slider_t), intent(in) :: slider
-    type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
-    type(motion_t), intent(out) :: to
-    logical, intent(out) :: ends
-    type(braking_t) :: course
-
-    to = from
-    course = braking(slider, drive, from)
-    ends = course%falls .and. course%acceleration < 0.0_wp
-    if (ends) to = end_of_slip(slider, drive, from, course)
-  end subroutine brake
 
   !> Slip speed [m/s] below which an explicit method hands over to `brake`, for the largest speed of
   !> the drive. What `brake` leaves out (the turning of the direction, the change of the jerk) has an
@@ -439,7 +438,7 @@ contains
     real(wp) :: slipped(2)
 
     slipped = [value(self%slipped(:, 1), tau), value(self%slipped(:, 2), tau)]
-    motion%time = from%time + tau*self%unit
+    call motion%later(from, tau*self%unit)
     motion%u = from%u + drive%displacement(from%time, tau*self%unit)*slider%pulled() - slider%follows*slipped
     motion%y = [value(self%v, tau), value(self%theta, tau)]
     motion%position = from%position + dot_product(slider%along, slipped)

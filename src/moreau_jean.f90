@@ -88,7 +88,7 @@ contains
       mean_velocity = theta*to%y + (1.0_wp - theta)*w
       to%u = from%u + driven - step*mean_velocity
       mean_elongation = theta*to%u + (1.0_wp - theta)*from%u
-      to%time = from%time + step
+      call to%later(from, step)
       to%position = from%position + step*dot_product(system%along, mean_velocity)
       to%drive_work = from%drive_work + dot_product(driven, k*mean_elongation)
       to%friction_work = from%friction_work + step*dot_product(friction, mean_velocity)

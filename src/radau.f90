@@ -91,7 +91,8 @@ contains
     type(radau_t) :: stepper
 
     stepper%method = radau_iia(stages)
-    stepper%grid = stepper%method%grid
+    stepper%own_grid = stepper%method%grid
+    stepper%grid = stepper%own_grid
     stepper%rtol = rtol
     ! Exponent and factor are measured (bench/fig3.py): order reduction near a stop keeps the
     ! exponent above the (s + 1)/(2 s - 1) of smooth motion.
@@ -167,6 +168,7 @@ contains
     integer :: iterations
 
     self%step = step
+    call self%use_own_grid()
     associate (s => self%method%stages, n => system%components)
       call predict(self, s, n, from, self%y)
       call drive_elongation(self, system, drive, s, n, from, self%driven)
@@ -291,7 +293,7 @@ contains
         end do
       end associate
     end do
-    to%time = from%time + self%step
+    call to%later(from, self%step)
     to%position = self%nodal(s, column_position)
     to%drive_work = from%drive_work + self%step*drive_power
     to%friction_work = from%friction_work + self%step*friction_power

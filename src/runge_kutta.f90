@@ -143,7 +143,7 @@ contains
       self%end = [state, drive%velocity_at(from%time + self%step)]
       self%end_known = outcome%solved
       associate (b => self%method%b(1:s))
-        to%time = from%time + self%step
+        call to%later(from, self%step)
         to%u = state(1:max_components)
         to%y = state(first_y:)
         to%position = from%position + system%carried*drive%displacement(from%time, self%step) &

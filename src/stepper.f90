@@ -15,12 +15,16 @@ module dst_stepper
   !> The state of the motion at one instant.
   type :: motion_t
     real(wp) :: time = 0.0_wp                        !! s
+    !> What rounding took from `time` [s]: a sum of 1e8 steps loses nothing (Kahan).
+    real(wp) :: time_rest = 0.0_wp
     real(wp) :: u(max_components) = 0.0_wp           !! spring elongation, m
     real(wp) :: y(max_components) = 0.0_wp           !! slip unknowns of the model
     real(wp) :: position = 0.0_wp                    !! X, m
     real(wp) :: drive_work = 0.0_wp                  !! J
     real(wp) :: friction_work = 0.0_wp               !! J
   contains
+    procedure :: later
+    procedure :: until
     procedure :: exchange => exchange_motion
   end type motion_t
 
@@ -120,7 +124,28 @@ module dst_stepper
 
 contains
 
-  !> The motion at position `tau` in [0, 1] of the last attempt, which began at `from`. The work
+  !> Set the time to that of `from`, `duration` [s] later.
+  elemental subroutine later(self, from, duration)
+    class(motion_t), intent(inout) :: self
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: duration
+    real(wp) :: added, part
+
+    added = duration + from%time_rest
+    self%time = from%time + added
+    part = self%time - from%time
+    self%time_rest = (from%time - (self%time - part)) + (added - part)
+  end subroutine later
+
+  !> The duration [s] from now to a time [s].
+  elemental real(wp) function until(self, time) result(duration)
+    class(motion_t), intent(in) :: self
+    real(wp), intent(in) :: time
+
+    duration = (time - self%time) - self%time_rest
+  end function until
+
+  !> The motion at position `tau` in [0, 1] of the last attempt, which began at `from`. Time and work
   !> integrals are not interpolated.
   pure function dense(self, system, drive, from, tau) result(motion)
     class(stepper_t), intent(in) :: self
@@ -136,7 +161,6 @@ contains
     do j = 1, n_columns
       value(j) = dot_product(basis(0:self%grid%degree), self%nodal(0:self%grid%degree, j))
     end do
-    motion%time = from%time + tau*self%step
     motion%u = value(column_u:column_u + max_components - 1) &
       + drive%displacement(from%time, tau*self%step)*system%along
     motion%y = value(column_y:column_y + max_components - 1)
@@ -189,6 +213,7 @@ contains
     type(archive_t), intent(inout) :: archive
 
     call archive%exchange(self%time)
+    call archive%exchange(self%time_rest)
     call archive%exchange(self%u)
     call archive%exchange(self%y)
     call archive%exchange(self%position)

@@ -8,8 +8,8 @@ module dst_trajectory
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, step_underflow, too_many_rejections, chattering, release_failed
-  use dst_bernstein, only: first_zero
-  use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, brake, &
+  use dst_bernstein, only: first_zero, first_minimum, bernstein_value
+  use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, touch_time, &
     release_t, release_series
   use dst_drive, only: drive_t, drive_segment_t
   use dst_interpolation, only: grid_t, new_grid, max_degree
@@ -27,6 +27,10 @@ module dst_trajectory
   !> Slip speed at the end of a step, relative to the largest one in it: of a landing that has converged (1e-14 in double
   !> precision), and of one that counts as a stop.
   real(wp), parameter :: landed = 10.0_wp**(1 - precision(1.0_wp)), at_rest = 10.0_wp**(6 - precision(1.0_wp))
+  !> Lowest slip speed of a dip, relative to the largest one in the step: a shallow dip is decided at its lowest point, and so is
+  !> one that seems to stay just above zero.
+  real(wp), parameter :: shallow = 0.01_wp, just_above = 1.0e-4_wp
+  integer, parameter :: max_landings = 20
   integer, parameter :: max_rejections = 60, timid_rejections = 8
   integer, parameter :: max_events_at_once = 100, max_steps_at_once = 10000
 
@@ -52,6 +56,8 @@ module dst_trajectory
     type(motion_t) :: from, now
     logical :: sticking = .false.
     logical :: was_sticking = .false.
+    !> Whether the rest is a mere touch, see dst_contact: no stick, and no event.
+    logical :: touching = .false.
     integer :: event = no_event
     !> Step size wanted next [s].
     real(wp) :: next_step = 0.0_wp
@@ -88,9 +94,10 @@ contains
     self%from = self%now
     self%release_step = 0.5_wp*sqrt(self%slider%mass/maxval(self%slider%stiffness))
     if (self%fixed_step > 0.0_wp) self%release_step = self%fixed_step
-    if (self%stepper%explicit) self%closed_form_grid = closed_form_grid()
+    if (self%exact_contact .or. allocated(self%other_system)) self%closed_form_grid = closed_form_grid()
     self%next_step = self%release_step
     call begin_motion(self)
+    if (self%exact_contact .and. .not. (self%sticking .or. self%now%y(1) > 0.0_wp)) call note_event(self, slip_begins)
   end subroutine start
 
   !> Begin with what `now` holds, at rest or in motion.
@@ -149,7 +156,7 @@ contains
       call stay_stuck(self, horizon)
     else
       passed = .false.
-      if (self%stepper%explicit .and. self%exact_contact) call pass_rest(self, horizon, passed, error)
+      if (self%exact_contact) call pass_rest(self, horizon, passed, error)
       if (allocated(error)) return
       if (.not. passed) call slide(self, horizon, error)
     end if
@@ -231,18 +238,17 @@ contains
     real(wp), intent(in) :: time
     type(motion_t) :: motion
 
-    associate (drive => self%drive%segment(self%segment))
+    associate (drive => self%drive%segment(self%segment), elapsed => self%from%until(time))
       if (time >= self%now%time) then
         motion = self%now
       else if (self%was_sticking) then
         motion = self%from
-        motion%time = time
-        motion%u = motion%u + drive%displacement(self%from%time, time - self%from%time)*self%system%along
+        motion%u = motion%u + drive%displacement(self%from%time, elapsed)*self%system%along
       else
-        motion = self%stepper%dense(self%system, drive, self%from, &
-          min(1.0_wp, (time - self%from%time)/self%stepper%step))
+        motion = self%stepper%dense(self%system, drive, self%from, min(1.0_wp, max(0.0_wp, elapsed/self%stepper%step)))
       end if
     end associate
+    motion%time = time
   end function at
 
   !> At rest until the spring force reaches the static limit or the horizon comes.
@@ -255,26 +261,45 @@ contains
 
     associate (drive => self%drive%segment(self%segment), k => self%slider%stiffness)
       delay = release_delay(self%slider, self%from%u, drive, self%from%time)
-      duration = horizon - self%from%time
+      duration = self%from%until(horizon)
       released = delay < duration
       if (released) released = moves_within(self, delay, duration - delay)
       if (released) duration = delay
       travel = drive%displacement(self%from%time, duration)
       self%now%u = self%from%u + travel*self%system%along
-      self%now%time = self%from%time + duration
-      if (.not. released) self%now%time = horizon
+      call self%now%later(self%from, duration)
+      if (.not. released) call arrive(self%now, horizon)
       self%now%drive_work = self%from%drive_work + travel*dot_product(k*self%system%along, &
         0.5_wp*(self%from%u + self%now%u))
     end associate
+    ! What was thought to be a touch lasts.
+    if (self%touching .and. .not. released) call note_event(self, stick_begins)
     if (released) then
-      self%event = slip_begins
-      self%stepper%count%events = self%stepper%count%events + 1
+      if (.not. self%touching) call note_event(self, slip_begins)
       onset = onset_of_slip(self%slider, self%now%u, velocity_now(self))
       ! The release is where |K u| = F_0 by definition: no excess from roundoff.
       onset%rate(1) = 0.0_wp
       call set_off(self, onset)
     end if
+    self%touching = .false.
   end subroutine stay_stuck
+
+  !> At the horizon [s] exactly.
+  pure subroutine arrive(motion, horizon)
+    type(motion_t), intent(inout) :: motion
+    real(wp), intent(in) :: horizon
+
+    motion%time = horizon
+    motion%time_rest = 0.0_wp
+  end subroutine arrive
+
+  pure subroutine note_event(self, event)
+    class(trajectory_t), intent(inout) :: self
+    integer, intent(in) :: event
+
+    self%event = event
+    self%stepper%count%events = self%stepper%count%events + 1
+  end subroutine note_event
 
   !> Whether the load grows beyond its own roundoff within `time` [s] of a release that is `delay` away. If it does not, nothing can
   !> be said of the slip, and the object rests.
@@ -312,10 +337,23 @@ contains
     class(trajectory_t), intent(inout) :: self
 
     self%sticking = .true.
-    self%event = stick_begins
     self%now%y = 0.0_wp
-    self%stepper%count%events = self%stepper%count%events + 1
+    self%touching = .false.
+    if (.not. self%stepper%rests_itself) self%touching = touches(self)
+    if (.not. self%touching) call note_event(self, stick_begins)
   end subroutine come_to_rest
+
+  !> Whether the rest that begins now will last no longer than a touch.
+  pure logical function touches(self)
+    class(trajectory_t), intent(in) :: self
+    real(wp) :: delay
+
+    associate (drive => self%drive%segment(self%segment))
+      delay = release_delay(self%slider, self%now%u, drive, self%now%time)
+      touches = self%now%time > 0.0_wp .and. delay <= touch_time(self%slider, velocity_now(self)) &
+        .and. delay < self%now%until(min(self%t_end, drive%end))
+    end associate
+  end function touches
 
   !> One accepted step of the integrator; it ends at the horizon at the latest, and at v = 0.
   subroutine slide(self, horizon, error)
@@ -324,16 +362,17 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(attempt_t) :: outcome
     type(motion_t) :: to
-    real(wp) :: step, longest
+    real(wp) :: step, longest, left
     logical :: truncated, stopped
     integer :: rejections
 
     longest = 0.0_wp
+    left = self%from%until(horizon)
     do rejections = 0, max_rejections
       step = self%next_step
       if (self%step_max > 0.0_wp) step = min(step, self%step_max)
-      truncated = self%from%time + 1.000001_wp*step >= horizon
-      if (truncated) step = horizon - self%from%time
+      truncated = 1.000001_wp*step >= left
+      if (truncated) step = left
       call self%stepper%attempt(self%system, self%drive%segment(self%segment), self%from, step, to, outcome)
       stopped = .false.
       if (outcome%solved .and. self%exact_contact) then
@@ -355,7 +394,7 @@ contains
       return
     end if
     truncated = truncated .and. self%stepper%step >= step
-    if (truncated) to%time = horizon
+    if (truncated) call arrive(to, horizon)
     self%now = to
     call self%stepper%accept()
     self%stepper%count%steps = self%stepper%count%steps + 1
@@ -364,8 +403,6 @@ contains
       call note_rest(self)
     else if (stopped) then
       call rest_or_turn(self)
-    else if (self%exact_contact .and. .not. self%stepper%explicit .and. self%now%y(1) < cut_level(self)) then
-      call finish_stop(self, horizon)
     end if
     if (fades(self)) call come_to_rest(self)
   end subroutine slide
@@ -418,8 +455,7 @@ contains
       call come_to_rest(self)
     else if (self%sticking .and. .not. at_rest_now) then
       self%sticking = .false.
-      self%event = slip_begins
-      self%stepper%count%events = self%stepper%count%events + 1
+      call note_event(self, slip_begins)
     end if
     self%was_sticking = self%was_sticking .and. at_rest_now
   end subroutine note_rest
@@ -430,25 +466,6 @@ contains
 
     cut_level = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
   end function cut_level
-
-  !> Bring v to zero in closed form if the object is about to rest; or to turn, once so slow that it
-  !> does not matter how the direction changes.
-  subroutine finish_stop(self, horizon)
-    class(trajectory_t), intent(inout) :: self
-    real(wp), intent(in) :: horizon
-    type(motion_t) :: to
-    logical :: ends, rests
-    real(wp), parameter :: negligible_share = 1.0e-6_wp
-
-    associate (drive => self%drive%segment(self%segment))
-      call brake(self%slider, drive, self%now, to, ends)
-      if (.not. ends .or. to%time > horizon) return
-      rests = holds(self%slider, to%u, drive%velocity_at(to%time))
-      if (.not. rests .and. self%now%y(1) > negligible_share*cut_level(self)) return
-    end associate
-    self%now = to
-    call rest_or_turn(self)
-  end subroutine finish_stop
 
   !> The step size that the controller wants; a step cut short by the horizon may not shrink it.
   pure subroutine choose_next_step(self, factor, truncated)
@@ -465,13 +482,14 @@ contains
     self%just_released = .false.
   end subroutine choose_next_step
 
-  !> Shorten an attempt in which v reaches zero so that it ends there.
+  !> Shorten an attempt in which v reaches zero so that it ends there. Whether a shallow dip reaches zero, the dense output cannot
+  !> tell: such an attempt is first shortened to the lowest point, for what is known at the end of a step decides.
   subroutine look_for_stop(self, to, outcome, stopped)
     class(trajectory_t), intent(inout) :: self
     type(motion_t), intent(inout) :: to
     type(attempt_t), intent(inout) :: outcome
     logical, intent(out) :: stopped
-    real(wp) :: coefficient(0:max_degree), position
+    real(wp) :: zero, lowest, depth, reach, curvature
 
     stopped = .false.
     if (self%just_released) then
@@ -479,30 +497,147 @@ contains
       if (.not. outcome%solved) outcome%factor = 0.25_wp
       return
     end if
-    associate (grid => self%stepper%grid)
+    call find_dip(self, zero, lowest, depth)
+    reach = min(lowest, 1.0_wp)*self%stepper%step
+    if (lowest < 1.0_wp .and. -just_above <= depth .and. depth <= shallow) then
+      call settle_on_lowest(self, reach, self%stepper%step, to, outcome, curvature)
+      if (.not. outcome%solved) return
+      if (to%y(1) > 0.0_wp) then
+        call refuse_hidden_stop(self, outcome)
+        return
+      end if
+      reach = self%stepper%step
+      call land(self, max(0.5_wp*reach, reach - sqrt(2.0_wp*abs(to%y(1))/curvature)), reach, to, outcome, stopped)
+    else if (zero <= 1.0_wp) then
+      call land(self, zero*self%stepper%step, reach, to, outcome, stopped)
+    end if
+    if (outcome%solved .and. .not. stopped) call refuse_hidden_stop(self, outcome)
+  end subroutine look_for_stop
+
+  !> Where the slip speed of the last attempt first passes through zero and where, after that, it is lowest, as positions in the
+  !> attempt, 2 if nowhere; and how far below zero that is, relative to the largest speed.
+  pure subroutine find_dip(self, zero, lowest, depth)
+    class(trajectory_t), intent(in) :: self
+    real(wp), intent(out) :: zero, lowest, depth
+    real(wp) :: coefficient(0:max_degree)
+
+    zero = 2.0_wp
+    lowest = 2.0_wp
+    depth = -1.0_wp
+    associate (grid => self%stepper%grid, scale => self%stepper%speed_scale)
       call grid%bernstein_coefficients(self%stepper%nodal(:, column_y), coefficient)
-      position = first_zero(coefficient(0:grid%degree))
+      if (all(coefficient(1:grid%degree) > just_above*scale)) return
+      zero = first_zero(coefficient(0:grid%degree))
+      lowest = first_minimum(coefficient(0:grid%degree), merge(zero, 0.0_wp, zero <= 1.0_wp))
+      if (lowest <= 1.0_wp) depth = -bernstein_value(grid%degree, coefficient(0:grid%degree), lowest)/scale
     end associate
-    if (position > 1.0_wp) return
-    call land(self, position, to, outcome)
-    stopped = outcome%solved .and. abs(to%y(1)) <= at_rest*self%stepper%speed_scale
-    if (stopped .or. .not. outcome%solved) return
-    ! A dip that does not reach zero after all; but v may not have passed through it either.
+  end subroutine find_dip
+
+  !> Repeat the step with the length, at most `longest` [s], at which v is lowest at its end; v'' there is `curvature` [m/s3].
+  subroutine settle_on_lowest(self, guess, longest, to, outcome, curvature)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: guess, longest
+    type(motion_t), intent(inout) :: to
+    type(attempt_t), intent(inout) :: outcome
+    real(wp), intent(out) :: curvature
+    real(wp) :: step, next, slope
+    integer :: iteration
+
+    step = guess
+    curvature = 0.0_wp
+    do iteration = 1, max_landings
+      call self%stepper%attempt(self%system, self%drive%segment(self%segment), self%from, step, to, outcome)
+      if (.not. outcome%solved) exit
+      call end_slope(self, slope, curvature)
+      outcome%solved = curvature > 0.0_wp
+      if (.not. outcome%solved) exit
+      if (slope**2 <= landed*self%stepper%speed_scale*curvature) exit
+      next = min(longest, max(0.5_wp*step, step - slope/curvature))
+      if (.not. abs(next - step) > epsilon(step)*step) exit
+      step = next
+    end do
+  end subroutine settle_on_lowest
+
+  !> First and second derivative of v with time at the end of the last attempt [m/s2, m/s3].
+  pure subroutine end_slope(self, slope, curvature)
+    class(trajectory_t), intent(in) :: self
+    real(wp), intent(out) :: slope, curvature
+    real(wp) :: rate(0:max_degree)
+    integer :: i
+
+    rate = 0.0_wp
+    associate (grid => self%stepper%grid, s => self%stepper%grid%degree)
+      do i = 0, s
+        rate(i) = dot_product(grid%derivative(i, 0:s), self%stepper%nodal(0:s, column_y))/self%stepper%step
+      end do
+      slope = rate(s)
+      curvature = dot_product(grid%derivative(s, 0:s), rate(0:s))/self%stepper%step
+    end associate
+  end subroutine end_slope
+
+  !> Repeat the step with the length, at most `longest` [s], at which v vanishes at its end, so that the event has the accuracy
+  !> of a step's end and not only that of the dense output. Newton's method, kept between a speed above and one below zero.
+  subroutine land(self, guess, longest, to, outcome, stopped)
+    class(trajectory_t), intent(inout) :: self
+    real(wp), intent(in) :: guess, longest
+    type(motion_t), intent(inout) :: to
+    type(attempt_t), intent(inout) :: outcome
+    logical, intent(out) :: stopped
+    real(wp) :: step, next, before, behind, slope, curvature
+    integer :: iteration
+
+    stopped = .false.
+    step = guess
+    before = 0.0_wp
+    behind = longest
+    do iteration = 1, max_landings
+      call self%stepper%attempt(self%system, self%drive%segment(self%segment), self%from, step, to, outcome)
+      if (.not. outcome%solved) return
+      if (abs(to%y(1)) <= landed*self%stepper%speed_scale .or. iteration == max_landings) exit
+      if (to%y(1) > 0.0_wp) then
+        before = step
+      else
+        behind = step
+      end if
+      call end_slope(self, slope, curvature)
+      next = step - to%y(1)/slope
+      if (abs(next - step) <= 2.0_wp*epsilon(step)*step) exit
+      if (.not. (next > before .and. next < behind)) next = 0.5_wp*(before + behind)
+      if (.not. behind - before > 2.0_wp*epsilon(step)*behind) exit
+      step = next
+    end do
+    stopped = abs(to%y(1)) <= at_rest*self%stepper%speed_scale
+  end subroutine land
+
+  !> A dip that does not reach zero after all; but v may not have passed through it either.
+  pure subroutine refuse_hidden_stop(self, outcome)
+    class(trajectory_t), intent(in) :: self
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: coefficient(0:max_degree)
+
     associate (grid => self%stepper%grid)
       call grid%bernstein_coefficients(self%stepper%nodal(:, column_y), coefficient)
       outcome%solved = first_zero(coefficient(0:grid%degree)) > 1.0_wp
     end associate
     if (.not. outcome%solved) outcome%factor = 0.25_wp
-  end subroutine look_for_stop
+  end subroutine refuse_hidden_stop
 
   !> Whether the first step after a release has v > 0 throughout, roundoff apart; a step that is too
-  !> long may have found the other branch.
+  !> long may have found the other branch. v begins with 0, so v/tau has the Bernstein coefficients b_i s/i, i = 1 ... s. It begins
+  !> with 0 as well, up to the accuracy of the polynomial: what seems negative there is none.
   pure logical function moves_off(self)
     class(trajectory_t), intent(in) :: self
+    real(wp) :: coefficient(0:max_degree)
+    integer :: i
 
-    associate (degree => self%stepper%grid%degree, noise => self%system%acceleration_noise*self%stepper%step)
-      moves_off = self%stepper%nodal(degree, column_y) > 0.0_wp &
-        .and. all(self%stepper%nodal(1:degree, column_y) >= -noise)
+    associate (grid => self%stepper%grid, s => self%stepper%grid%degree, &
+        noise => 10.0_wp*self%system%acceleration_noise*self%stepper%step)
+      call grid%bernstein_coefficients(self%stepper%nodal(:, column_y), coefficient)
+      do i = 1, s
+        coefficient(i) = coefficient(i)*real(s, wp)/real(i, wp) + noise
+        if (i <= (s + 1)/2) coefficient(i) = coefficient(i) + shallow*self%stepper%speed_scale
+      end do
+      moves_off = self%stepper%nodal(s, column_y) > 0.0_wp .and. first_zero(coefficient(1:s)) > 1.0_wp
     end associate
   end function moves_off
 
@@ -519,35 +654,11 @@ contains
     end if
   end subroutine rest_or_turn
 
-  !> Repeat the step with the length at which v vanishes at its end, so that the event has the
-  !> accuracy of a step's end and not only that of the dense output.
-  subroutine land(self, position, to, outcome)
-    class(trajectory_t), intent(inout) :: self
-    real(wp), intent(in) :: position
-    type(motion_t), intent(inout) :: to
-    type(attempt_t), intent(out) :: outcome
-    real(wp) :: step, slope
-    integer :: iteration
-
-    step = position*self%stepper%step
-    do iteration = 1, 8
-      call self%stepper%attempt(self%system, self%drive%segment(self%segment), self%from, step, to, outcome)
-      if (.not. outcome%solved) exit
-      associate (grid => self%stepper%grid)
-        if (abs(to%y(1)) <= landed*self%stepper%speed_scale) exit
-        slope = dot_product(grid%derivative(grid%degree, 0:grid%degree), &
-          self%stepper%nodal(0:grid%degree, column_y))/step
-      end associate
-      if (iteration == 8) exit
-      step = min(max(0.5_wp*step, step - to%y(1)/slope), 1.5_wp*step)
-    end do
-  end subroutine land
-
-  !> Where an explicit method cannot go: the start of slip, and slip slower than the cut-off that is
-  !> about to end. `passed` tells that this was the advance.
+  !> Slip slower than the cut-off that is about to end, in closed form; for an explicit method the start of slip as well.
+  !> `passed` tells that this was the advance.
   !>
   !> Slip against K u ends without a rest, in a turn. It is left to the method until it is so slow that
-  !> it does not matter how the direction changes, and then counts as none; so does slip that a knot
+  !> it does not matter how the direction changes. For an explicit method it then counts as none; so does slip that a knot
   !> of the drive has caught just after its release.
   subroutine pass_rest(self, horizon, passed, error)
     class(trajectory_t), intent(inout) :: self
@@ -561,7 +672,8 @@ contains
 
     passed = .true.
     if (self%just_released) then
-      call follow_release(self, horizon, error)
+      passed = self%stepper%explicit
+      if (passed) call follow_release(self, horizon, error)
       return
     end if
     associate (v => self%now%y(1), cut => cut_level(self), drive => self%drive%segment(self%segment))
@@ -569,14 +681,15 @@ contains
       if (.not. passed) return
       course = braking(self%slider, drive, self%now)
       to = end_of_slip(self%slider, drive, self%now, course)
-      falls = course%falls .and. course%highest <= cut .and. to%time <= horizon
+      falls = course%falls .and. course%highest <= cut .and. course%delay <= self%now%until(horizon) &
+        .and. (self%stepper%explicit .or. course%acceleration < 0.0_wp)
       negligible = v <= negligible_share*cut
       at_knot = .not. self%now%time > drive%start
       if (falls .and. (negligible .or. holds(self%slider, to%u, velocity_now(self)))) then
         call describe_braking(self, course, to)
         self%now = to
         call rest_or_turn(self)
-      else if (negligible .and. (at_knot .or. course%acceleration < 0.0_wp)) then
+      else if (self%stepper%explicit .and. negligible .and. (at_knot .or. course%acceleration < 0.0_wp)) then
         v = 0.0_wp
         call rest_or_turn(self)
       else
@@ -592,7 +705,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(release_t) :: release
     type(motion_t) :: motion
-    real(wp) :: nodal(0:max_degree, n_columns), tau, duration
+    real(wp) :: nodal(0:max_degree, n_columns), tau, duration, left
     integer :: i
 
     self%just_released = .false.
@@ -608,7 +721,8 @@ contains
           trim(at_time(self%from))//': use a Radau method')
         return
       end if
-      duration = min(release%reach*release%unit, horizon - self%from%time)
+      left = self%from%until(horizon)
+      duration = min(release%reach*release%unit, left)
       do i = 0, grid%degree
         tau = grid%node(i)*(duration/release%unit)
         motion = release%at(self%slider, drive, self%from, tau)
@@ -618,8 +732,8 @@ contains
         nodal(i, column_position) = motion%position
       end do
       self%now = motion
-      self%now%time = self%from%time + duration
-      if (duration >= horizon - self%from%time) self%now%time = horizon
+      call self%now%later(self%from, duration)
+      if (duration >= left) call arrive(self%now, horizon)
     end associate
     call self%stepper%describe(self%closed_form_grid, duration, nodal)
     self%stepper%count%steps = self%stepper%count%steps + 1
@@ -706,6 +820,7 @@ contains
     call self%now%exchange(archive)
     call archive%exchange(self%sticking)
     call archive%exchange(self%was_sticking)
+    call archive%exchange(self%touching)
     call archive%exchange(self%event)
     call archive%exchange(self%next_step)
     call archive%exchange(self%release_step)

@@ -5,7 +5,7 @@ program test_models
   use checks, only: check, check_close, check_order, finish
   use random_numbers, only: start_random, uniform, log_uniform
   use dst_kinds, only: wp, pi, degree
-  use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, brake
+  use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip
   use dst_drive, only: drive_t, drive_segment_t, new_drive
   use dst_friction, only: friction_law_t, new_friction_law
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
@@ -598,6 +598,21 @@ contains
     onset = onset_of_slip(slider, [0.0_wp, 0.0_wp], 1.0e-3_wp)
     call check_close('onset without force', onset%y(2), atan2(1.0e7_wp*0.5_wp, 1.0e3_wp*cos(30.0_wp*degree)), 1.0e-15_wp)
   end subroutine test_onset_along_a_line
+
+  !> The end of slip in closed form, if the slip ends.
+  subroutine brake(slider, drive, from, to, ends)
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    type(motion_t), intent(out) :: to
+    logical, intent(out) :: ends
+    type(braking_t) :: course
+
+    to = from
+    course = braking(slider, drive, from)
+    ends = course%falls .and. course%acceleration < 0.0_wp
+    if (ends) to = end_of_slip(slider, drive, from, course)
+  end subroutine brake
 
   !> The last instants before a stop: exact for constant friction along a line up to the second order in the time left, and the
   !> energy balance closes.
