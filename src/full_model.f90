@@ -45,6 +45,8 @@ contains
     model%forward = slider%along
     model%along_stiffness = slider%stiffness*slider%along
     model%acceleration_noise = slider%acceleration_noise()
+    model%frequency = slider%frequency()
+    model%static_speed = slider%static_speed()
   end function new_full_polar
 
   !> With slider%smoothing > 0.
@@ -57,6 +59,8 @@ contains
     model%forward = slider%along
     model%along_stiffness = slider%stiffness*slider%along
     model%acceleration_noise = slider%acceleration_noise()
+    model%frequency = slider%frequency()
+    model%static_speed = slider%static_speed()
   end function new_full_smoothed
 
   pure subroutine polar_kinematics(self, stages, y, velocity, velocity_y)

@@ -43,6 +43,8 @@ contains
     model%carried = slider%along(2)**2
     model%guided = slider%along(2)
     model%acceleration_noise = slider%acceleration_noise()
+    model%frequency = slider%frequency()
+    model%static_speed = slider%static_speed()
   end function new_low_frequency
 
   pure subroutine kinematics(self, stages, y, velocity, velocity_y)

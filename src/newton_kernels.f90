@@ -3,6 +3,7 @@
 !> Arguments of each kernel, with s stages and n components:
 !>   system, method         the model; the collocation method with s stages
 !>   step [s], rtol         step size; tolerance of the slip velocity that the solution must not spoil
+!>   own_speed(n) [m/s]     slip speed that counts as large along each axis, for its spring
 !>   drive_velocity(s)      velocity of the drive at the stages [m/s]
 !>   driven(s, n) [m]       elongation that the drive alone would give at the stages, u_0 + D_i e
 !>   y0(n)                  slip unknowns at the start of the step
@@ -28,12 +29,12 @@ module dst_newton_kernels
 contains
 
   !> The kernel for s stages and n components.
-  subroutine solve_stages(s, n, system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, &
-    increment, speed_scale, iterations, solved)
+  subroutine solve_stages(s, n, system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+    terms, increment, speed_scale, iterations, solved)
     integer, intent(in) :: s, n
     class(slip_system_t), intent(in) :: system
     type(collocation_t), intent(in) :: method
-    real(wp), intent(in) :: step, rtol
+    real(wp), intent(in) :: step, rtol, own_speed(n)
     real(wp), intent(in) :: drive_velocity(s), driven(s, n), y0(n)
     real(wp), intent(inout) :: y(s, n)
     real(wp), intent(out) :: u(s, n), velocity(s, n), velocity_y(s, n, n), increment(s, n), speed_scale
@@ -43,58 +44,58 @@ contains
 
     select case (10*s + n)
     case (31)
-      call kernel_3_1(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-        speed_scale, iterations, solved)
+      call kernel_3_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+        terms, increment, speed_scale, iterations, solved)
     case (32)
-      call kernel_3_2(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-        speed_scale, iterations, solved)
+      call kernel_3_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+        terms, increment, speed_scale, iterations, solved)
     case (51)
-      call kernel_5_1(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-        speed_scale, iterations, solved)
+      call kernel_5_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+        terms, increment, speed_scale, iterations, solved)
     case (52)
-      call kernel_5_2(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-        speed_scale, iterations, solved)
+      call kernel_5_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+        terms, increment, speed_scale, iterations, solved)
     case (71)
-      call kernel_7_1(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-        speed_scale, iterations, solved)
+      call kernel_7_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+        terms, increment, speed_scale, iterations, solved)
     case (72)
-      call kernel_7_2(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-        speed_scale, iterations, solved)
+      call kernel_7_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+        terms, increment, speed_scale, iterations, solved)
     end select
   end subroutine solve_stages
 
-  subroutine kernel_3_1(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-    speed_scale, iterations, solved)
+  subroutine kernel_3_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+    terms, increment, speed_scale, iterations, solved)
     integer, parameter :: s = 3, n = 1
     include 'newton_kernel.inc'
   end subroutine kernel_3_1
 
-  subroutine kernel_3_2(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-    speed_scale, iterations, solved)
+  subroutine kernel_3_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+    terms, increment, speed_scale, iterations, solved)
     integer, parameter :: s = 3, n = 2
     include 'newton_kernel.inc'
   end subroutine kernel_3_2
 
-  subroutine kernel_5_1(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-    speed_scale, iterations, solved)
+  subroutine kernel_5_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+    terms, increment, speed_scale, iterations, solved)
     integer, parameter :: s = 5, n = 1
     include 'newton_kernel.inc'
   end subroutine kernel_5_1
 
-  subroutine kernel_5_2(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-    speed_scale, iterations, solved)
+  subroutine kernel_5_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+    terms, increment, speed_scale, iterations, solved)
     integer, parameter :: s = 5, n = 2
     include 'newton_kernel.inc'
   end subroutine kernel_5_2
 
-  subroutine kernel_7_1(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-    speed_scale, iterations, solved)
+  subroutine kernel_7_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+    terms, increment, speed_scale, iterations, solved)
     integer, parameter :: s = 7, n = 1
     include 'newton_kernel.inc'
   end subroutine kernel_7_1
 
-  subroutine kernel_7_2(system, method, step, rtol, drive_velocity, driven, y0, y, u, velocity, velocity_y, terms, increment, &
-    speed_scale, iterations, solved)
+  subroutine kernel_7_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
+    terms, increment, speed_scale, iterations, solved)
     integer, parameter :: s = 7, n = 2
     include 'newton_kernel.inc'
   end subroutine kernel_7_2

@@ -165,22 +165,25 @@ contains
     real(wp), intent(in) :: step
     type(motion_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
+    real(wp) :: own_speed(max_components)
     integer :: iterations
 
     self%step = step
+    own_speed = system%spring_speed(from%u)
     call self%use_own_grid()
     associate (s => self%method%stages, n => system%components)
       call predict(self, s, n, from, self%y)
       call drive_elongation(self, system, drive, s, n, from, self%driven)
-      call solve_stages(s, n, system, self%method, step, self%rtol, self%drive_velocity, self%driven, from%y, self%y, &
-        self%u, self%velocity, self%velocity_y, self%terms, self%increment, self%speed_scale, iterations, outcome%solved)
+      call solve_stages(s, n, system, self%method, step, self%rtol, own_speed(system%axis:), self%drive_velocity, self%driven, &
+        from%y, self%y, self%u, self%velocity, self%velocity_y, self%terms, self%increment, self%speed_scale, iterations, &
+        outcome%solved)
       call count_work(self%count, s, iterations)
       self%retry = outcome%solved
       self%attempted_step = step
       if (.not. outcome%solved) self%repeated = .true.
       if (.not. outcome%solved) return
       call complete(self, system, drive, s, n, from, self%y, self%u, self%velocity, self%increment, to)
-      call estimate_error(self, system, drive, s, n, from, self%velocity, outcome)
+      call estimate_error(self, system, drive, s, n, from, own_speed(system%axis:), self%velocity, outcome)
       if (n == 1) call follow_growth(self, outcome)
       self%repeated = .true.
     end associate
@@ -299,23 +302,24 @@ contains
     to%friction_work = from%friction_work + self%step*friction_power
   end subroutine complete
 
-  !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end
-  !> relative to the largest slip speed of the step. The defect is probed at the start and at one
+  !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end relative to the largest slip speed
+  !> of the step or, along an axis, to the own speed of that axis if that is less: so the spring forces have the accuracy that
+  !> the slip velocity has, each in its own scale. The defect is probed at the start and at one
   !> point inside, where it also sees what turns quickly while the start is at rest.
-  subroutine estimate_error(self, system, drive, s, n, from, stage_velocity, outcome)
+  subroutine estimate_error(self, system, drive, s, n, from, own_speed, stage_velocity, outcome)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     integer, intent(in) :: s, n
     type(motion_t), intent(in) :: from
-    real(wp), intent(in) :: stage_velocity(s, n)
+    real(wp), intent(in) :: own_speed(n), stage_velocity(s, n)
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: u(n), y(n), error(2), noise(2), elapsed
+    real(wp) :: u(n), y(n), error(n, 2), noise(n, 2), allowed(n), elapsed
     integer :: k, axis
 
     associate (first => system%axis, last => system%axis + n - 1)
       call defect_error(self, system, s, n, self%start, drive%velocity_at(from%time), from%u(first:last), from%y(1:n), &
-        stage_velocity, error(1), noise(1))
+        stage_velocity, error(:, 1), noise(:, 1))
     end associate
     elapsed = self%inside%position*self%step
     do k = 1, n
@@ -325,8 +329,12 @@ contains
       y(k) = dot_product(self%interpolation(0:s), self%nodal(0:s, column_y + k - 1))
     end do
     call defect_error(self, system, s, n, self%inside, drive%velocity_at(from%time + elapsed), u, y, &
-      stage_velocity, error(2), noise(2))
-    outcome%error = maxval(error/max(self%speed_scale*self%estimate_tolerance + noise, tiny(noise)))
+      stage_velocity, error(:, 2), noise(:, 2))
+    allowed = self%estimate_tolerance*min(self%speed_scale, own_speed) + 8.0_wp*epsilon(1.0_wp)*self%speed_scale
+    outcome%error = 0.0_wp
+    do k = 1, 2
+      outcome%error = max(outcome%error, norm(error(:, k)/max(allowed + noise(:, k), tiny(noise))))
+    end do
     if (.not. outcome%error <= huge(outcome%error)) outcome%error = 1.0e6_wp
     call advise_step(self, s, n, outcome)
   end subroutine estimate_error
@@ -378,8 +386,8 @@ contains
     integer, intent(in) :: s, n
     type(probe_t), intent(in) :: probe
     real(wp), intent(in) :: drive_velocity, u(n), y(n), stage_velocity(s, n)
-    real(wp), intent(out) :: error, noise
-    real(wp) :: velocity(1, n), velocity_yy(1, n, n), defect(n), shift(n), reach, lift, shaken
+    real(wp), intent(out) :: error(n), noise(n)
+    real(wp) :: velocity(1, n), velocity_yy(1, n, n), defect(n), shift(n), reach
     real(wp), dimension(max_components, max_components) :: filter, response
     logical :: singular
     integer :: k, l, m
@@ -413,22 +421,23 @@ contains
       end do
     end associate
     call respond(n, filter, velocity_yy(1, :, :), response, singular)
-    error = 0.0_wp
-    noise = 0.0_wp
     do k = 1, n
-      lift = 0.0_wp
-      shaken = 0.0_wp
+      error(k) = 0.0_wp
+      noise(k) = 0.0_wp
       do l = 1, n
-        lift = lift + response(k, l)*defect(l)
-        shaken = shaken + abs(response(k, l))
+        error(k) = error(k) + response(k, l)*defect(l)
+        noise(k) = noise(k) + abs(response(k, l))
       end do
-      error = error + lift**2
-      noise = noise + shaken**2
     end do
-    error = sqrt(error)
-    noise = self%step*system%acceleration_noise*sqrt(noise)
+    noise = self%step*system%acceleration_noise*noise
     if (singular) error = huge(error)
   end subroutine defect_error
+
+  pure real(wp) function norm(vector)
+    real(wp), intent(in) :: vector(:)
+
+    norm = sqrt(sum(vector**2))
+  end function norm
 
   !> Change of the slip velocity by a filtered defect, (dw/dy) filter^-1.
   pure subroutine respond(n, filter, velocity_y, response, singular)

@@ -23,6 +23,8 @@ module dst_slider
     procedure :: pulled
     procedure :: held_force
     procedure :: acceleration_noise
+    procedure :: frequency
+    procedure :: static_speed
   end type slider_t
 
 contains
@@ -50,6 +52,22 @@ contains
 
     acceleration_noise = 8.0_wp*epsilon(1.0_wp)*self%law%onset/self%mass
   end function acceleration_noise
+
+  !> Frequencies sqrt(k/m) of the mass on either spring [rad/s].
+  pure function frequency(self)
+    class(slider_t), intent(in) :: self
+    real(wp) :: frequency(2)
+
+    frequency = sqrt(self%stiffness/self%mass)
+  end function frequency
+
+  !> Slip speeds F_0/sqrt(m k) that stretch either spring to the static limit [m/s].
+  pure function static_speed(self)
+    class(slider_t), intent(in) :: self
+    real(wp) :: static_speed(2)
+
+    static_speed = self%law%onset/sqrt(self%mass*self%stiffness)
+  end function static_speed
 
   !> (cos, sin) of an angle in degrees, exact at multiples of 90 and odd/even to the last bit.
   pure function cos_sin_degrees(angle) result(direction)

@@ -52,6 +52,10 @@ module dst_slip_system
     real(wp) :: guided = 0.0_wp
     !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced.
     real(wp) :: acceleration_noise = 0.0_wp
+    !> Along each principal axis: frequency of the mass on the spring [rad/s], and the slip speed F_0/sqrt(m k) [m/s] that
+    !> stretches the spring to the static limit.
+    real(wp) :: frequency(max_components) = 0.0_wp
+    real(wp) :: static_speed(max_components) = huge(1.0_wp)
   contains
     !> Slip velocity w(y) and dw/dy at the stages.
     procedure(kinematics), deferred :: kinematics
@@ -59,6 +63,8 @@ module dst_slip_system
     procedure(dynamics), deferred :: dynamics
     !> Slip velocity (w_x, w_y) [m/s] at one point.
     procedure(slip_velocity), deferred :: slip_velocity
+    !> Slip speed that counts as large along each axis, for its spring.
+    procedure :: spring_speed
     !> Slip begins, with friction at this angle to the x-axis [rad].
     procedure :: face
     !> Save or load what `face` sets.
@@ -106,6 +112,16 @@ contains
     allocate (terms%dissipation(stages), terms%dissipation_y(stages, components))
     allocate (terms%supply(stages), terms%supply_y(stages, components), source=0.0_wp)
   end function new_terms
+
+  !> Slip speed [m/s] along each axis that stretches its spring by as much as it is stretched now (`u` [m]), or at the static limit. An
+  !> error of the slip velocity is an error of the spring force relative to this.
+  pure function spring_speed(self, u) result(speed)
+    class(slip_system_t), intent(in) :: self
+    real(wp), intent(in) :: u(max_components)
+    real(wp) :: speed(max_components)
+
+    speed = max(self%static_speed, self%frequency*abs(u))
+  end function spring_speed
 
   !> Most models have the direction among their unknowns.
   pure subroutine face(self, theta)

@@ -52,6 +52,8 @@ contains
     model%along = slider%pulled()
     model%along_stiffness = slider%stiffness*model%along
     model%acceleration_noise = slider%acceleration_noise()
+    model%frequency = slider%frequency()
+    model%static_speed = slider%static_speed()
     call model%face(0.0_wp)
   end function new_straight_slip
 
