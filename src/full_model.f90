@@ -22,6 +22,7 @@ module dst_full_model
     procedure :: kinematics => polar_kinematics
     procedure :: dynamics => polar_dynamics
     procedure :: slip_velocity => polar_velocity
+    procedure :: decay_polynomial => polar_decay
   end type full_polar_t
 
   !> The smoothed contact, in the unknowns y = w.
@@ -31,6 +32,7 @@ module dst_full_model
     procedure :: kinematics => smoothed_kinematics
     procedure :: dynamics => smoothed_dynamics
     procedure :: slip_velocity => smoothed_velocity
+    procedure :: decay_polynomial => smoothed_decay
   end type full_smoothed_t
 
 contains
@@ -134,6 +136,34 @@ contains
     velocity = y(1)*[cos(y(2)), sin(y(2))]
   end function polar_velocity
 
+  pure subroutine polar_decay(self, y, drive_velocity, coefficient, weakening)
+    class(full_polar_t), intent(in) :: self
+    real(wp), intent(in) :: y(self%components), drive_velocity
+    real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+    real(wp) :: friction(1), slope(1)
+
+    associate (unused => drive_velocity)
+    end associate
+    call self%slider%law%evaluate(1, y(1:1), friction, slope)
+    weakening = -slope(1)/self%slider%mass
+    coefficient = plane_decay(self%slider, [cos(y(2)), sin(y(2))], slope(1), friction(1)/max(abs(y(1)), tiny(y)))
+  end subroutine polar_decay
+
+  !> The determinant of m lambda^2 + D lambda + K over m^2, with D = F' n n^T + (F/v) t t^T: `along` is F' and `across` F/v [N s/m].
+  pure function plane_decay(slider, n, along, across) result(coefficient)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: n(2), along, across
+    real(wp) :: coefficient(0:4)
+    real(wp) :: damping(2), frequency_square(2)
+
+    associate (m => slider%mass)
+      damping = [along*n(1)**2 + across*n(2)**2, along*n(2)**2 + across*n(1)**2]/m
+      frequency_square = slider%stiffness/m
+      coefficient = [product(frequency_square), damping(1)*frequency_square(2) + damping(2)*frequency_square(1), &
+        sum(frequency_square) + (along/m)*(across/m), (along + across)/m, 1.0_wp]
+    end associate
+  end function plane_decay
+
   pure subroutine smoothed_kinematics(self, stages, y, velocity, velocity_y)
     class(full_smoothed_t), intent(in) :: self
     integer, intent(in) :: stages
@@ -195,4 +225,22 @@ contains
     end associate
     velocity = y
   end function smoothed_velocity
+
+  pure subroutine smoothed_decay(self, y, drive_velocity, coefficient, weakening)
+    class(full_smoothed_t), intent(in) :: self
+    real(wp), intent(in) :: y(self%components), drive_velocity
+    real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+    real(wp) :: friction(1), slope(1), speed, smooth, direction(2)
+
+    associate (unused => drive_velocity)
+    end associate
+    speed = hypot(y(1), y(2))
+    smooth = sqrt(speed**2 + self%slider%smoothing)
+    direction = [1.0_wp, 0.0_wp]
+    if (speed > 0.0_wp) direction = y/speed
+    call self%slider%law%evaluate(1, [speed], friction, slope)
+    weakening = -slope(1)/self%slider%mass
+    coefficient = plane_decay(self%slider, direction, (slope(1)*speed + friction(1)*self%slider%smoothing/smooth**2)/smooth, &
+      friction(1)/smooth)
+  end subroutine smoothed_decay
 end module dst_full_model

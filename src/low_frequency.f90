@@ -25,6 +25,7 @@ module dst_low_frequency
     procedure :: kinematics
     procedure :: dynamics
     procedure :: slip_velocity
+    procedure :: decay_polynomial
   end type low_frequency_t
 
 contains
@@ -101,4 +102,19 @@ contains
 
     velocity = [y(1), self%guided*drive_velocity]
   end function slip_velocity
+
+  pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)
+    class(low_frequency_t), intent(in) :: self
+    real(wp), intent(in) :: y(self%components), drive_velocity
+    real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+    real(wp) :: friction(1), slope(1), speed, across
+
+    across = self%guided*drive_velocity
+    speed = sqrt(y(1)**2 + across**2)
+    call self%slider%law%evaluate(1, [speed], friction, slope)
+    associate (m => self%slider%mass)
+      weakening = -slope(1)/m
+      coefficient = [self%slider%stiffness(1)/m, (slope(1)*y(1)**2 + friction(1)*across**2/speed)/(m*speed**2), 1.0_wp]
+    end associate
+  end subroutine decay_polynomial
 end module dst_low_frequency

@@ -18,6 +18,7 @@ module dst_radau
   use dst_kinds, only: wp
   use dst_collocation, only: collocation_t, radau_iia, max_stages
   use dst_drive, only: drive_segment_t
+  use dst_instability, only: follow_instability
   use dst_interpolation, only: max_degree
   use dst_newton_kernels, only: solve_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
@@ -48,6 +49,11 @@ module dst_radau
     !> Relative tolerance of the slip velocity and the tolerance of the estimate that gives it.
     real(wp) :: rtol = 1.0e-8_wp
     real(wp) :: estimate_tolerance = 1.0e-6_wp
+    !> Leading relative error of exp(z) by the method, times z^(2 s); and |z| up to which it does not matter to any growth.
+    real(wp) :: error_constant = 0.0_wp
+    real(wp) :: short_reach = 0.0_wp
+    !> Growth [1/s] of a disturbance that this attempt cannot see; 0 where there is none.
+    real(wp) :: unseen_growth = 0.0_wp
     !> Predictor: the last accepted step, or the given rate and curvature after a restart.
     logical :: restarted = .true.
     !> Whether `nodal` holds a solved attempt, of length attempted_step, from the point of the next one.
@@ -103,6 +109,9 @@ contains
     end if
     ! Slow motion has no thousands of oscillations in which errors add up (bench/models.py).
     if (components == 1 .and. stages > 3) stepper%estimate_tolerance = 10.0_wp*stepper%estimate_tolerance
+    stepper%error_constant = gamma(real(stages, wp))*gamma(real(stages + 1, wp)) &
+      /(gamma(real(2*stages, wp))*gamma(real(2*stages + 1, wp)))
+    stepper%short_reach = (1.0e-6_wp/stepper%error_constant)**(0.5_wp/real(stages, wp))
     stepper%terms = new_terms(stages, components)
     stepper%point_terms = new_terms(1, components)
     call set_probes(stepper)
@@ -174,9 +183,9 @@ contains
     associate (s => self%method%stages, n => system%components)
       call predict(self, s, n, from, self%y)
       call drive_elongation(self, system, drive, s, n, from, self%driven)
-      call solve_stages(s, n, system, self%method, step, self%rtol, own_speed(system%axis:), self%drive_velocity, self%driven, &
-        from%y, self%y, self%u, self%velocity, self%velocity_y, self%terms, self%increment, self%speed_scale, iterations, &
-        outcome%solved)
+      call solve_stages(s, n, system, self%method, step, self%rtol, own_speed(system%axis:), &
+        self%drive_velocity, self%driven, from%y, self%y, self%u, self%velocity, self%velocity_y, self%terms, self%increment, &
+        self%speed_scale, iterations, outcome%solved)
       call count_work(self%count, s, iterations)
       self%retry = outcome%solved
       self%attempted_step = step
@@ -184,7 +193,7 @@ contains
       if (.not. outcome%solved) return
       call complete(self, system, drive, s, n, from, self%y, self%u, self%velocity, self%increment, to)
       call estimate_error(self, system, drive, s, n, from, own_speed(system%axis:), self%velocity, outcome)
-      if (n == 1) call follow_growth(self, outcome)
+      call follow_growth(self, system, drive, s, n, from, self%y, outcome)
       self%repeated = .true.
     end associate
   end subroutine attempt
@@ -360,20 +369,77 @@ contains
     self%error = error
   end subroutine advise_step
 
-  !> A long implicit step damps what grows exponentially, and would stay on a motion that has become
-  !> unstable. With two components the fast oscillation keeps the steps short enough.
-  pure subroutine follow_growth(self, outcome)
-    class(radau_t), intent(in) :: self
+  !> A long implicit step damps what grows exponentially, and would stay on a motion that has become unstable: it may be no longer
+  !> than what follows the growth at the stage where it is fastest. If the motion is so close to steady sliding that no disturbance
+  !> is to be seen, there is nothing to follow.
+  subroutine follow_growth(self, system, drive, s, n, from, y, outcome)
+    class(radau_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    integer, intent(in) :: s, n
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: y(s, n)
     type(attempt_t), intent(inout) :: outcome
-    !> Step times growth rate up to which the growth is followed.
-    real(wp), parameter :: longest = 2.0_wp
-    real(wp) :: growth
+    real(wp), parameter :: largest_factor = 2.0_wp
+    real(wp) :: longest, growth, fastest, coefficient(0:2*n), weakening, limit, rate
+    integer :: point(2), k
 
-    growth = self%step*maxval(self%terms%force_y(:, 1, 1))
-    if (growth <= longest) return
-    outcome%error = max(outcome%error, growth/longest)
-    outcome%factor = min(outcome%factor, max(0.2_wp, 0.9_wp*longest/growth))
+    self%unseen_growth = 0.0_wp
+    ! Where friction falls most with the speed, and where the step ends.
+    point = [maxloc(self%terms%force_y(1:s, 1, 1), dim=1), s]
+    fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, self%terms%force_y(point(1), 1, 1))
+    if (self%step*fastest <= self%short_reach) return
+    longest = huge(longest)
+    growth = 0.0_wp
+    do k = 1, 2
+      call system%decay_polynomial(y(point(k), :), self%drive_velocity(point(k)), coefficient, weakening)
+      call follow_instability(coefficient, 2*s - 1, self%error_constant, limit, rate)
+      longest = min(longest, limit)
+      growth = max(growth, rate)
+    end do
+    if (.not. growth > 0.0_wp) return
+    if (is_disturbed(self, system, n, drive, from)) then
+      if (self%step > longest) outcome%error = max(outcome%error, self%step/longest)
+      outcome%factor = min(outcome%factor, max(0.2_wp, 0.9_wp*longest/self%step))
+    else
+      self%unseen_growth = growth
+      outcome%factor = min(outcome%factor, largest_factor)
+    end if
   end subroutine follow_growth
+
+  !> Whether the motion at the start of the step differs from steady sliding by more than roundoff; under a drive that changes its
+  !> velocity, by more than the lag with which steady sliding follows and more than the step's own error. What is less is
+  !> of the numbers' making, and long steps do well to damp it.
+  logical function is_disturbed(self, system, n, drive, from)
+    class(radau_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    integer, intent(in) :: n
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp)
+    real(wp) :: velocity(1, n), velocity_y(1, n, n), coefficient(0:2*n), weakening, drive_velocity, change, allowed, least
+    integer :: k
+
+    is_disturbed = self%restarted
+    if (self%restarted) return
+    drive_velocity = drive%velocity_at(from%time)
+    least = roundoff*self%speed_scale
+    if (abs(drive%acceleration) > 0.0_wp) least = least + 10.0_wp*self%estimate_tolerance*self%speed_scale
+    associate (first => system%axis, last => system%axis + n - 1, terms => self%point_terms)
+      call system%kinematics(1, from%y(1:n), velocity, velocity_y)
+      call system%dynamics(1, [drive_velocity], from%u(first:last), from%y(1:n), velocity_y, terms)
+      call system%decay_polynomial(from%y(1:n), drive_velocity, coefficient, weakening)
+      do k = 1, n
+        associate (ahead => system%along(first + k - 1), frequency => system%frequency(first + k - 1))
+          change = sum(velocity_y(1, k, :)*terms%force(1, :)/max(terms%inertia(1, :), tiny(change)))
+          allowed = least + 10.0_wp*system%acceleration_noise/frequency &
+            + 3.0_wp*abs(drive%acceleration*weakening)/frequency**2
+          is_disturbed = is_disturbed .or. abs(velocity(1, k) - drive_velocity*ahead) > allowed &
+            .or. abs(change - drive%acceleration*ahead) > allowed*frequency
+        end associate
+      end do
+    end associate
+  end function is_disturbed
 
   !> Slip-velocity error at the end of the step from the defects of the collocation polynomial p at (u, y),
   !>
@@ -470,6 +536,7 @@ contains
     self%peak_speed = max(self%peak_speed, self%speed_scale)
     self%last_step = self%step
     self%last_nodal = self%nodal(:, column_y:column_y + max_components - 1)
+    call self%note_growth(self%unseen_growth)
   end subroutine accept
 
   !> Save or load. Stage values and terms are scratch: each attempt makes them anew.

@@ -63,6 +63,8 @@ module dst_slip_system
     procedure(dynamics), deferred :: dynamics
     !> Slip velocity (w_x, w_y) [m/s] at one point.
     procedure(slip_velocity), deferred :: slip_velocity
+    !> How disturbances of steady sliding would grow or decay, with these slip unknowns.
+    procedure(decay_polynomial), deferred :: decay_polynomial
     !> Slip speed that counts as large along each axis, for its spring.
     procedure :: spring_speed
     !> Slip begins, with friction at this angle to the x-axis [rad].
@@ -97,6 +99,15 @@ module dst_slip_system
       real(wp), intent(in) :: y(max_components), drive_velocity
       real(wp) :: velocity(2)
     end function slip_velocity
+
+    !> Characteristic polynomial, by rising power: its 2 n roots are the rates lambda [1/s] of exp(lambda t);
+    !> and -F'(v)/m [1/s], by which friction that falls with the speed feeds them.
+    pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)
+      import :: slip_system_t, wp
+      class(slip_system_t), intent(in) :: self
+      real(wp), intent(in) :: y(self%components), drive_velocity
+      real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+    end subroutine decay_polynomial
   end interface
 
 contains

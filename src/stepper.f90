@@ -76,6 +76,8 @@ module dst_stepper
     real(wp) :: speed_scale = 0.0_wp
     !> Largest slip speed since the restart [m/s].
     real(wp) :: peak_speed = 0.0_wp
+    !> By which power of e a disturbance that is lost in roundoff would have grown in the present stretch of unstable motion.
+    real(wp) :: unseen = 0.0_wp
   contains
     !> Begin anew after a discontinuity: y starts with this rate and curvature.
     procedure(restart), deferred :: restart
@@ -90,6 +92,9 @@ module dst_stepper
     !> Put an advance that the method did not make in the place of the last attempt.
     procedure :: describe
     procedure :: use_own_grid
+    !> Take in the growth of what the accepted step could not see.
+    procedure :: note_growth
+    procedure :: is_undecided
   end type stepper_t
 
   abstract interface
@@ -194,6 +199,22 @@ contains
     self%grid_is_own = .true.
   end subroutine use_own_grid
 
+  !> `growth` [1/s] during the last step, 0 if there was none.
+  pure subroutine note_growth(self, growth)
+    class(stepper_t), intent(inout) :: self
+    real(wp), intent(in) :: growth
+
+    self%unseen = merge(self%unseen + growth*self%step, 0.0_wp, growth > 0.0_wp)
+  end subroutine note_growth
+
+  !> Whether roundoff would have grown to the size of the motion by now: when the object leaves it hangs on disturbances that no
+  !> number here holds.
+  pure logical function is_undecided(self)
+    class(stepper_t), intent(in) :: self
+
+    is_undecided = self%unseen > -log(epsilon(1.0_wp))
+  end function is_undecided
+
   !> Save or load what every method has.
   subroutine exchange_stepper(self, archive)
     class(stepper_t), intent(inout) :: self
@@ -206,6 +227,7 @@ contains
     call archive%exchange(self%nodal)
     call archive%exchange(self%speed_scale)
     call archive%exchange(self%peak_speed)
+    call archive%exchange(self%unseen)
   end subroutine exchange_stepper
 
   subroutine exchange_motion(self, archive)

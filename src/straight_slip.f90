@@ -31,6 +31,7 @@ module dst_straight_slip
     procedure :: kinematics
     procedure :: dynamics
     procedure :: slip_velocity
+    procedure :: decay_polynomial
     procedure :: face
     procedure :: exchange
   end type straight_slip_t
@@ -129,6 +130,19 @@ contains
     end associate
     velocity = y(1)*self%direction
   end function slip_velocity
+
+  pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)
+    class(straight_slip_t), intent(in) :: self
+    real(wp), intent(in) :: y(self%components), drive_velocity
+    real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+    real(wp) :: friction(1), slope(1)
+
+    associate (unused => drive_velocity)
+    end associate
+    call self%slider%law%evaluate(1, y(1:1), friction, slope)
+    weakening = -slope(1)/self%slider%mass
+    coefficient = [self%slider%stiffness(self%axis)*self%direction(self%axis)**2, slope(1), self%slider%mass]/self%slider%mass
+  end subroutine decay_polynomial
 
   subroutine exchange(self, archive)
     class(straight_slip_t), intent(inout) :: self
