@@ -7,7 +7,7 @@
 !> Cartesian, for the smoothed contact: y = w,
 !>     w' = (K u - F(|w|) w/sqrt(|w|^2 + v_s^2))/m.
 module dst_full_model
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, pi
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
   implicit none
@@ -23,6 +23,7 @@ module dst_full_model
     procedure :: dynamics => polar_dynamics
     procedure :: slip_velocity => polar_velocity
     procedure :: decay_polynomial => polar_decay
+    procedure :: has_turned => polar_turned
   end type full_polar_t
 
   !> The smoothed contact, in the unknowns y = w.
@@ -135,6 +136,15 @@ contains
     end associate
     velocity = y(1)*[cos(y(2)), sin(y(2))]
   end function polar_velocity
+
+  pure logical function polar_turned(self, before, after)
+    class(full_polar_t), intent(in) :: self
+    real(wp), intent(in) :: before(:), after(:)
+
+    associate (unused => self%components)
+    end associate
+    polar_turned = abs(after(2) - before(2)) > 0.5_wp*pi
+  end function polar_turned
 
   pure subroutine polar_decay(self, y, drive_velocity, coefficient, weakening)
     class(full_polar_t), intent(in) :: self

@@ -37,6 +37,7 @@ contains
 
     model%slider = slider
     model%components = 1
+    model%turns_back = .true.
     model%axis = 1
     model%along = [slider%along(1), 0.0_wp]
     model%along_stiffness = slider%stiffness(1)*model%along

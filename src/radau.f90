@@ -32,6 +32,8 @@ module dst_radau
   integer, parameter :: max_unknowns = max_stages*max_components
   !> The controller sees no error below this share of the tolerance.
   real(wp), parameter :: least_error = 1.0e-10_wp
+  !> What a turn may cost, in units of rtol.
+  real(wp), parameter :: turn_allowance = 5.0_wp
 
   !> A point of the step at which the defect of the collocation polynomial is looked at.
   type :: probe_t
@@ -41,6 +43,8 @@ module dst_radau
     !> y' times the step from the values at all nodes; and u' - V e from the slip velocities at the stages, negative.
     real(wp) :: derivative(0:max_degree) = 0.0_wp
     real(wp) :: extrapolation(max_stages) = 0.0_wp
+    !> The polynomial from its values at all nodes.
+    real(wp) :: interpolation(0:max_degree) = 0.0_wp
   end type probe_t
 
   !> A Radau IIA method for one system, with its state between steps.
@@ -79,8 +83,6 @@ module dst_radau
     type(stage_terms_t) :: point_terms
     !> Where the defect is looked at: the start, and one point inside.
     type(probe_t) :: start, inside
-    !> Interpolation to the point inside.
-    real(wp) :: interpolation(0:max_degree) = 0.0_wp
   contains
     procedure :: restart
     procedure :: attempt
@@ -121,23 +123,31 @@ contains
   !> collocation varies like M(tau) = product (tau - c_i); the weight refers it to the start.
   pure subroutine set_probes(stepper)
     type(radau_t), intent(inout) :: stepper
-    integer :: j, k
 
-    associate (s => stepper%method%stages, c => stepper%grid%node, start => stepper%start, inside => stepper%inside)
-      start%weight = stepper%method%gamma
-      start%derivative = stepper%grid%derivative(0, :)
-      start%extrapolation(1:s) = stage_basis(c(1:s), start%position)
-      inside%position = 0.5_wp*(c(s) + c(s - 1))
-      inside%weight = stepper%method%gamma*product(abs(c(1:s)/(inside%position - c(1:s))))
-      inside%extrapolation(1:s) = stage_basis(c(1:s), inside%position)
-      call stepper%grid%lagrange(inside%position, stepper%interpolation)
-      do j = 0, s
-        do k = 0, s
-          inside%derivative(j) = inside%derivative(j) + stepper%interpolation(k)*stepper%grid%derivative(k, j)
-        end do
-      end do
+    associate (s => stepper%method%stages, c => stepper%grid%node)
+      stepper%start = probe_at(stepper%method, 0.0_wp)
+      stepper%inside = probe_at(stepper%method, 0.5_wp*(c(s) + c(s - 1)))
+      stepper%inside%weight = stepper%method%gamma*product(abs(c(1:s)/(stepper%inside%position - c(1:s))))
     end associate
   end subroutine set_probes
+
+  !> A probe of the defect as it is there.
+  pure function probe_at(method, position) result(probe)
+    type(collocation_t), intent(in) :: method
+    real(wp), intent(in) :: position
+    type(probe_t) :: probe
+    integer :: k
+
+    probe%position = position
+    probe%weight = method%gamma
+    associate (s => method%stages, grid => method%grid)
+      call grid%lagrange(position, probe%interpolation)
+      probe%extrapolation(1:s) = stage_basis(grid%node(1:s), position)
+      do k = 0, s
+        probe%derivative(0:s) = probe%derivative(0:s) + probe%interpolation(k)*grid%derivative(k, 0:s)
+      end do
+    end associate
+  end function probe_at
 
   !> Lagrange basis on the stages alone, at a position.
   pure function stage_basis(node, position) result(basis)
@@ -313,8 +323,8 @@ contains
 
   !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end relative to the largest slip speed
   !> of the step or, along an axis, to the own speed of that axis if that is less: so the spring forces have the accuracy that
-  !> the slip velocity has, each in its own scale. The defect is probed at the start and at one
-  !> point inside, where it also sees what turns quickly while the start is at rest.
+  !> the slip velocity has, each in its own scale. The defect is probed at the start and at one point inside, where it also sees
+  !> what turns quickly while the start is at rest; and wherever the slip turns back (`error_of_turns`).
   subroutine estimate_error(self, system, drive, s, n, from, own_speed, stage_velocity, outcome)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -323,27 +333,15 @@ contains
     type(motion_t), intent(in) :: from
     real(wp), intent(in) :: own_speed(n), stage_velocity(s, n)
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: u(n), y(n), error(n, 2), noise(n, 2), allowed(n), elapsed
-    integer :: k, axis
+    real(wp) :: error(n), noise(n), allowed(n)
 
-    associate (first => system%axis, last => system%axis + n - 1)
-      call defect_error(self, system, s, n, self%start, drive%velocity_at(from%time), from%u(first:last), from%y(1:n), &
-        stage_velocity, error(:, 1), noise(:, 1))
-    end associate
-    elapsed = self%inside%position*self%step
-    do k = 1, n
-      axis = system%axis + k - 1
-      u(k) = dot_product(self%interpolation(0:s), self%nodal(0:s, column_u + axis - 1)) &
-        + system%along(axis)*drive%displacement(from%time, elapsed)
-      y(k) = dot_product(self%interpolation(0:s), self%nodal(0:s, column_y + k - 1))
-    end do
-    call defect_error(self, system, s, n, self%inside, drive%velocity_at(from%time + elapsed), u, y, &
-      stage_velocity, error(:, 2), noise(:, 2))
+    call defect_error(self, system, drive, s, n, from, self%start, stage_velocity, error, noise)
     allowed = self%estimate_tolerance*min(self%speed_scale, own_speed) + 8.0_wp*epsilon(1.0_wp)*self%speed_scale
-    outcome%error = 0.0_wp
-    do k = 1, 2
-      outcome%error = max(outcome%error, norm(error(:, k)/max(allowed + noise(:, k), tiny(noise))))
-    end do
+    outcome%error = norm(error/max(allowed + noise, tiny(noise)))
+    call defect_error(self, system, drive, s, n, from, self%inside, stage_velocity, error, noise)
+    outcome%error = max(outcome%error, norm(error/max(allowed + noise, tiny(noise))))
+    if (outcome%error <= 1.0_wp) outcome%error = max(outcome%error, &
+      self%error_of_turns(system, drive, from, allowed*(turn_allowance*self%rtol/self%estimate_tolerance)))
     if (.not. outcome%error <= huge(outcome%error)) outcome%error = 1.0e6_wp
     call advise_step(self, s, n, outcome)
   end subroutine estimate_error
@@ -441,23 +439,36 @@ contains
     end associate
   end function is_disturbed
 
-  !> Slip-velocity error at the end of the step from the defects of the collocation polynomial p at (u, y),
+  !> Slip-velocity error at the end of the step from the defects of the collocation polynomial p at a probe,
   !>
   !>     d_u = V e - w(y) - p_u',      d_y = g - B p_y',
   !>
   !> and what the roundoff of the forces adds to it.
-  subroutine defect_error(self, system, s, n, probe, drive_velocity, u, y, stage_velocity, error, noise)
+  subroutine defect_error(self, system, drive, s, n, from, probe, stage_velocity, error, noise)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
     integer, intent(in) :: s, n
+    type(motion_t), intent(in) :: from
     type(probe_t), intent(in) :: probe
-    real(wp), intent(in) :: drive_velocity, u(n), y(n), stage_velocity(s, n)
+    real(wp), intent(in) :: stage_velocity(s, n)
     real(wp), intent(out) :: error(n), noise(n)
-    real(wp) :: velocity(1, n), velocity_yy(1, n, n), defect(n), shift(n), reach
+    real(wp) :: velocity(1, n), velocity_yy(1, n, n), defect(n), shift(n), u(n), y(n), drive_velocity, elapsed, reach
     real(wp), dimension(max_components, max_components) :: filter, response
     logical :: singular
-    integer :: k, l, m
+    integer :: k, l, m, axis
 
+    elapsed = probe%position*self%step
+    drive_velocity = drive%velocity_at(from%time + elapsed)
+    do k = 1, n
+      axis = system%axis + k - 1
+      u(k) = from%u(axis)
+      y(k) = from%y(k)
+      if (.not. elapsed > 0.0_wp) cycle
+      u(k) = dot_product(probe%interpolation(0:s), self%nodal(0:s, column_u + axis - 1)) &
+        + system%along(axis)*drive%displacement(from%time, elapsed)
+      y(k) = dot_product(probe%interpolation(0:s), self%nodal(0:s, column_y + k - 1))
+    end do
     call system%kinematics(1, y, velocity, velocity_yy)
     call system%dynamics(1, [drive_velocity], u, y, velocity_yy, self%point_terms)
     self%count%rhs = self%count%rhs + 1

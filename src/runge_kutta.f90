@@ -33,6 +33,8 @@ module dst_runge_kutta
 
   !> How much worse than the step's end its dense output may be.
   real(wp), parameter :: dense_allowance = 10.0_wp
+  !> The same for the defect of the dense output around a turn, which is of lower order still.
+  real(wp), parameter :: turn_allowance = 30.0_wp
 
   !> An explicit method for one system, with its state between steps.
   type, extends(stepper_t) :: runge_kutta_t
@@ -119,8 +121,26 @@ contains
     if (outcome%solved) call judge(self, system, outcome)
     if (outcome%solved .and. outcome%error <= 1.0_wp) call dense_stages(self, system, drive, from, outcome)
     if (outcome%solved .and. outcome%error <= 1.0_wp) call judge_dense(self, system, outcome)
-    if (outcome%solved .and. outcome%error <= 1.0_wp) call set_nodal(self, system, drive, from)
+    if (outcome%solved .and. outcome%error <= 1.0_wp) then
+      call set_nodal(self, system, drive, from)
+      if (self%method%errors > 0) call judge_turns(self, system, drive, from, outcome)
+    end if
   end subroutine attempt
+
+  !> Refuse the step if it has missed something where the slip turns back.
+  subroutine judge_turns(self, system, drive, from, outcome)
+    class(runge_kutta_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: allowed(max_components), error
+
+    allowed = turn_allowance*tolerance(self, system)
+    error = self%error_of_turns(system, drive, from, allowed)
+    outcome%error = max(outcome%error, error)
+    if (error > 1.0_wp) outcome%factor = min(outcome%factor, 0.5_wp)
+  end subroutine judge_turns
 
   !> The stages that make the step, its end and the slope there.
   subroutine step_stages(self, system, drive, from, to, outcome)

@@ -48,6 +48,8 @@ module dst_slip_system
     !> X' = `forward . w` (w of the components, by axis) + `carried` V.
     real(wp) :: forward(max_components) = 0.0_wp
     real(wp) :: carried = 0.0_wp
+    !> Whether a component of the slip velocity itself is an unknown, and may pass through zero without a rest.
+    logical :: turns_back = .false.
     !> w_y/V where the motion across follows the drive without being a component.
     real(wp) :: guided = 0.0_wp
     !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced.
@@ -65,6 +67,8 @@ module dst_slip_system
     procedure(slip_velocity), deferred :: slip_velocity
     !> How disturbances of steady sliding would grow or decay, with these slip unknowns.
     procedure(decay_polynomial), deferred :: decay_polynomial
+    !> Whether the slip has turned by more than a right angle from one point to another.
+    procedure :: has_turned
     !> Slip speed that counts as large along each axis, for its spring.
     procedure :: spring_speed
     !> Slip begins, with friction at this angle to the x-axis [rad].
@@ -123,6 +127,16 @@ contains
     allocate (terms%dissipation(stages), terms%dissipation_y(stages, components))
     allocate (terms%supply(stages), terms%supply_y(stages, components), source=0.0_wp)
   end function new_terms
+
+  !> For unknowns y that are the slip velocity itself, or its size along a fixed direction.
+  pure logical function has_turned(self, before, after)
+    class(slip_system_t), intent(in) :: self
+    real(wp), intent(in) :: before(:), after(:)
+
+    associate (unused => self%components)
+    end associate
+    has_turned = dot_product(before, after) < 0.0_wp
+  end function has_turned
 
   !> Slip speed [m/s] along each axis that stretches its spring by as much as it is stretched now (`u` [m]), or at the static limit. An
   !> error of the slip velocity is an error of the spring force relative to this.

@@ -5,7 +5,7 @@ module dst_stepper
   use dst_kinds, only: wp, int64
   use dst_drive, only: drive_segment_t
   use dst_interpolation, only: grid_t, max_degree
-  use dst_slip_system, only: slip_system_t, max_components
+  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
   implicit none
   private
 
@@ -78,6 +78,8 @@ module dst_stepper
     real(wp) :: peak_speed = 0.0_wp
     !> By which power of e a disturbance that is lost in roundoff would have grown in the present stretch of unstable motion.
     real(wp) :: unseen = 0.0_wp
+    !> Terms of the equations at one point of a turn.
+    type(stage_terms_t) :: turn_terms
   contains
     !> Begin anew after a discontinuity: y starts with this rate and curvature.
     procedure(restart), deferred :: restart
@@ -92,6 +94,8 @@ module dst_stepper
     !> Put an advance that the method did not make in the place of the last attempt.
     procedure :: describe
     procedure :: use_own_grid
+    !> What the last attempt may have missed where the slip turns back, over tolerance.
+    procedure :: error_of_turns
     !> Take in the growth of what the accepted step could not see.
     procedure :: note_growth
     procedure :: is_undecided
@@ -198,6 +202,109 @@ contains
     self%grid = self%own_grid
     self%grid_is_own = .true.
   end subroutine use_own_grid
+
+  !> Where the slip turns back, its speed passes through a minimum and friction through its peak: in so short a time, perhaps, that no
+  !> stage sees it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of
+  !> the slip velocity of each component [m/s].
+  real(wp) function error_of_turns(self, system, drive, from, allowed) result(error)
+    class(stepper_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: allowed(:)
+    integer :: i
+    !> Share of its neighbour's from which on a velocity at an end of the step belongs to a turn.
+    real(wp), parameter :: close = 0.2_wp
+
+    error = 0.0_wp
+    associate (last => column_y + system%components - 1, s => self%grid%degree, c => self%grid%node, y => self%nodal)
+      do i = 1, s
+        if (system%has_turned(y(i - 1, column_y:last), y(i, column_y:last))) error = max(error, &
+          defect_around(self, system, drive, from, turn_between(self, system, c(i - 1), c(i)), allowed))
+      end do
+      if (.not. system%turns_back) return
+      if (abs(self%nodal(0, column_y)) < close*abs(self%nodal(1, column_y))) &
+        error = max(error, defect_around(self, system, drive, from, 0.0_wp, allowed))
+      if (abs(self%nodal(s, column_y)) < close*abs(self%nodal(s - 1, column_y))) &
+        error = max(error, defect_around(self, system, drive, from, 1.0_wp, allowed))
+    end associate
+  end function error_of_turns
+
+  !> Position between two others at which the slip of the last attempt has turned by a right angle since the first.
+  real(wp) function turn_between(self, system, first, last) result(position)
+    class(stepper_t), intent(in) :: self
+    class(slip_system_t), intent(in) :: system
+    real(wp), intent(in) :: first, last
+    real(wp) :: left, right
+    integer :: iteration
+
+    left = first
+    right = last
+    do iteration = 1, 40
+      position = 0.5_wp*(left + right)
+      if (system%has_turned(y_at(first), y_at(position))) then
+        right = position
+      else
+        left = position
+      end if
+    end do
+
+  contains
+
+    pure function y_at(tau) result(y)
+      real(wp), intent(in) :: tau
+      real(wp) :: y(system%components), basis(0:max_degree)
+
+      call self%grid%lagrange(tau, basis)
+      y = matmul(basis(0:self%grid%degree), self%nodal(0:self%grid%degree, column_y:column_y + system%components - 1))
+    end function y_at
+  end function turn_between
+
+  !> The defect of the polynomials, B y' - g, summed up at distances from a position that halve again and again: whatever its width,
+  !> some of them see a peak. Given as error over tolerance of the slip velocity, quickly relaxing components damped.
+  real(wp) function defect_around(self, system, drive, from, middle, allowed) result(total)
+    class(stepper_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: middle, allowed(:)
+    integer, parameter :: halvings = 24
+    real(wp), parameter :: relaxation = 0.2_wp
+    real(wp), dimension(system%components) :: u, y, rate, defect, velocity
+    real(wp) :: velocity_y(system%components, system%components), basis(0:max_degree), slope(0:max_degree)
+    real(wp) :: distance, place, elapsed, weight
+    integer :: j, k, side
+
+    if (.not. allocated(self%turn_terms%force)) self%turn_terms = new_terms(1, system%components)
+    total = 0.0_wp
+    distance = 0.5_wp
+    associate (n => system%components, s => self%grid%degree, terms => self%turn_terms)
+      do j = 1, halvings
+        distance = 0.5_wp*distance
+        do side = -1, 1, 2
+          place = middle + real(side, wp)*distance
+          if (place < 0.0_wp .or. place > 1.0_wp) cycle
+          elapsed = place*self%step
+          call self%grid%lagrange(place, basis)
+          slope(0:s) = matmul(basis(0:s), self%grid%derivative(0:s, 0:s))
+          do k = 1, n
+            u(k) = dot_product(basis(0:s), self%nodal(0:s, column_u + system%axis + k - 2)) &
+              + system%along(system%axis + k - 1)*drive%displacement(from%time, elapsed)
+            y(k) = dot_product(basis(0:s), self%nodal(0:s, column_y + k - 1))
+            rate(k) = dot_product(slope(0:s), self%nodal(0:s, column_y + k - 1))
+          end do
+          call system%kinematics(1, y, velocity, velocity_y)
+          call system%dynamics(1, [drive%velocity_at(from%time + elapsed)], u, y, velocity_y, terms)
+          do k = 1, n
+            weight = abs(terms%inertia(1, k)) + relaxation*self%step*max(0.0_wp, -terms%force_y(1, k, k))
+            defect(k) = max(0.0_wp, abs(self%step*terms%force(1, k) - terms%inertia(1, k)*rate(k)) &
+              - self%step*system%acceleration_noise)/max(weight, tiny(weight))
+          end do
+          total = total + distance*maxval(matmul(abs(velocity_y), defect)/max(allowed(1:n), tiny(distance)))
+        end do
+      end do
+    end associate
+  end function defect_around
 
   !> `growth` [1/s] during the last step, 0 if there was none.
   pure subroutine note_growth(self, growth)
