@@ -227,13 +227,14 @@ contains
     end associate
   end function end_of_slip
 
-  !> Slip speed [m/s] below which an explicit method hands over to `brake`, for the largest speed of
-  !> the drive. What `brake` leaves out (the turning of the direction, the change of the jerk) has an
-  !> effect on the slip velocity of about the third power of this speed; the factor is measured on Fig. 3.
-  pure real(wp) function default_cut_speed(rtol, largest_speed)
-    real(wp), intent(in) :: rtol, largest_speed
+  !> Slip speed [m/s] below which an explicit method leaves the end of slip to `braking`, with the drive at this velocity and this
+  !> largest slip speed of late [m/s]. What that leaves out (the turning of the direction, the change of the jerk) has an effect on
+  !> the slip velocity of about the third power of this speed; the factor is measured on Fig. 3.
+  pure real(wp) function default_cut_speed(rtol, drive_velocity, peak_speed)
+    real(wp), intent(in) :: rtol, drive_velocity, peak_speed
+    real(wp), parameter :: largest_share = 30.0_wp
 
-    default_cut_speed = 0.014_wp*rtol**(1.0_wp/3.0_wp)*largest_speed
+    default_cut_speed = 0.014_wp*rtol**(1.0_wp/3.0_wp)*min(largest_share*peak_speed, max(abs(drive_velocity), peak_speed))
   end function default_cut_speed
 
   !> Slip after a release at `from` (v = 0, u, theta), where v starts with `rate` [m/s2], as power

@@ -65,6 +65,7 @@ contains
 
     associate (unused => [rate, curvature])
     end associate
+    self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
   end subroutine restart
 
@@ -254,7 +255,7 @@ contains
   pure subroutine accept(self)
     class(moreau_jean_t), intent(inout) :: self
 
-    self%peak_speed = max(self%peak_speed, self%speed_scale)
+    call self%note_speed()
   end subroutine accept
 
   !> Save or load: the slider is of the scene.

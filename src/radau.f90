@@ -171,6 +171,7 @@ contains
     self%retry = .false.
     self%repeated = .false.
     self%last_error = 0.0_wp
+    self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
     self%rate = rate
     self%curvature = curvature
@@ -544,7 +545,7 @@ contains
     self%retry = .false.
     self%repeated = .false.
     self%last_error = self%error
-    self%peak_speed = max(self%peak_speed, self%speed_scale)
+    call self%note_speed()
     self%last_step = self%step
     self%last_nodal = self%nodal(:, column_y:column_y + max_components - 1)
     call self%note_growth(self%unseen_growth)

@@ -97,6 +97,7 @@ contains
 
     associate (unused => [rate, curvature])
     end associate
+    self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
     ! The equations may be others from now on.
     self%start_known = .false.
@@ -403,7 +404,7 @@ contains
   pure subroutine accept(self)
     class(runge_kutta_t), intent(inout) :: self
 
-    self%peak_speed = max(self%peak_speed, self%speed_scale)
+    call self%note_speed()
     self%last_error = self%error
   end subroutine accept
 

@@ -6,7 +6,6 @@ module dst_simulation
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, result_done, deck_error, too_many_steps, not_finite, stopped_early
-  use dst_contact, only: default_cut_speed
   use dst_creep_motion, only: creep_motion_t, new_creep_motion
   use dst_drive, only: new_drive
   use dst_friction, only: new_friction_law
@@ -29,6 +28,8 @@ module dst_simulation
   public :: simulation_t, slider_from_scene, wall_clock
 
   integer, parameter :: buffer_rows = 512
+  !> How long the largest slip speed is remembered, in radians of the faster oscillation.
+  real(wp), parameter :: memory = 10.0_wp
   !> The clock is read once every so many advances.
   integer, parameter :: advances_between_looks = 16
 
@@ -204,13 +205,13 @@ contains
         trajectory%stepper = new_runge_kutta(scene%method, components, scene%rtol)
       end select
     end associate
+    trajectory%stepper%memory = memory/maxval(trajectory%slider%frequency())
     ! The slipped distance left below this share of the peak speed is below rtol of what was slipped.
     trajectory%cut_share = 0.03_wp*sqrt(scene%rtol)
     if (trajectory%stepper%explicit) then
       trajectory%fixed_step = scene%step
       trajectory%cut_speed = scene%v_cut
-      if (.not. scene%v_cut > 0.0_wp) &
-        trajectory%cut_speed = default_cut_speed(scene%rtol, trajectory%drive%largest_speed())
+      trajectory%cut_rtol = scene%rtol
     end if
   end subroutine choose_method
 

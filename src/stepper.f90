@@ -74,8 +74,10 @@ module dst_stepper
     real(wp) :: nodal(0:max_degree, n_columns) = 0.0_wp
     !> Largest slip speed met in the attempt [m/s].
     real(wp) :: speed_scale = 0.0_wp
-    !> Largest slip speed since the restart [m/s].
+    !> Largest slip speed since the restart [m/s], and of late: the latter is forgotten in the time `memory` [s].
+    real(wp) :: start_speed = 0.0_wp
     real(wp) :: peak_speed = 0.0_wp
+    real(wp) :: memory = huge(1.0_wp)
     !> By which power of e a disturbance that is lost in roundoff would have grown in the present stretch of unstable motion.
     real(wp) :: unseen = 0.0_wp
     !> Terms of the equations at one point of a turn.
@@ -94,6 +96,8 @@ module dst_stepper
     !> Put an advance that the method did not make in the place of the last attempt.
     procedure :: describe
     procedure :: use_own_grid
+    !> Take in the slip speed of the accepted step.
+    procedure :: note_speed
     !> What the last attempt may have missed where the slip turns back, over tolerance.
     procedure :: error_of_turns
     !> Take in the growth of what the accepted step could not see.
@@ -306,6 +310,13 @@ contains
     end associate
   end function defect_around
 
+  pure subroutine note_speed(self)
+    class(stepper_t), intent(inout) :: self
+
+    self%start_speed = max(self%start_speed, self%speed_scale)
+    self%peak_speed = max(self%peak_speed/(1.0_wp + self%step/self%memory), self%speed_scale)
+  end subroutine note_speed
+
   !> `growth` [1/s] during the last step, 0 if there was none.
   pure subroutine note_growth(self, growth)
     class(stepper_t), intent(inout) :: self
@@ -333,6 +344,7 @@ contains
     call archive%exchange(self%step)
     call archive%exchange(self%nodal)
     call archive%exchange(self%speed_scale)
+    call archive%exchange(self%start_speed)
     call archive%exchange(self%peak_speed)
     call archive%exchange(self%unseen)
   end subroutine exchange_stepper

@@ -10,6 +10,7 @@ module dst_trajectory
   use dst_errors, only: error_t, raise, step_underflow, too_many_rejections, chattering, release_failed
   use dst_bernstein, only: first_zero, first_minimum, bernstein_value
   use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip, touch_time, &
+    default_cut_speed, &
     release_t, release_series
   use dst_drive, only: drive_t, drive_segment_t
   use dst_interpolation, only: grid_t, new_grid, max_degree
@@ -49,10 +50,11 @@ module dst_trajectory
     real(wp) :: step_max = 0.0_wp
     !> Step size of a method without error estimate [s]; 0 for the others.
     real(wp) :: fixed_step = 0.0_wp
-    !> A stop is finished in closed form below this slip speed [m/s] or this share of the largest
-    !> slip speed since the release.
+    !> A stop is finished in closed form below this slip speed [m/s] or this share of the largest slip speed of late; an explicit
+    !> method with cut_speed = 0 chooses it from the tolerance `cut_rtol`.
     real(wp) :: cut_speed = 0.0_wp
     real(wp) :: cut_share = 0.0_wp
+    real(wp) :: cut_rtol = 0.0_wp
     type(motion_t) :: from, now
     logical :: sticking = .false.
     logical :: was_sticking = .false.
@@ -440,7 +442,7 @@ contains
 
     fades = .false.
     if (.not. self%exact_contact .or. self%sticking .or. self%just_released) return
-    if (self%now%y(1) <= epsilon(1.0_wp)**2*self%stepper%peak_speed) fades = holds(self%slider, self%now%u, velocity_now(self))
+    if (self%now%y(1) <= epsilon(1.0_wp)**2*self%stepper%start_speed) fades = holds(self%slider, self%now%u, velocity_now(self))
   end function fades
 
   !> Whether the object is at rest now, as the method has found it, and the event that this is. A step that ends with w = 0
@@ -465,6 +467,8 @@ contains
     class(trajectory_t), intent(in) :: self
 
     cut_level = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
+    if (self%stepper%explicit .and. .not. self%cut_speed > 0.0_wp) &
+      cut_level = max(cut_level, default_cut_speed(self%cut_rtol, velocity_now(self), self%stepper%peak_speed))
   end function cut_level
 
   !> The step size that the controller wants; a step cut short by the horizon may not shrink it.
@@ -738,6 +742,7 @@ contains
     call self%stepper%describe(self%closed_form_grid, duration, nodal)
     self%stepper%count%steps = self%stepper%count%steps + 1
     call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    self%stepper%start_speed = self%now%y(1)
     self%stepper%peak_speed = self%now%y(1)
     self%next_step = min(self%release_step, self%now%y(1)*self%slider%mass/max(self%slider%law%onset, tiny(1.0_wp)))
     if (self%fixed_step > 0.0_wp) self%next_step = self%fixed_step

@@ -4,7 +4,6 @@
 program test_runge_kutta
   use checks, only: check, finish
   use dst_kinds, only: wp, degree, pi
-  use dst_contact, only: default_cut_speed
   use dst_drive, only: new_drive
   use dst_errors, only: error_t
   use dst_friction, only: new_friction_law
@@ -376,7 +375,7 @@ contains
     scene%drive = new_drive(time, velocity)
     scene%system = new_full_polar(scene%slider)
     call choose_method(scene, name, rtol)
-    if (scene%stepper%explicit) scene%cut_speed = default_cut_speed(rtol, scene%drive%largest_speed())
+    if (scene%stepper%explicit) scene%cut_rtol = rtol
     scene%cut_share = 0.03_wp*sqrt(rtol)
   end function exact_scene
 
