@@ -6,14 +6,15 @@ All values are drawn as factors of Fig. 3's, so that a counterexample shrinks to
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import dynstiction as ds
 import numpy as np
 import pytest
+from dynstiction.record import Described
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
-from invariants import Ending, finish
+from invariants import Ending, balance_faults, finish
 from matrix import FIG3, KINDS, Groups, Kind, Profile, scene_of
 
 FULL = "DYNSTICTION_FULL" in os.environ
@@ -89,6 +90,20 @@ def profiles(draw: st.DrawFn) -> Profile:
         return ()
     knots = [0.0, *(share for i, share in enumerate(shares) if i < 2 or share > shares[i - 2])]
     return tuple((share, draw(st.sampled_from([1.0, 0.0, -1.0, 1e-6, 30.0]))) for share in knots)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_an_open_balance_is_seen(rtol: float) -> None:
+    """A twentieth of all energy at the loosest tolerance, and in proportion."""
+    groups = scene_of(FIG3, KINDS[1])
+    groups["integrator"]["rtol"] = rtol
+    result = finish(groups).result
+    assert result is not None and balance_faults(result, groups) == []
+    for lost in (5e2 * rtol, -5e2 * rtol, np.nan):
+        summary = Described(
+            [(info, lost if info.name == "energy_residual" else x) for info, x in result.summary.info()]
+        )
+        assert len(balance_faults(replace(result, summary=summary), groups)) == 1
 
 
 @examples
