@@ -253,7 +253,9 @@ def run_short():
     # Whatever happens to a peer, ours and odeint's polar form end, and SciPy gets past the first sample.
     for point, reached in zip(measured, (2.5, 2.5, 0.0, 0.0, 0.02), strict=True):
         if point.status not in ("done", "time limit", "step size underflow") or point.reached < reached:
-            sys.exit(f"{point.peer} {point.method}, {point.formulation}: {point.status} at t = {point.reached} s")
+            sys.exit(
+                f"{point.peer} {point.method}, {point.formulation}: {point.status} at t = {point.reached} s"
+            )
 
 
 def measure(measured, rounds):

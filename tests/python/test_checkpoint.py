@@ -354,9 +354,7 @@ def run_with_shim(
     environment = os.environ | {"LD_PRELOAD": str(shim), "ASAN_OPTIONS": sanitizer}
     if kill_at:
         environment["KILL_AT"] = kill_at
-    return finished(
-        program.command(SCENES["radau9"], file, "output.flush_seconds=0.0"), env=environment
-    )
+    return finished(program.command(SCENES["radau9"], file, "output.flush_seconds=0.0"), env=environment)
 
 
 @pytest.fixture(scope="module")

@@ -79,9 +79,7 @@ def test_what_is_public_is_documented(source: Path) -> None:
 def uses_of_norm2(text: str) -> list[int]:
     """Line numbers; gfortran compiles norm2 with a scale that begins at 1, so that its last bits change with the unit."""
     lines = text.lower().splitlines()
-    return [
-        number for number, line in enumerate(lines, 1) if re.search(r"\bnorm2\s*\(", line.split("!")[0])
-    ]
+    return [number for number, line in enumerate(lines, 1) if re.search(r"\bnorm2\s*\(", line.split("!")[0])]
 
 
 @pytest.mark.parametrize("source", [*SOURCES, *sorted(FOLDER.rglob("*.inc"))], ids=lambda source: source.name)
