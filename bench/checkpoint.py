@@ -1,6 +1,6 @@
 """What checkpoints cost, on Fig. 3's scene over 1000 s: what a reader can rerun.
 
-    python bench/checkpoint.py [--runs N] [--t-end S] [--exe PATH]
+    python bench/checkpoint.py [--runs N] [--t-end S] [--exe PATH] [--short]
 
 Runs the scene (a sample every 0.1 s) without checkpoints, with one every second, and with one as often as
 the run loop looks (0.05 s), by turns, so that a machine that becomes slower does so for all three. Prints
@@ -28,7 +28,10 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5, help="runs of each kind of which the median is taken")
     parser.add_argument("--t-end", default="1000.0", help="model time, s")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
     options = parser.parse_args()
+    if options.short:
+        options.runs, options.t_end = 1, "20.0"
     wall: dict[str, list[float]] = {kind: [] for kind in KINDS}
     processor: dict[str, list[float]] = {kind: [] for kind in KINDS}
     with tempfile.TemporaryDirectory(dir=".") as folder:

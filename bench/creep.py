@@ -1,6 +1,6 @@
 """Speed of slow creep in closed form: points per second on one core, through Python, allocation included.
 
-    python bench/creep.py [--points N] [--runs N]
+    python bench/creep.py [--points N] [--runs N] [--short]
 
 Times tau in [0, 2), in order and shuffled, for several misalignments; then a misalignment for each point, and a finite k_y.
 Processor time, the best of all runs.
@@ -21,7 +21,10 @@ def main() -> None:
     )
     parser.add_argument("--points", type=int, default=2_000_000)
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
     options = parser.parse_args()
+    if options.short:
+        options.points, options.runs = 20_000, 1
     ordered = np.linspace(0.0, 2.0, options.points, endpoint=False)
     shuffled = np.random.default_rng(1).permutation(ordered)
     print(f"{'':24} {'points/s':>10} {'shuffled':>10}")

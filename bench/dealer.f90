@@ -1,4 +1,4 @@
-!> How many pieces of work a second rank 0 of a sweep can deal out: mpirun -n 3 bench_dealer [CASES A PIECE]
+!> How many pieces of work a second rank 0 of a sweep can deal out: mpirun -n 3 bench_dealer [CASES A PIECE [PIECES]]
 !>
 !> The other ranks do nothing but ask; rank 0 does nothing but answer. Prints pieces a second, of wall time and of rank 0's
 !> processor time, of which a part is spent in looking for messages.
@@ -10,11 +10,10 @@ program bench_dealer
   use dst_simulation, only: wall_clock
   implicit none
 
-  integer, parameter :: pieces = 200000
   type(ranks_t) :: ranks
   type(error_t), allocatable :: error
   integer, allocatable :: pending(:), numbers(:)
-  integer :: size_of_piece, i, status, taken
+  integer :: pieces, size_of_piece, i, status, taken
   logical :: none_left, stop
   real(wp) :: begun, begun_processor, ended_processor, passed
   character(32) :: argument
@@ -22,6 +21,9 @@ program bench_dealer
   size_of_piece = 64
   call get_command_argument(1, argument, status=status)
   if (status == 0) read (argument, *) size_of_piece
+  pieces = 200000
+  call get_command_argument(2, argument, status=status)
+  if (status == 0) read (argument, *) pieces
   call start_ranks(ranks, error)
   if (ranks%rank == 0) then
     allocate (pending(pieces*size_of_piece))

@@ -1,7 +1,7 @@
 !> Time of one small dense solve: Gauss-Jordan with fixed order (as Newton's kernels compile it),
 !> the same with the order as an argument, and LAPACK's dgesv.
 !>
-!>     meson compile -C build/release bench_linear_solve && build/release/bench/bench_linear_solve
+!>     meson compile -C build/release bench_linear_solve && build/release/bench/bench_linear_solve [--short]
 program bench_linear_solve
   use, intrinsic :: iso_fortran_env, only: int64
   use dst_kinds, only: wp
@@ -17,10 +17,14 @@ program bench_linear_solve
     end subroutine dgesv
   end interface
 
-  integer, parameter :: repetitions = 200000, rounds = 5
+  integer, parameter :: rounds = 5
   integer, parameter :: orders(3) = [6, 10, 14]
-  integer :: i
+  integer :: i, repetitions
+  character(8) :: argument
 
+  repetitions = 200000
+  call get_command_argument(1, argument)
+  if (argument == '--short') repetitions = 2000
   print '(a)', 'order   fixed [us]   argument [us]   dgesv [us]   (best of 5 rounds)'
   do i = 1, size(orders)
     print '(i5, 3f14.3)', orders(i), best(orders(i), 1), best(orders(i), 2), best(orders(i), 3)

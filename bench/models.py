@@ -1,6 +1,6 @@
 """What the low-frequency model costs and where it differs from the full one: what a reader can rerun.
 
-    python bench/models.py [--runs N] [--exe PATH]
+    python bench/models.py [--runs N] [--exe PATH] [--short]
 
 Prints, for Fig. 3 at rtol 1e-6, the solver's wall time of both models (median of N runs, alternating), instructions for
 10 s where valgrind is installed (from two lengths of the run, so that start and output cancel), and the differences of
@@ -36,7 +36,10 @@ def main() -> None:
     )
     parser.add_argument("--runs", type=int, default=11, help="runs of which the median is taken")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
     options = parser.parse_args()
+    if options.short:
+        options.runs = 1
     with tempfile.TemporaryDirectory() as folder:
         times: dict[str, list[float]] = {model: [] for model in DECKS}
         for _ in range(options.runs):
@@ -48,7 +51,7 @@ def main() -> None:
             )
         full, low = (statistics.median(times[model]) for model in DECKS)
         print(f"ratio {full / low:.0f}")
-        if shutil.which("valgrind"):
+        if shutil.which("valgrind") and not options.short:
             full, low = (instructions(options.exe, Path(folder), model) for model in DECKS)
             print(f"instructions for 10 s: {full:.3e} and {low:.3e}, ratio {full / low:.0f}")
         full_run, low_run = (run(options.exe, Path(folder), model) for model in DECKS)

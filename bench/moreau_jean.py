@@ -1,6 +1,6 @@
 """Error against cost of the Moreau-Jean scheme on Fig. 3 up to t = 2.5 s, beside radau9: what a reader can rerun.
 
-    python bench/moreau_jean.py [--runs N] [--exe PATH]
+    python bench/moreau_jean.py [--runs N] [--exe PATH] [--short]
 
 Prints for every step, or tolerance, the error of u_x and of the slip velocity at the end (relative), the
 number of sticks (1826 are right), the solver's wall time (median of N runs) and the steps.
@@ -28,8 +28,12 @@ def main() -> None:
     )
     parser.add_argument("--runs", type=int, default=3, help="runs of which the median is taken")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
     options = parser.parse_args()
-    cases = [("moreau_jean", ("integrator.rtol=", f"integrator.step={step}")) for step in STEPS]
+    steps = STEPS
+    if options.short:
+        options.runs, steps = 1, STEPS[:4]
+    cases = [("moreau_jean", ("integrator.rtol=", f"integrator.step={step}")) for step in steps]
     cases += [("radau9", (f"integrator.rtol={rtol}",)) for rtol in TOLERANCES]
     reference = reference_state()
     print(

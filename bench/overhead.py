@@ -1,6 +1,6 @@
 """What Python adds to the solver: the import of the package, and `ds.run` beyond the time that the solver takes.
 
-    python bench/overhead.py [--runs N]
+    python bench/overhead.py [--runs N] [--short]
 
 The solver's time is `statistics/wall_time` of the same run: the integration, which is the same in the executable. Prints the
 medians of N [ms], of the overhead also the least, which is what a busy machine leaves visible. The import is that of a new interpreter, less one that imports nothing.
@@ -29,7 +29,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--runs", type=int, default=9, help="of which the median is taken")
-    runs = parser.parse_args().runs
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    options = parser.parse_args()
+    runs = 1 if options.short else options.runs
     print(
         f"{'scene':24} {'samples':>8} {'events':>8} {'run ms':>10} {'solver ms':>10} {'overhead ms':>12} {'least':>8}"
     )

@@ -1,6 +1,6 @@
 """What the cost of the full model grows with: what a reader can rerun.
 
-    python bench/scaling.py [--cycles N]
+    python bench/scaling.py [--cycles N] [--short]
 
 Runs Fig. 3 at rtol 1e-6 over the same number of fast cycles while one parameter goes through its decades, and prints accepted steps,
 Newton iterations and microseconds of solver time for one cycle. Only the number of cycles should count.
@@ -34,7 +34,10 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--cycles", type=float, default=2000.0)
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
     options = parser.parse_args()
+    if options.short:
+        options.cycles = 50.0
     print(f"{'parameter':>17} {'value':>8} {'steps':>6} {'Newton':>7} {'us':>6}   a cycle")
     for name, values in DECADES.items():
         for value in values:

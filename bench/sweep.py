@@ -1,6 +1,6 @@
 """Cases a second and core of a low_frequency sweep at a measured error: what a reader can rerun.
 
-    python bench/sweep.py [--runs N] [--cases N]
+    python bench/sweep.py [--runs N] [--cases N] [--short]
 
 The cases are 64 angles from 1 to 8 degrees, Fig. 3 otherwise, 10 s, over and over. The error is the largest relative one of
 the final u_x against radau13 at rtol 1e-12; the time is the best processor time of N runs with one thread, methods and
@@ -29,7 +29,10 @@ def main() -> None:
     )
     parser.add_argument("--runs", type=int, default=5, help="runs of which the best is taken")
     parser.add_argument("--cases", type=int, default=3200, help="cases of a run")
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
     options = parser.parse_args()
+    if options.short:
+        options.runs, options.cases = 1, 64
     angles = np.resize(ANGLES, options.cases)
     exact = final(ANGLES, "radau13", 1e-12)
     best = dict.fromkeys(SETTINGS, np.inf)

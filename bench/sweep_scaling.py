@@ -1,6 +1,6 @@
 """How well sweeps use the cores, and what a large one needs: what a reader can rerun.
 
-    python bench/sweep_scaling.py [efficiency] [full] [million] [--repeat N] [--exe EXE] [--mpi "mpirun -n 2 EXE"]
+    python bench/sweep_scaling.py [efficiency] [full] [million] [--repeat N] [--exe EXE] [--mpi "mpirun -n 2 EXE"] [--short]
 
 efficiency: two threads, and two ranks if --mpi names a launcher and a build with MPI, against one thread; cases of equal costs, and
 with costs that differ 1000 times, the expensive ones in a row. full: a map of model `full` against single runs. million: a
@@ -37,7 +37,11 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--exe", default="dynstiction")
     parser.add_argument("--mpi")
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
     options = parser.parse_args()
+    share = 1
+    if options.short:
+        options.repeat, share = 1, 20
     ways = {"1 thread": ([options.exe], 1), "2 threads": ([options.exe], CORES)}
     if options.mpi:
         ways["2 ranks"] = (shlex.split(options.mpi), 1)
@@ -45,19 +49,20 @@ def main() -> None:
         folder = Path(name)
         if "efficiency" in options.parts:
             for costs in ("equal", "1000 times"):
-                print_efficiency(
-                    f"low_frequency, costs {costs}", costs_deck(folder, costs), ways, options.repeat
-                )
+                deck = costs_deck(folder, costs, share)
+                print_efficiency(f"low_frequency, costs {costs}", deck, ways, options.repeat)
         if "full" in options.parts:
-            print_efficiency("full", full_deck(folder), ways, options.repeat)
-            print_singles(folder, options.exe, options.repeat)
+            angles = ANGLES[::share]
+            print_efficiency("full", full_deck(folder, angles), ways, options.repeat)
+            print_singles(folder, options.exe, options.repeat, angles)
         if "million" in options.parts:
-            print_million(folder, options.exe)
+            print_million(folder, options.exe, 1000 // share)
 
 
-def costs_deck(folder: Path, costs: str) -> Path:
-    """600 cases of some milliseconds; or 60 that cost 1000 times what the other 540 cost."""
+def costs_deck(folder: Path, costs: str, share: int) -> Path:
+    """600 cases of some milliseconds; or 60 that cost 1000 times what the other 540 cost; `share` times fewer of all."""
     ends = [300.0] * 600 if costs == "equal" else [3000.0] * 60 + [3.0] * 540
+    ends = ends[::share]
     (folder / "points.csv").write_text("\n".join(["scene.t_end", *map(str, ends)]))
     deck = folder / "costs.nml"
     deck.write_text(SCENE + "&sweep points = 'points.csv' /\n")
@@ -67,11 +72,11 @@ def costs_deck(folder: Path, costs: str) -> Path:
 ANGLES = [0.5 + 0.25 * i for i in range(40)]
 
 
-def full_deck(folder: Path) -> Path:
+def full_deck(folder: Path, angles: list[float]) -> Path:
     deck = folder / "full.nml"
     deck.write_text(
         (INPUTS / "fig3.nml").read_text()
-        + f"&sweep parameter = 'system.misalignment_deg', first = {ANGLES[0]}, last = {ANGLES[-1]}, count = {len(ANGLES)} /\n"
+        + f"&sweep parameter = 'system.misalignment_deg', first = {angles[0]}, last = {angles[-1]}, count = {len(angles)} /\n"
     )
     return deck
 
@@ -114,12 +119,12 @@ def spread(values: list[float]) -> str:
     return f"{statistics.median(values):.3f} [{min(values):.3f}, {max(values):.3f}]"
 
 
-def print_singles(folder: Path, exe: str, repeat: int) -> None:
+def print_singles(folder: Path, exe: str, repeat: int, angles: list[float]) -> None:
     """The cases of the map as runs of their own that write the same summary, against the map in one thread."""
     totals = []
     for _ in range(repeat):
         total = 0.0
-        for angle in ANGLES:
+        for angle in angles:
             command = [
                 exe,
                 "run",
@@ -142,20 +147,21 @@ def print_singles(folder: Path, exe: str, repeat: int) -> None:
         ]
         totals.append(measure(command, CORES)[1] / total)
     print(
-        f"full: processor time of the map in {CORES} threads over that of {len(ANGLES)} single runs: {spread(totals)}"
+        f"full: processor time of the map in {CORES} threads over that of {len(angles)} single runs: {spread(totals)}"
     )
 
 
-def print_million(folder: Path, exe: str) -> None:
+def print_million(folder: Path, exe: str, side: int) -> None:
+    cases = side**2
     deck, output = folder / "million.nml", folder / "million.h5"
     deck.write_text(
         SCENE.replace("t_end = 10.0", "t_end = 0.02")
         + "&sweep parameter = 'system.misalignment_deg', 'drive.velocity', first = 1.0, 1e-3, last = 8.0, 4e-3, "
-        "count = 1000, 1000 /\n"
+        f"count = {side}, {side} /\n"
     )
     wall, cpu = measure([exe, "run", str(deck), "-o", str(output), "--quiet", "--shard", "1/1"], CORES)
     shard = next(folder.glob("million.h5.shard-*"))
-    print(f"million cases: {wall:.1f} s, {1e6 * cpu / 1e6:.1f} us of processor time a case, {memory()} MB")
+    print(f"{cases} cases: {wall:.1f} s, {1e6 * cpu / cases:.1f} us of processor time a case, {memory()} MB")
     written = shard.stat().st_size
     wall, cpu = measure([exe, "merge", str(deck), "-o", str(output)], 1)
     with h5py.File(output) as file:

@@ -250,7 +250,7 @@ contains
 
     release%unit = sqrt(slider%mass/maxval(slider%stiffness))
     gain = slider%stiffness*slider%pulled()
-    growth = norm2(gain)*(abs(drive%velocity_at(from%time)) + abs(drive%acceleration)*release%unit)
+    growth = hypot(gain(1), gain(2))*(abs(drive%velocity_at(from%time)) + abs(drive%acceleration)*release%unit)
     v_range = release%unit*(rate + growth*release%unit/slider%mass)
     if (.not. load(slider, from%u) > 0.0_wp .or. .not. v_range > 0.0_wp) return
     do attempt = 1, 40

@@ -36,7 +36,6 @@ module dst_creep_motion
     real(wp) :: onset = 0.0_wp
   contains
     procedure :: at
-    procedure :: gives
   end type creep_motion_t
 
 contains
@@ -123,16 +122,6 @@ contains
       end associate
     end do
   end function stick_time
-
-  !> Whether the output column `name` has a value: not the damping of a mass, and of Eq. (8) only the motion
-  !> along the drive.
-  pure logical function gives(self, name)
-    class(creep_motion_t), intent(in) :: self
-    character(*), intent(in) :: name
-
-    gives = name /= 'zeta'
-    if (self%form /= '') gives = any(name == [character(6) :: 'time', 'X', 'X_rate'])
-  end function gives
 
   !> The motion at a time [s]. Of Eq. (8) only the position and the velocity along the drive are known.
   pure function at(self, time) result(instant)

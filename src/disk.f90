@@ -12,7 +12,8 @@ module dst_disk
   public :: read_bytes, replace_file, append_text, make_durable, make_name_durable
   public :: open_exclusively, lock_file, unlock_file, is_being_written, wait_seconds
   public :: open_for_appending, append_words, close_descriptor, matching_files, path_t
-  public :: file_exists, file_size, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now
+  public :: file_exists, file_size, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now, &
+    utc_of
 
   ! Error numbers that mean "no room" on Linux.
   integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122
@@ -604,9 +605,18 @@ contains
   !> Now, as ISO 8601 in UTC: '2026-01-31T23:59:59Z'.
   function utc_now() result(now)
     character(20) :: now
-    integer :: clock(8), year, month, day, minutes, zone_days
+    integer :: clock(8)
 
     call date_and_time(values=clock)
+    now = utc_of(clock)
+  end function utc_now
+
+  !> The same of any moment, in the values of `date_and_time`.
+  pure function utc_of(clock) result(moment)
+    integer, intent(in) :: clock(8)
+    character(20) :: moment
+    integer :: year, month, day, minutes, zone_days
+
     year = clock(1)
     month = clock(2)
     minutes = 60*clock(5) + clock(6) - clock(4)
@@ -629,8 +639,8 @@ contains
       end if
     end if
     minutes = modulo(minutes, 1440)
-    write (now, '(i4.4, 2("-", i2.2), "T", i2.2, 2(":", i2.2), "Z")') year, month, day, minutes/60, modulo(minutes, 60), clock(7)
-  end function utc_now
+    write (moment, '(i4.4, 2("-", i2.2), "T", i2.2, 2(":", i2.2), "Z")') year, month, day, minutes/60, modulo(minutes, 60), clock(7)
+  end function utc_of
 
   !> Days of a month of the Gregorian calendar.
   pure integer function month_length(year, month)

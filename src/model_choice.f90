@@ -3,11 +3,14 @@
 !> The closed forms are compared with the low-frequency motion, which costs below a millisecond. What that leaves
 !> out, the elasticity across, is bounded by formulas that were calibrated on some thousand random scenes
 !> (bench/model_choice.py, docs/models.md). Where the calibration does not reach, it is the full model.
+!> A column that is asked for by name counts like a quantity: it must be the full model's, to the same accuracy.
 module dst_model_choice
   use dst_kinds, only: wp
   use dst_creep, only: creep_t, creep_exact, position_third_order
   use dst_errors, only: error_t
   use dst_memory_writer, only: memory_writer_t
+  use dst_model_columns, only: column_obstacle, gives_column, holds_column
+  use dst_observables, only: columns
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t, slider_from_scene
   use dst_slider, only: slider_t
@@ -18,12 +21,13 @@ module dst_model_choice
 
   public :: settle_model
 
-  !> The low-frequency motion of a scene: X [m] at equal times, and its stick-slip.
+  !> The low-frequency motion of a scene: X and u_x [m] at equal times, and its stick-slip.
   type :: slow_motion_t
     logical :: known = .false.
-    real(wp), allocatable :: time(:), position(:)
+    real(wp), allocatable :: time(:), position(:), elongation(:)
     real(wp) :: cycles = 0.0_wp
     real(wp) :: swing = 0.0_wp     !! mean fall of k_x u_x over the static limit
+    real(wp) :: fastest = 0.0_wp   !! largest |X'|, m/s
   end type slow_motion_t
 
   !> The advance X/l_x at the same times in three ways.
@@ -46,13 +50,14 @@ module dst_model_choice
 
 contains
 
-  !> Replace the model 'auto' by a model, and say why; other models are left alone, with no reason.
+  !> Replace the model 'auto' by a model, and say why; other models are left alone, with no reason. If no column is asked
+  !> for by name, the output is left with those that the model does not hold constant.
   subroutine settle_model(scene, reason)
     type(scene_t), intent(inout) :: scene
     character(:), allocatable, intent(out) :: reason
     type(slow_motion_t) :: slow
     type(slider_t) :: slider
-    character(:), allocatable :: obstacle
+    character(:), allocatable :: obstacle, passed_over
     real(wp) :: error
 
     reason = ''
@@ -64,6 +69,7 @@ contains
       reason = 'full: '//obstacle
       return
     end if
+    passed_over = ''
     call follow_slow_motion(scene, slider, slow)
     if (scene%quantities == 'creep') then
       error = creep_error(scene, slider, slow, asymptotic=.true.)
@@ -76,22 +82,94 @@ contains
     end if
     error = elasticity_error(scene, slider, slow)
     if (accept('low_frequency')) return
-    reason = 'full: low_frequency is not known to be that accurate here'
-    if (error < excluded) reason = 'full: low_frequency may err by '//formatted(short, error)
-    reason = reason//', more than accuracy = '//formatted(short, scene%accuracy)
+    reason = 'full: '//passed_over
 
   contains
 
     logical function accept(model)
       character(*), intent(in) :: model
+      character(:), allocatable :: lack
 
-      accept = error <= scene%accuracy
-      if (.not. accept) return
+      accept = .false.
+      lack = lack_of_columns(scene, model)
+      if (lack == '') then
+        error = max(error, error_in_columns(scene, slider, slow, model, error))
+        accept = error <= scene%accuracy
+        lack = model//' is not known to be that accurate here'
+        if (error < excluded) lack = model//' may err by '//formatted(short, error)
+        lack = lack//', more than accuracy = '//formatted(short, scene%accuracy)
+      end if
+      if (.not. accept) then
+        if (passed_over /= '') passed_over = passed_over//'; '
+        passed_over = passed_over//lack
+        return
+      end if
       scene%model = model
+      if (scene%fields(1) == 'default') scene%fields = free_columns(model)
       reason = model//': for '//trim(scene%quantities)//' it errs by at most '//formatted(short, error)// &
         ' (estimated), accuracy = '//formatted(short, scene%accuracy)
+      if (passed_over /= '') reason = reason//'; '//passed_over
     end function accept
   end subroutine settle_model
+
+  !> Why a model cannot stand for the full one in the columns asked for by name; '' if it can.
+  function lack_of_columns(scene, model) result(text)
+    type(scene_t), intent(in) :: scene
+    character(*), intent(in) :: model
+    character(:), allocatable :: text
+    integer :: i
+
+    text = ''
+    if (scene%fields(1) == 'default') return
+    do i = 1, size(scene%fields)
+      text = column_obstacle(model, scene%fields(i))
+      if (text /= '') return
+    end do
+  end function lack_of_columns
+
+  !> The columns that a model gives and does not hold constant.
+  pure function free_columns(model) result(names)
+    character(*), intent(in) :: model
+    character(len(columns%name)), allocatable :: names(:)
+
+    names = pack(columns%name, columns%name /= 'time' .and. gives_column(model, columns%name) &
+      .and. .not. holds_column(model, columns%name))
+  end function free_columns
+
+  !> Largest error of the columns asked for by name, each over its largest value, if the model errs by `error` in the
+  !> quantities that it is chosen for.
+  pure real(wp) function error_in_columns(scene, slider, slow, model, error) result(worst)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(slow_motion_t), intent(in) :: slow
+    character(*), intent(in) :: model
+    real(wp), intent(in) :: error
+    real(wp) :: of_position, of_elongation, shift, rigidity
+    integer :: i
+
+    worst = 0.0_wp
+    if (scene%fields(1) == 'default' .or. error > scene%accuracy) return
+    associate (along => slider%along(1), across => abs(slider%along(2)), speed => abs(scene%drive_velocity(1)), &
+        advance => maxval(abs(slow%position)), stretch => maxval(abs(slow%elongation)))
+      worst = excluded
+      if (.not. (advance > 0.0_wp .and. stretch > 0.0_wp)) return
+      if (scene%quantities == 'creep') then
+        ! X = D - u_x cos(phi) - u_y sin(phi): what X errs by, and the u_y that a rigid spring lacks, is in u_x.
+        of_position = error
+        rigidity = merge(across*slider%law%onset/slider%stiffness(2), 0.0_wp, model == 'low_frequency')
+        of_elongation = (error*advance + rigidity)/(along*stretch)
+      else
+        ! An error of the period shifts the slips in time.
+        shift = error*scene%t_end
+        of_position = error + slow%fastest*shift/advance
+        of_elongation = error + (speed*along + slow%fastest/along)*shift/stretch
+      end if
+    end associate
+    worst = 0.0_wp
+    do i = 1, size(scene%fields)
+      worst = max(worst, merge(of_position, of_elongation, scene%fields(i) == 'X'))
+    end do
+  end function error_in_columns
 
   !> Why no reduced model may be considered; '' if one may.
   function obstacle_to_reduction(scene, slider) result(text)
@@ -138,6 +216,8 @@ contains
 
     sketch = scene
     sketch%model = 'low_frequency'
+    ! Driven backwards it is the mirror image.
+    sketch%drive_velocity = abs(scene%drive_velocity)
     sketch%method = 'radau9'
     sketch%rtol = 1.0e-8_wp
     sketch%step_max = 0.0_wp
@@ -145,8 +225,8 @@ contains
     sketch%interval = scene%t_end/real(samples, wp)
     sketch%wall_limit = 0.0_wp
     deallocate (sketch%fields)
-    allocate (sketch%fields(1))
-    sketch%fields(1) = 'X'
+    allocate (sketch%fields(2))
+    sketch%fields = [character(len(sketch%fields)) :: 'X', 'u_x']
     call simulation%start(sketch, error)
     if (allocated(error)) return
     call simulation%proceed(huge(1.0_wp), writer, error)
@@ -155,8 +235,10 @@ contains
     slow%known = .true.
     slow%time = writer%samples(1, :writer%rows)
     slow%position = writer%samples(2, :writer%rows)
+    slow%elongation = writer%samples(3, :writer%rows)
     slow%cycles = outcome%summary_of('cycles')
     slow%swing = abs(outcome%summary_of('peak_force') - outcome%summary_of('valley_force'))/slider%law%onset
+    slow%fastest = abs(outcome%summary_of('max_X_rate'))
   end subroutine follow_slow_motion
 
   !> Exact creep beside the low-frequency motion.
@@ -206,7 +288,7 @@ contains
     real(wp) :: inertia, expansion
 
     error = excluded
-    if (.not. slow%known .or. .not. gives_fields(scene, asymptotic)) return
+    if (.not. (slow%known .and. scene%interval > 0.0_wp)) return
     if (asymptotic .and. .not. is_before_slip(scene, slider)) return
     call compare_advances(scene, slider, slow, advances)
     if (.not. advances%reached > 0.0_wp) return
@@ -224,20 +306,6 @@ contains
 
     fast_effect = 2.0_wp*(ripple(scene, slider, advances%reached*advances%length) + fast_growth(slider))
   end function fast_effect
-
-  !> Whether the closed form gives the columns asked for.
-  pure logical function gives_fields(scene, asymptotic)
-    type(scene_t), intent(in) :: scene
-    logical, intent(in) :: asymptotic
-    integer :: i
-
-    gives_fields = scene%interval > 0.0_wp
-    if (scene%fields(1) == 'default') return
-    do i = 1, size(scene%fields)
-      gives_fields = gives_fields .and. scene%fields(i) /= 'zeta'
-      if (asymptotic) gives_fields = gives_fields .and. any(scene%fields(i) == [character(6) :: 'X', 'X_rate'])
-    end do
-  end function gives_fields
 
   !> What the fast oscillation does to the advance over a distance [m]: the way made in half a period at the velocity
   !> V sin(phi), and the square of its force V sin(phi) sqrt(m k_y) over the static limit.

@@ -85,7 +85,7 @@ contains
       driven = drive%displacement(from%time, step)*system%along
       inertia = m/step + theta**2*step*k
       load = m*w/step + k*(from%u + theta*(driven - (1.0_wp - theta)*step*w))
-      call slip_velocity_after(self, inertia, load, norm2(w), to%y, friction)
+      call slip_velocity_after(self, inertia, load, hypot(w(1), w(2)), to%y, friction)
       mean_velocity = theta*to%y + (1.0_wp - theta)*w
       to%u = from%u + driven - step*mean_velocity
       mean_elongation = theta*to%u + (1.0_wp - theta)*from%u
@@ -93,7 +93,7 @@ contains
       to%position = from%position + step*dot_product(system%along, mean_velocity)
       to%drive_work = from%drive_work + dot_product(driven, k*mean_elongation)
       to%friction_work = from%friction_work + step*dot_product(friction, mean_velocity)
-      self%speed_scale = max(norm2(w), norm2(to%y))
+      self%speed_scale = max(hypot(w(1), w(2)), hypot(to%y(1), to%y(2)))
     end associate
     call set_nodal(self, system, from, to)
     outcome = attempt_t(solved=.true., error=0.0_wp, factor=1.0_wp)
@@ -139,7 +139,7 @@ contains
 
     speed = 0.0_wp
     iterations = 0
-    can_rest = norm2(load) <= law%onset
+    can_rest = hypot(load(1), load(2)) <= law%onset
     call law%evaluate(1, [0.0_wp], force, weakening)
     ! Friction weakens most at rest. If inertia outweighs that, e never falls and the solution is the only one.
     pieces = merge(1, most_pieces, minval(inertia) + weakening(1) >= 0.0_wp)
@@ -228,7 +228,7 @@ contains
     call law%evaluate(1, [speed], force, weakening)
     resistance = inertia*speed + force(1)
     share = load/resistance
-    total = norm2(share)
+    total = hypot(share(1), share(2))
     value = huge(value)
     if (.not. total > 0.0_wp) return
     value = 1.0_wp/total - 1.0_wp

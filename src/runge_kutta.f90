@@ -194,8 +194,8 @@ contains
     else if (.not. self%repeated) then
       call evaluate(self, system, drive, from, 1, state(:n_values), outcome)
     end if
-    self%speed_scale = max(self%speed_scale, hypot(norm2(self%slope(1:max_components, 1)), &
-      system%guided*state(n_values + 1)))
+    self%speed_scale = max(self%speed_scale, sqrt(sum(self%slope(1:max_components, 1)**2) &
+      + (system%guided*state(n_values + 1))**2))
     self%start = state
     ! The guard of the fixed step lies in the evaluation, so a failed one has to be repeated.
     self%start_known = outcome%solved .and. self%method%errors > 0
@@ -254,7 +254,7 @@ contains
       self%slope(first_y:max_components + n, i) = terms%force(1, :)/terms%inertia(1, :)
       self%friction_power(i) = terms%dissipation(1)
       self%drive_power(i) = drive_velocity*dot_product(system%along_stiffness, state(1:max_components)) + terms%supply(1)
-      self%speed_scale = max(self%speed_scale, hypot(norm2(velocity(1:n)), system%guided*drive_velocity))
+      self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%guided*drive_velocity)**2))
       outcome%solved = .true.
       if (self%method%errors > 0) return
       reach = self%step*fastest_rate(n, terms, self%velocity_y)

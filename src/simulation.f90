@@ -11,6 +11,7 @@ module dst_simulation
   use dst_friction, only: new_friction_law
   use dst_full_model, only: new_full_polar, new_full_smoothed
   use dst_low_frequency, only: new_low_frequency
+  use dst_model_columns, only: gives_column
   use dst_moreau_jean, only: new_moreau_jean
   use dst_observables, only: columns, instant_t, find_column, default_columns, damping_ratio_exists, observe, row_of
   use dst_radau, only: new_radau
@@ -257,8 +258,7 @@ contains
 
     if (self%scene%fields(1) == 'default') then
       self%selected = default_columns(self%trajectory)
-      if (allocated(self%creep)) self%selected = pack(self%selected, [(self%creep%gives(trim(columns(i)%name)), &
-        i=1, size(self%selected))])
+      self%selected = pack(self%selected, gives_column(self%scene%model, columns(self%selected)%name))
       return
     end if
     self%selected = [1]
@@ -270,12 +270,10 @@ contains
       else if (columns(column)%name == 'zeta' .and. .not. damping_ratio_exists(self%trajectory)) then
         call raise(error, deck_error, 'output.fields: zeta has no value where V sin(phi) = 0: leave zeta out')
         return
-      else if (allocated(self%creep)) then
-        if (.not. self%creep%gives(trim(columns(column)%name))) then
-          call raise(error, deck_error, "output.fields: model = '"//self%scene%model//"' does not give "// &
-            trim(columns(column)%name)//': leave it out')
-          return
-        end if
+      else if (.not. gives_column(self%scene%model, columns(column)%name)) then
+        call raise(error, deck_error, "output.fields: model = '"//self%scene%model//"' does not give "// &
+          trim(columns(column)%name)//': leave it out')
+        return
       end if
       if (all(self%selected /= column)) self%selected = [self%selected, column]
     end do

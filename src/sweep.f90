@@ -10,6 +10,7 @@ module dst_sweep
   use dst_deck_sweep, only: varied_key, variation_problem, range_problem, many_cases
   use dst_errors, only: error_t, raise, result_done, deck_error
   use dst_memory_writer, only: memory_writer_t
+  use dst_model_columns, only: gives_column
   use dst_observables, only: columns, find_column
   use dst_scene, only: scene_t, scene_from_deck, set_number
   use dst_schema, only: schema, sweep_group
@@ -453,12 +454,12 @@ contains
       allocate (scene%fields(0))
     else if (scene%fields(1) == 'default') then
       ! The damping ratio does not exist in every case; it follows from theta.
-      scene%fields = pack(columns%name, columns%name /= 'time' .and. columns%name /= 'zeta')
-      if (scene%model == 'creep_asymptotic') scene%fields = [character(len(scene%fields)) :: 'X', 'X_rate']
+      scene%fields = pack(columns%name, columns%name /= 'time' .and. columns%name /= 'zeta' &
+        .and. gives_column(scene%model, columns%name))
     end if
     kept = size(scene%fields)
     do i = 1, final_count
-      if (scene%model == 'creep_asymptotic' .and. index(final_columns(i), 'X') /= 1) cycle
+      if (.not. gives_column(scene%model, final_columns(i))) cycle
       if (all(scene%fields /= final_columns(i))) &
         scene%fields = [character(len(scene%fields)) :: scene%fields, final_columns(i)]
     end do

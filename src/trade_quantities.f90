@@ -257,8 +257,8 @@ contains
     integer :: q
 
     do q = 1, quantity_count
-      difference = norm2(observation%value(:, q) - reference%value(:, q))
-      scale = norm2(reference%value(:, q))
+      difference = sqrt(sum((observation%value(:, q) - reference%value(:, q))**2))
+      scale = sqrt(sum(reference%value(:, q)**2))
       select case (q)
       case (elongation)
         scale = plan%scale(1)

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package]: installs what is missing, builds, and runs every test.
+# tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package] [--bench]: installs what is missing, builds, and runs every test.
 # --quick leaves out the builds with run-time checks and sanitizers; --full adds the heavier proofs, the decks under the
 # sanitizers and the build in quadruple precision; --sanitize runs the sanitizers and valgrind alone. --cluster adds sweeps on
-# real MPI and Slurm, --package wheel, source archive, library, manual and notebooks. See docs/testing.md.
+# real MPI and Slurm, --package wheel, source archive, library, manual and notebooks, --bench the short forms of all benchmarks.
+# See docs/testing.md.
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 
@@ -12,6 +13,7 @@ with_sanitizers=yes
 with_quad=no
 with_cluster=no
 with_package=no
+with_bench=no
 selection=(-m 'not full')
 for argument in "$@"; do
   case $argument in
@@ -20,7 +22,8 @@ for argument in "$@"; do
     --full) selection=() with_quad=yes DYNSTICTION_FULL=1; export DYNSTICTION_FULL ;;
     --cluster) with_cluster=yes ;;
     --package) with_package=yes ;;
-    *) die "unknown option $argument: tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package]" ;;
+    --bench) with_bench=yes ;;
+    *) die "unknown option $argument: tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package] [--bench]" ;;
   esac
 done
 
@@ -112,6 +115,7 @@ fi
 
 [[ $with_cluster == no ]] || cluster_tests
 [[ $with_package == no ]] || package_tests
+[[ $with_bench == no ]] || run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh" "$checkout/build/mpi"
 
 if [[ $with_debug == yes ]]; then
   build "$debug" -Dpython=false -Doptimization=1 -Ddebug=true -Dwerror=true -Db_coverage=true "-Dfortran_args=$checks"

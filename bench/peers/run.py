@@ -1,10 +1,11 @@
 """Measure this code and its peers on one scene; called by run.sh, which installs and builds.
 
-    python bench/peers/run.py [--rounds N] [--only PEER...] [--draw]
+    python bench/peers/run.py [--rounds N] [--only PEER...] [--draw] [--short]
 
 Fig. 3 to 2.5 s. Every point (peer, method, formulation, tolerances) is run in turn, and all of them again in the next round;
 its time is the median of the processor times. Its error of u_x and of w is the largest, over t = 0.02, 0.5, 2 and 2.5 s,
 of |u_x - ref|/|ref| and of |w - ref|/|ref| (Euclidean). Writes docs/peers.csv and docs/peers.png, prints the table.
+--short measures a few points of the peers that are quick to install, writes into build/peers/, and fails if one gives nothing.
 """
 
 import argparse
@@ -23,7 +24,7 @@ from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
-from dynstiction.plot import BLACK, BLUE, DOTS_PER_INCH, GREEN, MM, PURPLE, STYLE, VERMILION
+from dynstiction.plot.style import BLACK, BLUE, DOTS_PER_INCH, GREEN, MM, PURPLE, STYLE, VERMILION
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -216,7 +217,11 @@ def main():
     parser.add_argument(
         "--draw", action="store_true", help="only the figure and the table, from docs/peers.csv"
     )
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
     options = parser.parse_args()
+    if options.short:
+        run_short()
+        return
     if options.draw:
         measured = read_csv(DOCS / "peers.csv")
     else:
@@ -228,6 +233,29 @@ def main():
         write_csv(DOCS / "peers.csv", measured)
     draw(measured, DOCS / "peers.png")
     print(table(measured))
+
+
+def run_short():
+    """One point of each kind; SciPy is cut off by its time limit, as most of its points are."""
+    # It is in the environment that this program runs in.
+    PEERS["SciPy"][0] = sys.executable
+    measured = [
+        Point(OURS, "radau9", "polar", {"rtol": "1e-6"}),
+        Point("odeint", "rosenbrock4", "polar", {"rtol": "1e-6", "v_cut": "1e-7"}),
+        Point("odeint", "dopri5", "smoothed", {"rtol": "1e-5", "v_s": "1e-8"}, 2.0),
+        Point("odeint", "rosenbrock4", "printed", {"rtol": "1e-3"}, 2.0),
+        Point("SciPy", "LSODA", "polar", {"rtol": "1e-6", "v_cut": "1e-7"}, 3.0, ("rtol=1e-6", "v_cut=1e-7")),
+    ]
+    measure(measured, 1)
+    write_csv(WORK / "short.csv", measured)
+    draw(read_csv(WORK / "short.csv"), WORK / "short.png")
+    print(table(measured))
+    # Whatever happens to a peer, ours and odeint's polar form end, and SciPy gets past the first sample.
+    for point, reached in zip(measured, (2.5, 2.5, 0.0, 0.0, 0.02), strict=True):
+        if point.status not in ("done", "time limit", "step size underflow") or point.reached < reached:
+            sys.exit(
+                f"{point.peer} {point.method}, {point.formulation}: {point.status} at t = {point.reached} s"
+            )
 
 
 def measure(measured, rounds):

@@ -1,13 +1,17 @@
 #!/usr/bin/env bash
 # Benchmark against other solvers: installs what is missing, builds, measures, and writes docs/peers.csv and docs/peers.png.
-#     bench/peers/run.sh [--rounds N] [--only PEER...] [--draw]
+#     bench/peers/run.sh [--rounds N] [--only PEER...] [--draw] [--short]
+# --short: in half a minute whether it still runs, with the peers that are quick to install, odeint and SciPy.
 # Besides what tools/test.sh installs: the Debian packages below, and Python packages into build/peers/.
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 source "$here/../../tools/setup.sh"
 
+short=no
+[[ " $* " != *' --short '* ]] || short=yes
+debian_packages+=(g++ libboost-dev)
 # cmake builds numbalsoda.
-debian_packages+=(g++ cmake libsundials-dev libboost-dev)
+[[ $short == yes ]] || debian_packages+=(cmake libsundials-dev)
 work=$checkout/build/peers
 
 # peer_environment FOLDER 'PACKAGE...' [LATER PACKAGE]: the last one needs the others to build.
@@ -35,10 +39,12 @@ compile() {
 prepare
 build_release
 mkdir -p "$work"
-peer_environment venv "numpy scipy numba numbalsoda"
-# pyradau13 0.5 does not compile against NumPy 2, whose headers define I.
-peer_environment venv_radau13 "numpy<2 setuptools<70 wheel" pyradau13
 compile g++ odeint
-# Debian's SUNDIALS headers need those of MPI.
-compile mpicxx sundials -lsundials_cvode -lsundials_arkode -lsundials_nvecserial -lsundials_sunlinsoldense -lsundials_sunmatrixdense
+if [[ $short == no ]]; then
+  peer_environment venv "numpy scipy numba numbalsoda"
+  # pyradau13 0.5 does not compile against NumPy 2, whose headers define I.
+  peer_environment venv_radau13 "numpy<2 setuptools<70 wheel" pyradau13
+  # Debian's SUNDIALS headers need those of MPI.
+  compile mpicxx sundials -lsundials_cvode -lsundials_arkode -lsundials_nvecserial -lsundials_sunlinsoldense -lsundials_sunmatrixdense
+fi
 exec "$venv/bin/python" "$here/run.py" "$@"

@@ -157,37 +157,36 @@ class _Work:
         self.messages: dict[int, str] = {}
 
     def run(self, n_threads: int, show: Callable[[float], None]) -> None:
+        # A Ctrl-C in Thread.join lets a thread look ended that is not (Python 3.11).
+        ends = [threading.Event() for _ in range(n_threads)]
         threads = [
-            threading.Thread(target=self._one_thread, args=(n_threads,), daemon=True)
-            for _ in range(n_threads)
+            threading.Thread(target=self._one_thread, args=(n_threads, end), daemon=True) for end in ends
         ]
         try:
             for thread in threads:
                 thread.start()
-            for thread in threads:
-                while thread.is_alive():
-                    thread.join(_native.CHUNK_SECONDS)
+            for end in ends:
+                while not end.wait(_native.CHUNK_SECONDS):
                     show(self._done)
             show(self._done)
         except KeyboardInterrupt:
             self._stopped = True
         finally:
-            self._wait(threads)
+            self._wait([end for thread, end in zip(threads, ends, strict=True) if thread.ident is not None])
         if self._error is not None:
             raise self._error
 
-    def _wait(self, threads: list[threading.Thread]) -> None:
+    def _wait(self, ends: list[threading.Event]) -> None:
         """Let the threads end, whatever has happened: they use the core, which is freed afterwards."""
-        while any(thread.is_alive() for thread in threads):
+        while not all(end.is_set() for end in ends):
             try:
                 self._core.stop()
-                for thread in threads:
-                    if thread.is_alive():
-                        thread.join()
+                for end in ends:
+                    end.wait()
             except KeyboardInterrupt:
                 self._stopped = True
 
-    def _one_thread(self, n_threads: int) -> None:
+    def _one_thread(self, n_threads: int, end: threading.Event) -> None:
         count = 1
         try:
             while not self._stopped:
@@ -213,6 +212,8 @@ class _Work:
         except BaseException as error:
             self._error = error
             self._stopped = True
+        finally:
+            end.set()
 
     def warn(self) -> None:
         """Say if not all is done."""

@@ -80,10 +80,11 @@ def state_faults(result: ds.Result, groups: Groups) -> list[str]:
 def contact_faults(result: ds.Result, groups: Groups) -> list[str]:
     friction = groups["friction"]
     limit = friction["mu_0"] * friction["normal_load"]  # type: ignore[operator]
-    stuck = result["sticking"] == 1
+    # `auto` leaves out what the model that it takes holds constant.
+    stuck = result["sticking"] == 1 if "sticking" in result else np.zeros(result.time.shape, dtype=bool)
     load = np.hypot(result["spring_force_x"], result["spring_force_y"])
-    speed = np.hypot(result["w_x"], result["w_y"])
-    forward = result["w_x"] * np.cos(result["theta"]) + result["w_y"] * np.sin(result["theta"])
+    speed = np.hypot(result["X_rate"], result["Y_rate"])
+    forward = result["X_rate"] * np.cos(result["psi"]) + result["Y_rate"] * np.sin(result["psi"])
     faults = []
     if (load[stuck] > limit * (1 + 1e-9)).any():
         faults.append(
@@ -142,33 +143,21 @@ def event_faults(result: ds.Result) -> list[str]:
     return faults
 
 
+ENERGY = 400.0
+"""Most that the balance may be open, over rtol: of 7000 random scenes the worst is at 190, and one in twenty above 1."""
+FIXED_STEP_ENERGY = {"moreau_jean": 1e-10, "rk4": 1e-3}
+"""Of the methods without a tolerance: the scheme's own balance is exact, and rk4 has 50 steps a period."""
+
+
 def balance_faults(result: ds.Result, groups: Groups) -> list[str]:
-    """The energy balance is closed to the tolerance of the steps, over all works and the largest energy."""
+    """The energy balance is closed to the tolerance of the steps, over the first energy and all that was exchanged."""
     summary = result.summary
-    if "energy_residual" not in summary or result.attributes["method"] == "rk4":
+    if "energy_residual" not in summary:
         return []
-    system = groups["system"]
-    stiffness = [system.get(f"stiffness_{axis}", 0.0) for axis in "xy"]
-    # The low-frequency motion across is guided; its inertia is in no balance.
-    across = 0.0 if result.attributes["model"] == "low_frequency" else result["w_y"]
-    energy = 0.5 * (
-        system["mass"] * (result["w_x"] ** 2 + across**2)  # type: ignore[operator]
-        + stiffness[0] * result["u_x"] ** 2  # type: ignore[operator]
-        + stiffness[1] * result["u_y"] ** 2  # type: ignore[operator]
-    )
-    # An explicit method ends slip below a share of V in closed form, and does not resolve what is slow against V.
-    unresolved = 0.0
-    if result.attributes["method"] in {"dopri5", "dop853"}:
-        unresolved = system["mass"] * np.abs(groups["drive"]["velocity"]).max() ** 2
-    works = abs(summary["drive_work"]) + abs(summary["friction_work"])
-    if not np.isfinite(works):
+    if not np.isfinite(summary["drive_work"] + summary["friction_work"]):
         return ["infinite work"]
-    # What was exchanged is at least this.
-    exchanged = max(works + energy[0], energy.max())
-    if exchanged == 0:
-        return []
-    residual = summary["energy_residual"] * exchanged / (exchanged + unresolved)
-    tolerance = (
-        max(1e3, float(result.statistics["steps"])) * 10 * float(groups["integrator"].get("rtol", 1e-8))
-    )  # type: ignore[arg-type]
-    return [f"energy balance open by {residual:.1e}"] if abs(residual) > tolerance else []
+    residual = summary["energy_residual"]
+    method = str(result.attributes["method"])
+    tolerance = FIXED_STEP_ENERGY.get(method, ENERGY * float(groups["integrator"].get("rtol", 1e-8)))  # type: ignore[arg-type]
+    # Not '>': it may not be a number.
+    return [] if abs(residual) <= tolerance else [f"energy balance open by {residual:.1e}"]

@@ -58,7 +58,5 @@ def test_every_pair_of_axes_is_there() -> None:
 
 
 def test_a_run_cannot_hang() -> None:
-    for cell in itertools.islice(cells(pairs=False), 0, None, 7):
-        groups = cell.groups()
-        if not cell.kind.closed_form:
-            assert groups["integrator"]["max_steps"] == MAX_STEPS
+    steps = [cell.groups() for cell in cells(pairs=False) if not cell.kind.closed_form]
+    assert {groups["integrator"].get("max_steps") for groups in steps} == {MAX_STEPS}

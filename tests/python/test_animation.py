@@ -153,7 +153,13 @@ def test_an_object_at_rest_is_shown(tmp_path: Path) -> None:
     still = ds.run(
         deck("fig3"), scene={"t_end": 0.01}, drive={"velocity": 0.0}, initial={"velocity_ratio": 0.0}
     )
-    view_from_above(still, np.array([0.0, 0.005, 0.01]))
+    figure, show = view_from_above(still, np.array([0.0, 0.005, 0.01]))
+    show(2)
+    for axis in figure.axes[1:]:
+        trace, dot = axis.lines[:2]
+        assert np.ptp(trace.get_ydata()) == 0.0 and dot.get_ydata()[0] == 0.0
+        # In the middle of what has been averaged since the last frame.
+        assert 0.005 <= dot.get_xdata()[0] <= 0.01
 
 
 def test_command(fig4_result: ds.Result, tmp_path: Path) -> None:

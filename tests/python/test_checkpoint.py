@@ -336,19 +336,62 @@ def random_kills(program: Program, references, folder: Path, least: int, seed: i
     return kills
 
 
-@pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
-@pytest.mark.parametrize("call", [3, 30, 60, 90, 110, 130, 150])
-def test_killed_in_the_middle_of_a_write(program, references, tmp_path, call):
-    """The n-th write to the file is the last thing that the process does."""
+@pytest.fixture(scope="module")
+def shim(tmp_path_factory) -> Path:
+    """A library that kills at a write: see kill_at_write.c."""
+    library = tmp_path_factory.mktemp("shim") / "kill_at_write.so"
+    source = Path(__file__).with_name("kill_at_write.c")
+    compile_it = [os.environ.get("CC", "cc"), "-shared", "-fPIC", str(source), "-o", str(library), "-ldl"]
+    subprocess.run(compile_it, check=True)
+    return library
+
+
+def run_with_shim(
+    program: Program, shim: Path, file: Path, kill_at: str = ""
+) -> subprocess.CompletedProcess[str]:
+    """A run that flushes as often as it can."""
+    sanitizer = os.environ.get("ASAN_OPTIONS", "") + ":verify_asan_link_order=0"
+    environment = os.environ | {"LD_PRELOAD": str(shim), "ASAN_OPTIONS": sanitizer}
+    if kill_at:
+        environment["KILL_AT"] = kill_at
+    return finished(program.command(SCENES["radau9"], file, "output.flush_seconds=0.0"), env=environment)
+
+
+@pytest.fixture(scope="module")
+def writes(program, shim, tmp_path_factory) -> dict[str, int]:
+    """How often a run writes to its file itself, and how often its children do."""
+    done = run_with_shim(program, shim, tmp_path_factory.mktemp("writes") / "x.h5")
+    assert done.returncode == 0, done.stderr
+    words = re.fullmatch(r"writes: parent (\d+) child (\d+)\n", done.stderr)
+    assert words is not None, done.stderr
+    count = {"parent": int(words[1]), "child": int(words[2])}
+    assert min(count.values()) > 100
+    return count
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
+def test_killed_in_the_middle_of_a_write(program, shim, writes, references, tmp_path, share):
+    """A write to the file is the last thing that the process does."""
     file = tmp_path / "x.h5"
-    kill = ["strace", "-o", "/dev/null", "-e", f"inject=pwrite64:signal=KILL:when={call}"]
-    done = finished([*kill, *program.command(SCENES["radau9"], file, "output.flush_seconds=0.01")])
-    if "ptrace" in done.stderr or "trace" in done.stderr:
-        pytest.skip("tracing is not permitted here")
+    done = run_with_shim(program, shim, file, f"parent:{round(share * writes['parent'])}")
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    # The first writes are to a file that has not got its name.
+    assert file.exists() == (share > 0.2)
     if file.exists():
         assert_readable(file)
         assert program.resume(file).returncode == 0
         assert_same(file, references("radau9"))
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.5, 0.8])
+def test_a_child_killed_in_the_middle_of_a_write_does_no_harm(
+    program, shim, writes, references, tmp_path, share
+):
+    """The process writes again what its child writes to be safe from a kill."""
+    file = tmp_path / "x.h5"
+    done = run_with_shim(program, shim, file, f"child:{round(share * writes['child'])}")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert_same(file, references("radau9"))
 
 
 # What must not be gone on with.

@@ -1,4 +1,4 @@
-"""Every module of src/ and every name that it makes public has a documenting comment: `!>` before it or `!!` behind it."""
+"""The Fortran sources, read as text: what is public has a documenting comment, `!>` before it or `!!` behind it, and nothing hides a unit."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-SOURCES = sorted((Path(__file__).resolve().parents[2] / "src").glob("*.f90*"))
+FOLDER = Path(__file__).resolve().parents[2] / "src"
+SOURCES = sorted(FOLDER.rglob("*.f90*"))
 PREFIX = r"(?:(?:pure|elemental|impure|recursive|module|logical|integer|real\(\w+\)|type\(\w+\)|character\([^)]*\))\s+)*"
 
 
@@ -73,6 +74,22 @@ def undocumented(text: str) -> list[str]:
 def test_what_is_public_is_documented(source: Path) -> None:
     missing = undocumented(source.read_text(encoding="utf-8"))
     assert not missing, f"src/{source.name}: no documenting comment (!>) at {', '.join(missing)}"
+
+
+def uses_of_norm2(text: str) -> list[int]:
+    """Line numbers; gfortran compiles norm2 with a scale that begins at 1, so that its last bits change with the unit."""
+    lines = text.lower().splitlines()
+    return [number for number, line in enumerate(lines, 1) if re.search(r"\bnorm2\s*\(", line.split("!")[0])]
+
+
+@pytest.mark.parametrize("source", [*SOURCES, *sorted(FOLDER.rglob("*.inc"))], ids=lambda source: source.name)
+def test_no_length_depends_on_its_unit(source: Path) -> None:
+    found = uses_of_norm2(source.read_text(encoding="utf-8"))
+    assert not found, f"src/{source.name}, lines {found}: hypot or sqrt(sum(x**2)) in place of norm2"
+
+
+def test_the_check_finds_norm2() -> None:
+    assert uses_of_norm2("a = 1\nb = Norm2 (w) ! no\n! norm2(w)\nnorm2_of = 1\n") == [2]
 
 
 def test_the_check_finds_what_is_missing() -> None:

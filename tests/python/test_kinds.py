@@ -216,7 +216,12 @@ def test_a_model_without_oscillation_has_an_empty_spectrogram(fig4_result: ds.Re
         (info, np.full_like(values, 1e-5) if info.name in ("w_x", "w_y") else values)
         for info, values in fig4_result.columns.info()
     ]
-    plot.draw(replace(fig4_result, columns=ds.Described(still)), "spectrogram").draw_without_rendering()
+    figure = plot.draw(replace(fig4_result, columns=ds.Described(still)), "spectrogram")
+    figure.draw_without_rendering()
+    images = [image for axis in figure.axes for image in axis.images]
+    assert len(images) == 2
+    # All of it is below the darkest colour.
+    assert all(np.max(image.get_array()) < image.get_clim()[0] for image in images)
 
 
 def test_mirrored_runs_have_the_same_prediction() -> None:

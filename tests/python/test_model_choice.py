@@ -20,9 +20,14 @@ FIG3 = {
 ACCURACIES = (0.3, 0.1, 0.02, 1e-2, 1e-3, 1e-4, 1e-6)
 
 
+def duration_of(scene: dict[str, float], lengths: float) -> float:
+    """Until the drive has moved by so many l_x [s]."""
+    return lengths * scene["mu_0"] * 10.0 / scene["stiffness_x"] / abs(scene["velocity"])
+
+
 def deck(scene: dict[str, float], model: str, lengths: float, more: str = "") -> str:
     """A scene in which the drive moves by so many l_x."""
-    t_end = lengths * scene["mu_0"] * 10.0 / scene["stiffness_x"] / scene["velocity"]
+    t_end = duration_of(scene, lengths)
     law = (
         "law='constant'"
         if scene["mu_inf"] == scene["mu_0"]
@@ -40,7 +45,7 @@ def deck(scene: dict[str, float], model: str, lengths: float, more: str = "") ->
 
 
 def error_in_creep(result: ds.Result, full: ds.Result) -> float:
-    return float(np.abs(result["X"] - full["X"]).max() / full["X"][-1])
+    return float(np.abs(result["X"] - full["X"]).max() / np.abs(full["X"][-1]))
 
 
 def error_in_stick_slip(result: ds.Result, full: ds.Result) -> float:
@@ -148,10 +153,106 @@ def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object
     assert ds.run(text, **groups).attributes["model"] == "full"
 
 
+COLUMNS = tuple(name for name in ds.run(deck(FIG3, "full", 1e-4)) if name != "time")
+SPANS = (("creep", 0.1), ("creep", 0.5), ("creep", 0.95), ("stick_slip", 2.6), ("stick_slip", 4.0))
+
+
+def chosen_for(
+    column: str, scene: dict[str, float], quantities: str, lengths: float, accuracy: float
+) -> ds.Result | None:
+    """What `auto` gives of one column; None if it takes the full model."""
+    more = f"quantities='{quantities}', accuracy={accuracy}"
+    with ds.Simulation(deck(scene, "auto", lengths, more), output={"fields": [column]}) as simulation:
+        if simulation.result.attributes["model"] == "full":
+            return None
+        return simulation.finish()
+
+
+def errors_of_columns(
+    scene: dict[str, float], quantities: str, lengths: float
+) -> dict[tuple[str, float], float]:
+    """Largest error over the largest value, by column and accuracy, where the model is not the full one."""
+    full: ds.Result | None = None
+    errors = {}
+    for column in COLUMNS:
+        for accuracy in (0.3, 0.03, 1e-3):
+            result = chosen_for(column, scene, quantities, lengths, accuracy)
+            if result is not None:
+                full = full or ds.run(deck(scene, "full", lengths))
+                error = np.abs(result[column] - full[column]).max() / np.abs(full[column]).max()
+                errors[column, accuracy] = float(error)
+    return errors
+
+
+@pytest.mark.parametrize("change", SCENES.values(), ids=SCENES.keys())
+def test_every_column_is_that_of_full(change: dict[str, float]) -> None:
+    for span in SPANS:
+        errors = errors_of_columns(FIG3 | change, *span)
+        assert {of: error for of, error in errors.items() if error > of[1]} == {}, span
+
+
+def random_scene(random: np.random.Generator) -> dict[str, float]:
+    """Log-uniform over several decades of every parameter."""
+    scene = dict(FIG3)
+    scene["mass"] = 0.25 * 10 ** random.uniform(-2, 2)
+    scene["stiffness_x"] = 1e3 * 10 ** random.uniform(-1.5, 1.5)
+    scene["stiffness_y"] = scene["stiffness_x"] * 10 ** random.uniform(2.5, 6.5)
+    scene["mu_0"] = random.uniform(0.05, 0.9)
+    scene["mu_inf"] = scene["mu_0"] * random.choice([1.0, random.uniform(0.1, 1.2)])
+    scene["v_f"] = 10 ** random.uniform(-4, 0)
+    scene["velocity"] = float(random.choice([-1, 1], p=[0.2, 0.8]) * 10 ** random.uniform(-5, -1))
+    scene["misalignment_deg"] = float(random.choice([-1, 1]) * 10 ** random.uniform(-2, 1.9))
+    return scene
+
+
+def fast_cycles(scene: dict[str, float], lengths: float) -> float:
+    """Periods of the oscillation on the stiff spring."""
+    return float(duration_of(scene, lengths) * np.sqrt(scene["stiffness_y"] / scene["mass"]) / (2.0 * np.pi))
+
+
+def test_every_column_is_that_of_full_in_random_scenes() -> None:
+    random = np.random.default_rng(1)
+    reduced = 0
+    scenes = 0
+    while scenes < 100:
+        scene, span = random_scene(random), SPANS[random.integers(len(SPANS))]
+        if fast_cycles(scene, span[1]) > 3e3:
+            continue
+        scenes += 1
+        errors = errors_of_columns(scene, *span)
+        reduced += len(errors)
+        assert {of: error for of, error in errors.items() if error > of[1]} == {}, (scene, span)
+    # Of 100 times 16 columns at three accuracies.
+    assert reduced > 50
+
+
 def test_a_column_that_a_model_lacks_rules_it_out() -> None:
     text = deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=2e-2")
-    assert ds.run(text, output={"fields": ["X", "theta"]}).attributes["model"] == "creep"
-    assert ds.run(text, output={"fields": ["X", "X_rate"]}).attributes["model"] == "creep_asymptotic"
+
+    def choice(*fields: str) -> str:
+        return str(ds.run(text, output={"fields": list(fields)}).attributes["model_choice"])
+
+    assert choice("X").startswith("creep_asymptotic: ")
+    found = choice("X", "spring_force_x")
+    assert found.startswith("creep: ") and "; creep_asymptotic does not give spring_force_x" in found
+    assert choice("u_y") == (
+        "full: creep_asymptotic does not give u_y; creep gives u_y without the fast oscillation; "
+        "low_frequency holds u_y constant"
+    )
+    assert choice("X", "X_rate").startswith(
+        "full: creep_asymptotic gives X_rate without the fast oscillation; "
+    )
+
+
+@pytest.mark.parametrize(("quantities", "lengths"), [("creep", 0.5), ("creep", 0.95), ("stick_slip", 5.0)])
+@pytest.mark.parametrize("angle", [1.0, 5.0])
+def test_no_column_is_a_constant_in_place_of_a_motion(quantities: str, lengths: float, angle: float) -> None:
+    """With `fields = 'default'` the file has what the model taken says something of."""
+    scene = FIG3 | {"misalignment_deg": angle}
+    for accuracy in (0.1, 0.05, 0.03, 1e-9):
+        result = ds.run(deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}"))
+        assert "X" in result
+        assert [name for name in result if np.ptp(result[name]) == 0] == []
 
 
 @pytest.mark.deck

@@ -35,6 +35,44 @@ def refusal(deck: str, **groups: dict[str, Any]) -> str:
     return str(refused.value)
 
 
+# --- what each says of each column
+
+
+def standings() -> dict[str, dict[str, str]]:
+    """The table of docs/models.md: model, column, 'follows', 'average', 'constant' or '–'."""
+    page = (INPUTS.parent / "docs" / "models.md").read_text(encoding="utf-8")
+    rows = [
+        [cell.strip(" `") for cell in line.strip("|").split("|")]
+        for line in page.split("## What each model says of each column")[1].split("\n* ")[0].splitlines()
+        if line.startswith("|")
+    ]
+    models = rows[0][1:]
+    return {model: {row[0]: row[i] for row in rows[2:]} for i, model in enumerate(models, 1)}
+
+
+DECKS = {
+    "low_frequency": ("low_frequency", {}),
+    "high_frequency": ("high_frequency", {"scene": {"t_end": 0.03}}),
+    "creep": ("creep", {}),
+    "creep_asymptotic": ("creep_asymptotic", {}),
+}
+
+
+@pytest.mark.parametrize("model", DECKS)
+def test_columns_are_what_the_table_says(model: str) -> None:
+    deck, groups = DECKS[model]
+    table = standings()[model]
+    absent = [name for name, standing in table.items() if standing == "–"]
+    for name in absent:
+        assert f"does not give {name}" in refusal(deck, **groups, output={"fields": [name]})
+    given = [name for name in table if name not in absent]
+    result = run(deck, **groups, output={"fields": given})
+    constant = [name for name in given if np.ptp(result[name]) <= 1e-15 * np.abs(result[name]).max()]
+    assert constant == [name for name in given if table[name] == "constant"]
+    # No column is left out of the table.
+    assert set(run("fig3", scene={"t_end": 1e-4})) == {"time", *table}
+
+
 # --- low_frequency
 
 

@@ -2,7 +2,7 @@
 program test_disk
   use checks, only: check, finish
   use dst_disk, only: prepare_file, move_file, delete_file, file_exists, is_folder, folder_of, true_path, scratch_name, &
-    with_remedy, utc_now
+    with_remedy, utc_now, utc_of
   implicit none
 
   character(*), parameter :: first = 'test_disk_first', second = 'test_disk_second'
@@ -11,6 +11,7 @@ program test_disk
   call test_files()
   call test_reasons()
   call test_moment()
+  call test_calendar()
 
   call finish()
 
@@ -76,4 +77,31 @@ contains
     call check('time of day', hour >= 0 .and. hour < 24 .and. minute >= 0 .and. minute < 60)
     call check('minutes past the hour, but for the zone''s', modulo(minute - (clock(6) - clock(4)), 60) <= 1)
   end subroutine test_moment
+
+  !> Where the zone moves the date over the end of a day, a month, a February or a year.
+  subroutine test_calendar()
+    call check_moment('no zone', [2026, 7, 15], 0, [12, 34], '2026-07-15T12:34:56Z')
+    call check_moment('the same day', [2026, 7, 15], 120, [12, 34], '2026-07-15T10:34:56Z')
+    call check_moment('minutes of a zone', [2026, 7, 15], 345, [12, 34], '2026-07-15T06:49:56Z')
+    call check_moment('the day before', [2026, 7, 15], 120, [1, 59], '2026-07-14T23:59:56Z')
+    call check_moment('midnight', [2026, 7, 15], 120, [2, 0], '2026-07-15T00:00:56Z')
+    call check_moment('the day after', [2026, 7, 15], -600, [14, 0], '2026-07-16T00:00:56Z')
+    call check_moment('the month before', [2026, 5, 1], 60, [0, 30], '2026-04-30T23:30:56Z')
+    call check_moment('the month after', [2026, 4, 30], -60, [23, 30], '2026-05-01T00:30:56Z')
+    call check_moment('the year before', [2026, 1, 1], 60, [0, 30], '2025-12-31T23:30:56Z')
+    call check_moment('the year after', [2026, 12, 31], -300, [20, 0], '2027-01-01T01:00:56Z')
+    call check_moment('into February', [2026, 3, 1], 120, [0, 10], '2026-02-28T22:10:56Z')
+    call check_moment('out of February', [2026, 2, 28], -120, [22, 10], '2026-03-01T00:10:56Z')
+    call check_moment('into a leap day', [2024, 3, 1], 120, [0, 10], '2024-02-29T22:10:56Z')
+    call check_moment('out of a leap day', [2024, 2, 29], -120, [22, 10], '2024-03-01T00:10:56Z')
+    call check_moment('a century', [2100, 3, 1], 120, [0, 10], '2100-02-28T22:10:56Z')
+    call check_moment('four centuries', [2000, 3, 1], 120, [0, 10], '2000-02-29T22:10:56Z')
+  end subroutine test_calendar
+
+  subroutine check_moment(what, date, zone, time, expected)
+    character(*), intent(in) :: what, expected
+    integer, intent(in) :: date(3), zone, time(2)     !! year, month, day; minutes; hours, minutes
+
+    call check(what//': '//utc_of([date, zone, time, 56, 0]), utc_of([date, zone, time, 56, 0]) == expected)
+  end subroutine check_moment
 end program test_disk

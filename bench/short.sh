@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# bench/short.sh [FOLDER]: every benchmark in its short form, a few seconds each, to see that it still runs; nothing is measured.
+# One that fails, or prints nothing, is named, with the end of what it printed. FOLDER is where tests/mpi/run.sh has built the
+# program with MPI, build/mpi by default; without such a build the benchmark of dealing over MPI is skipped, with a line that says so.
+
+source "$(dirname "${BASH_SOURCE[0]}")/../tools/setup.sh"
+
+mpi=${1:-$checkout/build/mpi}/openmpi
+passed=0
+failed=0
+skipped=0
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+
+# short NAME COMMAND...
+short() {
+  local name=$1 begin=$SECONDS
+  shift
+  if "$@" > "$log" 2> "$log.errors" < /dev/null && [[ -s $log ]]; then
+    passed=$((passed + 1))
+    say "ok    $name, $((SECONDS - begin)) s"
+  else
+    failed=$((failed + 1))
+    say "FAIL  $name: $*"
+    [[ -s $log ]] || say '      printed nothing'
+    tail -n 20 "$log" "$log.errors" | sed 's/^/      /' >&2
+  fi
+  rm -f "$log.errors"
+}
+
+# in_build FOLDER PROGRAM COMMAND...: compile a benchmark that is not built by default, and run it.
+in_build() {
+  ninja -C "$1" --quiet "bench/$2" >&2 && "${@:3}"
+}
+
+prepare
+build_release
+cd "$checkout"
+for file in bench/*.py; do
+  short "${file##*/}" python "$file" --short
+done
+short linear_solve.f90 in_build "$release" bench_linear_solve "$release/bench/bench_linear_solve" --short
+if [[ -e $mpi/build.ninja ]]; then
+  short dealer.f90 in_build "$mpi" bench_dealer \
+    mpirun.openmpi --allow-run-as-root --oversubscribe -n 3 "$mpi/bench/bench_dealer" 64 2000
+else
+  skipped=$((skipped + 1))
+  say "skip  dealer.f90: $mpi has not been built: tests/mpi/run.sh build/mpi"
+fi
+short peers/run.sh bench/peers/run.sh --short
+printf 'Benchmarks: %d passed, %d failed, %d skipped\n' "$passed" "$failed" "$skipped"
+((failed == 0))
