@@ -51,15 +51,16 @@ class Truth:
         return int(np.count_nonzero(self.event_kind == 1))
 
 
-def build(folder: Path) -> Path:
+def build(folder: Path, quadruple: bool = False) -> Path:
     """Compile the reference; FileNotFoundError if there is no g++."""
     compiler = shutil.which("g++")
     if compiler is None:
         raise FileNotFoundError("no g++ on the PATH")
     folder.mkdir(parents=True, exist_ok=True)
-    program = folder / "reference"
+    program = folder / ("reference_quadruple" if quadruple else "reference")
     if not program.exists() or program.stat().st_mtime < SOURCE.stat().st_mtime:
-        subprocess.run([compiler, "-O2", "-std=c++17", SOURCE, "-o", program], check=True)
+        extra = ["-std=gnu++17", "-DQUADRUPLE", "-lquadmath"] if quadruple else ["-std=c++17"]
+        subprocess.run([compiler, "-O2", SOURCE, "-o", program, *extra], check=True)
     return program
 
 
@@ -95,11 +96,11 @@ def parse(text: str) -> Truth:
 class Reference:
     """The program with its memory."""
 
-    def __init__(self, folder: Path = CHECKOUT / "build" / "audit") -> None:
-        self.program = build(folder)
+    def __init__(self, folder: Path = CHECKOUT / "build" / "audit", quadruple: bool = False) -> None:
+        self.program = build(folder, quadruple)
         self.store = folder / "truth"
         self.store.mkdir(exist_ok=True)
-        self.version = hashlib.sha256(SOURCE.read_bytes()).hexdigest()
+        self.version = hashlib.sha256(SOURCE.read_bytes()).hexdigest() + (" quadruple" if quadruple else "")
 
     def run(self, scene: Scene, limit: float = 600.0, **settings: float) -> Truth:
         """The truth of one scene; what was computed before is not computed again."""
@@ -169,7 +170,8 @@ ANGLES = ("theta", "psi")
 
 def differences(name: str, found: np.ndarray, true: np.ndarray) -> np.ndarray:
     """|found - true|, of angles without whole turns."""
-    gap = found - true
+    with np.errstate(invalid="ignore"):
+        gap = found - true
     if name in ANGLES:
         gap = gap - 2 * math.pi * np.round(gap / (2 * math.pi))
     return np.asarray(np.abs(gap))
@@ -178,7 +180,8 @@ def differences(name: str, found: np.ndarray, true: np.ndarray) -> np.ndarray:
 def scales(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
     """The scale in which a column is judged, at each sample. This is the one place that says so.
 
-    * u_x, X, Y: their largest size among the samples; u_y: the same, but at least F_0/k_y;
+    * u_x, X, Y: their largest size among the samples; u_y: the same, but at least F_0/k_y; Y = u_x sin(phi) - u_y cos(phi) at least 1e-3
+      of the larger of its terms, because where the object never moved Y is nothing but their roundoff;
     * w_x, w_y, X_rate, Y_rate: the largest slip speed of the run (within steps, too);
     * spring_force_x, spring_force_y: k_x, k_y times the scale of u_x, u_y; friction: F_0;
     * theta, psi: 1 rad; zeta: what it is at theta = 90 degrees; for these three the direction must mean something: the slip speed is
@@ -191,6 +194,7 @@ def scales(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
     tiny = 1e-300
     u_x = max(np.abs(every["u_x"]).max(), tiny)
     u_y = max(np.abs(every["u_y"]).max(), limit / k_y)
+    across = max(np.abs(every["u_x"]).max() * abs(scene.along[1]), np.abs(every["u_y"]).max() * abs(scene.along[0]))
     load = np.hypot(every["spring_force_x"], every["spring_force_y"])
     told = np.where(truth.sticking == 1, load > 1e-3 * limit, np.hypot(*truth.w) > 1e-3 * fastest)
     angle = np.where(told, 1.0, np.inf)
@@ -202,7 +206,7 @@ def scales(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
         "u_x": u_x,
         "u_y": u_y,
         "X": max(np.abs(every["X"]).max(), tiny),
-        "Y": max(np.abs(every["Y"]).max(), tiny),
+        "Y": max(np.abs(every["Y"]).max(), 1e-3 * across, tiny),
         "spring_force_x": k_x * u_x,
         "spring_force_y": k_y * u_y,
         "friction": limit,
