@@ -8,7 +8,7 @@ python tests/audit/pairs.py [--pairs 1000] [--seed 12] [--kinds mirror_V,units,.
 | `mirror_V` | V → −V, elongations too | within tolerance |
 | `mirror_x` | φ → 180° − φ, elongation_x → −elongation_x | within tolerance |
 | `turned` | φ → 180° + φ, elongations with the other sign | within tolerance |
-| `units` | lengths, times and masses by powers of two | bit for bit, work counters too |
+| `units` | lengths, times and masses by powers of two, up to 2^30 and 2^-30 | bit for bit, work counters too |
 | `knots` | V(t) cut by redundant knots, up to thousands | within tolerance, same sticks |
 | `shift` | V = 0 for a while at first | within tolerance, same events later |
 
@@ -191,7 +191,7 @@ def _second(chance: random.Random, kind: str, first: Side) -> tuple[Side, Side, 
     scene = first.scene
     none = (0, 0, 0)
     if kind == "units":
-        powers = tuple(chance.randint(-12, 12) for _ in range(3))
+        powers = tuple(chance.randint(-30, 30) for _ in range(3))
         return first, in_units(first, powers), 0.0, powers
     if kind == "knots":
         return first, replace(first, scene=cut(chance, scene)), 0.0, none
@@ -393,7 +393,9 @@ def compare_exactly(outcome: Outcome, ours: ds.Result, theirs: ds.Result, powers
             way = max(float(np.abs(ours[key]).max()) for key in ("X", "u_x"))
             wrong = np.abs(values - image) > 1e-15 * way
         else:
-            wrong = values != image
+            # e^(-v/v_f) at v >> v_f may reach the end of the range of doubles in one of the units.
+            floor = 1e-250 * float(np.abs(image).max())
+            wrong = (values != image) & ((np.abs(values) > floor) | (np.abs(image) > floor))
         if wrong.any():
             k = int(np.argmax(wrong))
             scale = float(np.abs(image).max()) or 1.0
