@@ -81,9 +81,19 @@ class Scene:
     def reference_input(self, samples: bool = True, **settings: float) -> str:
         """What tests/audit/reference.cpp reads."""
         names = (
-            "mass stiffness_x stiffness_y misalignment_deg mu_0 mu_inf v_f normal_load velocity_ratio "
-            "elongation_x elongation_y t_end"
-        ).split()
+            "mass",
+            "stiffness_x",
+            "stiffness_y",
+            "misalignment_deg",
+            "mu_0",
+            "mu_inf",
+            "v_f",
+            "normal_load",
+            "velocity_ratio",
+            "elongation_x",
+            "elongation_y",
+            "t_end",
+        )
         lines = [f"{name} {getattr(self, name)!r}" for name in names]
         lines += [f"velocity {' '.join(map(repr, self.velocity))}", f"time {' '.join(map(repr, self.time))}"]
         if samples:
@@ -131,16 +141,17 @@ def _draw(chance: random.Random, profiles: bool) -> Scene | None:
         scene, release = _stretch(chance, scene, release)
         kinds.append("stretched")
     if chance.random() < 0.2:
-        scene = replace(scene, velocity_ratio=chance.choice([1e-6, chance.uniform(-2, 2), chance.uniform(0, 1)]))
+        scene = replace(
+            scene, velocity_ratio=chance.choice([1e-6, chance.uniform(-2, 2), chance.uniform(0, 1)])
+        )
         kinds.append("moving")
 
     cycles = log_uniform(chance, 40, 500)
     # The first creep and the slip that ends it, where that is not much longer.
     wanted = chance.uniform(1.1, 2.5) * slow
-    if release + cycles * cycle < wanted < 800 * cycle:
+    end = release + cycles * cycle
+    if end < wanted < 800 * cycle:
         end = wanted
-    else:
-        end = release + cycles * cycle
     # A rest that takes almost the whole time says nothing.
     if end < 1e-9 or end > 1e5:
         return None
@@ -156,7 +167,9 @@ def _draw(chance: random.Random, profiles: bool) -> Scene | None:
 
 def _stretch(chance: random.Random, scene: Scene, release: float) -> tuple[Scene, float]:
     """Springs stretched to some share of the static limit, within it or beyond."""
-    share = chance.choice([chance.uniform(0, 1), chance.uniform(0.9, 1), chance.uniform(1, 1.5), chance.uniform(0, 3)])
+    share = chance.choice(
+        [chance.uniform(0, 1), chance.uniform(0.9, 1), chance.uniform(1, 1.5), chance.uniform(0, 3)]
+    )
     angle = chance.choice([0.0, math.pi, chance.uniform(-math.pi, math.pi)])
     if angle == 0.0 and scene.velocity[0] < 0:
         angle = math.pi

@@ -119,16 +119,15 @@ class Reference:
         file.write_text(json.dumps({"input": text, "output": output}))
         return parse(output)
 
-    def perturbed(self, scene: Scene) -> list[Truth]:
+    def perturbed(self, scene: Scene, change: float = CHANGE) -> list[Truth]:
         """The same scene with each of `PERTURBED` changed a little."""
         found = []
         for name in PERTURBED:
             value = getattr(scene, name)
-            if isinstance(value, tuple):
-                changed = replace(scene, **{name: tuple(v * (1 + CHANGE) for v in value)})
-            else:
-                changed = replace(scene, **{name: value * (1 + CHANGE)})
-            found.append(self.run(changed))
+            changed = (
+                tuple(v * (1 + change) for v in value) if isinstance(value, tuple) else value * (1 + change)
+            )
+            found.append(self.run(replace(scene, **{name: changed})))
         return found
 
 
@@ -194,7 +193,9 @@ def scales(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
     tiny = 1e-300
     u_x = max(np.abs(every["u_x"]).max(), tiny)
     u_y = max(np.abs(every["u_y"]).max(), limit / k_y)
-    across = max(np.abs(every["u_x"]).max() * abs(scene.along[1]), np.abs(every["u_y"]).max() * abs(scene.along[0]))
+    across = max(
+        np.abs(every["u_x"]).max() * abs(scene.along[1]), np.abs(every["u_y"]).max() * abs(scene.along[0])
+    )
     load = np.hypot(every["spring_force_x"], every["spring_force_y"])
     told = np.where(truth.sticking == 1, load > 1e-3 * limit, np.hypot(*truth.w) > 1e-3 * fastest)
     angle = np.where(told, 1.0, np.inf)
