@@ -4,7 +4,8 @@ python tests/audit/audit.py [--scenes 200] [--seed 12] [--methods radau9,radau13
 
 The error of a column at a sample is its difference from the reference in the scale of `truth.scales`. Allowed are
 30 rtol (1 + C) with the conditioning C of that column at that sample (`truth.conditioning`), and 1e-13 (1 + C) of roundoff. A sample within
-the same share of t_end of an event may be in either state; there only the columns that do not jump are compared.
+the same share of t_end of an event may be in either state; there only the columns that do not jump are compared. The number of sticks must
+be exact, but for the scenes in which the true number hangs on the parameters, or in which v grazes zero (`excuse`).
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ METHODS = ("radau9", "radau13")
 TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 FACTOR = 30.0
 ROUNDOFF = 1e-13
+GRAZING_UNTIL = 1.0001e-7
 
 
 @dataclass
@@ -61,7 +63,8 @@ class Verdict:
     true: float = 0.0
     sticks: int = 0
     true_sticks: int = 0
-    marginal: bool = False
+    excuse: str = ""
+    """Why another number of sticks may be right."""
     event_error: float | None = None
     """Largest error of an event time, over rtol (1 + C) t_end; None if the events differ."""
     failure: str = ""
@@ -74,7 +77,12 @@ class Verdict:
 
     @property
     def good(self) -> bool:
-        return not self.failure and self.error <= FACTOR and (self.sticks_right or self.marginal)
+        return not self.failure and self.error <= FACTOR and (self.sticks_right or self.excused)
+
+    @property
+    def excused(self) -> bool:
+        """From rtol = 1e-7 on grazing is no excuse: every method is to find the same sticks."""
+        return self.excuse == "varies" or (self.excuse == "grazing" and self.rtol > GRAZING_UNTIL)
 
 
 def judge(reference: tr.Reference, number: int, scene: Scene) -> Judged:
@@ -93,15 +101,22 @@ def judge(reference: tr.Reference, number: int, scene: Scene) -> Judged:
     )
 
 
-def is_marginal(reference: tr.Reference, case: Judged, rtol: float) -> bool:
-    """Whether the true number of sticks changes when a parameter changes by 30 rtol."""
+def excuse(reference: tr.Reference, case: Judged, rtol: float) -> str:
+    """Why another number of sticks may be right at this rtol.
+
+    "varies": the true number changes when a parameter changes by 30 rtol. "grazing": v passes a minimum below 30 rtol of the largest speed
+    since the release, or a rest is so short that v would have been negative by no more than that.
+    """
     for change in (FACTOR * rtol, -FACTOR * rtol):
         try:
             if any(other.sticks != case.truth.sticks for other in reference.perturbed(case.scene, change)):
-                return True
+                return "varies"
         except tr.ReferenceFailed:
-            return True
-    return False
+            return "varies"
+    cycle = 2 * np.pi * np.sqrt(case.scene.mass / max(case.scene.stiffness_x, case.scene.stiffness_y))
+    dip = float((case.truth.dips[:, 1] / case.truth.dips[:, 2]).min(initial=np.inf))
+    shortest = case.truth.notes["shortest_rest"] / cycle
+    return "grazing" if min(dip, shortest**2) < FACTOR * rtol else ""
 
 
 def compare(reference: tr.Reference, case: Judged, method: str, rtol: float) -> Verdict:
@@ -115,7 +130,8 @@ def compare(reference: tr.Reference, case: Judged, method: str, rtol: float) -> 
         return verdict
     verdict.seconds = time.perf_counter() - began
     verdict.sticks = result.sticks()
-    verdict.marginal = not verdict.sticks_right and is_marginal(reference, case, rtol)
+    if not verdict.sticks_right:
+        verdict.excuse = excuse(reference, case, rtol)
     if result.time.size != truth.time.size or np.abs(result.time - truth.time).max() > 4e-16 * scene.t_end:
         verdict.failure = f"samples at other times ({result.time.size} for {truth.time.size})"
         return verdict
@@ -138,7 +154,7 @@ def compare(reference: tr.Reference, case: Judged, method: str, rtol: float) -> 
             verdict.raw = float(raw[k]) / rtol
             verdict.found, verdict.true = float(result[name][k]), float(case.columns[name][k])
     other = result["sticking"] != truth.sticking
-    if other.any() and not verdict.marginal:
+    if other.any() and not verdict.excuse:
         distance = np.array([np.abs(truth.event_time - t).min(initial=np.inf) for t in truth.time[other]])
         if (distance > near + 1e-13 * scene.t_end).any():
             verdict.wrong["sticking"] = float(np.count_nonzero(other))
@@ -183,7 +199,7 @@ def line(v: Verdict) -> str:
     sticks = f"sticks {v.sticks}" + (f" for {v.true_sticks}" if v.sticks != v.true_sticks else "")
     return (
         f"{v.number:4d} {v.method:8s} {v.rtol:.0e} {v.column:14s} t={v.sample:.9g} error/rtol {v.error:9.3g} (raw {v.raw:9.3g}) "
-        f"found {v.found:.12g} true {v.true:.17g} {sticks}{' marginal' if v.marginal else ''} {events}{also}"
+        f"found {v.found:.12g} true {v.true:.17g} {sticks}{' (' + v.excuse + ')' if v.excuse else ''} {events}{also}"
     )
 
 
@@ -213,15 +229,15 @@ def audit(
 def summary(cases: dict[int, Judged], verdicts: list[Verdict]) -> str:
     keys = sorted({(v.method, v.rtol) for v in verdicts}, key=lambda key: (key[0], -key[1]))
     text = [
-        "| method | rtol | runs | within 30 rtol | sticks exact | wrong but marginal | failed | median error/rtol | largest |",
-        "| " + "--- | " * 9,
+        "| method | rtol | runs | within 30 rtol | sticks exact | else grazing | else varying | failed | median error/rtol | largest |",
+        "| " + "--- | " * 10,
     ]
     for method, rtol in keys:
         rows = [v for v in verdicts if (v.method, v.rtol) == (method, rtol)]
         done = [v for v in rows if not v.failure]
         text.append(
             f"| {method} | {rtol:.0e} | {len(rows)} | {sum(v.error <= FACTOR for v in done)} | {sum(v.sticks_right for v in rows)} "
-            f"| {sum(not v.sticks_right and v.marginal and not v.failure for v in rows)} | {len(rows) - len(done)} "
+            f"| {sum(v.excuse == 'grazing' for v in rows)} | {sum(v.excuse == 'varies' for v in rows)} | {len(rows) - len(done)} "
             f"| {np.median([v.error for v in done]):.2g} | {max(v.error for v in done):.3g} |"
         )
     good = sum(all(v.good for v in verdicts if v.number == number) for number in cases)

@@ -150,7 +150,7 @@ def _draw(chance: random.Random, profiles: bool) -> Scene | None:
     # The first creep and the slip that ends it, where that is not much longer.
     wanted = chance.uniform(1.1, 2.5) * slow
     end = release + cycles * cycle
-    if end < wanted < 800 * cycle:
+    if end < wanted < 1500 * cycle:
         end = wanted
     # A rest that takes almost the whole time says nothing.
     if end < 1e-9 or end > 1e5:
