@@ -12,6 +12,7 @@ events depart from the true ones where v grazes zero, the columns are judged up 
 from __future__ import annotations
 
 import argparse
+import collections
 import sys
 import time
 from dataclasses import dataclass, field
@@ -269,16 +270,26 @@ def audit(
 def summary(cases: dict[int, Judged], verdicts: list[Verdict]) -> str:
     keys = sorted({(v.method, v.rtol) for v in verdicts}, key=lambda key: (key[0], -key[1]))
     text = [
-        "| method | rtol | runs | within 30 rtol | sticks exact | else grazing | else varying | failed | median error/rtol | largest |",
-        "| " + "--- | " * 10,
+        "| method | rtol | runs | within 30 rtol | sticks exact | else grazing | else varying | event times within 30 rtol | failed | median error/rtol | largest |",
+        "| " + "--- | " * 11,
     ]
     for method, rtol in keys:
         rows = [v for v in verdicts if (v.method, v.rtol) == (method, rtol)]
         done = [v for v in rows if not v.failure]
+        miscounted = collections.Counter(v.excuse for v in done if not v.sticks_right)
+        timely = sum(v.event_error is not None and v.event_error <= FACTOR for v in done)
+        counts = [
+            len(rows),
+            sum(v.error <= FACTOR for v in done),
+            sum(v.sticks_right for v in done),
+            miscounted["grazing"],
+            miscounted["varies"],
+            timely,
+            len(rows) - len(done),
+        ]
+        errors = [v.error for v in done]
         text.append(
-            f"| {method} | {rtol:.0e} | {len(rows)} | {sum(v.error <= FACTOR for v in done)} | {sum(v.sticks_right for v in rows)} "
-            f"| {sum(v.excuse == 'grazing' and not v.sticks_right for v in rows)} | {sum(v.excuse == 'varies' and not v.sticks_right for v in rows)} | {len(rows) - len(done)} "
-            f"| {np.median([v.error for v in done]):.2g} | {max(v.error for v in done):.3g} |"
+            f"| {method} | {rtol:.0e} | {' | '.join(map(str, counts))} | {np.median(errors):.2g} | {max(errors):.3g} |"
         )
     good = sum(all(v.good for v in verdicts if v.number == number) for number in cases)
     text.append(f"{good} of {len(cases)} scenes within {FACTOR:g} rtol")
