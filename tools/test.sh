@@ -49,7 +49,7 @@ unit_tests() { run_tests "$1" '^(Ok|Fail|Expected Fail|Skipped|Timeout):' meson 
 # On all cores; a file's tests stay together, for what they share.
 python_tests() {
   run_tests "$1" '^=+ .*(passed|failed|error|skipped|no tests ran).* =+$' python -m pytest -n auto --dist loadfile \
-    "${@:2}" "$checkout"/tests/{python,extremes}
+    "${@:2}" "$checkout"/tests/{python,extremes,audit}
 }
 
 # What the tests of the checked build have reached of src/, by file: lines, share, name; last the total. The flat layer for
