@@ -156,7 +156,7 @@ contains
     slow%time = writer%samples(1, :writer%rows)
     slow%position = writer%samples(2, :writer%rows)
     slow%cycles = outcome%summary_of('cycles')
-    slow%swing = abs(outcome%summary_of('peak_force') - outcome%summary_of('valley_force'))/slider%law%onset
+    slow%swing = simulation%summary%cycles%mean_swing()/slider%law%onset
   end subroutine follow_slow_motion
 
   !> Exact creep beside the low-frequency motion.
