@@ -308,19 +308,25 @@ contains
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
     integer, parameter :: probes = 8
+    real(wp), parameter :: spacing = 1.0_wp/real(probes, wp), offset = 1.0e-3_wp
     integer :: i, best
-    real(wp) :: rates(0:probes)
+    real(wp) :: rates(0:probes), inner
 
     rates(0) = abs(stretch%first%rate)
     rates(probes) = abs(stretch%last%rate)
     if (max(rates(0), rates(probes)) <= 0.9_wp*self%largest_rate) return
     do i = 1, probes - 1
-      rates(i) = rate_at(stretch, real(i, wp)/real(probes, wp))
+      rates(i) = rate_at(stretch, real(i, wp)*spacing)
     end do
     best = maxloc(rates, dim=1) - 1
-    if (best > 0 .and. best < probes .and. rates(best) > 0.99_wp*self%largest_rate) &
-      self%largest_rate = max(self%largest_rate, &
-        golden_maximum(stretch, real(best - 1, wp)/real(probes, wp), real(best + 1, wp)/real(probes, wp)))
+    if (rates(best) <= 0.99_wp*self%largest_rate) return
+    inner = min(1.0_wp - offset, max(offset, real(best, wp)*spacing))
+    if (best == 0 .or. best == probes) then
+      ! The maximum may be just inside.
+      if (rate_at(stretch, inner) <= rates(best)) inner = 0.0_wp
+    end if
+    if (inner > 0.0_wp) self%largest_rate = max(self%largest_rate, &
+      golden_maximum(stretch, max(0.0_wp, real(best - 1, wp)*spacing), min(1.0_wp, real(best + 1, wp)*spacing)))
     self%largest_rate = max(self%largest_rate, rates(best))
   end subroutine follow_rate
 
