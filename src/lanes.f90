@@ -83,6 +83,7 @@ module dst_lanes
     integer(int64) :: max_steps(lane_count) = 0
     ! Of the motion.
     type(point_t) :: now, before
+    type(moment_t) :: moment(lane_count)              !! at `before`
     logical :: moved(lane_count) = .false.            !! since `before`
     real(wp), dimension(lane_count) :: next_step = 1.0_wp, last_step = 1.0_wp, last_error = 0.0_wp
     real(wp), dimension(lane_count) :: drive_work = 0.0_wp, friction_work = 0.0_wp
@@ -148,7 +149,9 @@ contains
       now%w(lane) = w
       self%summary(lane) = summary_t()
       call self%summary(lane)%cycles%begin(self%along(lane), self%onset(lane), self%stiffness(lane), self%mass(lane))
-      call self%summary(lane)%begin(moment_of(self, lane, now), energy(self, lane), self%t_end(lane))
+      now%u_rate(lane) = self%velocity(lane)*self%along(lane) - w
+      self%moment(lane) = moment_of(self, lane)
+      call self%summary(lane)%begin(self%moment(lane), energy(self, lane), self%t_end(lane))
     end associate
     self%busy(lane) = .true.
     self%done(lane) = self%refused(lane)
@@ -231,12 +234,14 @@ contains
     integer :: i
 
     step%lanes => self
+    step%parts = 2
     do i = 1, lane_count
       if (.not. (self%busy(i) .and. self%moved(i))) cycle
       call take_works(self, i)
       step%lane = i
-      step%first = moment_of(self, i, self%before)
-      step%last = moment_of(self, i, self%now)
+      step%first = self%moment(i)
+      step%last = moment_of(self, i)
+      self%moment(i) = step%last
       call self%summary(i)%take_in(step)
       self%moved(i) = .false.
       self%done(i) = .not. self%now%time(i) < self%t_end(i)
@@ -261,14 +266,15 @@ contains
     self%summary(i)%exchanged = self%summary(i)%exchanged + abs(drive_work) + abs(friction_work)
   end subroutine take_works
 
-  !> A lane at the start of a step.
-  pure type(moment_t) function moment_of(self, i, point) result(moment)
+  !> Where a lane is.
+  pure type(moment_t) function moment_of(self, i) result(moment)
     class(lanes_t), intent(in) :: self
     integer, intent(in) :: i
-    type(point_t), intent(in) :: point
 
-    moment = moment_t(point%time(i), position_of(self, i, point%time(i), point%u(i)), rate_along(self, i, point%w(i)), &
-      [point%w(i), self%across(i)], self%stiffness(i)*point%u(i), self%stiffness(i)*point%u_rate(i), self%velocity(i))
+    associate (now => self%now)
+      moment = moment_t(now%time(i), position_of(self, i, now%time(i), now%u(i)), rate_along(self, i, now%w(i)), &
+        [now%w(i), self%across(i)], self%stiffness(i)*now%u(i), self%stiffness(i)*now%u_rate(i), self%velocity(i))
+    end associate
   end function moment_of
 
   !> Inside a step u and w are polynomials in its share. Where it passes over the relaxation of the slip velocity, the rates at the

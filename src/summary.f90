@@ -23,6 +23,7 @@ module dst_summary
 
   !> An object that is slower than this share of the drive looks at rest.
   real(wp), parameter :: tiny_rate = 0.1_wp
+  integer, parameter :: most_parts = 8
 
   !> What may pass through zero inside a stretch, see `level`.
   integer, parameter :: elongation_rate = 1, excess_rate = 2, excess_force = 3
@@ -90,6 +91,8 @@ module dst_summary
   type, abstract :: stretch_t
     type(moment_t) :: first, last
     logical :: sticking = .false.
+    !> Parts in which X' is looked at where it may have its maximum.
+    integer :: parts = most_parts
   contains
     procedure(moment_inside), deferred :: at
     procedure(friction_at), deferred :: friction
@@ -307,27 +310,28 @@ contains
   subroutine follow_rate(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
-    integer, parameter :: probes = 8
-    real(wp), parameter :: spacing = 1.0_wp/real(probes, wp), offset = 1.0e-3_wp
+    real(wp), parameter :: offset = 1.0e-3_wp
     integer :: i, best
-    real(wp) :: rates(0:probes), inner
+    real(wp) :: rates(0:most_parts), part, inner
 
-    rates(0) = abs(stretch%first%rate)
-    rates(probes) = abs(stretch%last%rate)
-    if (max(rates(0), rates(probes)) <= 0.9_wp*self%largest_rate) return
-    do i = 1, probes - 1
-      rates(i) = rate_at(stretch, real(i, wp)*spacing)
-    end do
-    best = maxloc(rates, dim=1) - 1
-    if (rates(best) <= 0.99_wp*self%largest_rate) return
-    inner = min(1.0_wp - offset, max(offset, real(best, wp)*spacing))
-    if (best == 0 .or. best == probes) then
-      ! The maximum may be just inside.
-      if (rate_at(stretch, inner) <= rates(best)) inner = 0.0_wp
-    end if
-    if (inner > 0.0_wp) self%largest_rate = max(self%largest_rate, &
-      golden_maximum(stretch, max(0.0_wp, real(best - 1, wp)*spacing), min(1.0_wp, real(best + 1, wp)*spacing)))
-    self%largest_rate = max(self%largest_rate, rates(best))
+    associate (n => stretch%parts)
+      rates(0) = abs(stretch%first%rate)
+      rates(n) = abs(stretch%last%rate)
+      if (max(rates(0), rates(n)) <= 0.9_wp*self%largest_rate) return
+      part = 1.0_wp/real(n, wp)
+      do i = 1, n - 1
+        rates(i) = rate_at(stretch, real(i, wp)*part)
+      end do
+      best = maxloc(rates(:n), dim=1) - 1
+      if (rates(best) <= 0.99_wp*self%largest_rate) return
+      inner = min(1.0_wp - offset, max(offset, real(best, wp)*part))
+      if (best == 0 .or. best == n) then
+        ! The maximum may be just inside.
+        if (rate_at(stretch, inner) <= rates(best)) inner = 0.0_wp
+      end if
+      if (inner > 0.0_wp) self%largest_rate = max(self%largest_rate, largest_near(stretch, inner, part))
+      self%largest_rate = max(self%largest_rate, rates(best))
+    end associate
   end subroutine follow_rate
 
   !> |X'| at position tau of a stretch.
@@ -340,38 +344,30 @@ contains
     rate_at = abs(moment%rate)
   end function rate_at
 
-  !> Largest |X'| between two positions of a stretch, by golden-section search. Near a maximum the value is
-  !> known as the square of the position.
-  real(wp) function golden_maximum(stretch, left, right) result(largest)
+  !> Largest |X'| near position `middle` of a stretch, where a maximum lies no further than `reach` away, by parabolas through three
+  !> points. Near a maximum the value is known as the square of the position.
+  real(wp) function largest_near(stretch, middle, reach) result(largest)
     class(stretch_t), intent(in) :: stretch
-    real(wp), intent(in) :: left, right
-    real(wp), parameter :: ratio = 0.5_wp*(sqrt(5.0_wp) - 1.0_wp)
-    real(wp) :: a, b, x, y, fx, fy
-    integer :: iteration
+    real(wp), intent(in) :: middle, reach
+    real(wp) :: x, d, left, top, right, curvature
 
-    a = left
-    b = right
-    x = b - ratio*(b - a)
-    y = a + ratio*(b - a)
-    fx = rate_at(stretch, x)
-    fy = rate_at(stretch, y)
-    do iteration = 1, 16
-      if (fx > fy) then
-        b = y
-        y = x
-        fy = fx
-        x = b - ratio*(b - a)
-        fx = rate_at(stretch, x)
-      else
-        a = x
-        x = y
-        fx = fy
-        y = a + ratio*(b - a)
-        fy = rate_at(stretch, y)
-      end if
+    x = middle
+    d = reach
+    largest = 0.0_wp
+    do while (d > 0.004_wp)
+      x = min(1.0_wp - d, max(d, x))
+      left = rate_at(stretch, x - d)
+      top = rate_at(stretch, x)
+      right = rate_at(stretch, x + d)
+      largest = max(largest, left, top, right)
+      curvature = 2.0_wp*top - left - right
+      if (.not. curvature > 0.0_wp) return
+      x = x + d*min(1.0_wp, max(-1.0_wp, 0.5_wp*(right - left)/curvature))
+      d = 0.1_wp*d
     end do
-    largest = max(fx, fy)
-  end function golden_maximum
+    x = min(1.0_wp, max(0.0_wp, x))
+    largest = max(largest, rate_at(stretch, x))
+  end function largest_near
 
   !> The values of all `summary_quantities`, and which of them this motion has; the others are 0. A motion in closed form has no
   !> energies and no cycles.
