@@ -49,8 +49,10 @@ module dst_cycles
     !> Whether there has been a peak, and the load there [N].
     logical :: has_peaked = .false.
     real(wp) :: first_peak = 0.0_wp
-    !> Of the scene: cos(phi) where the soft spring is pulled; F_0 [N]; the advance [m] and the time [s] in which a cycle is due.
-    real(wp), private :: pulled = 0.0_wp, onset = 0.0_wp, natural_length = 0.0_wp, natural_time = 0.0_wp
+    !> Period of the free oscillation on the soft spring [s].
+    real(wp) :: natural_time = 0.0_wp
+    !> Of the scene: cos(phi) where the soft spring is pulled; F_0 [N]; the advance that loads the spring up to F_0 [m].
+    real(wp), private :: pulled = 0.0_wp, onset = 0.0_wp, natural_length = 0.0_wp
     !> Directions of the drive and of its pull, 0 while there is none.
     integer, private :: drive_side = 0, side = 0
     !> Whether the load rises (1) or falls (-1) by more than the threshold; 0 while neither is known.

@@ -91,7 +91,7 @@ module dst_summary
   type, abstract :: stretch_t
     type(moment_t) :: first, last
     logical :: sticking = .false.
-    !> Parts in which X' is looked at where it may have its maximum.
+    !> Parts in which X' and the load are looked at where they may turn unseen.
     integer :: parts = most_parts
   contains
     procedure(moment_inside), deferred :: at
@@ -201,23 +201,45 @@ contains
     end do
   end function moment_at_zero
 
-  !> The turns of the load, in a stretch that is cut where the drive reverses.
+  !> The turns of the load. A step of a method of high order may hide two of them, unless the object creeps.
   subroutine follow_force(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
-    type(moment_t) :: reversal
+    type(moment_t) :: from, to
+    integer :: i
 
-    associate (first => stretch%first, last => stretch%last)
-      if (first%drive_velocity*last%drive_velocity < 0.0_wp) then
-        reversal = stretch%at(first%time + (last%time - first%time)*first%drive_velocity &
-          /(first%drive_velocity - last%drive_velocity))
-        call follow_row(self, stretch, first, reversal)
-        call follow_row(self, stretch, reversal, last)
-      else
-        call follow_row(self, stretch, first, last)
+    associate (first => stretch%first, last => stretch%last, n => real(stretch%parts, wp))
+      if (stretch%sticking .or. last%time - first%time <= 0.25_wp*self%cycles%natural_time .or. &
+        max(abs(first%rate), abs(last%rate)) <= 0.5_wp*max(abs(first%drive_velocity), abs(last%drive_velocity))) then
+        call follow_part(self, stretch, first, last)
+        return
       end if
+      from = first
+      do i = 1, stretch%parts - 1
+        to = stretch%at(first%time + (last%time - first%time)*real(i, wp)/n)
+        call follow_part(self, stretch, from, to)
+        from = to
+      end do
+      call follow_part(self, stretch, from, last)
     end associate
   end subroutine follow_force
+
+  !> The turns of the load between two instants, with a cut where the drive reverses.
+  subroutine follow_part(self, stretch, first, last)
+    class(summary_t), intent(inout) :: self
+    class(stretch_t), intent(in) :: stretch
+    type(moment_t), intent(in) :: first, last
+    type(moment_t) :: reversal
+
+    if (first%drive_velocity*last%drive_velocity < 0.0_wp) then
+      reversal = stretch%at(first%time + (last%time - first%time)*first%drive_velocity &
+        /(first%drive_velocity - last%drive_velocity))
+      call follow_row(self, stretch, first, reversal)
+      call follow_row(self, stretch, reversal, last)
+    else
+      call follow_row(self, stretch, first, last)
+    end if
+  end subroutine follow_part
 
   !> The turns of the load between two instants between which the drive keeps its direction.
   subroutine follow_row(self, stretch, first, last)
