@@ -1,7 +1,7 @@
 !> Stick-slip cycles, and what they are once the motion has settled. The bookkeeping is of fixed size, whatever the run's length.
 !>
 !> The load is the spring force k_x u_x, positive in the direction in which the drive pulls the soft spring, that of V cos(phi).
-!> A cycle goes from a peak of the load over a valley to the next peak, each a turn by more than `threshold` of the static limit F_0:
+!> A cycle goes from a peak of the load over a valley to the next peak, each a turn by more than `threshold` of the limit F_0:
 !> the 1 kHz ripple of dynamic stiction stays far below it. A drive that stands still or reverses breaks off the cycle under way,
 !> and so does a long steady slide.
 !>
@@ -27,7 +27,7 @@ module dst_cycles
   integer, parameter :: telling = 4
   !> Lengths of the longest cycle without a turn after which the cycles are over.
   real(wp), parameter :: patience = 3.0_wp
-  !> A turn that comes this many natural lengths and times after the last one, and lengths of the longest cycle, follows a steady slide.
+  !> A peak this many natural lengths and times, and lengths of the longest cycle, after the last one follows a steady slide.
   real(wp), parameter :: long = 10.0_wp
 
   !> What is measured of a cycle: lengths in time [s], loads [N] and the advance in X in the direction of the drive [m].

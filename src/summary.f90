@@ -1,9 +1,8 @@
 !> What a run amounts to: stick-slip cycles (dst_cycles), largest velocity, rest, energy balance. Kept up to date
-!> advance by advance, so that it needs no stored series. It looks at an advance through a `stretch_t`, so that single runs and lanes
-!> share it.
+!> advance by advance, so that it needs no stored series. Single runs and lanes share it: each shows an advance as a `stretch_t`.
 !>
-!> The four mirror images of a scene, V -> -V (with -u) and phi -> -phi, 180 deg - phi, 180 deg + phi (with u), have the same summary: loads
-!> are counted in the direction in which the drive pulls, lengths in that of the drive, velocities and angles by their size.
+!> The mirror images of a scene, V -> -V and phi -> -phi, 180 deg - phi, 180 deg + phi, have the same summary: loads count in the
+!> direction in which the drive pulls, lengths in that of the drive, velocities and angles by their size.
 !>
 !> What a motion settles to is told by its second half, from t_end/2 on: `swing` is 0 in steady sliding and the amplitude
 !> of a stick-slip that goes on, `creep_share` the share of it in which the object looks at rest.

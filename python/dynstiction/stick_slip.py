@@ -246,7 +246,9 @@ def _natural_scales(result: Result, limit: float, cosine: float) -> tuple[float,
     return length, 2.0 * np.pi * float(np.sqrt(mass / stiffness))
 
 
-def _motions(linked: NDArray[np.bool_], travel: _Floats, period: _Floats, length: float, time: float) -> NDArray[np.int_]:
+def _motions(
+    linked: NDArray[np.bool_], travel: _Floats, period: _Floats, length: float, time: float
+) -> NDArray[np.int_]:
     """Of each row the number of the motion that its cycle belongs to: a long steady slide parts two; -1 for the slide itself."""
     group = np.zeros(linked.size, dtype=int)
     current, lengths = 0, list[float]()

@@ -105,7 +105,10 @@ SCENES: dict[str, Groups] = {
     "a drive that reverses and rests, full": {
         "scene": {"model": "full", "t_end": 9.0},
         "system": SOFTER,
-        "drive": {"velocity": (0.0, 0.0, -1e-3, -1e-3, 0.0, 0.0, 2e-3), "time": (0, 0.5, 0.5, 4, 4.2, 5.0, 5.0)},
+        "drive": {
+            "velocity": (0.0, 0.0, -1e-3, -1e-3, 0.0, 0.0, 2e-3),
+            "time": (0, 0.5, 0.5, 4, 4.2, 5.0, 5.0),
+        },
     },
     "a drive that rests": {
         "scene": {"model": "full", "t_end": 1.0},
@@ -135,7 +138,11 @@ def image(scene: Groups, name: str) -> Groups:
         **scene,
         "system": {**scene["system"], "misalignment_deg": phi},
         "drive": drive,
-        **({"initial": {**initial, **{k: v for k, v in elongations.items() if k in initial}}} if initial else {}),
+        **(
+            {"initial": {**initial, **{k: v for k, v in elongations.items() if k in initial}}}
+            if initial
+            else {}
+        ),
     }
 
 

@@ -28,7 +28,9 @@ def scene_of(
 def cycle() -> dict[str, float]:
     """The cycle at 1 mm/s and 8 degrees, reached without a ramp."""
     return dict(
-        ds.run(scene_of(8.0, 40.0, {"velocity": 1e-3}), integrator={"method": "radau13", "rtol": 1e-11}).summary
+        ds.run(
+            scene_of(8.0, 40.0, {"velocity": 1e-3}), integrator={"method": "radau13", "rtol": 1e-11}
+        ).summary
     )
 
 
@@ -141,9 +143,7 @@ def irregular(seed: int, t_end: float = 30.0) -> ds.Result:
         "velocity": tuple(1e-3 * chance.uniform(0.2, 2.0, times.size)),
         "time": tuple(times),
     }
-    return ds.run(
-        scene_of(3.0, t_end, drive), output={"interval": 1e-4, "fields": ("spring_force_x", "X")}
-    )
+    return ds.run(scene_of(3.0, t_end, drive), output={"interval": 1e-4, "fields": ("spring_force_x", "X")})
 
 
 @pytest.mark.parametrize("seed", range(8))
