@@ -206,11 +206,14 @@ def test_which_cycles_count() -> None:
 
 
 def test_a_long_slide_parts_two_motions() -> None:
-    """Soon after the onset only the first peak from rest lies before: the slide between is no cycle."""
-    for t_end in (152.0, 153.0, 154.0, 156.0, 160.0):
+    """Stick-slip sets in after 143 s, in which there was one peak only: that makes no cycle with the first of the new ones."""
+    given = 0
+    for t_end in (143.0, 143.5, 144.0, 144.5, 145.0, 150.0, 154.0):
         result = ds.run(scene_of(8.0, t_end, RAMP), integrator={"method": "radau13", "rtol": 1e-8})
-        period = result.summary.get("period", 0.9)
-        assert 0.8 < period < 1.2, t_end
+        given += "period" in result.summary
+        assert result.summary.get("period", 0.2) < 1.2, t_end
+        assert ds.stick_slip_statistics(result).means().get("period", 0.2) < 1.2, t_end
+    assert given >= 3
 
 
 def test_a_drive_that_rests_breaks_off_the_cycle() -> None:
