@@ -36,7 +36,7 @@ ROOMS = {
     "writers": ("where results go", 340, 352, 320, 150, "ground sha256",
                  "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint seal crc32 disk process"),
     "meeting": ("where physics and numerics meet", 20, 526, 640, 112, "ground physics numerics",
-                "contact trajectory observables summary moreau_jean creep_motion"),
+                "contact trajectory observables cycles summary trajectory_summary moreau_jean creep_motion"),
     "physics": ("physics", 20, 662, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
     "numerics": ("numerics", 240, 662, 420, 240, "ground slip_system drive",
                  "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
@@ -52,7 +52,8 @@ SAY = {
     "memory_writer": "arrays", "hdf5_origin": "whose file it is", "checkpoint": "state on disk",
     "archive": "state as words", "signals": "stop, please", "handover": "Python's turn", "moreau_jean": "steps without events",
     "disk": "the system", "seal": "checksum of all", "crc32": "as in zlib", "process": "what may crash", "contact": "rest, release, stop",
-    "trajectory": "advances, events", "observables": "output columns", "summary": "cycles, energy",
+    "trajectory": "advances, events", "observables": "output columns", "cycles": "peak to peak", "summary": "extremes, energy",
+    "trajectory_summary": "of a run",
     "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
     "sweep": "what a case is", "lanes": "cases side by side", "sweep_shard": "finished cases", "sweep_points": "lists in CSV", "sweep_list": "lists of cases", "sweep_file": "one file of all",
     "sweep_runner": "all cases, all cores", "ranks": "MPI, or none", "deck_sweep": "&sweep",

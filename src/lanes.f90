@@ -22,7 +22,7 @@ module dst_lanes
   use dst_scene, only: scene_t
   use dst_simulation, only: slider_from_scene
   use dst_slider, only: slider_t
-  use dst_summary, only: summary_t, energies_t, consider, widen, note_creep, summary_quantities, values_with_energies, tiny_rate
+  use dst_summary, only: summary_t, energies_t, moment_t, stretch_t, summary_quantities, summary_values
   use dst_text, only: short_text
   implicit none
   private
@@ -67,18 +67,6 @@ module dst_lanes
     real(wp), dimension(lane_count) :: supply = 0.0_wp, supply_rate = 0.0_wp, dissipation = 0.0_wp, dissipation_rate = 0.0_wp
   end type point_t
 
-  !> The last step of a lane as polynomials in the share of the step.
-  type :: course_t
-    real(wp) :: start = 0.0_wp, step = 0.0_wp
-    real(wp) :: u(0:5) = 0.0_wp, w(0:5) = 0.0_wp
-    logical :: resolved = .false.
-  contains
-    procedure :: time => time_in_course
-  end type course_t
-
-  !> What passes through zero inside a step.
-  integer, parameter :: elongation_rate = 1, slip_rate = 2, excess_rate = 3, excess_force = 4
-
   !> The cases side by side: `load` puts one in a lane, `advance` goes on with all, `values` takes out what is `done`.
   type :: lanes_t
     private
@@ -91,10 +79,11 @@ module dst_lanes
     real(wp), dimension(lane_count) :: velocity = 0.0_wp, guided = 1.0_wp
     real(wp), dimension(lane_count) :: limit = 0.0_wp, drop = 0.0_wp, decay = 0.0_wp, onset = 0.0_wp
     real(wp), dimension(lane_count) :: t_end = 0.0_wp, tolerance = 1.0_wp, noise = 0.0_wp, longest_step = 0.0_wp
-    real(wp), dimension(lane_count) :: first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp, first_energy = 0.0_wp
+    real(wp), dimension(lane_count) :: first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp
     integer(int64) :: max_steps(lane_count) = 0
     ! Of the motion.
     type(point_t) :: now, before
+    type(moment_t) :: moment(lane_count)              !! at `before`
     logical :: moved(lane_count) = .false.            !! since `before`
     real(wp), dimension(lane_count) :: next_step = 1.0_wp, last_step = 1.0_wp, last_error = 0.0_wp
     real(wp), dimension(lane_count) :: drive_work = 0.0_wp, friction_work = 0.0_wp
@@ -106,6 +95,15 @@ module dst_lanes
     procedure :: advance
     procedure :: values
   end type lanes_t
+
+  !> The last step of a lane, as the summary sees it.
+  type, extends(stretch_t) :: lane_step_t
+    class(lanes_t), pointer :: lanes => null()
+    integer :: lane = 1
+  contains
+    procedure :: at
+    procedure :: friction
+  end type lane_step_t
 
 contains
 
@@ -150,10 +148,10 @@ contains
       now%u(lane) = self%first_u(lane)
       now%w(lane) = w
       self%summary(lane) = summary_t()
-      self%summary(lane)%largest_rate = rate_along(self, lane, w)
-      self%first_energy(lane) = energy(self, lane)
-      self%summary(lane)%exchanged = self%first_energy(lane)
-      call take_force(self, lane, 0.0_wp, now%u(lane))
+      call self%summary(lane)%cycles%begin(self%along(lane), self%onset(lane), self%stiffness(lane), self%mass(lane))
+      now%u_rate(lane) = self%velocity(lane)*self%along(lane) - w
+      self%moment(lane) = moment_of(self, lane)
+      call self%summary(lane)%begin(self%moment(lane), energy(self, lane), self%t_end(lane))
     end associate
     self%busy(lane) = .true.
     self%done(lane) = self%refused(lane)
@@ -231,13 +229,20 @@ contains
 
   !> Works, extremes and ends, in the lanes that have moved.
   subroutine take_in(self)
-    class(lanes_t), intent(inout) :: self
+    class(lanes_t), intent(inout), target :: self
+    type(lane_step_t) :: step
     integer :: i
 
+    step%lanes => self
+    step%parts = 2
     do i = 1, lane_count
       if (.not. (self%busy(i) .and. self%moved(i))) cycle
       call take_works(self, i)
-      call take_extremes(self, i)
+      step%lane = i
+      step%first = self%moment(i)
+      step%last = moment_of(self, i)
+      self%moment(i) = step%last
+      call self%summary(i)%take_in(step)
       self%moved(i) = .false.
       self%done(i) = .not. self%now%time(i) < self%t_end(i)
     end do
@@ -261,107 +266,50 @@ contains
     self%summary(i)%exchanged = self%summary(i)%exchanged + abs(drive_work) + abs(friction_work)
   end subroutine take_works
 
-  !> Peaks and valleys of the spring force, the largest X', the start of slip and the second half of the run.
-  subroutine take_extremes(self, i)
-    class(lanes_t), intent(inout) :: self
-    integer, intent(in) :: i
-    type(course_t) :: course
-    real(wp) :: tau
-
-    associate (from => self%before, to => self%now, summary => self%summary(i))
-      if (from%u_rate(i)*to%u_rate(i) < 0.0_wp) then
-        course = course_of(self, i)
-        tau = zero_of(self, i, course, elongation_rate)
-        call take_force(self, i, course%time(tau), value_of(course%u, tau))
-      end if
-      call take_force(self, i, to%time(i), to%u(i))
-      if (self%along(i)*from%w_rate(i) > 0.0_wp .and. self%along(i)*to%w_rate(i) < 0.0_wp) then
-        course = course_of(self, i)
-        if (course%resolved) summary%largest_rate = max(summary%largest_rate, &
-          rate_along(self, i, value_of(course%w, zero_of(self, i, course, slip_rate))))
-      end if
-      summary%largest_rate = max(summary%largest_rate, rate_along(self, i, to%w(i)))
-    end associate
-    call take_slip(self, i)
-    if (self%now%time(i) >= 0.5_wp*self%t_end(i)) call take_late(self, i)
-  end subroutine take_extremes
-
-  !> The longitudinal spring force at one instant.
-  pure subroutine take_force(self, i, time, u)
-    class(lanes_t), intent(inout) :: self
-    integer, intent(in) :: i
-    real(wp), intent(in) :: time, u
-
-    call consider(self%summary(i), self%stiffness(i)*u, time, position_of(self, i, time, u), self%onset(i))
-    if (time >= 0.5_wp*self%t_end(i)) call widen(self%summary(i), self%stiffness(i)*u)
-  end subroutine take_force
-
-  !> How friction points when slip begins for the first time.
-  pure subroutine take_slip(self, i)
-    class(lanes_t), intent(inout) :: self
-    integer, intent(in) :: i
-    type(course_t) :: course
-    real(wp) :: w
-
-    associate (summary => self%summary(i), from => self%before, to => self%now)
-      if (summary%has_slipped) return
-      if (.not. level(self, i, excess_force, to%u(i), to%w(i)) > 0.0_wp) return
-      w = to%w(i)
-      if (level(self, i, excess_force, from%u(i), from%w(i)) < 0.0_wp) then
-        course = course_of(self, i)
-        w = value_of(course%w, zero_of(self, i, course, excess_force))
-      end if
-      summary%slip_angle = atan2(abs(self%across(i)), abs(w))
-      summary%has_slipped = .true.
-    end associate
-  end subroutine take_slip
-
-  !> The second half of the run: its first instant, its time, and of that the time in creep.
-  pure subroutine take_late(self, i)
-    class(lanes_t), intent(inout) :: self
-    integer, intent(in) :: i
-    type(course_t) :: course
-    real(wp) :: first, ends(2), crossing, half
-
-    half = 0.5_wp*self%t_end(i)
-    first = 0.0_wp
-    associate (summary => self%summary(i), from => self%before, to => self%now)
-      ends = [level(self, i, excess_rate, from%u(i), from%w(i)), level(self, i, excess_rate, to%u(i), to%w(i))]
-      if (from%time(i) < half .or. ends(1)*ends(2) < 0.0_wp) course = course_of(self, i)
-      if (from%time(i) < half) then
-        first = (half - from%time(i))/self%last_step(i)
-        call widen(summary, self%stiffness(i)*value_of(course%u, first))
-        ends(1) = level(self, i, excess_rate, value_of(course%u, first), value_of(course%w, first))
-      end if
-      crossing = 0.0_wp
-      if (ends(1)*ends(2) < 0.0_wp) &
-        crossing = (max(first, zero_of(self, i, course, excess_rate)) - first)/max(1.0_wp - first, tiny(first))
-      call note_creep(summary, (1.0_wp - first)*self%last_step(i), ends, crossing)
-    end associate
-  end subroutine take_late
-
-  !> u and w over the last step. Where it passes over the relaxation of the slip velocity, the rates at the ends say nothing of
-  !> what is between them.
-  pure type(course_t) function course_of(self, i) result(course)
+  !> Where a lane is.
+  pure type(moment_t) function moment_of(self, i) result(moment)
     class(lanes_t), intent(in) :: self
     integer, intent(in) :: i
-    real(wp) :: h
 
-    h = self%last_step(i)
-    associate (from => self%before, to => self%now)
-      course%start = from%time(i)
-      course%step = h
-      course%resolved = h*max(abs(from%growth(i)), abs(to%growth(i))) <= longest_relaxation
-      if (course%resolved) then
-        course%u = quintic([from%u(i), h*from%u_rate(i), -h**2*from%w_rate(i)], [to%u(i), h*to%u_rate(i), -h**2*to%w_rate(i)])
-        course%w = quintic([from%w(i), h*from%w_rate(i), h**2*from%w_curvature(i)], &
-          [to%w(i), h*to%w_rate(i), h**2*to%w_curvature(i)])
-      else
-        course%u = cubic([from%u(i), h*from%u_rate(i)], [to%u(i), h*to%u_rate(i)])
-        course%w(0:1) = [from%w(i), to%w(i) - from%w(i)]
-      end if
+    associate (now => self%now)
+      moment = moment_t(now%time(i), position_of(self, i, now%time(i), now%u(i)), rate_along(self, i, now%w(i)), &
+        [now%w(i), self%across(i)], self%stiffness(i)*now%u(i), self%stiffness(i)*now%u_rate(i), self%velocity(i))
     end associate
-  end function course_of
+  end function moment_of
+
+  !> Inside a step u and w are polynomials in its share. Where it passes over the relaxation of the slip velocity, the rates at the
+  !> ends say nothing of what is between them.
+  function at(self, time) result(moment)
+    class(lane_step_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    type(moment_t) :: moment
+    real(wp) :: h, tau, u, w, p(0:5), q(0:5)
+
+    associate (lanes => self%lanes, i => self%lane, from => self%lanes%before, to => self%lanes%now)
+      h = lanes%last_step(i)
+      if (h*max(abs(from%growth(i)), abs(to%growth(i))) <= longest_relaxation) then
+        p = quintic([from%u(i), h*from%u_rate(i), -h**2*from%w_rate(i)], [to%u(i), h*to%u_rate(i), -h**2*to%w_rate(i)])
+        q = quintic([from%w(i), h*from%w_rate(i), h**2*from%w_curvature(i)], [to%w(i), h*to%w_rate(i), h**2*to%w_curvature(i)])
+      else
+        p = cubic([from%u(i), h*from%u_rate(i)], [to%u(i), h*to%u_rate(i)])
+        q = [from%w(i), to%w(i) - from%w(i), 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+      end if
+      tau = (time - from%time(i))/h
+      u = value_of(p, tau)
+      w = value_of(q, tau)
+      moment = moment_t(time, position_of(lanes, i, time, u), rate_along(lanes, i, w), [w, lanes%across(i)], &
+        lanes%stiffness(i)*u, lanes%stiffness(i)*slope_of(p, tau)/h, lanes%velocity(i))
+    end associate
+  end function at
+
+  pure real(wp) function friction(self, speed)
+    class(lane_step_t), intent(in) :: self
+    real(wp), intent(in) :: speed
+
+    associate (lanes => self%lanes, i => self%lane)
+      friction = lanes%limit(i) + lanes%drop(i)*exp(-speed*lanes%decay(i))
+    end associate
+  end function friction
 
   !> Coefficients of the polynomial with these values, slopes and curvatures at 0 and 1.
   pure function quintic(first, last) result(p)
@@ -388,13 +336,6 @@ contains
     p(3) = -2.0_wp*(last(1) - first(1)) + first(2) + last(2)
   end function cubic
 
-  pure real(wp) function time_in_course(self, tau)
-    class(course_t), intent(in) :: self
-    real(wp), intent(in) :: tau
-
-    time_in_course = self%start + tau*self%step
-  end function time_in_course
-
   pure real(wp) function value_of(p, tau)
     real(wp), intent(in) :: p(0:5), tau
 
@@ -406,55 +347,6 @@ contains
 
     slope_of = p(1) + tau*(2.0_wp*p(2) + tau*(3.0_wp*p(3) + tau*(4.0_wp*p(4) + tau*5.0_wp*p(5))))
   end function slope_of
-
-  !> What passes through zero inside a step, at u and w: |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N].
-  pure real(wp) function level(self, i, which, u, w)
-    class(lanes_t), intent(in) :: self
-    integer, intent(in) :: i, which
-    real(wp), intent(in) :: u, w
-
-    if (which == excess_rate) then
-      level = abs(rate_along(self, i, w)) - tiny_rate*abs(self%velocity(i))
-    else
-      level = abs(self%stiffness(i)*u) - self%limit(i) - self%drop(i)*exp(-sqrt(w**2 + self%across(i)**2)*self%decay(i))
-    end if
-  end function level
-
-  !> Position in (0, 1) of a zero of a level, or of a slope of the course; it has different signs at the ends.
-  pure real(wp) function zero_of(self, i, course, which) result(tau)
-    class(lanes_t), intent(in) :: self
-    integer, intent(in) :: i, which
-    type(course_t), intent(in) :: course
-    real(wp) :: left, right, last
-    integer :: iteration
-
-    left = 0.0_wp
-    right = 1.0_wp
-    last = found(right)
-    do iteration = 1, 40
-      tau = 0.5_wp*(left + right)
-      if (found(tau)*last > 0.0_wp) then
-        right = tau
-      else
-        left = tau
-      end if
-    end do
-
-  contains
-
-    pure real(wp) function found(place)
-      real(wp), intent(in) :: place
-
-      select case (which)
-      case (elongation_rate)
-        found = slope_of(course%u, place)
-      case (slip_rate)
-        found = slope_of(course%w, place)
-      case default
-        found = level(self, i, which, value_of(course%u, place), value_of(course%w, place))
-      end select
-    end function found
-  end function zero_of
 
   !> One attempt in all lanes. Idle lanes go through the motions.
   subroutine attempt(self)
@@ -560,8 +452,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     associate (time => self%now%time(lane), u => self%now%u(lane))
-      call values_with_energies(self%summary(lane), energies_t(self%first_energy(lane), energy(self, lane), self%drive_work(lane), &
-        self%friction_work(lane)), summary, given)
+      call summary_values(self%summary(lane), summary, given, energies_t(self%summary(lane)%first_energy, energy(self, lane), &
+        self%drive_work(lane), self%friction_work(lane)))
       final = [u, self%second_u(lane), position_of(self, lane, time, u), rate_along(self, lane, self%now%w(lane))]
       steps = self%steps(lane)
       if (time < self%t_end(lane)) call explain(self, lane, error)

@@ -237,7 +237,7 @@ contains
     slow%position = writer%samples(2, :writer%rows)
     slow%elongation = writer%samples(3, :writer%rows)
     slow%cycles = outcome%summary_of('cycles')
-    slow%swing = abs(outcome%summary_of('peak_force') - outcome%summary_of('valley_force'))/slider%law%onset
+    slow%swing = simulation%summary%cycles%mean_swing()/slider%law%onset
     slow%fastest = abs(outcome%summary_of('max_X_rate'))
   end subroutine follow_slow_motion
 

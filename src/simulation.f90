@@ -19,9 +19,9 @@ module dst_simulation
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_straight_slip, only: new_straight_slip, on_line
-  use dst_summary, only: summary_t, start_summary, follow, describe
   use dst_text, only: short_text
   use dst_trajectory, only: trajectory_t, no_event, stick_begins, slip_begins, at_time
+  use dst_trajectory_summary, only: trajectory_summary_t
   use dst_writer, only: writer_t, quantity_t, outcome_t
   implicit none
   private
@@ -40,7 +40,7 @@ module dst_simulation
     type(trajectory_t) :: trajectory
     !> The motion in closed form, of the models that have one; the trajectory then only tells the time.
     type(creep_motion_t), allocatable :: creep
-    type(summary_t) :: summary
+    type(trajectory_summary_t) :: summary
     !> Numbers of the output columns; the first is time.
     integer, allocatable :: selected(:)
     logical :: finished = .false.
@@ -90,7 +90,7 @@ contains
       if (allocated(error)) return
       if (.not. allocated(self%creep)) then
         call start_motion(trajectory, scene)
-        call start_summary(self%summary, trajectory)
+        call self%summary%start(trajectory)
       end if
     end associate
     allocate (self%rows(size(self%selected), buffer_rows))
@@ -396,7 +396,7 @@ contains
     if (allocated(error)) return
     call check(self, error)
     if (allocated(error)) return
-    call follow(self%summary, self%trajectory)
+    call self%summary%follow(self%trajectory)
     self%recorded = .false.
   end subroutine advance
 
@@ -486,7 +486,7 @@ contains
     if (self%samples == 0) call record_creep_events(self, writer, error)
     if (allocated(error)) return
     instant = self%creep%at(self%trajectory%now%time)
-    self%summary%largest_rate = max(self%summary%largest_rate, dot_product(instant%velocity, self%creep%slider%along))
+    self%summary%largest_rate = max(self%summary%largest_rate, abs(dot_product(instant%velocity, self%creep%slider%along)))
     call add_row(self, instant, writer, error)
     self%recorded = .true.
   end subroutine record_creep
@@ -558,7 +558,7 @@ contains
       result%result_code = error%code
       result%result_text = error%text
     end if
-    call describe(self%summary, self%trajectory, self%elapsed, result)
+    call self%summary%describe(self%trajectory, self%elapsed, result)
   end subroutine outcome
 
   !> Time and state, for messages.

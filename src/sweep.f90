@@ -15,7 +15,7 @@ module dst_sweep
   use dst_scene, only: scene_t, scene_from_deck, set_number
   use dst_schema, only: schema, sweep_group
   use dst_simulation, only: simulation_t, wall_clock
-  use dst_summary, only: summary_quantities, summary_values
+  use dst_summary, only: summary_quantities
   use dst_text, only: integer_text
   use dst_writer, only: quantity_t
   implicit none
@@ -478,7 +478,7 @@ contains
     call take_code(error, result)
     if (allocated(result%series)) deallocate (result%series)
     if (.not. allocated(simulation%rows)) return
-    call summary_values(simulation%summary, simulation%trajectory, result%values(:summary_count), given)
+    call simulation%summary%values(simulation%trajectory, result%values(:summary_count), given)
     where (.not. given) result%values(:summary_count) = not_there()
     if (allocated(simulation%trajectory%stepper)) &
       result%values(value_count - 1) = real(simulation%trajectory%stepper%count%steps, wp)

@@ -1,7 +1,7 @@
 !> What `trade` measures of a run: the quantities that a user reads, and their errors against a reference.
 !>
 !> final_elongation, final_velocity: |difference| at t_end over the largest elongation and slip speed of the motion.
-!> period, peak_force, valley_force, slip_length, max_X_rate, sticks: relative, of the values in the summary.
+!> period, peak_force, valley_force, slip_length, max_X_rate, sticks, first_peak_force: relative, of the values in the summary.
 !> creep_velocity: relative, of [X(3T/4) - X(T/4)]/(T/2), T the first stick phase (up to the first slip).
 !> fast_amplitude, fast_phase: of the oscillation of k_y u_y around T/2, fitted to the motion by least squares over eight periods
 !> at the frequency of the reference; the amplitude relative, the phase over pi.
@@ -25,20 +25,21 @@ module dst_trade_quantities
   type(quantity_t), parameter :: quantities(*) = [ &
     quantity_t('final_elongation', 'm', 'elongation of the springs at t_end, over the largest one'), &
     quantity_t('final_velocity', 'm s-1', 'slip velocity at t_end, over the largest one'), &
-    quantity_t('period', 's', 'mean time from peak to peak of k_x u_x'), &
-    quantity_t('peak_force', 'N', 'mean peak of k_x u_x'), &
-    quantity_t('valley_force', 'N', 'mean valley of k_x u_x'), &
+    quantity_t('period', 's', 'mean time from peak to peak of the load'), &
+    quantity_t('peak_force', 'N', 'mean peak of the load'), &
+    quantity_t('valley_force', 'N', 'mean valley of the load'), &
     quantity_t('slip_length', 'm', 'mean advance in X from peak to valley'), &
-    quantity_t('max_X_rate', 'm s-1', 'largest slip velocity along the drive'), &
+    quantity_t('max_X_rate', 'm s-1', 'largest slip speed along the drive'), &
     quantity_t('creep_velocity', 'm s-1', 'mean of X'' over the middle half of the first stick phase'), &
     quantity_t('fast_amplitude', 'N', 'amplitude of the fast oscillation of k_y u_y'), &
     quantity_t('fast_phase', 'rad', 'phase of the fast oscillation of k_y u_y, error over pi'), &
-    quantity_t('sticks', '1', 'times that the object came to rest')]
+    quantity_t('sticks', '1', 'times that the object came to rest'), &
+    quantity_t('first_peak_force', 'N', 'first peak of the load')]
   !> Number of quantities.
   integer, parameter :: quantity_count = size(quantities)
 
   integer, parameter :: elongation = 1, velocity = 2, first_of_summary = 3, last_of_summary = 7
-  integer, parameter :: creep = 8, amplitude = 9, phase = 10, sticks = 11
+  integer, parameter :: creep = 8, amplitude = 9, phase = 10, sticks = 11, first_peak = 12
 
   !> Error of a quantity that the reference does not have.
   real(wp), parameter :: not_applicable = -1.0_wp
@@ -169,6 +170,7 @@ contains
         call take_summary(q)
       end do
       call take_summary(sticks)
+      call take_summary(first_peak)
       position = rows(column_of(run, 'X'), [2, samples%rows - 1])
       seen%has(creep) = .true.
       seen%value(1, creep) = (position(2) - position(1))/(rows(1, samples%rows - 1) - rows(1, 2))

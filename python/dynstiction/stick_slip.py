@@ -1,4 +1,7 @@
-"""Stick-slip, cycle by cycle, from the samples and events of a result."""
+"""Stick-slip, cycle by cycle, from the samples and events of a result.
+
+The definitions are those of the core's summary (src/cycles.f90).
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ from .errors import ColumnError, UsageError
 from .html import page_table
 from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info
 from .result import Result
+from .scene import Scene
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
@@ -20,17 +24,25 @@ if TYPE_CHECKING:
 __all__ = ["StickSlip", "stick_slip_statistics"]
 
 THRESHOLD = 0.01
-"""Of the static limit mu_0 W: what the spring force must fall or rise by to count, as in the core's summary."""
+"""Of the static limit mu_0 W: what the load must fall or rise by to count."""
+KEPT = 100
+"""Cycles over which means are taken, at most."""
+RING_DOWN, RING_DOWN_OF_ONE, RIPPLE = 0.9, 0.5, 0.01
+"""What swings shrink to, at least, where they ring down (one cycle alone), and by how much they may grow meanwhile."""
+TELLING = 4
+"""Cycles from which on shrinking swings are no chance."""
+PATIENCE, LONG = 3.0, 10.0
+"""Lengths of the longest cycle without a turn after which the cycles are over, or a new motion begins."""
 
 _Floats = NDArray[np.float64]
 
 COLUMNS = (
-    Info("peak_time", "s", "time of the peak of k_x u_x: the slip begins"),
-    Info("peak_force", "N", "peak of k_x u_x"),
+    Info("peak_time", "s", "time of the peak of the load: the slip begins"),
+    Info("peak_force", "N", "peak of the load: k_x u_x, positive where the drive pulls"),
     Info("valley_time", "s", "time of the valley that follows"),
-    Info("valley_force", "N", "valley of k_x u_x"),
+    Info("valley_force", "N", "valley of the load"),
     Info("slip_duration", "s", "from peak to valley"),
-    Info("slip_length", "m", "advance in X from peak to valley"),
+    Info("slip_length", "m", "advance in X from peak to valley, positive with the drive"),
     Info("stick_duration", "s", "from valley to the next peak: dynamic stiction"),
     Info("period", "s", "from peak to the next peak"),
     Info("rests", "1", "times that the object came to rest, from peak to the next peak"),
@@ -49,11 +61,15 @@ class StickSlip:
     ----------
     columns : Described of ndarray, shape (n,)
         ``peak_time`` [s], ``peak_force`` [N], ``valley_time`` [s], ``valley_force`` [N], ``slip_duration`` [s],
-        ``slip_length`` [m], ``stick_duration`` [s], ``period`` [s], ``rests``, ``rest_time`` [s]; NaN in the last row
-        where the run ends before.
+        ``slip_length`` [m], ``stick_duration`` [s], ``period`` [s], ``rests``, ``rest_time`` [s]; NaN where the run ends,
+        or the drive stands still or reverses, before the next peak.
+    settled : ndarray of bool, shape (n,)
+        The rows of which `means` and `scatter` are: the later half of the complete cycles, at least two and at most 100;
+        none where the motion rings down.
     """
 
     columns: Described[_Floats]
+    settled: NDArray[np.bool_]
 
     def __getitem__(self, name: str) -> _Floats:
         try:
@@ -68,11 +84,17 @@ class StickSlip:
         return int(self.columns["peak_time"].size)
 
     def means(self) -> Described[float]:
-        """Mean of each column but the times, over the cycles that have it; what none has is left out."""
-        kept = (
-            (info, v[np.isfinite(v)]) for info, v in self.columns.info() if not info.name.endswith("_time")
-        )
-        return Described((info, float(np.mean(values))) for info, values in kept if values.size)
+        """Mean of each column but the times, over the settled cycles; nothing if there are none."""
+        return Described((info, float(np.mean(values))) for info, values in self._settled_columns(1))
+
+    def scatter(self) -> Described[float]:
+        """Standard deviation (n - 1) of each column but the times, over the settled cycles; nothing if there are fewer than two."""
+        return Described((info, float(np.std(values, ddof=1))) for info, values in self._settled_columns(2))
+
+    def _settled_columns(self, least: int) -> list[tuple[Info, _Floats]]:
+        if np.count_nonzero(self.settled) < least:
+            return []
+        return [(info, v[self.settled]) for info, v in self.columns.info() if info.name not in INSTANTS]
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a `pandas.DataFrame`, one row a cycle; ``frame.attrs["units"]`` has the units."""
@@ -96,9 +118,10 @@ class StickSlip:
 def stick_slip_statistics(result: Result) -> StickSlip:
     """Stick-slip cycles of a run.
 
-    A cycle is a fall and a rise of the longitudinal spring force k_x u_x by more than 1 % of the static limit mu_0 W,
-    as in the summary of the core, which finds extremes between the samples too: the means agree with it within the
-    distance of the samples.
+    The load is the longitudinal spring force k_x u_x, positive in the direction in which the drive pulls the spring. A cycle goes from
+    a peak of the load over a valley to the next peak, each a turn by more than 1 % of the static limit mu_0 W. A drive that
+    stands still or reverses breaks off the cycle under way. The summary of the core has the same definitions, and finds
+    extremes between the samples too: the means agree with it within the distance of the samples.
 
     Parameters
     ----------
@@ -122,44 +145,181 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         limit = float(result.parameters["mu_0"]) * float(result.parameters["normal_load"])
     except KeyError as error:
         raise UsageError(f"the result has no parameter {error}: it is none of dynstiction's runs") from None
-    turns = _turns(force, THRESHOLD * limit)
-    peaks, valleys = turns[0::2], turns[1::2]
-    n = peaks.size
+    drive, pull, cosine = _directions(result)
+    rows: list[_Row] = []
+    turn: int | None = None
+    for first, last in _stretches(drive):
+        side, pulled = int(drive[first]), int(pull[first])
+        inside = slice(first, last + 1)
+        turns = [(i + first, kind) for i, kind in _turns(pulled * force[inside], THRESHOLD * limit)]
+        rows += _rows(turns, pulled, side)
+        turn = (turns[-1][0] if turns else first) if pulled else None
+    n = len(rows)
+    side_of = np.array([row.pull for row in rows], dtype=float)
+    peaks = np.array([row.peak for row in rows], dtype=np.intp)
+    valleys = np.array([row.peak if row.valley is None else row.valley for row in rows], dtype=np.intp)
+    whole = np.array([row.valley is not None for row in rows], dtype=bool)
     peak_time, peak_force = _vertex(time, force, peaks)
-    valley_time, valley_force = (_padded(values, n) for values in _vertex(time, force, valleys))
-    slip_length = _padded(position[valleys] - position[peaks[: valleys.size]], n)
-    next_peak = _padded(peak_time[1:], n)
+    valley_time, valley_force = (np.where(whole, v, np.nan) for v in _vertex(time, force, valleys))
+    along = np.array([row.drive for row in rows], dtype=float)
+    slip_length = np.where(whole, along * (position[valleys] - position[peaks]), np.nan)
+    linked = np.array([row.goes_on for row in rows], dtype=bool)
+    travel = np.abs(_padded(np.diff(position[peaks]), n))
+    next_peak = np.where(linked, _padded(peak_time[1:], n), np.nan)
+    group = _motions(linked, travel, next_peak - peak_time, *_natural_scales(result, limit, cosine))
+    linked &= group >= 0
+    next_peak = np.where(linked, next_peak, np.nan)
     rests, rest_time = _rests(result.events, peak_time)
     values = (
         peak_time,
-        peak_force,
+        side_of * peak_force,
         valley_time,
-        valley_force,
+        side_of * valley_force,
         valley_time - peak_time,
         slip_length,
         next_peak - valley_time,
         next_peak - peak_time,
-        _padded(rests, n),
-        _padded(rest_time, n),
+        np.where(linked, _padded(rests, n), np.nan),
+        np.where(linked, _padded(rest_time, n), np.nan),
     )
-    return StickSlip(Described(zip(COLUMNS, values, strict=True)))
+    since_turn = 0.0 if turn is None else float(abs(position[-1] - position[turn]))
+    settled = _settled(linked, group, travel, values[1], values[3], since_turn)
+    return StickSlip(Described(zip(COLUMNS, values, strict=True)), settled)
 
 
-def _turns(force: _Floats, least: float) -> NDArray[np.intp]:
-    """Samples of peaks and valleys in turn, a peak first, that are `least` or more apart."""
+@dataclass
+class _Row:
+    """A peak, the valley that follows it, and whether a peak follows that before the drive stops or reverses."""
+
+    peak: int
+    pull: int
+    drive: int
+    valley: int | None = None
+    goes_on: bool = False
+
+
+def _rows(turns: list[tuple[int, int]], pull: int, drive: int) -> list[_Row]:
+    rows: list[_Row] = []
+    for i, kind in turns:
+        if kind > 0:
+            if rows:
+                rows[-1].goes_on = True
+            rows.append(_Row(i, pull, drive))
+        elif rows:
+            rows[-1].valley = i
+    return rows
+
+
+def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], float]:
+    """Signs of V and of V cos(phi) from each sample to the next, 0 where nothing is pulled; and cos(phi)."""
+    angle = float(result.parameters.get("misalignment_deg", 0.0))
+    cosine = 0.0 if angle % 180.0 == 90.0 else float(np.cos(np.radians(angle)))
+    if result.parameters.get("model") in ("high_frequency", "creep", "creep_asymptotic"):
+        cosine = 0.0
+    middle = 0.5 * (result.time[1:] + result.time[:-1])
+    if "velocity" in result.parameters:
+        velocity = np.full(middle.shape, float(result.parameters["velocity"]))
+    elif result.resolved_deck:
+        drive = Scene.from_deck(result.resolved_deck).groups()["drive"]
+        velocity = np.interp(middle, np.atleast_1d(drive["time"]), np.atleast_1d(drive["velocity"]))
+    else:
+        velocity = np.ones(middle.shape)
+    sign = np.sign(velocity).astype(int)
+    return sign, sign * int(np.sign(cosine)), cosine
+
+
+def _stretches(side: NDArray[np.int_]) -> list[tuple[int, int]]:
+    """First and last interval of each stretch with one direction."""
+    edges = np.flatnonzero(np.diff(side)) + 1
+    starts = np.concatenate([[0], edges]) if side.size else edges
+    ends = np.concatenate([edges, [side.size]]) if side.size else edges
+    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
+
+
+def _natural_scales(result: Result, limit: float, cosine: float) -> tuple[float, float]:
+    """Advance and time of the drive in which a cycle is due: what loads the spring to the limit, and the free period."""
+    try:
+        stiffness, mass = float(result.parameters["stiffness_x"]), float(result.parameters["mass"])
+    except KeyError:
+        return np.inf, np.inf
+    length = limit / (stiffness * abs(cosine)) if cosine else np.inf
+    return length, 2.0 * np.pi * float(np.sqrt(mass / stiffness))
+
+
+def _motions(
+    linked: NDArray[np.bool_], travel: _Floats, period: _Floats, length: float, time: float
+) -> NDArray[np.int_]:
+    """Of each row the number of the motion that its cycle belongs to: a long steady slide parts two; -1 for the slide itself."""
+    group = np.zeros(linked.size, dtype=int)
+    current, lengths = 0, list[float]()
+    for i in range(linked.size):
+        group[i] = current
+        if not linked[i]:
+            continue
+        if travel[i] > LONG * length and period[i] > LONG * time:
+            count = len(lengths)
+            if count == 0 or travel[i] > LONG * max(lengths[-_later_half(count) :]):
+                current, lengths = current + 1, []
+                group[i] = -1
+                continue
+        lengths.append(float(travel[i]))
+    return group
+
+
+def _later_half(count: int) -> int:
+    return min(KEPT, max(min(2, count), count // 2))
+
+
+def _settled(
+    linked: NDArray[np.bool_],
+    group: NDArray[np.int_],
+    travel: _Floats,
+    peak: _Floats,
+    valley: _Floats,
+    since_turn: float,
+) -> NDArray[np.bool_]:
+    """The rows that means are taken over."""
+    settled = np.zeros(linked.size, dtype=bool)
+    cycles = np.flatnonzero(linked & (group == group.max(initial=0)))
+    if cycles.size == 0:
+        return settled
+    later = cycles[-_later_half(cycles.size) :]
+    if since_turn > PATIENCE * travel[later].max():
+        return settled
+    # Of these the last without a break between: falls and rises in turn.
+    breaks = np.flatnonzero(np.diff(cycles) > 1)
+    row = cycles.size - (breaks[-1] + 1 if breaks.size else 0)
+    chain = cycles[-min(row, max(TELLING, later.size)) :]
+    swing = np.column_stack([peak[chain] - valley[chain], peak[chain + 1] - valley[chain]]).ravel()
+    share = RING_DOWN_OF_ONE if chain.size == 1 else RING_DOWN
+    if np.all(swing[1:] <= (1.0 + RIPPLE) * swing[:-1]) and swing[-1] < share * swing[0]:
+        return settled
+    settled[later] = True
+    return settled
+
+
+def _turns(load: _Floats, least: float) -> list[tuple[int, int]]:
+    """Samples of peaks (1) and valleys (-1) in turn that are more than `least` apart. The ends are no turns."""
     # Of a level stretch both ends: the last of equal extremes is the one that counts.
-    side_of = np.sign(np.diff(force))
+    side_of = np.sign(np.diff(load))
     local = np.flatnonzero(side_of[1:] != side_of[:-1]) + 1
-    candidates = np.unique(np.concatenate([[0], local, [force.size - 1]])) if force.size else local
-    turns: list[int] = []
-    side, best = 1.0, None
-    for i, value in zip(candidates.tolist(), force[candidates].tolist(), strict=True):
-        if best is None or side * (value - best[1]) >= 0.0:
-            best = (i, value)
-        elif side * (best[1] - value) > least:
-            turns.append(best[0])
-            side, best = -side, (i, value)
-    return np.array(turns, dtype=np.intp)
+    candidates = np.unique(np.concatenate([[0], local, [load.size - 1]])) if load.size else local
+    turns: list[tuple[int, int]] = []
+    heading = 0
+    best = highest = lowest = (0, float(load[0]) if load.size else 0.0)
+    for here in zip(candidates.tolist(), load[candidates].tolist(), strict=True):
+        if heading == 0:
+            highest = here if here[1] >= highest[1] else highest
+            lowest = here if here[1] <= lowest[1] else lowest
+            if highest[1] - lowest[1] > least:
+                heading = 1 if highest[0] > lowest[0] else -1
+                best = highest if heading > 0 else lowest
+        elif heading * (here[1] - best[1]) >= 0.0:
+            best = here
+        elif heading * (best[1] - here[1]) > least:
+            turns.append((best[0], heading))
+            heading, best = -heading, here
+    return turns
 
 
 def _vertex(time: _Floats, force: _Floats, at: NDArray[np.intp]) -> tuple[_Floats, _Floats]:

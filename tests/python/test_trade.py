@@ -37,6 +37,7 @@ QUANTITIES = (
     "fast_amplitude",
     "fast_phase",
     "sticks",
+    "first_peak_force",
 )
 
 

@@ -32,7 +32,7 @@ def slip_angle_of_creep(number: Floats) -> Floats:
 
 
 def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
-    """Friction angle at the first slip, creep share and peak force; colours by misalignment."""
+    """Friction angle at the first slip, creep share and first peak force; colours by misalignment."""
     table = table_of(data)
     names = ("mu_0", "normal_load", "velocity", "misalignment_deg", "mass", "stiffness_x")
     mu_0, load, velocity, degrees, mass, stiffness = (table.parameter(name).reshape(-1) for name in names)
@@ -41,7 +41,7 @@ def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
     slope = np.tan(np.radians(degrees))
     slow = velocity < 0.5 * table.parameter("v_f").reshape(-1) if table.has("v_f") else velocity > 0.0
     visible = table.quantity("swing").reshape(-1) > VISIBLE * mu_0 * load
-    creep, peak = table.quantity("creep_share").reshape(-1), table.quantity("peak_force").reshape(-1)
+    creep, peak = table.quantity("creep_share").reshape(-1), table.quantity("first_peak_force").reshape(-1)
     slip = np.degrees(table.quantity("slip_angle").reshape(-1))
 
     figure.set_size_inches(COLUMN_WIDTH, 190.0 * MM)
@@ -86,7 +86,7 @@ def _finish(
     panels[2].set_ylim(-0.03, 1.03)
     panels[2].set_ylabel(r"creep share [1]")
     panels[3].set_yscale("log")
-    panels[3].set_ylabel(r"mean peak / $F_0$ [1]")
+    panels[3].set_ylabel(r"first peak / $F_0$ [1]")
     for i, angle in enumerate(angles):
         if angle > 0.0:
             inertia = 1.0 / (2.0 * ends * np.sin(np.radians(angle)))

@@ -26,8 +26,8 @@ NOTHING = "0.8"
 
 RELATIVE = {
     "swing": ("swing of $k_x u_x$ over $F_0$", "F_0"),
-    "peak_force": ("mean peak of $k_x u_x$ over $F_0$", "F_0"),
-    "valley_force": ("mean valley of $k_x u_x$ over $F_0$", "F_0"),
+    "peak_force": ("mean peak of the load over $F_0$", "F_0"),
+    "valley_force": ("mean valley of the load over $F_0$", "F_0"),
     "sticking_time": ("share of the time at true rest", "t_end"),
 }
 """Quantities that are drawn in units of the static limit F_0 = mu_0 W or of the run's length: label, unit."""

@@ -1,0 +1,346 @@
+!> Stick-slip cycles, and what they are once the motion has settled. The bookkeeping is of fixed size, whatever the run's length.
+!>
+!> The load is the spring force k_x u_x, positive in the direction in which the drive pulls the soft spring, that of V cos(phi).
+!> A cycle goes from a peak of the load over a valley to the next peak, each a turn by more than `threshold` of the limit F_0:
+!> the 1 kHz ripple of dynamic stiction stays far below it. A drive that stands still or reverses breaks off the cycle under way,
+!> and so does a long steady slide.
+!>
+!> Means and scatters are over the later half of the complete cycles: at least two of them if there are two, and at most the last
+!> `kept`. A motion that rings down has none: its swing only shrinks from cycle to cycle, or its last turn is long past.
+module dst_cycles
+  use dst_archive, only: archive_t
+  use dst_kinds, only: wp, int64, pi
+  implicit none
+  private
+
+  public :: cycles_t
+  public :: period, peak, valley, stick_time, slip_time, slip_length, measures
+
+  real(wp), parameter :: threshold = 0.01_wp
+  !> Cycles that are remembered.
+  integer, parameter :: kept = 100
+  !> Swings that shrink to less than this share ring down; one cycle alone has to lose more.
+  real(wp), parameter :: ring_down = 0.9_wp, ring_down_of_one = 0.5_wp
+  !> Growth of a swing that is still taken for none: the ripple moves peaks and valleys a little.
+  real(wp), parameter :: ripple = 0.01_wp
+  !> Cycles from which on shrinking swings are no chance, if there are as many.
+  integer, parameter :: telling = 4
+  !> Lengths of the longest cycle without a turn after which the cycles are over.
+  real(wp), parameter :: patience = 3.0_wp
+  !> A peak this many natural lengths and times, and lengths of the longest cycle, after the last one follows a steady slide.
+  real(wp), parameter :: long = 10.0_wp
+
+  !> What is measured of a cycle: lengths in time [s], loads [N] and the advance in X in the direction of the drive [m].
+  integer, parameter :: period = 1, peak = 2, valley = 3, stick_time = 4, slip_time = 5, slip_length = 6, measures = 6
+  !> Besides: the rise of the load to the next peak [N] and the advance in X from peak to peak [m].
+  integer, parameter :: rise = 7, travel = 8, remembered = 8
+
+  !> A peak or a valley.
+  type :: turn_t
+    real(wp) :: load = 0.0_wp, time = 0.0_wp, position = 0.0_wp
+  contains
+    procedure :: exchange => exchange_turn
+  end type turn_t
+
+  !> The cycles so far.
+  type :: cycles_t
+    !> All complete cycles.
+    integer(int64) :: count = 0
+    !> Whether there has been a peak, and the load there [N].
+    logical :: has_peaked = .false.
+    real(wp) :: first_peak = 0.0_wp
+    !> Period of the free oscillation on the soft spring [s].
+    real(wp) :: natural_time = 0.0_wp
+    !> Of the scene: cos(phi) where the soft spring is pulled; F_0 [N]; the advance that loads the spring up to F_0 [m].
+    real(wp), private :: pulled = 0.0_wp, onset = 0.0_wp, natural_length = 0.0_wp
+    !> Directions of the drive and of its pull, 0 while there is none.
+    integer, private :: drive_side = 0, side = 0
+    !> Whether the load rises (1) or falls (-1) by more than the threshold; 0 while neither is known.
+    integer, private :: heading = 0
+    !> The highest load since it rises, or the lowest since it falls; while neither is known both.
+    type(turn_t), private :: candidate, other_candidate
+    !> Turns of the cycle under way.
+    logical, private :: has_peak = .false., has_valley = .false.
+    type(turn_t), private :: last_peak, last_valley
+    !> Where the object was at the last turn, and is [m].
+    real(wp), private :: turn_position = 0.0_wp, position = 0.0_wp
+    !> Cycles since the last steady slide, and those of them without a break between; whether the next one follows a break.
+    integer(int64), private :: recent = 0, row = 0
+    logical, private :: follows_break = .true.
+    real(wp), private :: cycle(remembered, kept) = 0.0_wp
+  contains
+    procedure :: begin
+    procedure :: pull
+    procedure :: consider
+    procedure :: may_turn
+    procedure :: means
+    procedure :: mean_swing
+    procedure :: exchange
+  end type cycles_t
+
+contains
+
+  !> Begin a motion: cos(phi), 0 if the soft spring is not pulled; F_0 [N], k_x [N/m] and the mass [kg].
+  pure subroutine begin(self, pulled, onset, stiffness, mass)
+    class(cycles_t), intent(inout) :: self
+    real(wp), intent(in) :: pulled, onset, stiffness, mass
+
+    self%pulled = pulled
+    self%onset = onset
+    if (abs(pulled) > 0.0_wp) self%natural_length = onset/(stiffness*abs(pulled))
+    self%natural_time = 2.0_wp*pi*sqrt(mass/stiffness)
+  end subroutine begin
+
+  !> The drive moves in the direction of V [m/s] from here on. Where that changes, a new row of cycles begins.
+  pure subroutine pull(self, velocity, force, time, position)
+    class(cycles_t), intent(inout) :: self
+    real(wp), intent(in) :: velocity
+    real(wp), intent(in) :: force, time, position   !! k_x u_x [N], s, m
+    integer :: side
+
+    side = sign_of(velocity)
+    if (side == self%drive_side) return
+    self%drive_side = side
+    self%side = side*sign_of(self%pulled)
+    self%heading = 0
+    self%candidate = turn_t(real(self%side, wp)*force, time, position)
+    self%other_candidate = self%candidate
+    self%has_peak = .false.
+    self%has_valley = .false.
+    self%turn_position = position
+    self%position = position
+    self%follows_break = .true.
+  end subroutine pull
+
+  pure integer function sign_of(value)
+    real(wp), intent(in) :: value
+
+    sign_of = 0
+    if (value > 0.0_wp) sign_of = 1
+    if (value < 0.0_wp) sign_of = -1
+  end function sign_of
+
+  !> Take in the longitudinal spring force [N] at a time [s] and position X [m].
+  pure subroutine consider(self, force, time, position)
+    class(cycles_t), intent(inout) :: self
+    real(wp), intent(in) :: force, time, position
+    real(wp) :: ahead
+
+    if (self%side == 0) return
+    self%position = position
+    if (self%heading == 0) then
+      call find_heading(self, turn_t(real(self%side, wp)*force, time, position))
+      return
+    end if
+    ahead = real(self%heading, wp)*(real(self%side, wp)*force - self%candidate%load)
+    if (ahead < 0.0_wp) then
+      if (-ahead <= threshold*self%onset) return
+      if (self%heading > 0) then
+        call take_peak(self, self%candidate)
+      else
+        call take_valley(self, self%candidate)
+      end if
+      self%turn_position = self%candidate%position
+      self%heading = -self%heading
+    end if
+    self%candidate = turn_t(real(self%side, wp)*force, time, position)
+  end subroutine consider
+
+  !> Where a row begins there is no turn: wait until the load has risen or fallen.
+  pure subroutine find_heading(self, here)
+    class(cycles_t), intent(inout) :: self
+    type(turn_t), intent(in) :: here
+
+    associate (highest => self%candidate, lowest => self%other_candidate)
+      if (here%load >= highest%load) highest = here
+      if (here%load <= lowest%load) lowest = here
+      if (highest%load - lowest%load <= threshold*self%onset) return
+      self%heading = merge(1, -1, highest%time > lowest%time)
+    end associate
+    if (self%heading < 0) self%candidate = self%other_candidate
+  end subroutine find_heading
+
+  !> Whether a force [N] between two instants, where it stops rising (or falling), may be a peak or a valley.
+  pure logical function may_turn(self, rises, force)
+    class(cycles_t), intent(in) :: self
+    logical, intent(in) :: rises
+    real(wp), intent(in) :: force
+
+    may_turn = self%side /= 0
+    if (.not. may_turn .or. self%heading == 0) return
+    may_turn = (rises .eqv. self%heading*self%side > 0) .and. &
+      real(self%heading, wp)*(real(self%side, wp)*force - self%candidate%load) >= 0.0_wp
+  end function may_turn
+
+  pure subroutine take_peak(self, here)
+    class(cycles_t), intent(inout) :: self
+    type(turn_t), intent(in) :: here
+
+    if (.not. self%has_peaked) self%first_peak = here%load
+    self%has_peaked = .true.
+    if (self%has_peak .and. self%has_valley) then
+      if (has_slid_steadily(self, here)) then
+        self%recent = 0
+        self%follows_break = .true.
+      else
+        call take_cycle(self, here)
+      end if
+    end if
+    self%has_peak = .true.
+    self%has_valley = .false.
+    self%last_peak = here
+  end subroutine take_peak
+
+  pure subroutine take_valley(self, here)
+    class(cycles_t), intent(inout) :: self
+    type(turn_t), intent(in) :: here
+
+    self%has_valley = .true.
+    self%last_valley = here
+  end subroutine take_valley
+
+  !> Whether so long a time has passed since the last peak that the cycles before belong to another motion.
+  pure logical function has_slid_steadily(self, here)
+    class(cycles_t), intent(in) :: self
+    type(turn_t), intent(in) :: here
+    real(wp) :: length
+
+    length = abs(here%position - self%last_peak%position)
+    has_slid_steadily = length > long*self%natural_length .and. here%time - self%last_peak%time > long*self%natural_time
+    if (has_slid_steadily .and. self%recent > 0) has_slid_steadily = length > long*longest(self)
+  end function has_slid_steadily
+
+  !> The cycle that ends with this peak is complete.
+  pure subroutine take_cycle(self, here)
+    class(cycles_t), intent(inout) :: self
+    type(turn_t), intent(in) :: here
+
+    self%count = self%count + 1
+    self%recent = self%recent + 1
+    self%row = merge(1_int64, self%row + 1, self%follows_break)
+    self%follows_break = .false.
+    associate (from => self%last_peak, between => self%last_valley, side => real(self%drive_side, wp))
+      self%cycle(:, place(self%recent)) = [here%time - from%time, from%load, between%load, here%time - between%time, &
+        between%time - from%time, side*(between%position - from%position), here%load - between%load, &
+        abs(here%position - from%position)]
+    end associate
+  end subroutine take_cycle
+
+  !> Where a cycle is kept, by its number since the last steady slide.
+  pure integer function place(number)
+    integer(int64), intent(in) :: number
+
+    place = int(modulo(number - 1, int(kept, int64))) + 1
+  end function place
+
+  !> The places of the last n cycles, the oldest first.
+  pure function last_places(self, n) result(places)
+    class(cycles_t), intent(in) :: self
+    integer, intent(in) :: n
+    integer :: places(n), i
+
+    places = [(place(self%recent - n + i), i=1, n)]
+  end function last_places
+
+  !> The number of cycles that count for the means.
+  pure integer function settled(self)
+    class(cycles_t), intent(in) :: self
+
+    settled = int(min(int(kept, int64), max(min(2_int64, self%recent), self%recent/2)))
+  end function settled
+
+  !> Advance in X of the longest of the cycles that count [m].
+  pure real(wp) function longest(self)
+    class(cycles_t), intent(in) :: self
+
+    longest = maxval(self%cycle(travel, last_places(self, settled(self))))
+  end function longest
+
+  !> Mean and scatter, the standard deviation (n - 1), of all measures, and over how many cycles: none if there is no cycle or the
+  !> motion rings down, and no scatter of one.
+  pure subroutine means(self, n, mean, scatter)
+    class(cycles_t), intent(in) :: self
+    integer, intent(out) :: n
+    real(wp), intent(out) :: mean(measures), scatter(measures)
+    integer :: i
+
+    mean = 0.0_wp
+    scatter = 0.0_wp
+    n = settled(self)
+    if (n > 0) then
+      if (rings_down(self)) n = 0
+    end if
+    if (n == 0) return
+    associate (cycle => self%cycle(:measures, last_places(self, n)))
+      mean = sum(cycle, dim=2)/real(n, wp)
+      if (n == 1) return
+      do i = 1, measures
+        scatter(i) = sqrt(sum((cycle(i, :) - mean(i))**2)/real(n - 1, wp))
+      end do
+    end associate
+  end subroutine means
+
+  !> Whether the cycles die out, or have done so.
+  pure logical function rings_down(self)
+    class(cycles_t), intent(in) :: self
+    real(wp) :: swing(2*kept)
+    integer :: n
+
+    rings_down = self%side /= 0 .and. abs(self%position - self%turn_position) > patience*longest(self)
+    if (rings_down) return
+    n = int(min(int(max(telling, settled(self)), int64), self%recent, self%row))
+    swing = 0.0_wp
+    associate (cycle => self%cycle(:, last_places(self, n)))
+      ! Falls and rises in turn.
+      swing(1:2*n:2) = cycle(peak, :) - cycle(valley, :)
+      swing(2:2*n:2) = cycle(rise, :)
+    end associate
+    rings_down = all(swing(2:2*n) <= (1.0_wp + ripple)*swing(:2*n - 1)) &
+      .and. swing(2*n) < merge(ring_down_of_one, ring_down, n == 1)*swing(1)
+  end function rings_down
+
+  !> Mean swing of the cycles that count [N], whether they last or not; 0 if there are none.
+  pure real(wp) function mean_swing(self)
+    class(cycles_t), intent(in) :: self
+    integer :: n
+
+    n = settled(self)
+    associate (cycle => self%cycle(:, last_places(self, n)))
+      mean_swing = sum(cycle(peak, :) - cycle(valley, :))/real(max(1, n), wp)
+    end associate
+  end function mean_swing
+
+  !> Save or load.
+  subroutine exchange(self, archive)
+    class(cycles_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%count)
+    call archive%exchange(self%has_peaked)
+    call archive%exchange(self%first_peak)
+    call archive%exchange(self%drive_side)
+    call archive%exchange(self%side)
+    call archive%exchange(self%heading)
+    call self%candidate%exchange(archive)
+    call self%other_candidate%exchange(archive)
+    call archive%exchange(self%has_peak)
+    call archive%exchange(self%has_valley)
+    call self%last_peak%exchange(archive)
+    call self%last_valley%exchange(archive)
+    call archive%exchange(self%turn_position)
+    call archive%exchange(self%position)
+    call archive%exchange(self%recent)
+    call archive%exchange(self%row)
+    call archive%exchange(self%follows_break)
+    call archive%exchange(self%cycle)
+  end subroutine exchange
+
+  subroutine exchange_turn(self, archive)
+    class(turn_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call archive%exchange(self%load)
+    call archive%exchange(self%time)
+    call archive%exchange(self%position)
+  end subroutine exchange_turn
+end module dst_cycles
