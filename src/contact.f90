@@ -35,6 +35,8 @@ module dst_contact
     !> Whether v falls to zero, and after what time [s].
     logical :: falls = .false.
     real(wp) :: delay = 0.0_wp
+    !> Whether friction changes little and evenly until then, compared with the force that brakes.
+    logical :: steady = .false.
     !> Highest v until then [m/s].
     real(wp) :: highest = 0.0_wp
   end type braking_t
@@ -196,6 +198,9 @@ contains
       if (course%falls) course%falls = sqrt(discriminant) > course%acceleration .and. &
         (course%acceleration < 0.0_wp .or. course%jerk < 0.0_wp)
       if (course%falls) course%delay = 2.0_wp*v/(sqrt(discriminant) - course%acceleration)
+      associate (change => [abs(slope(1))*v, abs(friction(1) - slope(1)*v - slider%law%onset)])
+        course%steady = change(1) <= 0.1_wp*m*abs(course%acceleration) .and. change(2) <= 0.01_wp*m*abs(course%acceleration)
+      end associate
       course%highest = v
       if (course%falls .and. course%acceleration > 0.0_wp) &
         course%highest = v - 0.5_wp*course%acceleration**2/course%jerk

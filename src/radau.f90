@@ -32,6 +32,9 @@ module dst_radau
   integer, parameter :: max_unknowns = max_stages*max_components
   !> The controller sees no error below this share of the tolerance.
   real(wp), parameter :: least_error = 1.0e-10_wp
+  !> Share of the slip speed that stretches a spring to the static limit from which on its axis is held to its own scale: the
+  !> estimate sees a tenth of an oscillation that a long step erases.
+  real(wp), parameter :: own_share = 0.1_wp
   !> What a turn may cost, in units of rtol.
   real(wp), parameter :: turn_allowance = 5.0_wp
 
@@ -189,7 +192,7 @@ contains
     integer :: iterations
 
     self%step = step
-    own_speed = system%spring_speed(from%u)
+    own_speed = own_share*system%spring_speed(from%u)
     call self%use_own_grid()
     associate (s => self%method%stages, n => system%components)
       call predict(self, s, n, from, self%y)

@@ -685,7 +685,7 @@ contains
       if (.not. passed) return
       course = braking(self%slider, drive, self%now)
       to = end_of_slip(self%slider, drive, self%now, course)
-      falls = course%falls .and. course%highest <= cut .and. course%delay <= self%now%until(horizon) &
+      falls = course%falls .and. course%steady .and. course%highest <= cut .and. course%delay <= self%now%until(horizon) &
         .and. (self%stepper%explicit .or. course%acceleration < 0.0_wp)
       negligible = v <= negligible_share*cut
       at_knot = .not. self%now%time > drive%start
