@@ -41,7 +41,7 @@ WEIGHTS = {"runge_kutta_tableaux.f90": 0.1}
 # More mutants of one statement tell little more.
 MOST_PER_STATEMENT = 2
 
-UNIT_TESTS = "collocation models stability creep giving_up moreau_jean radau runge_kutta trajectory".split()
+UNIT_TESTS = "collocation models stability creep giving_up moreau_jean radau resume runge_kutta trajectory".split()
 # Of each file the tests that take less than a second or so; the others are in the wide suite.
 QUICK = {
     "test_creep": "", "test_stability": "", "test_lanes": "", "test_stick_slip": "",
