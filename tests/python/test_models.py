@@ -223,6 +223,13 @@ def test_mirrored_load_and_drive() -> None:
     other = run("high_frequency", system={"misalignment_deg": -1.0})
     np.testing.assert_array_equal(other["w_y"], -result["w_y"])
     np.testing.assert_array_equal(other["w_x"], result["w_x"])
+    # An object that moves at the start moves to the side of the drive.
+    moving = [
+        run("high_frequency", system={"misalignment_deg": angle}, initial={"velocity_ratio": 1.0})
+        for angle in (30.0, -30.0)
+    ]
+    assert moving[0]["w_y"][0] > 0.0
+    np.testing.assert_array_equal(moving[1]["w_y"], -moving[0]["w_y"])
     # Load and drive in opposite directions, seen from the other side.
     other = run("high_frequency", system={"misalignment_deg": 1.0}, initial={"elongation_x": -1e-3})
     np.testing.assert_allclose(other["w_y"], result["w_y"], atol=1e-12)
