@@ -1,10 +1,10 @@
 """Do the tests notice small changes of the core? Builds it with many mutants in one program and runs the tests on each.
 
-    python tests/mutation/mutate.py [--count 300] [--seed 1] [--suite unit|quick|wide] [--modules NAME ...]
+    python tests/mutation/mutate.py [--count 300] [--seed 1] [--rounds small|medium|large] [--modules NAME ...]
 
 A mutant is killed when a test fails, crashes or does not end; it survives when all pass. What survives must be listed in
 equivalent.csv, with the reason why no test can or need tell it from the original. Results are in build/mutation/results.csv;
---survivors repeats only those that survived the last time, --mutants those with the given numbers. The last line is
+--survivors leaves out those that were killed before, --mutants takes those with the given numbers. The last line is
 "N passed, M failed": passed is killed or listed. Needs meson, ninja and pytest on PATH, as in .venv; see docs/testing.md.
 """
 
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import json
 import os
 import re
 import signal
@@ -21,7 +22,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from schemata import Mutant, Source, instrumented, read_source
+from schemata import Key, Mutant, Source, instrumented, read_source
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
@@ -30,28 +31,43 @@ TREE = FOLDER / "tree"
 BUILD = FOLDER / "build"
 PREFIX = FOLDER / "prefix"
 RESULTS = FOLDER / "results.csv"
+REJECTED = FOLDER / "rejected.json"
 EQUIVALENT = HERE / "equivalent.csv"
 
 # Physics, numerics, motion, results. Deck, files and sweeps have their own proofs (fuzzing, damaged files, kills).
-MODULES = """friction slider drive contact full_model low_frequency straight_slip slip_system stepper trajectory radau newton_kernels
-newton_kernel.inc gauss_jordan.inc collocation interpolation bernstein runge_kutta runge_kutta_tableaux moreau_jean linear_solve creep
-creep_motion stability observables summary lanes model_choice simulation""".split()  # fmt: skip
+FILES = [
+    "friction.f90", "slider.f90", "drive.f90", "contact.f90", "full_model.f90", "low_frequency.f90", "straight_slip.f90",
+    "slip_system.f90", "stepper.f90", "trajectory.f90", "radau.f90", "newton_kernels.f90", "newton_kernel.inc",
+    "gauss_jordan.inc", "collocation.f90", "interpolation.f90", "bernstein.f90", "runge_kutta.f90",
+    "runge_kutta_tableaux.f90", "moreau_jean.f90", "linear_solve.f90", "creep.f90", "creep_motion.f90", "stability.f90",
+    "observables.f90", "summary.f90", "lanes.f90", "model_choice.f90", "simulation.f90",
+]  # fmt: skip
 # Tables of coefficients would otherwise be a quarter of all mutants.
 WEIGHTS = {"runge_kutta_tableaux.f90": 0.1}
 # More mutants of one statement tell little more.
 MOST_PER_STATEMENT = 2
 
-UNIT_TESTS = "collocation models stability creep giving_up moreau_jean radau resume runge_kutta trajectory".split()
-# Of each file the tests that take less than a second or so; the others are in the wide suite.
-QUICK = {
-    "test_creep": "", "test_stability": "", "test_lanes": "", "test_stick_slip": "",
-    "test_python_api": "not leak and not threads", "test_models": "not profiles and not methods_agree",
-    "test_references": "not number_of_sticks", "test_simulation": "not bar",
+# Three rounds of tests, each slower than the one before: only what survives a round is tried in the next. With pytest's -k.
+ROUNDS = {
+    "small": {
+        "collocation": "", "models": "", "stability": "", "creep": "", "giving_up": "", "moreau_jean": "", "radau": "",
+        "resume": "", "runge_kutta": "", "test_columns": "", "test_creep": "", "test_lanes": "",
+        "test_models": "not profiles and not methods_agree",
+    },
+    "medium": {
+        "trajectory": "", "test_stability": "", "test_stick_slip": "", "test_python_api": "not leak and not threads",
+        "test_references": "not number_of_sticks", "test_simulation": "not bar",
+        "test_model_choice": "not error_stays_below_accuracy",
+    },
+    "large": {
+        "test_models": "", "test_references": "", "test_model_choice": "", "test_kinds": "", "test_scene": "",
+        "test_decks": "", "test_checkpoint": "", "test_sweep": "", "test_sweep_points": "", "test_sweep_python": "",
+        "test_trade": "", "test_maps": "", "test_validate_creep": "", "test_handover": "", "../extremes": "",
+    },
 }  # fmt: skip
-WIDE = """test_models test_references test_python_api test_model_choice test_kinds test_scene test_decks test_checkpoint test_sweep
-test_sweep_points test_sweep_python test_trade test_maps test_paper test_validate_creep test_handover test_spectrum ../extremes""".split()
 
-FIELDS = ["number", "file", "line", "procedure", "original", "mutated", "occurrence", "verdict", "killed_by", "seconds"]
+FIELDS = ["number", "file", "line", "procedure", "original", "mutated", "occurrence", "verdict", "killed_by",
+          "seconds"]  # fmt: skip
 
 
 @dataclass
@@ -66,8 +82,9 @@ class Check:
 
 
 def sources() -> list[Source]:
-    names = [name if name.endswith(".inc") else f"{name}.f90" for name in MODULES]
-    return [read_source(name, (CHECKOUT / "src" / name).read_text()) for name in names if (CHECKOUT / "src" / name).exists()]
+    """All files that there are; one that is merged with another leaves no gap here."""
+    paths = [CHECKOUT / "src" / name for name in FILES]
+    return [read_source(path.name, path.read_text()) for path in paths if path.exists()]
 
 
 def choose(all_sources: list[Source], count: int, seed: int, modules: list[str]) -> dict[int, Mutant]:
@@ -78,33 +95,27 @@ def choose(all_sources: list[Source], count: int, seed: int, modules: list[str])
     ranked = sorted(
         (mutant for mutant in everything if not modules or Path(mutant.file).stem in modules),
         key=lambda mutant: mutant.rank(seed, WEIGHTS.get(mutant.file, 1.0)), reverse=True)  # fmt: skip
+    refused = rejected()
     chosen: dict[int, Mutant] = {}
     per_statement: dict[tuple[str, int], int] = {}
     for mutant in ranked:
         place = (mutant.file, mutant.line)
         if len(chosen) == count:
             break
-        if per_statement.get(place, 0) < MOST_PER_STATEMENT and mutant.key not in rejected():
+        if per_statement.get(place, 0) < MOST_PER_STATEMENT and mutant.key not in refused:
             per_statement[place] = per_statement.get(place, 0) + 1
             mutant.number = len(chosen) + 1
             chosen[mutant.number] = mutant
     return chosen
 
 
-_rejected: set[tuple] = set()
-
-
-def rejected() -> set[tuple]:
+def rejected() -> set[Key]:
     """Mutants that the compiler has refused, in this and earlier builds."""
-    path = FOLDER / "rejected.txt"
-    if not _rejected and path.exists():
-        _rejected.update(eval(line) for line in path.read_text().splitlines())  # noqa: S307
-    return _rejected
+    return {(*key,) for key in json.loads(REJECTED.read_text())} if REJECTED.exists() else set()
 
 
 def reject(mutants: list[Mutant]) -> None:
-    rejected().update(mutant.key for mutant in mutants)
-    (FOLDER / "rejected.txt").write_text("".join(f"{key!r}\n" for key in sorted(rejected())))
+    REJECTED.write_text(json.dumps(sorted(rejected() | {mutant.key for mutant in mutants}), indent=1))
 
 
 def put(path: Path, text: str) -> None:
@@ -120,13 +131,19 @@ def copy_tree() -> None:
         origin = CHECKOUT / name
         for path in [origin] if origin.is_file() else [path for path in origin.rglob("*") if path.is_file()]:
             relative = path.relative_to(CHECKOUT)
-            if "__pycache__" in relative.parts or (relative.parts[0] == "src" and path.suffix in (".f90", ".inc")):
+            if "__pycache__" in relative.parts or (
+                relative.parts[0] == "src" and path.suffix in (".f90", ".inc")
+            ):
                 continue
             text = path.read_text()
             if path.name == "meson.build":
                 text = re.sub(r"subdir\('(tests/fuzz|tests/threads|bench)'\)", "", text)
-                text = text.replace("core_sources, precision,", "core_sources, precision, 'mutant.f90', 'mutant.c',", 1)
-                text = text.replace("link_with: test_tools)", "link_with: test_tools, link_language: 'fortran')")
+                text = text.replace(
+                    "core_sources, precision,", "core_sources, precision, 'mutant.f90', 'mutant.c',", 1
+                )
+                text = text.replace(
+                    "link_with: test_tools)", "link_with: test_tools, link_language: 'fortran')"
+                )
             put(TREE / relative, text)
     for name in ("mutant.f90", "mutant.c"):
         put(TREE / "src" / name, (HERE / name).read_text())
@@ -143,7 +160,9 @@ def write_sources(all_sources: list[Source], chosen: dict[int, Mutant]) -> dict[
     return places
 
 
-def build(all_sources: list[Source], count: int, seed: int, modules: list[str], python: bool) -> dict[int, Mutant]:
+def build(
+    all_sources: list[Source], count: int, seed: int, modules: list[str], jobs: int
+) -> dict[int, Mutant]:
     """Build with the chosen mutants; those that the compiler refuses are replaced by others."""
     while True:
         chosen = choose(all_sources, count, seed, modules)
@@ -151,16 +170,18 @@ def build(all_sources: list[Source], count: int, seed: int, modules: list[str], 
         places = write_sources(all_sources, chosen)
         if not (BUILD / "build.ninja").exists():
             subprocess.run(["meson", "setup", BUILD, TREE, f"--prefix={PREFIX}", "-Dpython.install_env=prefix", "-Doptimization=1",
-                            "-Ddebug=false", f"-Dpython={str(python).lower()}", "-Dfortran_args=-ffree-line-length-none -w"],
+                            "-Ddebug=false", "-Dfortran_args=-ffree-line-length-none -w"],
                            check=True, stdout=subprocess.DEVNULL)  # fmt: skip
-        elif python:
-            subprocess.run(["meson", "configure", BUILD, "-Dpython=true"], check=True, stdout=subprocess.DEVNULL)
-        done = subprocess.run(["ninja", "-C", BUILD, "-k", "0", "-j", str(JOBS)], text=True, capture_output=True, check=False)
+        done = subprocess.run(
+            ["ninja", "-C", BUILD, "-k", "0", "-j", str(jobs)], text=True, capture_output=True, check=False
+        )
         if done.returncode == 0:
             break
         refused = {
             number
-            for name, line in re.findall(r"([\w.]+\.(?:f90|inc)):(\d+):\d+:\n(?:.*\n){0,6}?Error:", done.stdout)
+            for name, line in re.findall(
+                r"([\w.]+\.(?:f90|inc)):(\d+):\d+:\n(?:.*\n){0,6}?Error:", done.stdout
+            )
             for number in places.get(name, {}).get(int(line), [])
         }
         if not refused:
@@ -169,20 +190,21 @@ def build(all_sources: list[Source], count: int, seed: int, modules: list[str], 
         for number in sorted(refused):
             print(f"    {chosen[number].original} -> {chosen[number].mutated}", flush=True)
         reject([chosen[number] for number in refused])
-    if python:
-        subprocess.run(["meson", "install", "-C", BUILD, "--quiet", "--no-rebuild"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        ["meson", "install", "-C", BUILD, "--quiet", "--no-rebuild"], check=True, stdout=subprocess.DEVNULL
+    )
     return chosen
 
 
-def checks_of(suite: str) -> list[Check]:
-    checks = [Check(f"unit {name}", [str(BUILD / "tests" / "unit" / f"test_{name}")]) for name in UNIT_TESTS]
-    pytest = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not full"]
-    for name, selection in QUICK.items() if suite != "unit" else ():
-        path = CHECKOUT / "tests" / "python" / f"{name}.py"
-        checks.append(Check(name, [*pytest, str(path), *(["-k", selection] if selection else [])]))
-    for name in WIDE if suite == "wide" else ():
-        path = (CHECKOUT / "tests" / "python" / (f"{name}.py" if name.startswith("test_") else name)).resolve()
-        checks.append(Check(f"all of {path.stem}", [*pytest, str(path)]))
+def checks_of(name: str) -> list[Check]:
+    checks = []
+    for test, selection in ROUNDS[name].items():
+        command = [str(BUILD / "tests" / "unit" / f"test_{test}")]
+        if not (CHECKOUT / "tests" / "unit" / f"test_{test}.f90").exists():
+            path = (CHECKOUT / "tests" / "python" / (f"{test}.py" if "/" not in test else test)).resolve()
+            command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", str(path)]
+            command += ["-m", "not full", *(["-k", selection] if selection else [])]
+        checks.append(Check(test.removeprefix("../"), command))
     return checks
 
 
@@ -221,8 +243,11 @@ def prepare(checks: list[Check]) -> None:
 
 def verdict_of(mutant: Mutant, checks: list[Check]) -> tuple[str, str]:
     """The checks that reach it, in the order in which they are likely to kill soon: those of the same file, and fast ones, first."""
+
     def promise(check: Check) -> float:
-        return (0.2 + check.kills.get(mutant.file, 0) + 0.1 * sum(check.kills.values())) / max(check.seconds, 0.01)
+        return (0.2 + check.kills.get(mutant.file, 0) + 0.1 * sum(check.kills.values())) / max(
+            check.seconds, 0.01
+        )
 
     reaching = [check for check in checks if mutant.number in check.reaches]
     for check in sorted(reaching, key=promise, reverse=True):
@@ -233,14 +258,36 @@ def verdict_of(mutant: Mutant, checks: list[Check]) -> tuple[str, str]:
     return "survived", "" if reaching else "not reached"
 
 
-def read_table(path: Path) -> dict[tuple, dict[str, str]]:
+def is_killed(mutant: Mutant, checks: list[Check], results: dict[Key, dict[str, str]]) -> bool:
+    """Note what becomes of it. What is listed as equivalent is not tried."""
+    start = time.monotonic()
+    verdict, by = ("listed", "") if mutant.key in read_table(EQUIVALENT) else verdict_of(mutant, checks)
+    seconds = round(time.monotonic() - start, 1)
+    row = (
+        mutant.number,
+        mutant.file,
+        mutant.line,
+        mutant.procedure,
+        mutant.original,
+        mutant.mutated,
+        mutant.occurrence,
+    )
+    results[mutant.key] = dict(zip(FIELDS, map(str, (*row, verdict, by, seconds)), strict=True))
+    write_results(results)
+    return verdict == "killed"
+
+
+def read_table(path: Path) -> dict[Key, dict[str, str]]:
     if not path.exists():
         return {}
     with path.open(newline="") as file:
-        return {(row["file"], row["procedure"], row["original"], row["mutated"], int(row["occurrence"])): row for row in csv.DictReader(file)}
+        return {
+            (row["file"], row["procedure"], row["original"], row["mutated"], int(row["occurrence"])): row
+            for row in csv.DictReader(file)
+        }
 
 
-def write_results(rows: dict[tuple, dict[str, str]]) -> None:
+def write_results(rows: dict[Key, dict[str, str]]) -> None:
     with RESULTS.open("w", newline="") as file:
         table = csv.DictWriter(file, FIELDS)
         table.writeheader()
@@ -248,46 +295,54 @@ def write_results(rows: dict[tuple, dict[str, str]]) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--suite", choices=["unit", "quick", "wide"], default="quick")
+    parser.add_argument("--rounds", choices=list(ROUNDS), default="medium", help="the last round of tests")
     parser.add_argument("--modules", nargs="+", default=[])
-    parser.add_argument("--survivors", action="store_true", help="only those that survived the last time and are not listed")
+    parser.add_argument(
+        "--survivors", action="store_true", help="only those that have not been killed before"
+    )
     parser.add_argument("--mutants", type=int, nargs="+", help="only these numbers")
     parser.add_argument("--jobs", type=int, default=1, help="processes of the compiler")
     parser.add_argument("--build-only", action="store_true")
     options = parser.parse_args()
-    global JOBS  # noqa: PLW0603
-    JOBS = options.jobs
 
     FOLDER.mkdir(parents=True, exist_ok=True)
     all_sources = sources()
     total = sum(len(found) for source in all_sources for found in source.mutants.values())
-    chosen = build(all_sources, options.count, options.seed, options.modules, options.suite != "unit")
-    print(f"{len(chosen)} of {total} mutants in {len({mutant.file for mutant in chosen.values()})} files", flush=True)
+    chosen = build(
+        all_sources, options.count, options.seed, options.modules, options.suite != "unit", options.jobs
+    )
+    print(
+        f"{len(chosen)} of {total} mutants in {len({mutant.file for mutant in chosen.values()})} files",
+        flush=True,
+    )
     if options.build_only:
         return 0
-    checks = checks_of(options.suite)
-    prepare(checks)
-    equivalent, results = read_table(EQUIVALENT), read_table(RESULTS)
-    failed = 0
-    tried = [mutant for mutant in chosen.values()
-             if (not options.mutants or mutant.number in options.mutants)
-             and (not options.survivors or (mutant.key not in equivalent and results.get(mutant.key, {}).get("verdict") != "killed"))]  # fmt: skip
-    for mutant in tried:
-        start = time.monotonic()
-        verdict, by = ("listed", "") if mutant.key in equivalent else verdict_of(mutant, checks)
-        results[mutant.key] = dict(zip(FIELDS, map(str, (mutant.number, mutant.file, mutant.line, mutant.procedure, mutant.original,
-                                   mutant.mutated, mutant.occurrence, verdict, by, round(time.monotonic() - start, 1))), strict=True))  # fmt: skip
-        write_results(results)
-        if verdict == "survived":
-            failed += 1
-            print(f"{mutant.number}: {mutant.file}:{mutant.line} {mutant.procedure}\n    {mutant.original}\n    {mutant.mutated or '(deleted)'}", flush=True)
-    print(f"{len(tried) - failed} passed, {failed} failed")
+    results = read_table(RESULTS)
+    tried = [
+        mutant
+        for mutant in chosen.values()
+        if (not options.mutants or mutant.number in options.mutants)
+        and not (options.survivors and results.get(mutant.key, {}).get("verdict") == "killed")
+    ]
+    alive = tried
+    rounds = list(ROUNDS)
+    for name in rounds[: rounds.index(options.rounds) + 1]:
+        checks = checks_of(name)
+        print(f"{name} round, {len(alive)} mutants", flush=True)
+        prepare(checks)
+        alive = [mutant for mutant in alive if not is_killed(mutant, checks, results)]
+    failed = [mutant for mutant in alive if mutant.key not in read_table(EQUIVALENT)]
+    for mutant in failed:
+        print(f"{mutant.number}: {mutant.file}:{mutant.line} {mutant.procedure}")
+        print(f"    {mutant.original}\n    {mutant.mutated or '(deleted)'}")
+    print(f"{len(tried) - len(failed)} passed, {len(failed)} failed")
     return 1 if failed else 0
 
 
-JOBS = 1
 if __name__ == "__main__":
     sys.exit(main())

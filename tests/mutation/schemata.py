@@ -24,11 +24,26 @@ ASSIGNMENT = re.compile(r"^[a-z]\w*(?:\([^=]*\))?(?:%\w+(?:\([^=]*\))?)*\s*=(?![
 KEYWORDS = ("if", "else", "do", "end", "select", "case", "call", "where", "associate", "type", "class", "use", "allocate", "write",
             "read", "deallocate", "open", "close", "print", "inquire", "forall", "block", "interface", "import")  # fmt: skip
 # Functions whose integer arguments are numbers, not dimensions or kinds.
-NUMERIC = frozenset("abs acos asin atan2 cos exp log max maxval merge min minval mod modulo nint product real sign sin sqrt sum tan".split())
-INTEGERS = frozenset("i j k l m n s axis first last degree stages column segment size".split())
-RELATIONS = {"<": ("<=", ">="), "<=": ("<", ">"), ">": (">=", "<="), ">=": (">", "<"), "==": ("/=",), "/=": ("==",)}
+NUMERIC = frozenset(
+    ("abs", "acos", "asin", "atan2", "cos", "exp", "log", "max", "maxval", "merge", "min", "minval", "mod", "modulo", "nint",
+     "product", "real", "sign", "sin", "sqrt", "sum", "tan")
+)  # fmt: skip
+INTEGERS = frozenset(
+    ("i", "j", "k", "l", "m", "n", "s", "axis", "first", "last", "degree", "stages", "column", "segment", "size")
+)  # fmt: skip
+RELATIONS = {
+    "<": ("<=", ">="),
+    "<=": ("<", ">"),
+    ">": (">=", "<="),
+    ">=": (">", "<"),
+    "==": ("/=",),
+    "/=": ("==",),
+}
 SWAPS = {"+": "-", "-": "+", "*": "/", "/": "*", ".and.": ".or.", ".or.": ".and.", "min": "max", "max": "min",
          ".true.": ".false.", ".false.": ".true."}  # fmt: skip
+
+
+Key = tuple[str, str, str, str, int]
 
 
 @dataclass
@@ -45,7 +60,7 @@ class Mutant:
     number: int = 0
 
     @property
-    def key(self) -> tuple[str, str, str, str, int]:
+    def key(self) -> Key:
         """What names the mutant, whatever else changes in the file."""
         return (self.file, self.procedure, self.original, self.mutated, self.occurrence)
 
@@ -115,7 +130,9 @@ def read_source(name: str, text: str) -> Source:
         for part, mutated in mutations(statement.text):
             key = (statement.procedure, statement.text, mutated)
             seen[key] = seen.get(key, -1) + 1
-            found.append(Mutant(name, statement.line, statement.procedure, statement.text, mutated, part, seen[key]))
+            found.append(
+                Mutant(name, statement.line, statement.procedure, statement.text, mutated, part, seen[key])
+            )
         if found and statement.procedure:
             source.mutants[i] = found
     return source
@@ -165,16 +182,19 @@ def mutations(text: str) -> Iterator[tuple[str, str]]:
         yield "statement", ""
         return
     assigned = ASSIGNMENT.match(text)
-    if not assigned or re.match(r"(?:%s)\b" % "|".join(KEYWORDS), text) or text.split("=")[0].count("(") != text.split("=")[0].count(")"):
+    if not assigned or re.match(r"\w+", text)[0] in KEYWORDS:  # type: ignore[index]
         return
     value = assigned[1]
     left = text[: -len(value)]
+    if left.count("(") != left.count(")"):
+        return
     yield "statement", ""
     for changed in changes(value):
         yield "statement", left + changed
     tokens = TOKEN.findall(value)
     logical = any(token in RELATIONS or token.startswith((".", "'", '"')) for token in tokens)
-    if not logical and (any(token in "+-*/" for token in tokens) or "_wp" in value) and not re.match(r"-?[\d.e]+(_wp)?$|\[|\w+_t\(", value):
+    reckoned = any(token in "+-*/" for token in tokens) or "_wp" in value
+    if reckoned and not logical and not re.match(r"-?[\d.e]+(_wp)?$|\[|\w+_t\(", value):
         yield "statement", f"{left}-({value})"
 
 
@@ -230,13 +250,19 @@ def subscripts(tokens: list[str]) -> set[int]:
             opened.append(k)
         elif token in ")]":
             first = opened.pop()
-            name = tokens[first - 1] if first and tokens[first] == "(" and re.match(r"[a-zA-Z]", tokens[first - 1]) else ""
+            name = (
+                tokens[first - 1]
+                if first and tokens[first] == "(" and re.match(r"[a-zA-Z]", tokens[first - 1])
+                else ""
+            )
             if not name or (name in NUMERIC and tokens[max(first - 2, 0)] != "%"):
                 continue
             inside = tokens[first + 1 : k]
             names = [token for token in inside if re.match(r"[a-zA-Z]", token)]
-            if ":" in inside or any(re.match(r"\d+$", token) for token in inside) or all(
-                token in INTEGERS or token.startswith("column_") for token in names
+            if (
+                ":" in inside
+                or any(re.match(r"\d+$", token) for token in inside)
+                or all(token in INTEGERS or token.startswith("column_") for token in names)
             ):
                 fixed.update(range(first + 1, k))
     return fixed
