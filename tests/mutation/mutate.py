@@ -314,7 +314,7 @@ def main() -> int:
     all_sources = sources()
     total = sum(len(found) for source in all_sources for found in source.mutants.values())
     chosen = build(
-        all_sources, options.count, options.seed, options.modules, options.suite != "unit", options.jobs
+        all_sources, options.count, options.seed, options.modules, options.jobs
     )
     print(
         f"{len(chosen)} of {total} mutants in {len({mutant.file for mutant in chosen.values()})} files",
