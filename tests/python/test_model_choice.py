@@ -126,6 +126,60 @@ def test_stiffer_springs_need_less() -> None:
     assert ds.run(deck(scene, "auto", 2.6, "accuracy=1e-2")).attributes["model"] == "low_frequency"
 
 
+# What a unit of length, time and mass is in these scenes. Powers of two: not one bit of a ratio changes.
+UNITS = [(2.0**10, 1.0, 1.0), (1.0, 2.0**-6, 1.0), (1.0, 1.0, 2.0**12), (2.0**-20, 2.0**8, 2.0**3)]
+
+
+@pytest.mark.parametrize(("length", "time", "mass"), UNITS)
+@pytest.mark.parametrize(
+    ("quantities", "accuracy", "lengths", "change"),
+    [
+        ("creep", 1e-1, 0.6, {}),
+        ("creep", 5e-2, 0.95, {"misalignment_deg": 4.0}),
+        ("creep", 3e-2, 0.95, {"misalignment_deg": 5.0}),
+        ("creep", 1e-9, 0.5, {"mass": 2.0, "velocity": 4e-3}),
+        ("stick_slip", 3e-2, 5.0, {}),
+        ("stick_slip", 1e-6, 5.0, {"mu_inf": 0.17}),
+    ],
+    ids=str,
+)
+def test_the_choice_depends_on_ratios_only(
+    quantities: str,
+    accuracy: float,
+    lengths: float,
+    change: dict[str, float],
+    length: float,
+    time: float,
+    mass: float,
+) -> None:
+    """Model and estimated error are the same in all units and for the mirrored scene."""
+    scene = FIG3 | change
+    velocity, force = length / time, mass * length / time**2
+    t_end = lengths * scene["mu_0"] * 10.0 / scene["stiffness_x"] / scene["velocity"]
+
+    def choice(angle: float, to: tuple[float, float, float, float, float]) -> str:
+        m, s, k, v, f = to
+        result = ds.run(
+            deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}"),
+            scene={"t_end": t_end * s},
+            system={
+                "mass": scene["mass"] * m,
+                "stiffness_x": scene["stiffness_x"] * k,
+                "stiffness_y": scene["stiffness_y"] * k,
+                "misalignment_deg": angle,
+            },
+            friction={"v_f": scene["v_f"] * v, "normal_load": 10.0 * f},
+            drive={"velocity": scene["velocity"] * v},
+            output={"interval": t_end / 10 * s},
+        )
+        return str(result.attributes["model_choice"])
+
+    angle = scene["misalignment_deg"]
+    plain = choice(angle, (1.0, 1.0, 1.0, 1.0, 1.0))
+    assert choice(angle, (mass, time, mass / time**2, velocity, force)) == plain
+    assert choice(-angle, (1.0, 1.0, 1.0, 1.0, 1.0)) == plain
+
+
 @pytest.mark.parametrize(
     "groups",
     [
