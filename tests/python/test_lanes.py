@@ -132,6 +132,14 @@ def test_what_it_cannot_do_is_a_row(values, code, words):
     assert np.isfinite(found["final_u_x"][1])
 
 
+@pytest.mark.filterwarnings("ignore::dynstiction.errors.IncompleteWarning")
+def test_a_limit_of_steps_is_that_many_steps():
+    needed = int(sweep({"system.misalignment_deg": [1.0]})["steps"].values[0])
+    found = sweep({"integrator.max_steps": [1.0, 2.0, 7.0, needed - 1.0, float(needed)]})
+    assert list(found["steps"]) == [1, 2, 7, needed - 1, needed]
+    assert list(found["result_code"]) == [42, 42, 42, 42, 0]
+
+
 @pytest.mark.parametrize(
     ("groups", "words"),
     [
