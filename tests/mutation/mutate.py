@@ -15,6 +15,7 @@ import csv
 import json
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -208,21 +209,24 @@ def checks_of(name: str) -> list[Check]:
     return checks
 
 
-def run(check: Check, mutant: int, limit: float, reached: Path | None = None) -> str:
-    """'' when all passed, else what failed."""
+def run(check: Check, mutant: int, limit: int, reached: Path | None = None) -> str:
+    """'' when all passed, else what failed. The limit is of processor time [s]: other programs may be busy."""
     environment = {**os.environ, "DYNSTICTION_MUTANT": str(mutant), "DYNSTICTION_EXE": str(BUILD / "src" / "dynstiction"),
                    "PYTHONPATH": str(next(PREFIX.glob("lib/python*/site-packages"), "")), "OMP_NUM_THREADS": "1",
                    "PYTHONDONTWRITEBYTECODE": "1", **({"DYNSTICTION_MUTANTS_REACHED": str(reached)} if reached else {})}  # fmt: skip
-    with subprocess.Popen(check.command, cwd=FOLDER, env=environment, text=True, errors="replace", stdout=subprocess.PIPE,
+    limited = ["sh", "-c", 'ulimit -t "$0" && exec "$@"', str(limit), *check.command]
+    with subprocess.Popen(limited, cwd=FOLDER, env=environment, text=True, errors="replace", stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, start_new_session=True) as process:  # fmt: skip
         try:
-            output, _ = process.communicate(timeout=limit)
+            output, _ = process.communicate(timeout=20 * limit)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
             return "no end"
     if process.returncode == 0:
         return ""
+    if process.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        return "no end"
     failed = re.search(r"^(?:FAILED:? |ERROR )(.*)$", output, re.MULTILINE)
     return failed[1][:100] if failed else f"exit status {process.returncode}"
 
@@ -232,9 +236,10 @@ def prepare(checks: list[Check]) -> None:
     for check in checks:
         reached = FOLDER / "reached.txt"
         reached.unlink(missing_ok=True)
-        start = time.monotonic()
-        failure = run(check, 0, 900.0, reached)
-        check.seconds = time.monotonic() - start
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        failure = run(check, 0, 900, reached)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        check.seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         check.reaches = frozenset(map(int, reached.read_text().split())) if reached.exists() else frozenset()
         print(f"  {check.name}: {check.seconds:.1f} s, reaches {len(check.reaches)} mutants", flush=True)
         if failure:
@@ -251,7 +256,7 @@ def verdict_of(mutant: Mutant, checks: list[Check]) -> tuple[str, str]:
 
     reaching = [check for check in checks if mutant.number in check.reaches]
     for check in sorted(reaching, key=promise, reverse=True):
-        failure = run(check, mutant.number, 3.0 * check.seconds + 5.0)
+        failure = run(check, mutant.number, int(3.0 * check.seconds + 5.0))
         if failure:
             check.kills[mutant.file] = check.kills.get(mutant.file, 0) + 1
             return "killed", f"{check.name}: {failure}"
@@ -313,9 +318,7 @@ def main() -> int:
     FOLDER.mkdir(parents=True, exist_ok=True)
     all_sources = sources()
     total = sum(len(found) for source in all_sources for found in source.mutants.values())
-    chosen = build(
-        all_sources, options.count, options.seed, options.modules, options.jobs
-    )
+    chosen = build(all_sources, options.count, options.seed, options.modules, options.jobs)
     print(
         f"{len(chosen)} of {total} mutants in {len({mutant.file for mutant in chosen.values()})} files",
         flush=True,
