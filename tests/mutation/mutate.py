@@ -52,7 +52,7 @@ MOST_PER_STATEMENT = 2
 ROUNDS = {
     "small": {
         "collocation": "", "models": "", "stability": "", "creep": "", "giving_up": "", "moreau_jean": "", "radau": "",
-        "resume": "", "runge_kutta": "", "test_columns": "", "test_creep": "", "test_lanes": "",
+        "resume": "", "runge_kutta": "", "test_columns": "", "test_summary_values": "", "test_creep": "", "test_lanes": "",
         "test_models": "not profiles and not methods_agree",
     },
     "medium": {

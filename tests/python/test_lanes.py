@@ -97,6 +97,11 @@ def test_random_scenes_agree_with_radau():
     error = np.abs(found["final_u_x"].values - exact["final_u_x"].values) / length
     assert np.median(error) < 1e-8
     assert error.max() < 1e-3
+    # X starts at 0 - u.e, and is as exact as u is.
+    travel = np.abs(values["drive.velocity"]) * values["scene.t_end"]
+    apart = np.abs(found["final_X"].values - exact["final_X"].values) / (length + travel)
+    assert np.median(apart) < 1e-8
+    assert apart.max() < 1e-3
     assert np.abs(found["energy_residual"]).max() < 1e-4
 
 
