@@ -1,5 +1,6 @@
 """`model = 'auto'`: which model it is, why, and that its error stays below `accuracy`."""
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -108,6 +109,7 @@ def test_error_stays_below_accuracy(change: dict[str, float]) -> None:
         ("creep", 5e-2, 0.95, 4.0, "creep"),
         ("creep", 3e-2, 0.95, 5.0, "low_frequency"),
         ("creep", 1e-9, 0.5, 1.0, "full"),
+        ("creep", 3e-1, 5.0, 1.0, "full"),
         ("stick_slip", 3e-2, 5.0, 1.0, "low_frequency"),
         ("stick_slip", 1e-3, 5.0, 1.0, "full"),
         ("high_frequency", 1e-1, 0.5, 1.0, "full"),
@@ -181,28 +183,51 @@ def test_the_choice_depends_on_ratios_only(
 
 
 @pytest.mark.parametrize(
-    "groups",
+    ("groups", "reason"),
     [
-        {"friction": {"contact": "smoothed", "v_smooth": 1e-7}},
-        {"drive": {"time": [0.0, 1.0], "velocity": [1e-3, 2e-3]}},
-        {"drive": {"velocity": 0.0}},
-        {"initial": {"elongation_x": 1e-4}},
-        {"initial": {"elongation_x": -1e-4}},
-        {"initial": {"elongation_y": 1e-9}},
-        {"initial": {"elongation_y": -1e-9}},
-        {"initial": {"velocity_ratio": 10.0}},
-        {"initial": {"velocity_ratio": -10.0}},
-        {"system": {"misalignment_deg": 0.0}},
-        {"system": {"misalignment_deg": 90.0}},
-        {"system": {"stiffness_y": 1e3}},
-        {"friction": {"normal_load": 0.0}},
-        {"friction": {"v_f": 1e-3}},
+        ({"friction": {"contact": "smoothed", "v_smooth": 1e-7}}, "exact contact"),
+        ({"drive": {"time": [0.0, 1.0], "velocity": [1e-3, 2e-3]}}, "constant drive velocity"),
+        ({"drive": {"velocity": 0.0}}, "constant drive velocity"),
+        ({"initial": {"elongation_x": 1e-4}}, "unstretched springs"),
+        ({"initial": {"elongation_x": -1e-4}}, "unstretched springs"),
+        ({"initial": {"elongation_y": 1e-9}}, "unstretched springs"),
+        ({"initial": {"elongation_y": -1e-9}}, "unstretched springs"),
+        ({"initial": {"elongation_x": 1e-4, "elongation_y": -1e-4}}, "unstretched springs"),
+        ({"initial": {"velocity_ratio": 10.0}}, "slow start"),
+        ({"initial": {"velocity_ratio": -10.0}}, "slow start"),
+        ({"system": {"misalignment_deg": 0.0}}, "0 < |misalignment_deg| < 90"),
+        ({"system": {"misalignment_deg": 90.0}}, "0 < |misalignment_deg| < 90"),
+        ({"system": {"misalignment_deg": 135.0}}, "0 < |misalignment_deg| < 90"),
+        ({"system": {"misalignment_deg": 1e-3}}, "the misalignment is not above"),
+        ({"system": {"stiffness_y": 0.9e6}}, "below 1000 stiffness_x"),
+        ({"friction": {"normal_load": 0.0}}, "without friction"),
+        ({"friction": {"v_f": 1e-3}}, "weakening feeds the fast oscillation"),
+        ({"integrator": {"method": "moreau_jean", "step": 1e-5, "rtol": None}}, "a fixed step"),
     ],
     ids=str,
 )
-def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object]]) -> None:
+def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object]], reason: str) -> None:
+    """Each says why; what it says is what is the matter."""
     text = deck(FIG3, "auto", 0.05, "quantities='creep', accuracy=1.0")
-    assert ds.run(text, **groups).attributes["model"] == "full"
+    choice = str(ds.run(text, **groups).attributes["model_choice"])
+    assert choice.startswith("full: ")
+    assert reason in choice
+
+
+def test_small_cycles_are_sensitive() -> None:
+    """The estimate rises with the power 3/2 of how far the swing stays below 0.45 of the static limit."""
+    estimate, swing = [], []
+    for mu_inf in (0.15, 0.16):
+        scene = FIG3 | {"mu_inf": mu_inf}
+        choice = str(ds.run(deck(scene, "auto", 5.0, "accuracy=1e-6")).attributes["model_choice"])
+        found = re.search(r"may err by +([-+.\dE]+)", choice)
+        assert found, choice
+        estimate.append(float(found[1]))
+        summary = ds.run(deck(scene, "low_frequency", 5.0), system={"stiffness_y": None}).summary
+        swing.append(abs(summary["peak_force"] - summary["valley_force"]) / 2.0)
+    assert swing[1] < 0.9 * swing[0]
+    expected = (max(1.0, 0.45 / swing[1]) / max(1.0, 0.45 / swing[0])) ** 1.5
+    assert estimate[1] / estimate[0] == pytest.approx(expected, rel=0.06)
 
 
 def test_a_column_that_a_model_lacks_rules_it_out() -> None:
