@@ -214,6 +214,25 @@ def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object
     assert reason in choice
 
 
+@pytest.mark.parametrize("velocity", [1e-3, 2e-3])
+@pytest.mark.parametrize(("stiffness", "mass"), [(1e9, 0.25), (1e7, 2.5), (1e9, 0.025)])
+def test_what_the_fast_oscillation_may_do_to_creep(velocity: float, stiffness: float, mass: float) -> None:
+    """The square of its force over the static limit, and the way of half a period over the advance (docs/models.md)."""
+    scene = FIG3 | {"stiffness_y": stiffness, "mass": mass, "mu_inf": 0.20, "velocity": velocity}
+    choice = str(
+        ds.run(deck(scene, "auto", 0.5, "quantities='creep', accuracy=1e-9")).attributes["model_choice"]
+    )
+    found = re.search(r"may err by +([-+.\dE]+)", choice)
+    assert found, choice
+    across, limit, length = velocity * np.sin(np.radians(1.0)), 2.0, 2e-3
+    tau = np.linspace(0.0, 0.5, 65)
+    elastic, rigid = (ds.creep_exact(tau, np.radians(1.0), kappa).X for kappa in (1e3 / stiffness, 0.0))
+    ripple = 6.0 * across * np.sqrt(mass / stiffness) / (elastic[-1] * length)
+    ripple += 2.0 * (across / limit) ** 2 * mass * stiffness
+    expected = 2.0 * ripple + 3.0 * np.abs(elastic - rigid).max() / elastic[-1]
+    assert float(found[1]) == pytest.approx(expected, rel=0.06)
+
+
 def test_small_cycles_are_sensitive() -> None:
     """The estimate rises with the power 3/2 of how far the swing stays below 0.45 of the static limit."""
     estimate, swing = [], []
