@@ -172,6 +172,31 @@ def test_rest_is_rest() -> None:
     assert np.all(result["sticking"][held] == 1.0)
 
 
+def test_a_drive_that_turns_while_the_object_slips_is_no_event(low: ds.Result) -> None:
+    """For the instant in which the drive guides nothing across the object goes on along its line."""
+    fastest = float(low.time[np.argmax(low["X_rate"])])
+    drive = {"time": [0.0, fastest, fastest + 1e-3], "velocity": [1e-3, 1e-3, -1e-3]}
+    result = run("low_frequency", drive=drive, scene={"t_end": fastest + 2e-3})
+    assert result["w_x"][-1] > 0.9 * low["X_rate"].max()
+    assert len(result.events) == 0
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+def test_the_end_of_slip_in_closed_form_keeps_the_energy(method: str) -> None:
+    """An explicit method follows slip below v_cut in closed form: F(v) varies there, and its work with it."""
+    residual = []
+    for cut in (1e-3, 3e-4):
+        integrator = {"method": method, "rtol": 1e-10, "v_cut": cut}
+        system = {"misalignment_deg": 0.0}
+        result = run(
+            "fig3", integrator=integrator, system=system, scene={"t_end": 4.5}, output={"interval": 0.1}
+        )
+        assert result.sticks() == 4
+        residual.append(abs(result.summary["energy_residual"]))
+    assert residual[0] < 5e-7
+    assert np.log(residual[0] / residual[1]) / np.log(1e-3 / 3e-4) > 5.0
+
+
 # --- high_frequency
 
 
