@@ -317,10 +317,12 @@ def main() -> int:
 
     FOLDER.mkdir(parents=True, exist_ok=True)
     all_sources = sources()
-    total = sum(len(found) for source in all_sources for found in source.mutants.values())
+    known = {mutant.key for source in all_sources for found in source.mutants.values() for mutant in found}
+    for key in sorted(read_table(EQUIVALENT).keys() - known):
+        print(f"Listed as equivalent, but no longer there: {key}")
     chosen = build(all_sources, options.count, options.seed, options.modules, options.jobs)
     print(
-        f"{len(chosen)} of {total} mutants in {len({mutant.file for mutant in chosen.values()})} files",
+        f"{len(chosen)} of {len(known)} mutants in {len({mutant.file for mutant in chosen.values()})} files",
         flush=True,
     )
     if options.build_only:
