@@ -154,6 +154,7 @@ contains
     call begin(scene, other)
     call other%exchange(loaded)
     if (.not. loaded%given_back()) call check(name//': all given back', .false.)
+    if (abs(other%elapsed - simulation%elapsed) > 0.0_wp) call check(name//': the wall time so far', .false.)
     simulation = other
   end subroutine carry_over
 
