@@ -70,6 +70,8 @@ ROUNDS = {
 FIELDS = ["number", "file", "line", "procedure", "original", "mutated", "occurrence", "verdict", "killed_by",
           "seconds"]  # fmt: skip
 
+Table = dict[Key, dict[str, str]]
+
 
 @dataclass
 class Check:
@@ -263,11 +265,14 @@ def verdict_of(mutant: Mutant, checks: list[Check]) -> tuple[str, str]:
     return "survived", "" if reaching else "not reached"
 
 
-def is_killed(mutant: Mutant, checks: list[Check], results: dict[Key, dict[str, str]]) -> bool:
-    """Note what becomes of it. What is listed as equivalent is not tried."""
+def is_killed(mutant: Mutant, checks: list[Check], results: Table) -> bool:
     start = time.monotonic()
-    verdict, by = ("listed", "") if mutant.key in read_table(EQUIVALENT) else verdict_of(mutant, checks)
-    seconds = round(time.monotonic() - start, 1)
+    verdict, by = verdict_of(mutant, checks)
+    note(mutant, verdict, by, time.monotonic() - start, results)
+    return verdict == "killed"
+
+
+def note(mutant: Mutant, verdict: str, by: str, seconds: float, results: Table) -> None:
     row = (
         mutant.number,
         mutant.file,
@@ -277,12 +282,11 @@ def is_killed(mutant: Mutant, checks: list[Check], results: dict[Key, dict[str, 
         mutant.mutated,
         mutant.occurrence,
     )
-    results[mutant.key] = dict(zip(FIELDS, map(str, (*row, verdict, by, seconds)), strict=True))
+    results[mutant.key] = dict(zip(FIELDS, map(str, (*row, verdict, by, round(seconds, 1))), strict=True))
     write_results(results)
-    return verdict == "killed"
 
 
-def read_table(path: Path) -> dict[Key, dict[str, str]]:
+def read_table(path: Path) -> Table:
     if not path.exists():
         return {}
     with path.open(newline="") as file:
@@ -292,7 +296,7 @@ def read_table(path: Path) -> dict[Key, dict[str, str]]:
         }
 
 
-def write_results(rows: dict[Key, dict[str, str]]) -> None:
+def write_results(rows: Table) -> None:
     with RESULTS.open("w", newline="") as file:
         table = csv.DictWriter(file, FIELDS)
         table.writeheader()
@@ -334,19 +338,24 @@ def main() -> int:
         if (not options.mutants or mutant.number in options.mutants)
         and not (options.survivors and results.get(mutant.key, {}).get("verdict") == "killed")
     ]
-    alive = tried
+    equivalent = read_table(EQUIVALENT)
+    for mutant in tried:
+        if mutant.key in equivalent:
+            note(mutant, "listed", "", 0.0, results)
+    alive = [mutant for mutant in tried if mutant.key not in equivalent]
     rounds = list(ROUNDS)
     for name in rounds[: rounds.index(options.rounds) + 1]:
-        checks = checks_of(name)
+        if not alive:
+            break
         print(f"{name} round, {len(alive)} mutants", flush=True)
+        checks = checks_of(name)
         prepare(checks)
         alive = [mutant for mutant in alive if not is_killed(mutant, checks, results)]
-    failed = [mutant for mutant in alive if mutant.key not in read_table(EQUIVALENT)]
-    for mutant in failed:
+    for mutant in alive:
         print(f"{mutant.number}: {mutant.file}:{mutant.line} {mutant.procedure}")
         print(f"    {mutant.original}\n    {mutant.mutated or '(deleted)'}")
-    print(f"{len(tried) - len(failed)} passed, {len(failed)} failed")
-    return 1 if failed else 0
+    print(f"{len(tried) - len(alive)} passed, {len(alive)} failed")
+    return 1 if alive else 0
 
 
 if __name__ == "__main__":
