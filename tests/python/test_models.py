@@ -197,6 +197,24 @@ def test_the_end_of_slip_in_closed_form_keeps_the_energy(method: str) -> None:
     assert np.log(residual[0] / residual[1]) / np.log(1e-3 / 3e-4) > 5.0
 
 
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+@pytest.mark.parametrize(("velocity", "v_f"), [(1e-2, 1e-3), (1e-2, 1e-4), (1e-1, 1e-3)])
+def test_a_release_where_friction_falls_within_a_tiny_slip(method: str, velocity: float, v_f: float) -> None:
+    """The series of an explicit method is as exact as asked, also where the law is no polynomial over its reach."""
+    groups = {
+        "drive": {"velocity": velocity},
+        "friction": {"v_f": v_f},
+        "initial": {"velocity_ratio": 0.0},
+        "scene": {"t_end": 1.3e-5 / velocity},
+        "output": {"interval": 5e-7 / velocity},
+    }
+    exact = run("fig3", **groups, integrator={"method": "radau13", "rtol": 1e-12})
+    found = run("fig3", **groups, integrator={"method": method, "rtol": 1e-8})
+    assert np.abs(exact["w_y"]).max() > 0.0
+    for name in ("w_y", "u_y"):
+        assert np.abs(found[name] - exact[name]).max() < 1e-9 * np.abs(exact[name]).max(), name
+
+
 # --- high_frequency
 
 
@@ -379,6 +397,14 @@ def test_creep_without_misalignment_is_a_stick() -> None:
     result = run("creep", system={"misalignment_deg": 0.0}, scene={"t_end": 1.9})
     assert np.all(result["X"] == 0.0)
     assert np.all(result["sticking"] == 1.0)
+
+
+def test_creep_that_has_not_begun_is_rest() -> None:
+    result = run("creep", scene={"t_end": 0.005}, output={"interval": 1e-3})
+    assert list(result.events["kind"]) == [1]
+    assert np.all(result["sticking"] == 1.0)
+    assert np.all(result["X"] == 0.0)
+    assert result.summary["sticking_time"] == 0.005
 
 
 # --- the same from the executable
