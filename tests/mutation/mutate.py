@@ -53,12 +53,11 @@ ROUNDS = {
     "small": {
         "collocation": "", "models": "", "stability": "", "creep": "", "giving_up": "", "moreau_jean": "", "radau": "",
         "resume": "", "runge_kutta": "", "test_columns": "", "test_summary_values": "", "test_creep": "", "test_lanes": "",
-        "test_models": "not profiles and not methods_agree",
+        "test_models": "not profiles and not methods_agree", "test_model_choice": "not error_stays_below_accuracy",
     },
     "medium": {
         "trajectory": "", "test_stability": "", "test_stick_slip": "", "test_python_api": "not leak and not threads",
         "test_references": "not number_of_sticks", "test_simulation": "not bar",
-        "test_model_choice": "not error_stays_below_accuracy",
     },
     "large": {
         "test_models": "", "test_references": "", "test_model_choice": "", "test_kinds": "", "test_scene": "",
