@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package] [--bench]: installs what is missing, builds, and runs every test.
+# tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package] [--bench] [--mutation]: installs what is missing, builds, and runs every test.
 # --quick leaves out the builds with run-time checks and sanitizers; --full adds the heavier proofs, the decks under the
 # sanitizers and the build in quadruple precision; --sanitize runs the sanitizers and valgrind alone. --cluster adds sweeps on
-# real MPI and Slurm, --package wheel, source archive, library, manual and notebooks, --bench the short forms of all benchmarks.
-# See docs/testing.md.
+# real MPI and Slurm, --package wheel, source archive, library, manual and notebooks, --bench the short forms of all benchmarks,
+# --mutation 25 small changes of the core that the tests must notice. See docs/testing.md.
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 
@@ -14,6 +14,7 @@ with_quad=no
 with_cluster=no
 with_package=no
 with_bench=no
+with_mutation=no
 selection=(-m 'not full')
 for argument in "$@"; do
   case $argument in
@@ -23,7 +24,8 @@ for argument in "$@"; do
     --cluster) with_cluster=yes ;;
     --package) with_package=yes ;;
     --bench) with_bench=yes ;;
-    *) die "unknown option $argument: tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package] [--bench]" ;;
+    --mutation) with_mutation=yes ;;
+    *) die "unknown option $argument: tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package] [--bench] [--mutation]" ;;
   esac
 done
 
@@ -116,6 +118,8 @@ fi
 [[ $with_cluster == no ]] || cluster_tests
 [[ $with_package == no ]] || package_tests
 [[ $with_bench == no ]] || run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh" "$checkout/build/mpi"
+[[ $with_mutation == no ]] || run_tests 'Small changes of the core that the tests notice' '^[0-9]+ passed, [0-9]+ failed$' \
+  python "$checkout/tests/mutation/mutate.py" --count 25 --jobs "$(nproc)"
 
 if [[ $with_debug == yes ]]; then
   build "$debug" -Dpython=false -Doptimization=1 -Ddebug=true -Dwerror=true -Db_coverage=true "-Dfortran_args=$checks"

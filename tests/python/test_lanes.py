@@ -97,6 +97,16 @@ def test_random_scenes_agree_with_radau():
     error = np.abs(found["final_u_x"].values - exact["final_u_x"].values) / length
     assert np.median(error) < 1e-8
     assert error.max() < 1e-3
+    # X starts at 0 - u.e, and is as exact as u is.
+    travel = np.abs(values["drive.velocity"]) * values["scene.t_end"]
+    apart = np.abs(found["final_X"].values - exact["final_X"].values) / (length + travel)
+    assert np.median(apart) < 1e-8
+    assert apart.max() < 1e-3
+    # The first peak may be where the motion began.
+    limit = values["friction.mu_0"] * values["friction.normal_load"]
+    for name in ("peak_force", "valley_force"):
+        np.testing.assert_array_equal(np.isnan(found[name]), np.isnan(exact[name]))
+        assert np.nanmax(np.abs(found[name].values - exact[name].values) / limit) < 1e-5
     assert np.abs(found["energy_residual"]).max() < 1e-4
 
 
@@ -130,6 +140,14 @@ def test_what_it_cannot_do_is_a_row(values, code, words):
     assert words in str(found["result_text"].values[0])
     assert np.isnan(found["final_u_x"][0])
     assert np.isfinite(found["final_u_x"][1])
+
+
+@pytest.mark.filterwarnings("ignore::dynstiction.errors.IncompleteWarning")
+def test_a_limit_of_steps_is_that_many_steps():
+    needed = int(sweep({"system.misalignment_deg": [1.0]})["steps"].values[0])
+    found = sweep({"integrator.max_steps": [1.0, 2.0, 7.0, needed - 1.0, float(needed)]})
+    assert list(found["steps"]) == [1, 2, 7, needed - 1, needed]
+    assert list(found["result_code"]) == [42, 42, 42, 42, 0]
 
 
 @pytest.mark.parametrize(

@@ -181,6 +181,8 @@ def test_profiles(method: str, times: list[float], velocities: list[float]) -> N
     groups = {"scene": {"t_end": 6.0}, "drive": {"time": times, "velocity": velocities}}
     result = run("low_frequency", **groups, integrator={"method": method, "rtol": 1e-8})
     assert abs(result.summary["energy_residual"]) < 1e-8
+    # What slips already does not begin to.
+    assert np.all(np.diff(result.events["kind"]) != 0)
     full = run("fig3", **groups, integrator={"rtol": 1e-7}, output={"interval": 1e-3})
     # Slip comes a little earlier in one of the two, which shows as a spike of the difference.
     apart = np.abs(result["u_x"] - full["u_x"]) / np.abs(full["u_x"]).max()
@@ -206,6 +208,49 @@ def test_rest_is_rest() -> None:
     held = (result.time > 2.01) & (result.time < 4.0)
     assert np.all(result["w_x"][held] == 0.0)
     assert np.all(result["sticking"][held] == 1.0)
+
+
+def test_a_drive_that_turns_while_the_object_slips_is_no_event(low: ds.Result) -> None:
+    """For the instant in which the drive guides nothing across the object goes on along its line."""
+    fastest = float(low.time[np.argmax(low["X_rate"])])
+    drive = {"time": [0.0, fastest, fastest + 1e-3], "velocity": [1e-3, 1e-3, -1e-3]}
+    result = run("low_frequency", drive=drive, scene={"t_end": fastest + 2e-3})
+    assert result["w_x"][-1] > 0.9 * low["X_rate"].max()
+    assert len(result.events) == 0
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+def test_the_end_of_slip_in_closed_form_keeps_the_energy(method: str) -> None:
+    """An explicit method follows slip below v_cut in closed form: F(v) varies there, and its work with it."""
+    residual = []
+    for cut in (1e-3, 3e-4):
+        integrator = {"method": method, "rtol": 1e-10, "v_cut": cut}
+        system = {"misalignment_deg": 0.0}
+        result = run(
+            "fig3", integrator=integrator, system=system, scene={"t_end": 4.5}, output={"interval": 0.1}
+        )
+        assert result.sticks() == 4
+        residual.append(abs(result.summary["energy_residual"]))
+    assert residual[0] < 5e-7
+    assert np.log(residual[0] / residual[1]) / np.log(1e-3 / 3e-4) > 5.0
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+@pytest.mark.parametrize(("velocity", "v_f"), [(1e-2, 1e-3), (1e-2, 1e-4), (1e-1, 1e-3)])
+def test_a_release_where_friction_falls_within_a_tiny_slip(method: str, velocity: float, v_f: float) -> None:
+    """The series of an explicit method is as exact as asked, also where the law is no polynomial over its reach."""
+    groups = {
+        "drive": {"velocity": velocity},
+        "friction": {"v_f": v_f},
+        "initial": {"velocity_ratio": 0.0},
+        "scene": {"t_end": 1.3e-5 / velocity},
+        "output": {"interval": 5e-7 / velocity},
+    }
+    exact = run("fig3", **groups, integrator={"method": "radau13", "rtol": 1e-12})
+    found = run("fig3", **groups, integrator={"method": method, "rtol": 1e-8})
+    assert np.abs(exact["w_y"]).max() > 0.0
+    for name in ("w_y", "u_y"):
+        assert np.abs(found[name] - exact[name]).max() < 1e-9 * np.abs(exact[name]).max(), name
 
 
 # --- high_frequency
@@ -261,6 +306,13 @@ def test_mirrored_load_and_drive() -> None:
     other = run("high_frequency", system={"misalignment_deg": -1.0})
     np.testing.assert_array_equal(other["w_y"], -result["w_y"])
     np.testing.assert_array_equal(other["w_x"], result["w_x"])
+    # An object that moves at the start moves to the side of the drive.
+    moving = [
+        run("high_frequency", system={"misalignment_deg": angle}, initial={"velocity_ratio": 1.0})
+        for angle in (30.0, -30.0)
+    ]
+    assert moving[0]["w_y"][0] > 0.0
+    np.testing.assert_array_equal(moving[1]["w_y"], -moving[0]["w_y"])
     # Load and drive in opposite directions, seen from the other side.
     other = run("high_frequency", system={"misalignment_deg": 1.0}, initial={"elongation_x": -1e-3})
     np.testing.assert_allclose(other["w_y"], result["w_y"], atol=1e-12)
@@ -383,6 +435,14 @@ def test_creep_without_misalignment_is_a_stick() -> None:
     result = run("creep", system={"misalignment_deg": 0.0}, scene={"t_end": 1.9})
     assert np.all(result["X"] == 0.0)
     assert np.all(result["sticking"] == 1.0)
+
+
+def test_creep_that_has_not_begun_is_rest() -> None:
+    result = run("creep", scene={"t_end": 0.005}, output={"interval": 1e-3})
+    assert list(result.events["kind"]) == [1]
+    assert np.all(result["sticking"] == 1.0)
+    assert np.all(result["X"] == 0.0)
+    assert result.summary["sticking_time"] == 0.005
 
 
 # --- the same from the executable

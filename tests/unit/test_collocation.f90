@@ -112,15 +112,16 @@ contains
   subroutine test_interpolation(method)
     type(collocation_t), intent(in) :: method
     real(wp) :: monomial(0:method%stages), values(0:method%stages), basis(0:method%stages), bernstein(0:method%stages)
-    real(wp) :: tau, slope
+    real(wp) :: tau, slope, nodal(0:7), places(3), found(3)
     integer :: i, trial
-    logical :: agrees, unit_sum, differentiates, converts
+    logical :: agrees, unit_sum, differentiates, converts, extrapolates
 
     associate (grid => method%grid, s => method%stages)
       agrees = .true.
       unit_sum = .true.
       differentiates = .true.
       converts = .true.
+      extrapolates = .true.
       do trial = 1, 50
         monomial = uniform(s + 1, -1.0_wp, 1.0_wp)
         values = [(polynomial(monomial, grid%node(i)), i=0, s)]
@@ -128,6 +129,15 @@ contains
         call grid%lagrange(tau, basis)
         agrees = agrees .and. near(dot_product(basis, values), polynomial(monomial, tau), sum(abs(basis)))
         unit_sum = unit_sum .and. near(sum(basis), 1.0_wp, sum(abs(basis)))
+        ! In Newton's form, several places at once.
+        nodal = 0.0_wp
+        nodal(:s) = values
+        places = [tau, 0.5_wp, 1.5_wp]
+        call grid%values_at(nodal, 3, places, found)
+        do i = 1, 3
+          call grid%lagrange(places(i), basis)
+          extrapolates = extrapolates .and. near(found(i), polynomial(monomial, places(i)), sum(abs(basis)))
+        end do
         do i = 0, s
           slope = dot_product(grid%derivative(i, 0:s), values)
           differentiates = differentiates .and. near(slope, derivative(monomial, grid%node(i)), sum(abs(grid%derivative(i, 0:s))))
@@ -138,6 +148,7 @@ contains
       end do
       call check('interpolation agrees', agrees)
       call check('interpolation: the basis sums to 1', unit_sum)
+      call check('interpolation: the first guess is the polynomial too', extrapolates)
       call check('differentiation agrees', differentiates)
       call check('Bernstein coefficients agree', converts)
       call grid%lagrange(grid%node(s), basis)

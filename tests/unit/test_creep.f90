@@ -6,7 +6,7 @@ program test_creep
   use checks, only: check, check_close, check_order, finish
   use dst_kinds, only: wp, pi, degree
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, creep_exact, &
-    creep_first_power, creep_printed, creep_third_order
+    creep_first_power, creep_printed, creep_third_order, position_first_power, position_printed, position_third_order
   implicit none
 
   integer, parameter :: qp = selected_real_kind(30)
@@ -14,6 +14,7 @@ program test_creep
 
   call test_table()
   call test_orders()
+  call test_positions_of_the_forms()
   call test_integration()
   call test_quadruple()
   call test_stick()
@@ -66,6 +67,37 @@ contains
       call check_order('third order', error(1), error(2), 2.0_wp, 3.0_wp, 0.05_wp)
     end do
   end subroutine test_orders
+
+  !> The integrals of the three forms over tau to the last digits, against quadruple precision: small tau included, where the
+  !> terms cancel, and both sides of where a series takes over.
+  subroutine test_positions_of_the_forms()
+    real(wp), parameter :: phi(3) = [1.0e-8_wp, 1.0e-3_wp, 0.1_wp]
+    real(wp), parameter :: tau(9) = [1.0e-9_wp, 1.0e-4_wp, 1.0e-2_wp, 0.05_wp, 0.0999_wp, 0.1001_wp, 0.3_wp, 0.7_wp, 0.99_wp]
+    real(wp) :: worst(4)
+    real(qp) :: angle, t, root, half
+    integer :: i, j
+
+    worst = 0.0_wp
+    do i = 1, size(phi)
+      do j = 1, size(tau)
+        angle = real(phi(i), qp)
+        t = real(tau(j), qp)
+        root = sqrt(1.0_qp - t**2)
+        half = 0.5_qp*(asin(t) - t*root)
+        worst(1) = max(worst(1), off(position_first_power(phi(i), tau(j)), angle*(angle*t + 1.0_qp - root)))
+        worst(2) = max(worst(2), off(position_third_order(phi(i), tau(j)), &
+          angle*(1.0_qp - root) + angle**2*(t + atanh(t) - t/root)))
+        associate (error => off(position_printed(phi(i), tau(j)), angle*(angle*t + half)))
+          if (tau(j) < 0.1_wp) worst(3) = max(worst(3), error)
+          worst(4) = max(worst(4), error)
+        end associate
+      end do
+    end do
+    call check_close('X/l_x, first power', worst(1), 0.0_wp, 4.0_wp*eps)
+    call check_close('X/l_x, third order', worst(2), 0.0_wp, 16.0_wp*eps)
+    call check_close('X/l_x as printed, small tau', worst(3), 0.0_wp, 4.0_wp*eps)
+    call check_close('X/l_x as printed', worst(4), 0.0_wp, 200.0_wp*eps)
+  end subroutine test_positions_of_the_forms
 
   !> Eq. (7) and dX/d(tau) integrated with order 20 in quadruple precision, against the closed form: from 1e-6 to 89
   !> degrees, from release to where 1 - X'/V = 1e-12.

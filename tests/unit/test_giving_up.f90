@@ -14,6 +14,7 @@ module failing_method
   type, extends(stepper_t) :: failing_t
     character(12) :: manner = ''
     integer :: good_steps = 3
+    integer :: attempts = 0
   contains
     procedure :: restart
     procedure :: attempt
@@ -43,6 +44,7 @@ contains
 
     associate (unused => system, also_unused => drive)
     end associate
+    self%attempts = self%attempts + 1
     self%step = step
     to = from
     to%time = from%time + step
@@ -153,5 +155,12 @@ contains
     call check(manner//': remedy after a colon', index(error%text, '): ') > 0)
     call check(manner//': page', index(error%text, 'docs/errors.md') > 0)
     call check(manner//': samples so far', writer%rows >= stepper%good_steps + 1)
+    associate (method => simulation%trajectory%stepper)
+      select type (method)
+      type is (failing_t)
+        call check(manner//': an attempt is accepted or rejected', &
+          method%count%steps + method%count%rejected == method%attempts)
+      end select
+    end associate
   end subroutine expect
 end program test_giving_up

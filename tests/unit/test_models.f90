@@ -655,6 +655,10 @@ contains
     from%u = [2.5e-3_wp, 0.0_wp]
     call brake(slider, drive, from, to, stops)
     call check('brake: speeding up is no stop', .not. stops)
+    ! Nor where the drive, which goes back, brings it to rest later: the direction may have changed by then.
+    from%u = [2.02e-3_wp, 0.0_wp]
+    call brake(slider, drive_segment_t(velocity=-1.0e-3_wp), from, to, stops)
+    call check('brake: speeding up at first is no stop', .not. stops)
     from%u = [-3.0e-3_wp, 0.0_wp]
     call brake(slider, drive, from, to, stops)
     call check('brake: beyond the limit it ends in a turn', stops .and. .not. holds(slider, to%u, drive%velocity))

@@ -20,6 +20,7 @@ program test_moreau_jean
   call test_equation_of_a_step()
   call test_which_solution()
   call test_order_without_friction()
+  call test_counts()
   call test_order_with_constant_force()
   call test_order_with_friction()
   call test_first_stick()
@@ -131,6 +132,25 @@ contains
     call check_order('without friction', errors(1), errors(2), 2.0_wp, 2.0_wp, 0.1_wp)
     call check_order('without friction', errors(2), errors(3), 2.0_wp, 2.0_wp, 0.1_wp)
   end subroutine test_order_without_friction
+
+  !> One equation a step. Newton's method solves it in a handful of iterations, and looks at it once at least where there is slip.
+  subroutine test_counts()
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    logical :: sound
+
+    scene = steps_of(1.0e-4_wp, 0.1_wp)
+    scene%misalignment_deg = 30.0_wp
+    scene%elongation_x = 8.0e-3_wp
+    call begin(scene, simulation)
+    call go_to(simulation, huge(1.0_wp), sound)
+    associate (count => simulation%trajectory%stepper%count)
+      call check('counts: steps', count%steps == 1000)
+      call check('counts: an equation a step', count%rhs == count%steps)
+      call check('counts: iterations', count%newton > count%steps/2 .and. count%newton < 10*count%steps)
+      call check('counts: no matrix', count%jacobians == 0 .and. count%factorisations == 0)
+    end associate
+  end subroutine test_counts
 
   !> Sliding along a line against constant friction: u_x - F_0/k_x oscillates about 0 until the object stops.
   subroutine test_order_with_constant_force()

@@ -270,7 +270,7 @@ contains
     real(wp), parameter :: rtol(4) = [1.0e-3_wp, 1.0e-6_wp, 1.0e-9_wp, 1.0e-13_wp]
     type(full_smoothed_t) :: system
     type(radau_t) :: stepper
-    type(motion_t) :: start, last(4)
+    type(motion_t) :: start, last(4), beyond
     type(attempt_t) :: outcome
     integer :: k, iterations(4)
 
@@ -283,6 +283,11 @@ contains
       call check(name//': Newton converges', outcome%solved)
       iterations(k) = int(stepper%count%newton)
     end do
+    ! Nothing that large is a solution, and it must not be taken for one.
+    start%u = 1.0e120_wp
+    call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    call stepper%attempt(system, drive_segment_t(velocity=1.0e-2_wp), start, 0.01_wp, beyond, outcome)
+    call check(name//': Newton gives up where nothing can be solved', .not. outcome%solved)
     call check(name//': Newton needs more than one iteration', iterations(1) >= 2)
     call check(name//': Newton is fast', iterations(4) <= 6)
     call check(name//': Newton is quadratic', all(iterations(2:) - iterations(:3) <= 1))

@@ -13,7 +13,10 @@ program test_runge_kutta
   use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_stepper, only: motion_t, attempt_t
+  use dst_scene, only: scene_t
+  use dst_simulation, only: simulation_t
   use dst_trajectory, only: trajectory_t, stick_begins
+  use scenes, only: fig3, begin, go_to
   implicit none
 
   character(*), parameter :: method(3) = [character(6) :: 'rk4', 'dopri5', 'dop853']
@@ -33,6 +36,7 @@ program test_runge_kutta
   call test_tableaux()
   call test_orders()
   call test_smoothed()
+  call test_longest_stable_step()
   call test_references()
   call test_rests()
   call test_symmetries()
@@ -188,6 +192,41 @@ contains
 
     distance = norm2(a%y - b%y)/norm2(b%y)
   end function distance
+
+  !> Without friction rk4 is stable up to a step of 2 sqrt(2)/omega; the program keeps steps up to 2.7/omega, omega^2 being the sum
+  !> of the squares along both axes, and cuts longer ones; in seconds as in units of 12 days.
+  subroutine test_longest_stable_step()
+    real(wp), parameter :: unit_of_time(2) = [1.0_wp, 2.0_wp**20]
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    real(wp) :: omega
+    integer :: i, j
+    logical :: sound
+
+    do i = 1, 2
+      do j = 1, 2
+        scene = fig3(1.0_wp, 'rk4', 0.0_wp)
+        scene%contact = 'smoothed'
+        scene%v_smooth = 1.0e-5_wp
+        scene%mu_0 = 0.0_wp
+        scene%mu_inf = 0.0_wp
+        scene%misalignment_deg = 30.0_wp
+        scene%velocity_ratio = 0.0_wp
+        scene%stiffness_x = scene%stiffness_x/unit_of_time(i)**2
+        scene%stiffness_y = scene%stiffness_y/unit_of_time(i)**2
+        omega = sqrt((scene%stiffness_x + scene%stiffness_y)/scene%mass)
+        scene%step = merge(2.69_wp, 2.75_wp, j == 1)/omega
+        scene%t_end = 100.5_wp*scene%step
+        call begin(scene, simulation)
+        call go_to(simulation, huge(1.0_wp), sound)
+        associate (count => simulation%trajectory%stepper%count)
+          call check('rk4: the longest stable step', sound .and. (count%rejected == 0 .eqv. j == 1))
+          call check('rk4: what is cut is cut to nine tenths of the limit', &
+            count%steps == merge(101, ceiling(100.5_wp*2.75_wp/(0.9_wp*2.7_wp)), j == 1))
+        end associate
+      end do
+    end do
+  end subroutine test_longest_stable_step
 
   !> Smoothed contact: a tolerance that is kept, and a fixed step that never becomes unstable.
   subroutine test_smoothed()

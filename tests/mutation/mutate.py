@@ -1,0 +1,361 @@
+"""Do the tests notice small changes of the core? Builds it with many mutants in one program and runs the tests on each.
+
+    python tests/mutation/mutate.py [--count 300] [--seed 1] [--rounds small|medium|large] [--modules NAME ...]
+
+A mutant is killed when a test fails, crashes or does not end; it survives when all pass. What survives must be listed in
+equivalent.csv, with the reason why no test can or need tell it from the original. Results are in build/mutation/results.csv;
+--survivors leaves out those that were killed before, --mutants takes those with the given numbers. The last line is
+"N passed, M failed": passed is killed or listed. Needs meson, ninja and pytest on PATH, as in .venv; see docs/testing.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from schemata import Key, Mutant, Source, instrumented, read_source
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+FOLDER = CHECKOUT / "build" / "mutation"
+TREE = FOLDER / "tree"
+BUILD = FOLDER / "build"
+PREFIX = FOLDER / "prefix"
+RESULTS = FOLDER / "results.csv"
+REJECTED = FOLDER / "rejected.json"
+EQUIVALENT = HERE / "equivalent.csv"
+
+# Physics, numerics, motion, results. Deck, files and sweeps have their own proofs (fuzzing, damaged files, kills).
+FILES = [
+    "friction.f90", "slider.f90", "drive.f90", "contact.f90", "full_model.f90", "low_frequency.f90", "straight_slip.f90",
+    "slip_system.f90", "stepper.f90", "trajectory.f90", "radau.f90", "newton_kernels.f90", "newton_kernel.inc",
+    "gauss_jordan.inc", "collocation.f90", "interpolation.f90", "bernstein.f90", "runge_kutta.f90",
+    "runge_kutta_tableaux.f90", "moreau_jean.f90", "linear_solve.f90", "creep.f90", "creep_motion.f90", "stability.f90",
+    "observables.f90", "summary.f90", "lanes.f90", "model_choice.f90", "simulation.f90",
+]  # fmt: skip
+# Tables of coefficients would otherwise be a quarter of all mutants.
+WEIGHTS = {"runge_kutta_tableaux.f90": 0.1}
+# More mutants of one statement tell little more.
+MOST_PER_STATEMENT = 2
+
+# Three rounds of tests, each slower than the one before: only what survives a round is tried in the next. With pytest's -k.
+ROUNDS = {
+    "small": {
+        "collocation": "", "models": "", "stability": "", "creep": "", "giving_up": "", "moreau_jean": "", "radau": "",
+        "resume": "", "runge_kutta": "", "test_columns": "", "test_summary_values": "", "test_creep": "", "test_lanes": "",
+        "test_models": "not profiles and not methods_agree", "test_model_choice": "not error_stays_below_accuracy",
+    },
+    "medium": {
+        "trajectory": "", "test_stability": "", "test_stick_slip": "", "test_python_api": "not leak and not threads",
+        "test_references": "not number_of_sticks", "test_simulation": "not bar",
+    },
+    "large": {
+        "test_models": "", "test_references": "", "test_model_choice": "", "test_kinds": "", "test_scene": "",
+        "test_decks": "", "test_checkpoint": "", "test_sweep": "", "test_sweep_points": "", "test_sweep_python": "",
+        "test_trade": "", "test_maps": "", "test_validate_creep": "", "test_handover": "", "../extremes": "",
+    },
+}  # fmt: skip
+
+FIELDS = ["number", "file", "line", "procedure", "original", "mutated", "occurrence", "verdict", "killed_by",
+          "seconds"]  # fmt: skip
+
+Table = dict[Key, dict[str, str]]
+
+
+@dataclass
+class Check:
+    """A command that must succeed, what it took without a mutant, which mutants it reaches, and how many it has killed."""
+
+    name: str
+    command: list[str]
+    seconds: float = 0.0
+    reaches: frozenset[int] = frozenset()
+    kills: dict[str, int] = field(default_factory=dict)
+
+
+def sources() -> list[Source]:
+    """All files that there are; one that is merged with another leaves no gap here."""
+    paths = [CHECKOUT / "src" / name for name in FILES]
+    return [read_source(path.name, path.read_text()) for path in paths if path.exists()]
+
+
+def choose(all_sources: list[Source], count: int, seed: int, modules: list[str]) -> dict[int, Mutant]:
+    """The mutants that rank highest; what is chosen in one file does not hang on another."""
+    everything = [mutant for source in all_sources for found in source.mutants.values() for mutant in found]
+    for mutant in everything:
+        mutant.number = 0
+    ranked = sorted(
+        (mutant for mutant in everything if not modules or Path(mutant.file).stem in modules),
+        key=lambda mutant: mutant.rank(seed, WEIGHTS.get(mutant.file, 1.0)), reverse=True)  # fmt: skip
+    refused = rejected()
+    chosen: dict[int, Mutant] = {}
+    per_statement: dict[tuple[str, int], int] = {}
+    for mutant in ranked:
+        place = (mutant.file, mutant.line)
+        if len(chosen) == count:
+            break
+        if per_statement.get(place, 0) < MOST_PER_STATEMENT and mutant.key not in refused:
+            per_statement[place] = per_statement.get(place, 0) + 1
+            mutant.number = len(chosen) + 1
+            chosen[mutant.number] = mutant
+    return chosen
+
+
+def rejected() -> set[Key]:
+    """Mutants that the compiler has refused, in this and earlier builds."""
+    return {(*key,) for key in json.loads(REJECTED.read_text())} if REJECTED.exists() else set()
+
+
+def reject(mutants: list[Mutant]) -> None:
+    REJECTED.write_text(json.dumps(sorted(rejected() | {mutant.key for mutant in mutants}), indent=1))
+
+
+def put(path: Path, text: str) -> None:
+    """Write what has changed only, so that ninja builds no more than that."""
+    if not path.exists() or path.read_text() != text:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
+def copy_tree() -> None:
+    """The checkout without what the mutants do not need; sources of src/ come from write_sources."""
+    for name in ["meson.build", "meson.options", "src", "python", "tests/unit", "tools", "inputs"]:
+        origin = CHECKOUT / name
+        for path in [origin] if origin.is_file() else [path for path in origin.rglob("*") if path.is_file()]:
+            relative = path.relative_to(CHECKOUT)
+            if "__pycache__" in relative.parts or (
+                relative.parts[0] == "src" and path.suffix in (".f90", ".inc")
+            ):
+                continue
+            text = path.read_text()
+            if path.name == "meson.build":
+                text = re.sub(r"subdir\('(tests/fuzz|tests/threads|bench)'\)", "", text)
+                text = text.replace(
+                    "core_sources, precision,", "core_sources, precision, 'mutant.f90', 'mutant.c',", 1
+                )
+                text = text.replace(
+                    "link_with: test_tools)", "link_with: test_tools, link_language: 'fortran')"
+                )
+            put(TREE / relative, text)
+    for name in ("mutant.f90", "mutant.c"):
+        put(TREE / "src" / name, (HERE / name).read_text())
+
+
+def write_sources(all_sources: list[Source], chosen: dict[int, Mutant]) -> dict[str, dict[int, list[int]]]:
+    places = {}
+    for source in all_sources:
+        text, places[source.name] = instrumented(source, chosen)
+        put(TREE / "src" / source.name, text)
+    for path in (CHECKOUT / "src").glob("*.f90"):
+        if path.name not in places:
+            put(TREE / "src" / path.name, path.read_text())
+    return places
+
+
+def build(
+    all_sources: list[Source], count: int, seed: int, modules: list[str], jobs: int
+) -> dict[int, Mutant]:
+    """Build with the chosen mutants; those that the compiler refuses are replaced by others."""
+    while True:
+        chosen = choose(all_sources, count, seed, modules)
+        copy_tree()
+        places = write_sources(all_sources, chosen)
+        if not (BUILD / "build.ninja").exists():
+            subprocess.run(["meson", "setup", BUILD, TREE, f"--prefix={PREFIX}", "-Dpython.install_env=prefix", "-Doptimization=1",
+                            "-Ddebug=false", "-Dfortran_args=-ffree-line-length-none -w"],
+                           check=True, stdout=subprocess.DEVNULL)  # fmt: skip
+        done = subprocess.run(
+            ["ninja", "-C", BUILD, "-k", "0", "-j", str(jobs)], text=True, capture_output=True, check=False
+        )
+        if done.returncode == 0:
+            break
+        refused = {
+            number
+            for name, line in re.findall(
+                r"([\w.]+\.(?:f90|inc)):(\d+):\d+:\n(?:.*\n){0,6}?Error:", done.stdout
+            )
+            for number in places.get(name, {}).get(int(line), [])
+        }
+        if not refused:
+            sys.exit(done.stdout[-6000:] + done.stderr)
+        print(f"The compiler refuses {len(refused)} mutants; they are replaced", flush=True)
+        for number in sorted(refused):
+            print(f"    {chosen[number].original} -> {chosen[number].mutated}", flush=True)
+        reject([chosen[number] for number in refused])
+    subprocess.run(
+        ["meson", "install", "-C", BUILD, "--quiet", "--no-rebuild"], check=True, stdout=subprocess.DEVNULL
+    )
+    return chosen
+
+
+def checks_of(name: str) -> list[Check]:
+    checks = []
+    for test, selection in ROUNDS[name].items():
+        command = [str(BUILD / "tests" / "unit" / f"test_{test}")]
+        if not (CHECKOUT / "tests" / "unit" / f"test_{test}.f90").exists():
+            path = (CHECKOUT / "tests" / "python" / (f"{test}.py" if "/" not in test else test)).resolve()
+            command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", str(path)]
+            command += ["-m", "not full", *(["-k", selection] if selection else [])]
+        checks.append(Check(test.removeprefix("../"), command))
+    return checks
+
+
+def run(check: Check, mutant: int, limit: int, reached: Path | None = None) -> str:
+    """'' when all passed, else what failed. The limit is of processor time [s]: other programs may be busy."""
+    environment = {**os.environ, "DYNSTICTION_MUTANT": str(mutant), "DYNSTICTION_EXE": str(BUILD / "src" / "dynstiction"),
+                   "PYTHONPATH": str(next(PREFIX.glob("lib/python*/site-packages"), "")), "OMP_NUM_THREADS": "1",
+                   "PYTHONDONTWRITEBYTECODE": "1", **({"DYNSTICTION_MUTANTS_REACHED": str(reached)} if reached else {})}  # fmt: skip
+    limited = ["sh", "-c", 'ulimit -t "$0" && exec "$@"', str(limit), *check.command]
+    with subprocess.Popen(limited, cwd=FOLDER, env=environment, text=True, errors="replace", stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, start_new_session=True) as process:  # fmt: skip
+        try:
+            output, _ = process.communicate(timeout=20 * limit)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            return "no end"
+    if process.returncode == 0:
+        return ""
+    if process.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        return "no end"
+    failed = re.search(r"^(?:FAILED:? |ERROR )(.*)$", output, re.MULTILINE)
+    return failed[1][:100] if failed else f"exit status {process.returncode}"
+
+
+def prepare(checks: list[Check]) -> None:
+    """Run the checks without a mutant: they must pass. Note what they take and reach."""
+    for check in checks:
+        reached = FOLDER / "reached.txt"
+        reached.unlink(missing_ok=True)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        failure = run(check, 0, 900, reached)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        check.seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        check.reaches = frozenset(map(int, reached.read_text().split())) if reached.exists() else frozenset()
+        print(f"  {check.name}: {check.seconds:.1f} s, reaches {len(check.reaches)} mutants", flush=True)
+        if failure:
+            sys.exit(f"{check.name} fails without a mutant: {failure}")
+
+
+def verdict_of(mutant: Mutant, checks: list[Check]) -> tuple[str, str]:
+    """The checks that reach it, in the order in which they are likely to kill soon: those of the same file, and fast ones, first."""
+
+    def promise(check: Check) -> float:
+        return (0.2 + check.kills.get(mutant.file, 0) + 0.1 * sum(check.kills.values())) / max(
+            check.seconds, 0.01
+        )
+
+    reaching = [check for check in checks if mutant.number in check.reaches]
+    for check in sorted(reaching, key=promise, reverse=True):
+        failure = run(check, mutant.number, int(3.0 * check.seconds + 5.0))
+        if failure:
+            check.kills[mutant.file] = check.kills.get(mutant.file, 0) + 1
+            return "killed", f"{check.name}: {failure}"
+    return "survived", "" if reaching else "not reached"
+
+
+def is_killed(mutant: Mutant, checks: list[Check], results: Table) -> bool:
+    start = time.monotonic()
+    verdict, by = verdict_of(mutant, checks)
+    note(mutant, verdict, by, time.monotonic() - start, results)
+    return verdict == "killed"
+
+
+def note(mutant: Mutant, verdict: str, by: str, seconds: float, results: Table) -> None:
+    row = (
+        mutant.number,
+        mutant.file,
+        mutant.line,
+        mutant.procedure,
+        mutant.original,
+        mutant.mutated,
+        mutant.occurrence,
+    )
+    results[mutant.key] = dict(zip(FIELDS, map(str, (*row, verdict, by, round(seconds, 1))), strict=True))
+    write_results(results)
+
+
+def read_table(path: Path) -> Table:
+    if not path.exists():
+        return {}
+    with path.open(newline="") as file:
+        return {
+            (row["file"], row["procedure"], row["original"], row["mutated"], int(row["occurrence"])): row
+            for row in csv.DictReader(file)
+        }
+
+
+def write_results(rows: Table) -> None:
+    with RESULTS.open("w", newline="") as file:
+        table = csv.DictWriter(file, FIELDS)
+        table.writeheader()
+        table.writerows(rows.values())
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rounds", choices=list(ROUNDS), default="medium", help="the last round of tests")
+    parser.add_argument("--modules", nargs="+", default=[])
+    parser.add_argument(
+        "--survivors", action="store_true", help="only those that have not been killed before"
+    )
+    parser.add_argument("--mutants", type=int, nargs="+", help="only these numbers")
+    parser.add_argument("--jobs", type=int, default=1, help="processes of the compiler")
+    parser.add_argument("--build-only", action="store_true")
+    options = parser.parse_args()
+
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    all_sources = sources()
+    known = {mutant.key for source in all_sources for found in source.mutants.values() for mutant in found}
+    for key in sorted(read_table(EQUIVALENT).keys() - known):
+        print(f"Listed as equivalent, but no longer there: {key}")
+    chosen = build(all_sources, options.count, options.seed, options.modules, options.jobs)
+    print(
+        f"{len(chosen)} of {len(known)} mutants in {len({mutant.file for mutant in chosen.values()})} files",
+        flush=True,
+    )
+    if options.build_only:
+        return 0
+    results = read_table(RESULTS)
+    tried = [
+        mutant
+        for mutant in chosen.values()
+        if (not options.mutants or mutant.number in options.mutants)
+        and not (options.survivors and results.get(mutant.key, {}).get("verdict") == "killed")
+    ]
+    equivalent = read_table(EQUIVALENT)
+    for mutant in tried:
+        if mutant.key in equivalent:
+            note(mutant, "listed", "", 0.0, results)
+    alive = [mutant for mutant in tried if mutant.key not in equivalent]
+    rounds = list(ROUNDS)
+    for name in rounds[: rounds.index(options.rounds) + 1]:
+        if not alive:
+            break
+        print(f"{name} round, {len(alive)} mutants", flush=True)
+        checks = checks_of(name)
+        prepare(checks)
+        alive = [mutant for mutant in alive if not is_killed(mutant, checks, results)]
+    for mutant in alive:
+        print(f"{mutant.number}: {mutant.file}:{mutant.line} {mutant.procedure}")
+        print(f"    {mutant.original}\n    {mutant.mutated or '(deleted)'}")
+    print(f"{len(tried) - len(alive)} passed, {len(alive)} failed")
+    return 1 if alive else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,184 @@
+!> A run that is taken apart again and again, its state carried over as words into a simulation built anew, ends with the same
+!> bits in every sample, event, summary value and count as the run that was left alone.
+program test_resume
+  use checks, only: check, finish
+  use scenes, only: fig3, constant_friction, along_a_line, begin, complete
+  use dst_archive, only: archive_t, archive_of
+  use dst_errors, only: error_t
+  use dst_kinds, only: wp
+  use dst_memory_writer, only: memory_writer_t
+  use dst_scene, only: scene_t
+  use dst_simulation, only: simulation_t
+  use dst_writer, only: outcome_t
+  implicit none
+
+  character(7), parameter :: methods(5) = ['radau5 ', 'radau9 ', 'radau13', 'dopri5 ', 'dop853 ']
+  integer :: i
+
+  do i = 1, 3
+    call compare(trim(methods(i))//', two cycles', two_cycles(trim(methods(i))))
+  end do
+  do i = 1, 5
+    call compare(trim(methods(i))//', creep and turning back', turning_back(trim(methods(i))))
+    call compare(trim(methods(i))//', low frequency', low_frequency(trim(methods(i))))
+    call compare(trim(methods(i))//', along a line', along_a_line(fig3(2.9_wp, trim(methods(i)), 1.0e-7_wp)))
+  end do
+  call compare('radau9, smoothed', smoothed('radau9'))
+  call compare('dop853, smoothed', smoothed('dop853'))
+  call compare('rk4, smoothed', fixed_step(smoothed('rk4')))
+  call compare('Moreau-Jean', fixed_step(turning_back('moreau_jean')))
+  call compare('high frequency', high_frequency('radau9'))
+  call compare('many samples in one rest', one_rest())
+  call compare('closed form', closed_form())
+  call finish()
+
+contains
+
+  function two_cycles(method) result(scene)
+    character(*), intent(in) :: method
+    type(scene_t) :: scene
+
+    scene = fig3(4.2_wp, method, 1.0e-6_wp)
+    scene%interval = 0.01_wp
+  end function two_cycles
+
+  function turning_back(method) result(scene)
+    character(*), intent(in) :: method
+    type(scene_t) :: scene
+
+    scene = fig3(0.09_wp, method, 1.0e-7_wp)
+    scene%drive_time = [0.0_wp, 0.02_wp, 0.02_wp, 0.03_wp, 0.04_wp, 0.06_wp, 0.07_wp]
+    scene%drive_velocity = [1.0e-3_wp, 1.0e-3_wp, 0.0_wp, 0.0_wp, 2.0e-3_wp, 2.0e-3_wp, -1.0e-3_wp]
+  end function turning_back
+
+  function low_frequency(method) result(scene)
+    character(*), intent(in) :: method
+    type(scene_t) :: scene
+
+    scene = fig3(3.0_wp, method, 1.0e-6_wp)
+    scene%model = 'low_frequency'
+    scene%drive_time = [0.0_wp, 2.5_wp, 2.5_wp, 2.6_wp, 2.7_wp]
+    scene%drive_velocity = [1.0e-3_wp, 1.0e-3_wp, 0.0_wp, 0.0_wp, -2.0e-3_wp]
+    if (method(:2) == 'do') scene%t_end = 2.65_wp
+  end function low_frequency
+
+  function smoothed(method) result(scene)
+    character(*), intent(in) :: method
+    type(scene_t) :: scene
+
+    scene = fig3(merge(0.03_wp, 3.0_wp, method(:2) /= 'ra'), method, 1.0e-6_wp)
+    scene%contact = 'smoothed'
+    scene%v_smooth = 1.0e-5_wp
+  end function smoothed
+
+  pure function fixed_step(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%step = 2.0e-6_wp
+    changed%t_end = min(scene%t_end, 0.05_wp)
+  end function fixed_step
+
+  function high_frequency(method) result(scene)
+    character(*), intent(in) :: method
+    type(scene_t) :: scene
+
+    scene = turning_back(method)
+    scene%model = 'high_frequency'
+    scene%elongation_x = 5.0e-4_wp
+  end function high_frequency
+
+  !> A drive so slow that the samples of one advance do not fit into the buffer.
+  function one_rest() result(scene)
+    type(scene_t) :: scene
+
+    scene = fig3(0.6_wp, 'radau9', 1.0e-8_wp)
+    scene%velocity_ratio = 0.0_wp
+    scene%drive_velocity = 1.0e-7_wp
+    scene%interval = 1.0e-4_wp
+  end function one_rest
+
+  function closed_form() result(scene)
+    type(scene_t) :: scene
+
+    scene = constant_friction(fig3(1.0_wp, 'radau9', 1.0e-8_wp))
+    scene%model = 'creep'
+    scene%fields = [character(24) :: 'u_x', 'X', 'theta', 'X_rate']
+  end function closed_form
+
+  !> The run as it is, and cut as often as `proceed` can be.
+  subroutine compare(name, scene)
+    character(*), intent(in) :: name
+    type(scene_t), intent(in) :: scene
+    type(simulation_t) :: whole, cut
+    type(memory_writer_t) :: all_samples, writer
+    type(outcome_t) :: expected, found
+    type(error_t), allocatable :: error
+    integer :: cuts
+    logical :: sound
+
+    call complete(scene, whole, all_samples, sound)
+    call check(name//': runs to the end', sound)
+    call begin(scene, cut)
+    do cuts = 0, 100000
+      call cut%proceed(0.0_wp, writer, error)
+      if (cut%finished) exit
+      call carry_over(name, scene, cut)
+    end do
+    call check(name//': was cut', cuts > 2 .and. cut%finished .and. .not. allocated(error))
+    call check(name//': samples', all_samples%rows == writer%rows .and. all_samples%events == writer%events)
+    if (all_samples%rows /= writer%rows .or. all_samples%events /= writer%events) return
+    call check(name//': every sample', same(all_samples%samples(:, :writer%rows), writer%samples(:, :writer%rows)))
+    if (writer%events > 0) then
+      call check(name//': every event', &
+        same(reshape(all_samples%event_time(:writer%events), [1, writer%events]), &
+        reshape(writer%event_time(:writer%events), [1, writer%events])) &
+        .and. all(all_samples%event_kind(:writer%events) == writer%event_kind(:writer%events)))
+    end if
+    call whole%outcome(error, expected)
+    call cut%outcome(error, found)
+    call compare_values(name, expected, found)
+  end subroutine compare
+
+  !> Into another simulation of the same scene, which then takes its place.
+  subroutine carry_over(name, scene, simulation)
+    character(*), intent(in) :: name
+    type(scene_t), intent(in) :: scene
+    type(simulation_t), intent(inout) :: simulation
+    type(simulation_t) :: other
+    type(archive_t) :: saved, loaded
+
+    call simulation%exchange(saved)
+    call archive_of(saved%words(), loaded)
+    call begin(scene, other)
+    call other%exchange(loaded)
+    if (.not. loaded%given_back()) call check(name//': all given back', .false.)
+    if (abs(other%elapsed - simulation%elapsed) > 0.0_wp) call check(name//': the wall time so far', .false.)
+    simulation = other
+  end subroutine carry_over
+
+  subroutine compare_values(name, expected, found)
+    character(*), intent(in) :: name
+    type(outcome_t), intent(in) :: expected, found
+    integer :: k
+
+    call check(name//': the same summary values', size(expected%summary) == size(found%summary))
+    if (size(expected%summary) /= size(found%summary)) return
+    do k = 1, size(found%summary)
+      call check(name//': '//trim(found%summary(k)%name), &
+        same(reshape(expected%summary_value(k:k), [1, 1]), reshape(found%summary_value(k:k), [1, 1])))
+    end do
+    do k = 1, size(found%statistics)
+      if (found%statistics(k)%name == 'wall_time') cycle
+      call check(name//': '//trim(found%statistics(k)%name), &
+        same(reshape(expected%statistics_value(k:k), [1, 1]), reshape(found%statistics_value(k:k), [1, 1])))
+    end do
+  end subroutine compare_values
+
+  pure logical function same(a, b)
+    real(wp), intent(in) :: a(:, :), b(:, :)
+
+    same = all(abs(a - b) <= 0.0_wp)
+  end function same
+end program test_resume
