@@ -237,9 +237,10 @@ contains
   !> the slip velocity of about the third power of this speed; the factor is measured on Fig. 3.
   pure real(wp) function default_cut_speed(rtol, drive_velocity, peak_speed)
     real(wp), intent(in) :: rtol, drive_velocity, peak_speed
-    real(wp), parameter :: largest_share = 30.0_wp
+    real(wp), parameter :: largest_share = 30.0_wp, least_share = 1.0e-4_wp
 
-    default_cut_speed = 0.014_wp*rtol**(1.0_wp/3.0_wp)*min(largest_share*peak_speed, max(abs(drive_velocity), peak_speed))
+    default_cut_speed = 0.014_wp*rtol**(1.0_wp/3.0_wp)*max(least_share*abs(drive_velocity), &
+      min(largest_share*peak_speed, max(abs(drive_velocity), peak_speed)))
   end function default_cut_speed
 
   !> Slip after a release at `from` (v = 0, u, theta), where v starts with `rate` [m/s2], as power

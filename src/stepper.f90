@@ -158,7 +158,7 @@ contains
     duration = (time - self%time) - self%time_rest
   end function until
 
-  !> The motion at position `tau` in [0, 1] of the last attempt, which began at `from`. Time and work
+  !> The motion at position `tau` in [0, 1] of the last attempt, which began at `from`. The work
   !> integrals are not interpolated.
   pure function dense(self, system, drive, from, tau) result(motion)
     class(stepper_t), intent(in) :: self
@@ -174,6 +174,7 @@ contains
     do j = 1, n_columns
       value(j) = dot_product(basis(0:self%grid%degree), self%nodal(0:self%grid%degree, j))
     end do
+    call motion%later(from, tau*self%step)
     motion%u = value(column_u:column_u + max_components - 1) &
       + drive%displacement(from%time, tau*self%step)*system%along
     motion%y = value(column_y:column_y + max_components - 1)

@@ -471,6 +471,14 @@ contains
       cut_level = max(cut_level, default_cut_speed(self%cut_rtol, velocity_now(self), self%stepper%peak_speed))
   end function cut_level
 
+  !> Slip speed [m/s] that is slow for an explicit method by the drive's measure, whatever the motion so far.
+  pure real(wp) function slow_for_drive(self)
+    class(trajectory_t), intent(in) :: self
+
+    slow_for_drive = 0.0_wp
+    if (self%stepper%explicit) slow_for_drive = default_cut_speed(self%cut_rtol, velocity_now(self), abs(velocity_now(self)))
+  end function slow_for_drive
+
   !> The step size that the controller wants; a step cut short by the horizon may not shrink it.
   pure subroutine choose_next_step(self, factor, truncated)
     class(trajectory_t), intent(inout) :: self
@@ -682,12 +690,13 @@ contains
     end if
     associate (v => self%now%y(1), cut => cut_level(self), drive => self%drive%segment(self%segment))
       passed = v <= cut
+      passed = passed .or. v <= negligible_share*slow_for_drive(self)
       if (.not. passed) return
       course = braking(self%slider, drive, self%now)
       to = end_of_slip(self%slider, drive, self%now, course)
       falls = course%falls .and. course%steady .and. course%highest <= cut .and. course%delay <= self%now%until(horizon) &
         .and. (self%stepper%explicit .or. course%acceleration < 0.0_wp)
-      negligible = v <= negligible_share*cut
+      negligible = v <= negligible_share*max(cut, slow_for_drive(self))
       at_knot = .not. self%now%time > drive%start
       if (falls .and. (negligible .or. holds(self%slider, to%u, velocity_now(self)))) then
         call describe_braking(self, course, to)
