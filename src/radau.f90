@@ -59,8 +59,6 @@ module dst_radau
     !> Leading relative error of exp(z) by the method, times z^(2 s); and |z| up to which it does not matter to any growth.
     real(wp) :: error_constant = 0.0_wp
     real(wp) :: short_reach = 0.0_wp
-    !> Growth [1/s] of a disturbance that this attempt cannot see; 0 where there is none.
-    real(wp) :: unseen_growth = 0.0_wp
     !> Predictor: the last accepted step, or the given rate and curvature after a restart.
     logical :: restarted = .true.
     !> Whether `nodal` holds a solved attempt, of length attempted_step, from the point of the next one.
@@ -385,8 +383,10 @@ contains
     real(wp), parameter :: largest_factor = 2.0_wp
     real(wp) :: longest, growth, fastest, coefficient(0:2*n), weakening, limit, rate
     integer :: point(2), k
+    logical :: disturbed
 
     self%unseen_growth = 0.0_wp
+    self%emerged = .false.
     ! Where friction falls most with the speed, and where the step ends.
     point = [maxloc(self%terms%force_y(1:s, 1, 1), dim=1), s]
     fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, self%terms%force_y(point(1), 1, 1))
@@ -400,48 +400,15 @@ contains
       growth = max(growth, rate)
     end do
     if (.not. growth > 0.0_wp) return
-    if (is_disturbed(self, system, n, drive, from)) then
+    disturbed = self%is_disturbed(system, drive, from, 0.0_wp, 10.0_wp*self%estimate_tolerance)
+    call self%look_at_growth(drive, from, growth, disturbed)
+    if (disturbed) then
       if (self%step > longest) outcome%error = max(outcome%error, self%step/longest)
       outcome%factor = min(outcome%factor, max(0.2_wp, 0.9_wp*longest/self%step))
     else
-      self%unseen_growth = growth
       outcome%factor = min(outcome%factor, largest_factor)
     end if
   end subroutine follow_growth
-
-  !> Whether the motion at the start of the step differs from steady sliding by more than roundoff; under a drive that changes its
-  !> velocity, by more than the lag with which steady sliding follows and more than the step's own error. What is less is
-  !> of the numbers' making, and long steps do well to damp it.
-  logical function is_disturbed(self, system, n, drive, from)
-    class(radau_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    integer, intent(in) :: n
-    type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
-    real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp)
-    real(wp) :: velocity(1, n), velocity_y(1, n, n), coefficient(0:2*n), weakening, drive_velocity, change, allowed, least
-    integer :: k
-
-    is_disturbed = self%restarted
-    if (self%restarted) return
-    drive_velocity = drive%velocity_at(from%time)
-    least = roundoff*self%speed_scale
-    if (abs(drive%acceleration) > 0.0_wp) least = least + 10.0_wp*self%estimate_tolerance*self%speed_scale
-    associate (first => system%axis, last => system%axis + n - 1, terms => self%point_terms)
-      call system%kinematics(1, from%y(1:n), velocity, velocity_y)
-      call system%dynamics(1, [drive_velocity], from%u(first:last), from%y(1:n), velocity_y, terms)
-      call system%decay_polynomial(from%y(1:n), drive_velocity, coefficient, weakening)
-      do k = 1, n
-        associate (ahead => system%along(first + k - 1), frequency => system%frequency(first + k - 1))
-          change = sum(velocity_y(1, k, :)*terms%force(1, :)/max(terms%inertia(1, :), tiny(change)))
-          allowed = least + 10.0_wp*system%acceleration_noise/frequency &
-            + 3.0_wp*abs(drive%acceleration*weakening)/frequency**2
-          is_disturbed = is_disturbed .or. abs(velocity(1, k) - drive_velocity*ahead) > allowed &
-            .or. abs(change - drive%acceleration*ahead) > allowed*frequency
-        end associate
-      end do
-    end associate
-  end function is_disturbed
 
   !> Slip-velocity error at the end of the step from the defects of the collocation polynomial p at a probe,
   !>
@@ -551,7 +518,7 @@ contains
     call self%note_speed()
     self%last_step = self%step
     self%last_nodal = self%nodal(:, column_y:column_y + max_components - 1)
-    call self%note_growth(self%unseen_growth)
+    call self%note_growth()
   end subroutine accept
 
   !> Save or load. Stage values and terms are scratch: each attempt makes them anew.

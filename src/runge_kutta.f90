@@ -15,6 +15,7 @@ module dst_runge_kutta
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_drive, only: drive_segment_t
+  use dst_instability, only: follow_instability
   use dst_interpolation, only: new_grid, max_degree
   use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights, max_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
@@ -87,6 +88,7 @@ contains
     do i = 0, degree
       stepper%dense_weight(:, i) = dense_weights(stepper%method, stepper%grid%node(i))
     end do
+    stepper%noise_floor = 10.0_wp*stepper%estimate_tolerance
     stepper%terms = new_terms(1, components)
   end function new_runge_kutta
 
@@ -125,6 +127,7 @@ contains
     if (outcome%solved .and. outcome%error <= 1.0_wp) then
       call set_nodal(self, system, drive, from)
       if (self%method%errors > 0) call judge_turns(self, system, drive, from, outcome)
+      call look_for_growth(self, system, drive, from)
     end if
   end subroutine attempt
 
@@ -142,6 +145,27 @@ contains
     outcome%error = max(outcome%error, error)
     if (error > 1.0_wp) outcome%factor = min(outcome%factor, 0.5_wp)
   end subroutine judge_turns
+
+  !> Whether steady sliding is unstable and nothing to be seen of it: an explicit method sees nothing below its tolerance.
+  subroutine look_for_growth(self, system, drive, from)
+    class(runge_kutta_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), parameter :: close = 0.01_wp
+    real(wp) :: coefficient(0:2*system%components), weakening, longest, growth, velocity
+
+    self%unseen_growth = 0.0_wp
+    self%emerged = .false.
+    velocity = drive%velocity_at(from%time)
+    associate (n => system%components, first => system%axis, last => system%axis + system%components - 1)
+      if (any(abs(self%slope(first:last, 1) + velocity*system%along(first:last)) > close*abs(velocity))) return
+      call system%decay_polynomial(from%y(1:n), velocity, coefficient, weakening)
+      call follow_instability(coefficient, self%method%order, 1.0_wp, longest, growth)
+    end associate
+    if (growth > 0.0_wp) call self%look_at_growth(drive, from, growth, &
+      self%is_disturbed(system, drive, from, self%noise_floor, self%noise_floor))
+  end subroutine look_for_growth
 
   !> The stages that make the step, its end and the slope there.
   subroutine step_stages(self, system, drive, from, to, outcome)
@@ -317,13 +341,13 @@ contains
   end function tolerance
 
   !> An error estimate as a slip velocity [m/s]: that of y, and that of u times the frequency at
-  !> which the springs make velocity of it.
+  !> which the springs make velocity of it; magnified along an axis whose spring has a smaller scale than the slip speed.
   pure real(wp) function error_size(self, system, n, weight, velocity_y) result(size)
     class(runge_kutta_t), intent(in) :: self
     class(slip_system_t), intent(in) :: system
     integer, intent(in) :: n
     real(wp), intent(in) :: weight(max_stages), velocity_y(n, n)
-    real(wp) :: error(n_values), square, frequency_square
+    real(wp) :: error(n_values), square, frequency_square, own_speed(max_components)
     integer :: j, k, l, axis
 
     error = 0.0_wp
@@ -332,14 +356,15 @@ contains
     end do
     error = self%step*error
     square = 0.0_wp
+    own_speed = system%spring_speed(self%start(1:max_components))
     do k = 1, n
       axis = system%axis + k - 1
       frequency_square = 0.0_wp
       do l = 1, n
         frequency_square = frequency_square + velocity_y(k, l)*self%terms%force_u(1, l, k)/self%terms%inertia(1, l)
       end do
-      square = square + dot_product(velocity_y(k, :), error(first_y:max_components + n))**2 &
-        + abs(frequency_square)*error(axis)**2
+      square = square + (dot_product(velocity_y(k, :), error(first_y:max_components + n))**2 &
+        + abs(frequency_square)*error(axis)**2)*max(1.0_wp, self%speed_scale/own_speed(axis))**2
     end do
     size = sqrt(square)
   end function error_size
@@ -405,6 +430,7 @@ contains
     class(runge_kutta_t), intent(inout) :: self
 
     call self%note_speed()
+    call self%note_growth()
     self%last_error = self%error
   end subroutine accept
 

@@ -78,6 +78,12 @@ module dst_stepper
     real(wp) :: start_speed = 0.0_wp
     real(wp) :: peak_speed = 0.0_wp
     real(wp) :: memory = huge(1.0_wp)
+    !> Growth [1/s] of a disturbance of steady sliding that this attempt cannot see, 0 where there is none; and what is less than this
+    !> share of the slip speed cannot be seen.
+    real(wp) :: unseen_growth = 0.0_wp
+    real(wp) :: noise_floor = epsilon(1.0_wp)
+    !> Whether a disturbance has grown to be seen that came from nothing but roundoff.
+    logical :: emerged = .false.
     !> By which power of e a disturbance that is lost in roundoff would have grown in the present stretch of unstable motion.
     real(wp) :: unseen = 0.0_wp
     !> Terms of the equations at one point of a turn.
@@ -100,6 +106,10 @@ module dst_stepper
     procedure :: note_speed
     !> What the last attempt may have missed where the slip turns back, over tolerance.
     procedure :: error_of_turns
+    !> Whether the motion differs visibly from steady sliding.
+    procedure :: is_disturbed
+    !> Note in an attempt how fast a disturbance grows, and whether it is seen.
+    procedure :: look_at_growth
     !> Take in the growth of what the accepted step could not see.
     procedure :: note_growth
     procedure :: is_undecided
@@ -311,6 +321,60 @@ contains
     end associate
   end function defect_around
 
+  !> Whether the motion at the start of the step differs from steady sliding by more than roundoff; under a drive that changes its
+  !> velocity, by more than the lag with which steady sliding follows and more than the step's own error. What is less is
+  !> of the numbers' making, and long steps do well to damp it. `least` of the slip speed is not seen at all, `least_on_ramp` not
+  !> under such a drive.
+  logical function is_disturbed(self, system, drive, from, least, least_on_ramp)
+    class(stepper_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: least, least_on_ramp   !! relative to the slip speed
+    real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp)
+    real(wp) :: velocity(1, system%components), velocity_y(1, system%components, system%components)
+    real(wp) :: coefficient(0:2*system%components), weakening, drive_velocity, change, allowed, floor
+    integer :: k
+
+    if (.not. allocated(self%turn_terms%force)) self%turn_terms = new_terms(1, system%components)
+    is_disturbed = .false.
+    drive_velocity = drive%velocity_at(from%time)
+    floor = (roundoff + least)*self%speed_scale
+    if (abs(drive%acceleration) > 0.0_wp) floor = floor + least_on_ramp*self%speed_scale
+    associate (n => system%components, first => system%axis, last => system%axis + system%components - 1, &
+        terms => self%turn_terms)
+      call system%kinematics(1, from%y(1:n), velocity, velocity_y)
+      call system%dynamics(1, [drive_velocity], from%u(first:last), from%y(1:n), velocity_y, terms)
+      call system%decay_polynomial(from%y(1:n), drive_velocity, coefficient, weakening)
+      do k = 1, n
+        associate (ahead => system%along(first + k - 1), frequency => system%frequency(first + k - 1))
+          change = sum(velocity_y(1, k, :)*terms%force(1, :)/max(terms%inertia(1, :), tiny(change)))
+          allowed = floor + 10.0_wp*system%acceleration_noise/frequency &
+            + 3.0_wp*abs(drive%acceleration*weakening)/frequency**2
+          is_disturbed = is_disturbed .or. abs(velocity(1, k) - drive_velocity*ahead) > allowed &
+            .or. abs(change - drive%acceleration*ahead) > allowed*frequency
+        end associate
+      end do
+    end associate
+  end function is_disturbed
+
+  !> Note that disturbances grow at this rate [1/s], and whether one is seen. If one comes out of a long stretch in which nothing was
+  !> to be seen, while nothing changes the drive, roundoff has made it.
+  pure subroutine look_at_growth(self, drive, from, growth, disturbed)
+    class(stepper_t), intent(inout) :: self
+    type(drive_segment_t), intent(in) :: drive
+    type(motion_t), intent(in) :: from
+    real(wp), intent(in) :: growth
+    logical, intent(in) :: disturbed
+    !> Growth, as power of e, within what counts as roundoff; an explicit method makes disturbances of its tolerance at any time.
+    real(wp), parameter :: roundoff_growth = 3.0_wp
+    real(wp) :: long
+
+    long = merge(0.0_wp, roundoff_growth, self%explicit)
+    self%unseen_growth = merge(0.0_wp, growth, disturbed)
+    self%emerged = disturbed .and. self%unseen > long .and. from%time > drive%start .and. .not. abs(drive%acceleration) > 0.0_wp
+  end subroutine look_at_growth
+
   pure subroutine note_speed(self)
     class(stepper_t), intent(inout) :: self
 
@@ -318,20 +382,23 @@ contains
     self%peak_speed = max(self%peak_speed/(1.0_wp + self%step/self%memory), self%speed_scale)
   end subroutine note_speed
 
-  !> `growth` [1/s] during the last step, 0 if there was none.
-  pure subroutine note_growth(self, growth)
+  pure subroutine note_growth(self)
     class(stepper_t), intent(inout) :: self
-    real(wp), intent(in) :: growth
 
-    self%unseen = merge(self%unseen + growth*self%step, 0.0_wp, growth > 0.0_wp)
+    if (self%emerged) then
+      self%unseen = huge(self%unseen)
+    else
+      self%unseen = merge(self%unseen + self%unseen_growth*self%step, 0.0_wp, self%unseen_growth > 0.0_wp)
+    end if
+    self%emerged = .false.
   end subroutine note_growth
 
-  !> Whether roundoff would have grown to the size of the motion by now: when the object leaves it hangs on disturbances that no
-  !> number here holds.
+  !> Whether what cannot be seen would have grown to the size of the motion by now: when the object leaves steady sliding hangs on
+  !> disturbances that no number here holds.
   pure logical function is_undecided(self)
     class(stepper_t), intent(in) :: self
 
-    is_undecided = self%unseen > -log(epsilon(1.0_wp))
+    is_undecided = self%unseen > -log(self%noise_floor)
   end function is_undecided
 
   !> Save or load what every method has.

@@ -51,7 +51,8 @@ module dst_summary
     quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged: first energy and absolute works'), &
     quantity_t('swing', 'N', 'largest less smallest k_x u_x in the second half of the run'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
-    quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)')]
+    quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)'), &
+    quantity_t('undecided_from', 's', 'time from which only roundoff keeps or ends unstable steady sliding')]
 
   !> What is known of the run so far.
   type :: summary_t
@@ -69,6 +70,8 @@ module dst_summary
     !> Whether slip has begun, and how friction pointed then [rad].
     logical, private :: has_slipped = .false.
     real(wp), private :: slip_angle = 0.0_wp
+    !> From when on disturbances too small to be seen would have ended steady sliding [s]; negative if never.
+    real(wp) :: undecided_from = -1.0_wp
   contains
     procedure :: begin
     procedure :: take_in
@@ -431,6 +434,7 @@ contains
       call put('creep_share', self%creep_time/self%late_time)
     end if
     if (self%has_slipped) call put('slip_angle', self%slip_angle)
+    if (self%undecided_from >= 0.0_wp) call put('undecided_from', self%undecided_from)
 
   contains
 
@@ -474,5 +478,6 @@ contains
     call archive%exchange(self%creep_time)
     call archive%exchange(self%has_slipped)
     call archive%exchange(self%slip_angle)
+    call archive%exchange(self%undecided_from)
   end subroutine exchange
 end module dst_summary

@@ -63,6 +63,7 @@ contains
     self%exchanged = self%exchanged + abs(trajectory%now%drive_work - trajectory%from%drive_work) + &
       abs(trajectory%now%friction_work - trajectory%from%friction_work)
     if (trajectory%event == stick_begins) self%sticks = self%sticks + 1
+    if (self%undecided_from < 0.0_wp .and. trajectory%stepper%is_undecided()) self%undecided_from = trajectory%now%time
     call self%take_in(advance)
   end subroutine follow
 
