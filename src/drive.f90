@@ -31,21 +31,36 @@ module dst_drive
 contains
 
   !> From knots: times [s] (the first 0, never falling, two equal ones make a jump) and velocities
-  !> [m/s] there. After the last knot the last velocity holds.
+  !> [m/s] there. After the last knot the last velocity holds. A knot on the line between its neighbours is none.
   pure function new_drive(time, velocity) result(drive)
     real(wp), intent(in) :: time(:), velocity(:)
     type(drive_t) :: drive
-    integer :: i, n
+    integer :: i, n, first
 
     n = size(time)
     allocate (drive%segment(0))
-    do i = 1, n - 1
-      if (time(i + 1) <= time(i)) cycle
-      drive%segment = [drive%segment, drive_segment_t(time(i), time(i + 1), velocity(i), &
-        (velocity(i + 1) - velocity(i))/(time(i + 1) - time(i)))]
+    first = 1
+    do i = 2, n
+      if (i < n) then
+        if (on_line(time([first, i, i + 1]), velocity([first, i, i + 1]))) cycle
+      end if
+      if (time(i) > time(first)) drive%segment = [drive%segment, drive_segment_t(time(first), time(i), velocity(first), &
+        (velocity(i) - velocity(first))/(time(i) - time(first)))]
+      first = i
     end do
     drive%segment = [drive%segment, drive_segment_t(start=time(n), velocity=velocity(n))]
   end function new_drive
+
+  !> Whether the second of three knots lies on the line between the others, within roundoff.
+  pure logical function on_line(time, velocity)
+    real(wp), intent(in) :: time(3), velocity(3)   !! s, m/s
+    real(wp) :: share
+
+    on_line = time(1) < time(2) .and. time(2) < time(3)
+    if (.not. on_line) return
+    share = (time(2) - time(1))/(time(3) - time(1))
+    on_line = abs(velocity(2) - velocity(1) - share*(velocity(3) - velocity(1))) <= 4.0_wp*epsilon(share)*maxval(abs(velocity))
+  end function on_line
 
   !> V(t) [m/s].
   pure real(wp) function velocity_at(self, time)

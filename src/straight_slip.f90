@@ -128,7 +128,9 @@ contains
 
     associate (unused => drive_velocity)
     end associate
-    velocity = y(1)*self%direction
+    ! In the direction that the motion had there: the slip may have turned since.
+    velocity = y(1)*[cos(y(2)), sin(y(2))]
+    if (self%axis == 1) velocity = [sign(y(1), cos(y(2))), 0.0_wp]
   end function slip_velocity
 
   pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)

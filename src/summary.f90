@@ -290,17 +290,37 @@ contains
   subroutine follow_slip(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
-    type(moment_t) :: moment
+    !> Parts in which the force is looked at once it is near: the fast oscillation makes friction fall and rise within a step.
+    integer, parameter :: slip_parts = 8
+    real(wp), parameter :: near = 0.5_wp
+    type(moment_t) :: before, after
     real(wp) :: ends(2)
+    integer :: i, start
 
     if (self%has_slipped) return
-    ends(2) = level(excess_force, stretch, stretch%last)
+    before = stretch%first
+    ends(1) = level(excess_force, stretch, before)
+    start = merge(1, slip_parts, level(excess_force, stretch, stretch%last) > -near*abs(stretch%last%force))
+    do i = start, slip_parts
+      after = stretch%last
+      if (i < slip_parts) after = stretch%at(inside(i))
+      ends(2) = level(excess_force, stretch, after)
+      if (ends(2) > 0.0_wp) exit
+      before = after
+      ends(1) = ends(2)
+    end do
     if (.not. ends(2) > 0.0_wp) return
-    ends(1) = level(excess_force, stretch, stretch%first)
-    moment = stretch%last
-    if (ends(1) < 0.0_wp) moment = moment_at_zero(excess_force, stretch, stretch%first%time, stretch%last%time, ends)
-    if (any(abs(moment%slip_velocity) > 0.0_wp)) self%slip_angle = atan2(abs(moment%slip_velocity(2)), abs(moment%slip_velocity(1)))
+    if (ends(1) < 0.0_wp) after = moment_at_zero(excess_force, stretch, before%time, after%time, ends)
+    if (any(abs(after%slip_velocity) > 0.0_wp)) self%slip_angle = atan2(abs(after%slip_velocity(2)), abs(after%slip_velocity(1)))
     self%has_slipped = .true.
+
+  contains
+
+    real(wp) function inside(part)
+      integer, intent(in) :: part
+
+      inside = stretch%first%time + (stretch%last%time - stretch%first%time)*real(part, wp)/real(slip_parts, wp)
+    end function inside
   end subroutine follow_slip
 
   !> The second half of the run: its first instant, its time, and of that the time at rest or in creep.

@@ -1,0 +1,172 @@
+"""Stops where v just reaches zero, on knots and between samples: the same number by every method, at their own times."""
+
+import dynstiction as ds
+import numpy as np
+import pytest
+
+METHODS = ("radau5", "radau9", "radau13", "dopri5", "dop853")
+
+GRAZING = {
+    "system": {
+        "mass": 0.003714626115048481,
+        "stiffness_x": 228.00925659361542,
+        "stiffness_y": 5675820473.863028,
+        "misalignment_deg": 23.786050600998433,
+    },
+    "friction": {"law": "constant", "mu_0": 0.3095310335744721, "normal_load": 5.2524214699351806},
+}
+"""v_min is some 1e-7 n of its largest value in the n-th oscillation: the object never stops again."""
+
+FIG3 = {
+    "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment_deg": 1.0},
+    "friction": {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10.0},
+}
+
+
+def run(groups, t_end, velocity, method, rtol, *, time=None, interval=None, **initial):
+    drive = {"velocity": velocity} if time is None else {"velocity": velocity, "time": time}
+    return ds.run(
+        ds.Scene(
+            scene={"model": "full", "t_end": t_end},
+            **groups,
+            drive=drive,
+            initial={"velocity_ratio": 0.0, **initial},
+            integrator={"method": method, "rtol": rtol},
+            output={"interval": interval or t_end / 50, "fields": ["X", "u_x", "u_y", "w_x", "w_y", "sticking"]},
+        )
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_grazing_is_no_stick(method):
+    for rtol in (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
+        result = run(GRAZING, 0.00204057, 9.653523977595618e-5, method, rtol)
+        assert list(result.events["kind"]) == [1, 2], rtol
+
+
+@pytest.mark.parametrize("ratio", [1 + 1e-6, 1.0, 1 - 1e-6])
+def test_marginal_rest_is_the_same_for_all(ratio):
+    """Friction that falls or rises by a millionth: the first oscillations all but stop."""
+    friction = {**FIG3["friction"], "mu_inf": 0.2 * ratio}
+    groups = {"system": FIG3["system"], "friction": friction}
+    sticks = {
+        run(groups, 0.05, 1e-3, method, rtol).summary["sticks"] for method in METHODS for rtol in (1e-7, 1e-9)
+    }
+    assert len(sticks) == 1
+
+
+@pytest.mark.parametrize("method", ["radau9", "radau13", "dopri5"])
+@pytest.mark.parametrize("angle", [0.1, 0.01])
+def test_small_misalignment_with_an_explicit_method(angle, method):
+    """The cut-off of the explicit methods scales with the motion: V sin(phi) is 1e-4 of V here."""
+    groups = {"system": {**FIG3["system"], "misalignment_deg": angle}, "friction": FIG3["friction"]}
+    exact = run(groups, 1.0025, 1e-3, "radau13", 1e-12)
+    found = run(groups, 1.0025, 1e-3, method, 1e-7)
+    speed = np.hypot(exact["w_x"], exact["w_y"]).max()
+    assert len(found.events) == len(exact.events)
+    assert np.hypot(found["w_x"] - exact["w_x"], found["w_y"] - exact["w_y"]).max() < 30e-7 * speed
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+def test_slow_piece_of_a_profile(method):
+    """The drive comes to rest between faster pieces; the last slip before that ends where it should."""
+    groups = {
+        "system": {"mass": 0.25, "stiffness_x": 3e3, "stiffness_y": 3e6, "misalignment_deg": 3.0},
+        "friction": FIG3["friction"],
+    }
+    profile = {"time": (0.0, 0.1, 0.4, 0.5, 0.6, 0.9), "velocity": (0.0, 2e-3, 2e-3, 0.0, 0.0, -3e-3)}
+    exact = run(groups, 1.2, **profile, method="radau13", rtol=1e-12)
+    found = run(groups, 1.2, **profile, method=method, rtol=1e-6)
+    assert len(found.events) == len(exact.events)
+    assert np.abs(found.events["time"] - exact.events["time"]).max() < 1e-7
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("method", ["radau5", "radau9", "radau13"])
+def test_no_step_passes_a_knot(method, seed, rtol):
+    """X = D - u.e to roundoff at every sample, with thousands of knots."""
+    random = np.random.default_rng(seed)
+    knots = np.sort(random.uniform(0, 0.5, 3000))
+    time = np.concatenate([[0.0], knots, [0.5]])
+    velocity = 1e-3 * (1 + 2 * random.standard_normal(time.size))
+    result = run(FIG3, 0.5, tuple(velocity), method, rtol, time=tuple(time), interval=1e-3)
+    driven = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
+    k = np.clip(np.searchsorted(time, result.time, side="right") - 1, 0, time.size - 2)
+    part = result.time - time[k]
+    slope = (velocity[k + 1] - velocity[k]) / (time[k + 1] - time[k])
+    driven = driven[k] + part * (velocity[k] + 0.5 * slope * part)
+    along = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
+    stretch = result["u_x"] * along[0] + result["u_y"] * along[1]
+    assert np.abs(result["X"] - (driven - stretch)).max() < 1e-15
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize("method", METHODS)
+def test_samples_have_their_own_times(method, rtol):
+    """Also within a stop that is finished in closed form."""
+    result = run(FIG3, 4e-3, 1e-3, method, rtol, interval=1e-7, velocity_ratio=5.43)
+    assert np.abs(result.time - 1e-7 * np.arange(result.time.size)).max() < 1e-17
+    # And the states are those of the times: X' integrates to X.
+    advance = np.diff(result["X"])
+    along = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
+    rate = result["w_x"] * along[0] + result["w_y"] * along[1]
+    middle = 0.5e-7 * (rate[1:] + rate[:-1])
+    assert np.abs(advance - middle).max() < 3e-3 * 1e-7 * np.abs(rate).max()
+
+
+def test_redundant_knots_change_no_bit():
+    """A knot on the line between its neighbours is none, in any model."""
+    for model, angle in (("full", 1.0), ("low_frequency", 3.0)):
+        system = {**FIG3["system"], "misalignment_deg": angle}
+        if model == "low_frequency":
+            del system["stiffness_y"]
+        results = []
+        for time, velocity in (
+            ((0.0, 1.0), (1e-3, -1e-3)),
+            ((0.0, 0.25, 0.5, 0.625, 1.0), (1e-3, 5e-4, 0.0, -2.5e-4, -1e-3)),
+        ):
+            results.append(
+                ds.run(
+                    ds.Scene(
+                        scene={"model": model, "t_end": 1.0},
+                        system=system,
+                        friction=FIG3["friction"],
+                        drive={"time": time, "velocity": velocity},
+                        initial={"velocity_ratio": 0.0},
+                        integrator={"method": "radau9", "rtol": 1e-6},
+                        output={"interval": 0.01},
+                    )
+                )
+            )
+        assert all((results[0][name] == results[1][name]).all() for name in ("u_x", "X", "w_x"))
+
+
+def test_a_sample_before_a_turn_has_the_direction_of_then():
+    """high_frequency turns at rest; the samples of the step before it had the direction of the turn."""
+    scene = {
+        "scene": {"model": "high_frequency", "t_end": 0.211861},
+        "system": {
+            "mass": 5.382100394788668,
+            "stiffness_x": 3013.2086563840994,
+            "stiffness_y": 645059506.4899609,
+            "misalignment_deg": 11.546946635805254,
+        },
+        "friction": {
+            "law": "weakening",
+            "mu_0": 0.5723945693254295,
+            "mu_inf": 0.0,
+            "v_f": 0.0058009209613340855,
+            "normal_load": 1.584501674454454,
+        },
+        "drive": {"velocity": -0.05578183275032312},
+        "initial": {"velocity_ratio": 0.0, "elongation_x": 8.332460781818993e-05},
+        "output": {"interval": 0.00211861},
+    }
+    runs = [
+        ds.run(ds.Scene(**scene, integrator={"method": method, "rtol": rtol}))
+        for method, rtol in (("radau13", 1e-12), ("radau13", 1e-5), ("radau9", 1e-5))
+    ]
+    speed = np.abs(runs[0]["w_y"]).max()
+    for result in runs[1:]:
+        assert np.abs(result["w_y"] - runs[0]["w_y"]).max() < 1e-3 * speed
