@@ -39,7 +39,7 @@ ROOMS = {
                 "contact trajectory observables cycles summary trajectory_summary moreau_jean creep_motion"),
     "physics": ("physics", 20, 662, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
     "numerics": ("numerics", 240, 662, 420, 240, "ground slip_system drive",
-                 "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein "
+                 "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein instability polynomial_roots "
                  "interpolation stepper"),
     "deck": ("the deck", 680, 352, 300, 550, "ground",
              "scene parameters deck deck_sweep deck_text deck_values schema namelist faults sha256"),
@@ -61,7 +61,7 @@ SAY = {
     "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
     "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
     "slip_system": "a model, seen by a method", "radau": "implicit steps", "runge_kutta": "explicit steps",
-    "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5, briefly", "bernstein": "first zero",
+    "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5, briefly", "bernstein": "first zero", "instability": "longest step", "polynomial_roots": "Laguerre",
     "interpolation": "dense output", "stepper": "a method, seen by the trajectory",
     "scene": "the deck, typed", "deck": "reads and checks", "schema": "the one table of keys",
     "namelist": "scanner", "kinds": "wp", "errors": "codes as values",

@@ -400,7 +400,9 @@ contains
       growth = max(growth, rate)
     end do
     if (.not. growth > 0.0_wp) return
-    disturbed = self%is_disturbed(system, drive, from, 0.0_wp, 10.0_wp*self%estimate_tolerance)
+    ! Nothing grows that is slower than what the roundoff of the forces does in the time of the growth.
+    disturbed = self%speed_scale*growth > 10.0_wp*system%acceleration_noise
+    if (disturbed) disturbed = self%is_disturbed(system, drive, from, 0.0_wp, 10.0_wp*self%estimate_tolerance)
     call self%look_at_growth(drive, from, growth, disturbed)
     if (disturbed) then
       if (self%step > longest) outcome%error = max(outcome%error, self%step/longest)

@@ -358,12 +358,17 @@ contains
   type(instant_t) function instant_at(self, time)
     class(simulation_t), intent(in) :: self
     real(wp), intent(in) :: time
-    logical :: sticking
+    logical :: sticking, touching
 
     associate (trajectory => self%trajectory)
       sticking = trajectory%was_sticking
-      if (time >= trajectory%now%time) sticking = trajectory%sticking
+      touching = trajectory%was_touching
+      if (time >= trajectory%now%time) then
+        sticking = trajectory%sticking
+        touching = trajectory%touching
+      end if
       instant_at = observe(trajectory, trajectory%at(time), sticking)
+      instant_at%sticking = sticking .and. .not. touching
     end associate
   end function instant_at
 

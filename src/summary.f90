@@ -25,7 +25,7 @@ module dst_summary
   integer, parameter :: most_parts = 8
 
   !> What may pass through zero inside a stretch, see `level`.
-  integer, parameter :: elongation_rate = 1, excess_rate = 2, excess_force = 3
+  integer, parameter :: elongation_rate = 1, excess_rate = 2, excess_force = 3, rate = 4
 
   !> What `summary_values` gives, in its order.
   type(quantity_t), parameter :: summary_quantities(*) = [ &
@@ -152,7 +152,7 @@ contains
     if (stretch%last%time >= self%half) call follow_late(self, stretch)
   end subroutine take_in
 
-  !> What passes through zero: k_x u_x' [N/s], |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N].
+  !> What passes through zero: k_x u_x' [N/s], X' [m/s], |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N].
   real(wp) function level(which, stretch, moment)
     integer, intent(in) :: which
     class(stretch_t), intent(in) :: stretch
@@ -161,6 +161,8 @@ contains
     select case (which)
     case (elongation_rate)
       level = moment%force_rate
+    case (rate)
+      level = moment%rate
     case (excess_rate)
       level = abs(moment%rate) - tiny_rate*abs(moment%drive_velocity)
     case default
@@ -327,8 +329,8 @@ contains
   subroutine follow_late(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
-    type(moment_t) :: first, crossing
-    real(wp) :: ends(2), share, duration
+    type(moment_t) :: first, crossing, slow
+    real(wp) :: ends(2), slowest, share, duration
 
     first = stretch%first
     if (first%time < self%half) then
@@ -341,7 +343,14 @@ contains
     ends = 0.0_wp
     if (.not. stretch%sticking) ends = [level(excess_rate, stretch, first), level(excess_rate, stretch, stretch%last)]
     share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
-    if (ends(1)*ends(2) < 0.0_wp) then
+    if (minval(ends) > 0.0_wp .and. first%rate*stretch%last%rate < 0.0_wp) then
+      ! The object turns back, and is slow for a while between the ends.
+      crossing = moment_at_zero(rate, stretch, first%time, stretch%last%time, [first%rate, stretch%last%rate])
+      slowest = level(excess_rate, stretch, crossing)
+      slow = moment_at_zero(excess_rate, stretch, first%time, crossing%time, [ends(1), slowest])
+      crossing = moment_at_zero(excess_rate, stretch, crossing%time, stretch%last%time, [slowest, ends(2)])
+      share = (crossing%time - slow%time)/duration
+    else if (ends(1)*ends(2) < 0.0_wp) then
       crossing = moment_at_zero(excess_rate, stretch, first%time, stretch%last%time, ends)
       share = (crossing%time - first%time)/duration
       if (ends(2) < 0.0_wp) share = 1.0_wp - share

@@ -59,13 +59,15 @@ module dst_trajectory
     logical :: sticking = .false.
     logical :: was_sticking = .false.
     !> Whether the rest is a mere touch, see dst_contact: no stick, and no event.
-    logical :: touching = .false.
+    logical :: touching = .false., was_touching = .false.
     integer :: event = no_event
     !> Step size wanted next [s].
     real(wp) :: next_step = 0.0_wp
     !> Step size that the first step after a release took last time [s].
     real(wp) :: release_step = 0.0_wp
     logical :: just_released = .false.
+    !> Whether the last step ended at the lowest point of a shallow dip, and whether this attempt does.
+    logical :: from_dip = .false., to_dip = .false.
     !> How slip starts, for an explicit method that is led through it.
     real(wp) :: release_rate = 0.0_wp
     !> Nodes for the advances that the trajectory makes in closed form.
@@ -154,6 +156,7 @@ contains
     horizon = min(self%t_end, self%drive%segment(self%segment)%end)
     self%from = self%now
     self%was_sticking = self%sticking
+    self%was_touching = self%touching
     if (self%sticking .and. .not. self%stepper%rests_itself) then
       call stay_stuck(self, horizon)
     else
@@ -323,6 +326,7 @@ contains
     type(onset_t), intent(in) :: onset
 
     self%sticking = .false.
+    self%from_dip = .false.
     self%just_released = .true.
     self%next_step = self%release_step
     ! The load has to grow beyond its own roundoff before it moves anything.
@@ -398,6 +402,7 @@ contains
     truncated = truncated .and. self%stepper%step >= step
     if (truncated) call arrive(to, horizon)
     self%now = to
+    self%from_dip = self%to_dip
     call self%stepper%accept()
     self%stepper%count%steps = self%stepper%count%steps + 1
     call choose_next_step(self, outcome%factor, truncated)
@@ -504,6 +509,7 @@ contains
     real(wp) :: zero, lowest, depth, reach, curvature
 
     stopped = .false.
+    self%to_dip = .false.
     if (self%just_released) then
       outcome%solved = moves_off(self)
       if (.not. outcome%solved) outcome%factor = 0.25_wp
@@ -514,7 +520,8 @@ contains
     if (lowest < 1.0_wp .and. -just_above <= depth .and. depth <= shallow) then
       call settle_on_lowest(self, reach, self%stepper%step, to, outcome, curvature)
       if (.not. outcome%solved) return
-      if (to%y(1) > 0.0_wp) then
+      self%to_dip = to%y(1) > 0.0_wp
+      if (self%to_dip) then
         call refuse_hidden_stop(self, outcome)
         return
       end if
@@ -537,7 +544,7 @@ contains
     lowest = 2.0_wp
     depth = -1.0_wp
     associate (grid => self%stepper%grid, scale => self%stepper%speed_scale)
-      call grid%bernstein_coefficients(self%stepper%nodal(:, column_y), coefficient)
+      call dip_coefficients(self, coefficient)
       if (all(coefficient(1:grid%degree) > just_above*scale)) return
       zero = first_zero(coefficient(0:grid%degree))
       lowest = first_minimum(coefficient(0:grid%degree), merge(zero, 0.0_wp, zero <= 1.0_wp))
@@ -627,12 +634,25 @@ contains
     type(attempt_t), intent(inout) :: outcome
     real(wp) :: coefficient(0:max_degree)
 
-    associate (grid => self%stepper%grid)
-      call grid%bernstein_coefficients(self%stepper%nodal(:, column_y), coefficient)
-      outcome%solved = first_zero(coefficient(0:grid%degree)) > 1.0_wp
-    end associate
+    call dip_coefficients(self, coefficient)
+    outcome%solved = first_zero(coefficient(0:self%stepper%grid%degree)) > 1.0_wp
     if (.not. outcome%solved) outcome%factor = 0.25_wp
   end subroutine refuse_hidden_stop
+
+  !> Bernstein coefficients of v in the last attempt. It rises from the lowest point of a dip; where the polynomial seems to fall there,
+  !> within its accuracy, it does not.
+  pure subroutine dip_coefficients(self, coefficient)
+    class(trajectory_t), intent(in) :: self
+    real(wp), intent(out) :: coefficient(0:max_degree)
+    integer :: half
+
+    associate (grid => self%stepper%grid)
+      call grid%bernstein_coefficients(self%stepper%nodal(:, column_y), coefficient)
+      if (.not. self%from_dip) return
+      half = (grid%degree + 1)/2
+      coefficient(0:half) = coefficient(0:half) + shallow*self%stepper%speed_scale
+    end associate
+  end subroutine dip_coefficients
 
   !> Whether the first step after a release has v > 0 throughout, roundoff apart; a step that is too
   !> long may have found the other branch. v begins with 0, so v/tau has the Bernstein coefficients b_i s/i, i = 1 ... s. It begins
@@ -835,10 +855,12 @@ contains
     call archive%exchange(self%sticking)
     call archive%exchange(self%was_sticking)
     call archive%exchange(self%touching)
+    call archive%exchange(self%was_touching)
     call archive%exchange(self%event)
     call archive%exchange(self%next_step)
     call archive%exchange(self%release_step)
     call archive%exchange(self%just_released)
+    call archive%exchange(self%from_dip)
     call archive%exchange(self%release_rate)
     call archive%exchange(self%segment)
     call archive%exchange(self%events_at_once)

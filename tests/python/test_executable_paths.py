@@ -73,7 +73,7 @@ def test_auto_takes_a_closed_form_of_creep(call, tmp_path):
         "scene.quantities=creep",
         "scene.t_end=0.5",
         "scene.accuracy=0.05",
-        "output.fields=X,X_rate",
+        "output.fields=X,u_x",
     )
     done = call("run", str(INPUTS / "fig3_constant.nml"), "-o", "x.h5", settings=settings)
     assert done.returncode == 0, done.stderr

@@ -148,7 +148,8 @@ def test_stiction_fades_with_lambda(thinned):
     share, angle = data["creep_share"].values, np.degrees(data["slip_angle"].values)
     assert share.size == 5
     free = np.arccos(0.9) / np.pi
-    assert np.all(np.diff(share) > 0.0)
+    # The first two oscillate freely; their shares differ by the part of a period in which the run ends.
+    assert np.all(np.diff(share) > -1e-3) and np.all(np.diff(share[1:]) > 0.0)
     assert np.all((0.8 * free < share[:3]) & (share[:3] < free))
     assert share[3] > 2.0 * free and share[4] > 0.9
     assert np.all(np.diff(angle) < 0.0) and angle[0] > 89.0 and angle[-1] < 4.0

