@@ -52,6 +52,9 @@ module dst_lanes
 
   !> Step times growth rate up to which the growth of unstable creep is followed, as in dst_radau.
   real(wp), parameter :: longest_growth = 2.0_wp
+  !> An oscillation of frequency omega loses 1.8e-5 (h omega)**6 of itself in a step: a hundredth of its growth at most. Below
+  !> h omega = 0.5 that does not matter to any growth.
+  real(wp), parameter :: growth_accuracy = 1.0e-2_wp/1.8e-5_wp, short_reach = 0.5_wp
   !> Step times relaxation rate up to which a step resolves the relaxation.
   real(wp), parameter :: longest_relaxation = 10.0_wp
   real(wp), parameter :: largest_factor = 6.0_wp, smallest_factor = 0.2_wp
@@ -408,7 +411,7 @@ contains
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: l
     real(wp), intent(in) :: h, u, w, estimate
-    real(wp) :: error, factor, growth
+    real(wp) :: error, factor, growth, reach, longest_reach
 
     error = 1.0e10_wp
     if (abs(u) + abs(w) <= huge(u) .and. estimate < error) error = max(estimate, 1.0e-10_wp)
@@ -420,6 +423,12 @@ contains
     if (growth > longest_growth) then
       factor = min(factor, 0.9_wp*longest_growth/growth)
       error = max(error, growth/longest_growth)
+    end if
+    reach = h*sqrt(self%stiffness(l)/self%mass(l))
+    if (growth > 0.0_wp .and. reach > short_reach) then
+      longest_reach = (growth_accuracy*min(1.0_wp, 0.5_wp*growth/reach))**0.2_wp
+      factor = min(factor, 0.9_wp*longest_reach/reach)
+      if (reach > longest_reach) error = max(error, reach/longest_reach)
     end if
     self%next_step(l) = h*min(largest_factor, max(smallest_factor, factor))
     if (error > 1.0_wp) then

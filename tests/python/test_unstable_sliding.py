@@ -69,6 +69,18 @@ def test_slow_branch_from_a_push(angle, push):
     assert len(counts) == 1 and counts.pop() >= 2
 
 
+def test_the_lanes_of_a_sweep_follow_slow_growth():
+    """Just below the critical angle: the swing after 5 s hangs on how the growth of 0.1 1/s is followed, from pushes far below rtol."""
+    swings = {}
+    for method in ("rodas4p", "radau9"):
+        for rtol in (1e-3, 1e-5):
+            scene = pushed(8.6, 0.0, 5.0, method, rtol, "low_frequency")
+            data = ds.sweep(scene, {"initial.velocity_ratio": [1 + 1e-6, 1 + 1e-9]}, progress=False)
+            swings[method, rtol] = data["swing"].values
+    for found in swings.values():
+        assert found == pytest.approx(swings["radau9", 1e-5], rel=0.2)
+
+
 @pytest.mark.parametrize("angle", [80.0, 83.0])
 def test_fast_branch_from_a_push(angle):
     sticks = {

@@ -32,6 +32,7 @@ program test_models
   call test_onset()
   call test_onset_along_a_line()
   call test_brake()
+  call test_time()
   call finish()
 
 contains
@@ -358,7 +359,8 @@ contains
       slider%follows = [0.0_wp, 1.0_wp]
       slider%turns = .false.
       straight = new_straight_slip(slider, 2, u)
-      call straight%face(sum(uniform(1, -pi, pi)))
+      y(2) = sum(uniform(1, -pi, pi))
+      call straight%face(y(2))
       n = straight%direction
       y(1) = abs(y(1))
       w = straight%slip_velocity(y, drive)
@@ -598,6 +600,23 @@ contains
     onset = onset_of_slip(slider, [0.0_wp, 0.0_wp], 1.0e-3_wp)
     call check_close('onset without force', onset%y(2), atan2(1.0e7_wp*0.5_wp, 1.0e3_wp*cos(30.0_wp*degree)), 1.0e-15_wp)
   end subroutine test_onset_along_a_line
+
+  !> The time is the sum of its steps, whatever their number: what each rounding takes is kept.
+  subroutine test_time()
+    type(motion_t) :: from, to
+    integer :: i
+    integer, parameter :: n = 1000000
+    real(wp), parameter :: step = 1.0_wp/3.0e3_wp
+
+    from = motion_t(time=1.0e3_wp)
+    do i = 1, n
+      call to%later(from, step)
+      from%time = to%time
+      from%time_rest = to%time_rest
+    end do
+    call check_close('time: sum of a million steps', from%time - 1.0e3_wp, real(n, wp)*step, 2.0_wp*eps*1.0e3_wp)
+    call check_close('time: duration up to another', from%until(from%time + 0.25_wp), 0.25_wp, 2.0_wp*eps*1.0e3_wp)
+  end subroutine test_time
 
   !> The end of slip in closed form, if the slip ends.
   subroutine brake(slider, drive, from, to, ends)
