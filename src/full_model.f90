@@ -150,13 +150,17 @@ contains
     class(full_polar_t), intent(in) :: self
     real(wp), intent(in) :: y(self%components), drive_velocity
     real(wp), intent(out) :: coefficient(0:2*self%components), weakening
-    real(wp) :: friction(1), slope(1)
+    !> A direction that relaxes so much faster than the springs oscillate follows at once: more makes no difference.
+    real(wp), parameter :: at_once = 1.0e8_wp
+    real(wp) :: friction(1), slope(1), across
 
     associate (unused => drive_velocity)
     end associate
     call self%slider%law%evaluate(1, y(1:1), friction, slope)
     weakening = -slope(1)/self%slider%mass
-    coefficient = plane_decay(self%slider, [cos(y(2)), sin(y(2))], slope(1), friction(1)/max(abs(y(1)), tiny(y)))
+    across = at_once*sqrt(self%slider%mass*maxval(self%slider%stiffness))
+    if (across*abs(y(1)) > friction(1)) across = friction(1)/abs(y(1))
+    coefficient = plane_decay(self%slider, [cos(y(2)), sin(y(2))], slope(1), across)
   end subroutine polar_decay
 
   !> The determinant of m lambda^2 + D lambda + K over m^2, with D = F' n n^T + (F/v) t t^T: `along` is F' and `across` F/v [N s/m].
