@@ -147,12 +147,14 @@ contains
   pure real(wp) function touch_time(slider, drive_velocity)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: drive_velocity
-    real(wp) :: pull(2)
+    real(wp) :: pull(2), growth
     real(wp), parameter :: share = 1.0e-3_wp
 
     pull = slider%stiffness*slider%pulled()*drive_velocity
-    touch_time = share*min(sqrt(slider%mass/maxval(slider%stiffness)), &
-      slider%law%onset/max(hypot(pull(1), pull(2)), tiny(1.0_wp)))
+    growth = hypot(pull(1), pull(2))
+    touch_time = sqrt(slider%mass/maxval(slider%stiffness))
+    if (growth*touch_time > slider%law%onset) touch_time = slider%law%onset/growth
+    touch_time = share*touch_time
   end function touch_time
 
   !> Start of slip from rest at elongation `u`, where |K u| >= F_0.

@@ -381,7 +381,7 @@ contains
     real(wp), intent(in) :: y(s, n)
     type(attempt_t), intent(inout) :: outcome
     real(wp), parameter :: largest_factor = 2.0_wp
-    real(wp) :: longest, growth, fastest, coefficient(0:2*n), weakening, limit, rate
+    real(wp) :: longest, growth, fastest, y_there(n), coefficient(0:2*n), weakening, limit, rate
     integer :: point(2), k
     logical :: disturbed
 
@@ -394,7 +394,8 @@ contains
     longest = huge(longest)
     growth = 0.0_wp
     do k = 1, 2
-      call system%decay_polynomial(y(point(k), :), self%drive_velocity(point(k)), coefficient, weakening)
+      y_there = y(point(k), :)
+      call system%decay_polynomial(y_there, self%drive_velocity(point(k)), coefficient, weakening)
       call follow_instability(coefficient, 2*s - 1, self%error_constant, limit, rate)
       longest = min(longest, limit)
       growth = max(growth, rate)
