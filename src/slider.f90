@@ -61,13 +61,15 @@ contains
     frequency = sqrt(self%stiffness/self%mass)
   end function frequency
 
-  !> Slip speeds F_0/sqrt(m k) that stretch either spring to the static limit [m/s]; huge without friction, which sets no scale then.
+  !> Slip speeds F_0/sqrt(m k) that stretch either spring to the static limit [m/s]; huge where there is no friction or no spring,
+  !> which set no scale then.
   pure function static_speed(self)
     class(slider_t), intent(in) :: self
     real(wp) :: static_speed(2)
 
     static_speed = huge(1.0_wp)
-    if (self%law%onset > 0.0_wp) static_speed = self%law%onset/sqrt(self%mass*self%stiffness)
+    if (.not. self%law%onset > 0.0_wp) return
+    where (self%stiffness > 0.0_wp) static_speed = self%law%onset/sqrt(self%mass*self%stiffness)
   end function static_speed
 
   !> (cos, sin) of an angle in degrees, exact at multiples of 90 and odd/even to the last bit.
