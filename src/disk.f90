@@ -11,10 +11,14 @@ module dst_disk
   public :: identity_t, identity_of, operator(==)
   public :: reserve_space, set_file_size, move_file, place_file, delete_file, delete_own_file
   public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
-  public :: lock_file, unlock_file, is_being_written, wait_seconds
+  public :: lock_file, unlock_file, is_in_use, wait_seconds
   public :: open_for_appending, append_words, close_descriptor, matching_files, path_t
-  public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word, system_error, system_reason, &
+  public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word, system_error, system_reason, locked_by_a_reader, &
     with_remedy, ignore_size_limit_signal, utc_now, utc_of
+
+  !> HDF5's lock is not to be had.
+  character(*), parameter :: locked_by_a_reader = &
+    'locked by another process, or the file system has no locks: close the other program, or set HDF5_USE_FILE_LOCKING=FALSE'
 
   ! Error numbers that mean "no room" on Linux.
   integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122
@@ -557,19 +561,20 @@ contains
     if (are_files_locked()) ignored = c_flock(descriptor, exclusive_or_fail)
   end subroutine lock_file
 
-  !> Whether another process has HDF5's lock for writing.
-  logical function is_being_written(file_name)
+  !> Whether another process has HDF5's lock of a file: for writing, or at all.
+  logical function is_in_use(file_name, for_writing)
     character(*), intent(in) :: file_name
-    integer(c_int), parameter :: read_only_at_once = 2048, shared_or_fail = 1 + 4
+    logical, intent(in) :: for_writing
+    integer(c_int), parameter :: read_only_at_once = 2048, shared = 1, exclusive = 2, or_fail = 4
     integer(c_int) :: descriptor
 
-    is_being_written = .false.
+    is_in_use = .false.
     if (.not. are_files_locked()) return
-    descriptor = c_open(c_text(file_name), read_only_at_once, 0_c_int)
+    descriptor = opened(file_name, read_only_at_once)
     if (descriptor < 0) return
-    is_being_written = c_flock(descriptor, shared_or_fail) /= 0
+    is_in_use = c_flock(descriptor, merge(shared, exclusive, for_writing) + or_fail) /= 0
     call close_descriptor(descriptor)
-  end function is_being_written
+  end function is_in_use
 
   !> Whether HDF5 locks files, as its environment variable says.
   logical function are_files_locked()
@@ -636,8 +641,7 @@ contains
     else if (index(system_reason, 'Read-only') > 0) then
       reason = 'the file system is read-only: choose another folder with -o'
     else if (index(system_reason, 'temporarily unavailable') > 0 .or. index(system_reason, ' lock') > 0) then
-      reason = 'locked by another process, or the file system has no locks: close the other program, ' &
-        //'or set HDF5_USE_FILE_LOCKING=FALSE'
+      reason = locked_by_a_reader
     else
       reason = system_reason
     end if

@@ -7,11 +7,11 @@ module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_checkpoint, only: checkpoint_t, checkpoint_name, encoded, is_checkpoint, read_checkpoint
   use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_own_file, file_exists, &
-    folder_of, is_being_written, is_folder, make_durable, make_name_durable, move_file, open_own_file, place_file, place_of, &
-    system_reason, write_bytes
+    folder_of, is_folder, is_in_use, locked_by_a_reader, make_durable, make_name_durable, move_file, open_own_file, place_file, &
+    place_of, system_reason, wait_seconds, write_bytes
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_origin, only: check_is_result
-  use dst_kinds, only: int64
+  use dst_kinds, only: wp, int64
   use dst_lock, only: lock_t, holder_of
   use dst_seal, only: seal, break_seal, checksum_of
   implicit none
@@ -73,7 +73,7 @@ contains
       reason = 'the file exists: use --overwrite or another name'
     else if (.not. there%is_regular) then
       reason = 'it is not a regular file: use another name'
-    else if (is_being_written(name)) then
+    else if (is_in_use(name, for_writing=.true.)) then
       reason = 'another process is writing this file'//holder_of(place_of(name))//': wait for it or use another name'
     else if (there%bytes > 0) then
       call check_is_result(name, reason)
@@ -120,6 +120,7 @@ contains
     if (allocated(error)) return
     self%has_name = .true.
     call open_own_file(self%place, identity_of(self%place), self%own, reason)
+    if (.not. allocated(reason)) call wait_for_readers(self%place, reason)
     if (allocated(reason)) then
       call raise(error, file_error, name//': cannot resume: '//reason)
       call self%release()
@@ -130,6 +131,20 @@ contains
     call open_own_file(checkpoint_name(self%place), identity_of(checkpoint_name(self%place)), self%checkpoint, reason)
     self%is_durable = .true.
   end subroutine claim_unfinished
+
+  !> HDF5 opens a file to write it when nobody reads it.
+  subroutine wait_for_readers(file_name, reason)
+    character(*), intent(in) :: file_name
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer, parameter :: most_tries = 10
+    integer :: i
+
+    do i = 1, most_tries
+      if (.not. is_in_use(file_name, for_writing=.false.)) return
+      call wait_seconds(0.05_wp)
+    end do
+    reason = locked_by_a_reader
+  end subroutine wait_for_readers
 
   subroutine take_lock(self, name, purpose, error)
     type(result_file_t), intent(inout) :: self
