@@ -13,8 +13,8 @@ module dst_disk
   public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
   public :: lock_file, unlock_file, is_in_use, wait_seconds
   public :: open_for_appending, append_words, close_descriptor, matching_files, path_t
-  public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word, system_error, system_reason, locked_by_a_reader, &
-    with_remedy, ignore_size_limit_signal, utc_now, utc_of
+  public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
+  public :: system_error, system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal, utc_now, utc_of
 
   !> HDF5's lock is not to be had.
   character(*), parameter :: locked_by_a_reader = &

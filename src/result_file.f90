@@ -1,8 +1,8 @@
 !> The life of a result file FILE.h5: its name, its lock, the unfinished file it begins as, its checkpoint, its seal, its end.
 !>
 !> docs/checkpoints.md has the table of states. The rules: nothing gets a name before it is whole; nothing is replaced, changed or
-!> removed that is not of this program, or that has become another file meanwhile; whoever does any of this holds the lock. What stands
-!> in the file is not known here.
+!> removed that is not of this program, or that has become another file meanwhile; whoever does any of this holds the lock. What
+!> stands in the file is not known here.
 module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_checkpoint, only: checkpoint_t, checkpoint_name, encoded, is_checkpoint, read_checkpoint
@@ -262,8 +262,8 @@ contains
     call break_seal(self%own)
   end subroutine unseal
 
-  !> Append the seal to the file, which is closed but here. What was durable before stays so. `checksum`: of the whole file; '-' if it
-  !> has no seal.
+  !> Append the seal to the file, which is closed but here. What was durable before stays so. `checksum`: of the whole file; '-' if
+  !> it has no seal.
   subroutine seal_own(self, checksum, error)
     class(result_file_t), intent(in) :: self
     character(:), allocatable, intent(out) :: checksum
