@@ -216,11 +216,8 @@ contains
     character(*), intent(in) :: name
     type(error_t), allocatable, intent(out) :: error
 
-    if (len_trim(name) == 0) then
-      call raise(error, usage_error, "file name '"//name//"': give a name that is not empty")
-    else if (len_trim(name) < len(name)) then
+    if (len_trim(name) < len(name)) &
       call raise(error, usage_error, "file name '"//excerpt(name)//"' ends with a blank: remove the blank, or rename the file")
-    end if
   end subroutine check_file_name
 
   !> The file that a setting names, if it names one.
@@ -232,7 +229,7 @@ contains
     equals = index(setting, '=')
     dot = index(setting(:max(0, equals - 1)), '.')
     k = find_key(lower_case(setting(:max(0, dot - 1))), lower_case(setting(dot + 1:max(dot, equals - 1))))
-    if (k == 0 .or. len_trim(setting) == equals) return
+    if (k == 0 .or. len(setting) == equals) return
     if (names_file(schema(k))) call check_file_name(setting(equals + 1:), error)
   end subroutine check_named_file
 

@@ -151,6 +151,11 @@ contains
     real(wp), allocatable :: first(:), last(:), counts(:)
     logical :: is_log
 
+    allocate (counts, source=element('count'))
+    if (size(counts) > 0) then
+      if (abs(counts(1) - anint(counts(1))) > 0.0_wp) call note(faults, deck, sweep_group, 'count', &
+        real_text(counts(1))//' is no whole number: count says how many values '//name//' has')
+    end if
     problem = variation_problem(deck, name)
     if (problem /= '') then
       call note(faults, deck, sweep_group, 'parameter', problem)
@@ -158,13 +163,8 @@ contains
     end if
     first = element('first')
     last = element('last')
-    counts = element('count')
     if (size(first) > 0) call check_limit('first', first(1))
     if (size(last) > 0) call check_limit('last', last(1))
-    if (size(counts) > 0) then
-      if (abs(counts(1) - anint(counts(1))) > 0.0_wp) call note(faults, deck, sweep_group, 'count', &
-        real_text(counts(1))//' is no whole number: count says how many values '//name//' has')
-    end if
     if (size(first) == 0 .or. size(last) == 0 .or. .not. is_known(deck, 'spacing')) return
     is_log = spacing_of(deck%texts_of(sweep_group, 'spacing'), i) == 'log'
     if (is_log .and. .not. (min(first(1), last(1)) > 0.0_wp .or. max(first(1), last(1)) < 0.0_wp)) &
