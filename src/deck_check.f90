@@ -4,9 +4,9 @@
 module dst_deck_check
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: grid_cases, varied_key
-  use dst_disk, only: folder_of, file_size, file_exists, place_of, true_path, path_t
+  use dst_disk, only: folder_of, file_size, file_exists, true_path, path_t
   use dst_disk_space, only: free_space
-  use dst_errors, only: error_t, raise, deck_error, file_error
+  use dst_errors, only: error_t, raise, deck_error
   use dst_faults, only: faults_t
   use dst_kinds, only: wp
   use dst_model_choice, only: settle_model
@@ -17,7 +17,6 @@ module dst_deck_check
   use dst_simulation, only: simulation_t
   use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, series_quantities
   use dst_sweep_list, only: read_points
-  use dst_sweep_points, only: path_of_points
   use dst_sweep_shard, only: shards_of
   use dst_text, only: integer_text
   implicit none
@@ -127,9 +126,7 @@ contains
       demand%remedy = demand%remedy//', a larger output.interval, fewer output.fields'
     end if
     if (deck%text_of(sweep_group, 'points') /= '') then
-      if (place_of(path_of_points(deck)) == place_of(output)) call raise(error, file_error, output// &
-        ': this is the list of points of the sweep: use another name for the result')
-      if (.not. allocated(error)) call sweep_of_deck(deck, sweep, error)
+      call sweep_of_deck(deck, sweep, error)
       if (allocated(error)) return
       cases = real(sweep%cases, wp)
       demand%key = 'sweep.points'

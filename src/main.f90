@@ -14,6 +14,8 @@ module dst_main
   use dst_result_file, only: check_target
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
+  use dst_schema, only: sweep_group
+  use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
   use dst_signals, only: listen_to_signals
   use dst_stability_report, only: stability_report
@@ -168,7 +170,7 @@ contains
     if (.not. allocated(error)) then
       output(1)%text = command%output
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
-      call check_output(output, 1, error)
+      call check_output(output, 1, command%operands(:1), error)
     end if
     call listen_to_signals()
     if (.not. allocated(error)) &
@@ -203,7 +205,7 @@ contains
     if (status == result_done) call check_copies(decks)
     if (status /= result_done) return
     do i = 1, size(decks)
-      call check_output(outputs, i, error)
+      call check_output(outputs, i, inputs_of(decks), error)
       call complain(error)
     end do
     if (status /= result_done) return
@@ -301,22 +303,35 @@ contains
     file_name = deck%name(first:last)//ending
   end function name_after
 
+  !> What the command reads: its decks and their lists of points.
+  function inputs_of(decks) result(inputs)
+    type(deck_t), intent(in) :: decks(:)
+    type(argument_t), allocatable :: inputs(:)
+    integer :: i
+
+    inputs = command%operands(:command%operand_count)
+    do i = 1, size(decks)
+      if (.not. decks(i)%is_sweep()) cycle
+      if (decks(i)%text_of(sweep_group, 'points') /= '') inputs = [inputs, argument_t(path_of_points(decks(i)))]
+    end do
+  end function inputs_of
+
   !> Whether output `i` may be created, is that of no other deck, and nothing that is read.
-  subroutine check_output(outputs, i, error)
-    type(argument_t), intent(in) :: outputs(:)
+  subroutine check_output(outputs, i, inputs, error)
+    type(argument_t), intent(in) :: outputs(:), inputs(:)
     integer, intent(in) :: i
     type(error_t), allocatable, intent(out) :: error
     integer :: other
 
     associate (file_name => outputs(i)%text)
-      do other = 1, command%operand_count
-        if (place_of(command%operands(other)%text) == place_of(file_name)) &
-          call raise(error, file_error, file_name//': this is a deck of the command: use another name for the result')
+      do other = 1, size(inputs)
         if (allocated(error)) return
+        if (place_of(inputs(other)%text) == place_of(file_name)) call raise(error, file_error, file_name// &
+          ': this is a deck, or a list of points, of the command: use another name for the result')
       end do
-      call check_target(file_name, command%overwrite, error)
+      if (.not. allocated(error)) call check_target(file_name, command%overwrite, error)
       do other = 1, i - 1
-        if (allocated(error)) exit
+        if (allocated(error)) return
         if (place_of(outputs(other)%text) == place_of(file_name)) &
           call raise(error, file_error, file_name//': two decks write this file: give each deck its own output.file')
       end do
