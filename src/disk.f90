@@ -2,8 +2,8 @@
 !>
 !> Reasons come back as the words a user can act upon. POSIX; nothing here knows the file's format.
 module dst_disk
-  use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_intptr_t, c_char, c_ptr, c_funptr, c_size_t, c_null_char, &
-    c_null_ptr, c_null_funptr, c_associated, c_f_pointer, c_loc
+  use, intrinsic :: iso_c_binding, only: c_int, c_int16_t, c_int32_t, c_int64_t, c_intptr_t, c_char, c_ptr, c_funptr, c_size_t, &
+    c_null_char, c_null_ptr, c_null_funptr, c_associated, c_f_pointer, c_loc
   use dst_kinds, only: wp, int64
   implicit none
   private
@@ -11,7 +11,7 @@ module dst_disk
   public :: prepare_file, reserve_space, set_file_size, move_file, place_file, delete_file
   public :: read_bytes, replace_file, append_text, make_durable, make_name_durable
   public :: open_exclusively, lock_file, unlock_file, is_being_written, wait_seconds
-  public :: open_for_appending, append_words, close_descriptor, matching_files, path_t
+  public :: open_for_appending, open_for_reading, append_words, read_words, close_descriptor, matching_files, path_t
   public :: file_exists, file_size, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now, &
     utc_of
 
@@ -31,7 +31,31 @@ module dst_disk
     integer(c_int64_t) :: others(16) = 0
   end type found_paths_t
 
+  !> What statx() tells: its first members, and room for the others.
+  type, bind(c) :: file_facts_t
+    integer(c_int32_t) :: mask = 0, block_size = 0
+    integer(c_int64_t) :: attributes = 0
+    integer(c_int32_t) :: links = 0, owner = 0, group = 0
+    integer(c_int16_t) :: mode = 0, spare = 0
+    integer(c_int64_t) :: inode = 0, size = 0, others(26) = 0
+  end type file_facts_t
+
   interface
+    integer(c_int) function c_statx(folder, path, flags, mask, facts) bind(c, name='statx')
+      import :: c_int, c_char, file_facts_t
+      integer(c_int), value :: folder, flags, mask
+      character(c_char), intent(in) :: path(*)
+      type(file_facts_t), intent(inout) :: facts
+    end function c_statx
+
+    integer(c_intptr_t) function c_pread(descriptor, bytes, count, offset) bind(c, name='pread')
+      import :: c_int, c_intptr_t, c_ptr, c_size_t, c_int64_t
+      integer(c_int), value :: descriptor
+      type(c_ptr), value :: bytes
+      integer(c_size_t), value :: count
+      integer(c_int64_t), value :: offset
+    end function c_pread
+
     integer(c_int) function c_glob(pattern, flags, on_error, found) bind(c, name='glob')
       import :: c_int, c_char, c_ptr, found_paths_t
       character(c_char), intent(in) :: pattern(*)
@@ -276,21 +300,19 @@ contains
     if (c_close(descriptor) /= 0 .and. .not. allocated(reason)) reason = system_reason()
   end subroutine write_bytes
 
-  !> Open a file, created if need be, to append to it and nothing else; another process that has it open so is refused.
-  subroutine open_for_appending(file_name, descriptor, reason)
+  !> Open a regular file, created if need be, to append to it and nothing else; another process that has it open so is refused.
+  subroutine open_for_appending(file_name, descriptor, bytes, reason)
     character(*), intent(in) :: file_name
     integer(c_int), intent(out) :: descriptor
+    integer(int64), intent(out) :: bytes               !! of the file
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    integer(c_int), parameter :: read_write_create_append = 2 + 64 + 1024, everyone_may_read = int(o'644', c_int)
+    integer(c_int), parameter :: read_write_create_append = 2 + 64 + 1024
     integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11
     integer(c_int), pointer :: number
 
     call ignore_size_limit_signal()
-    descriptor = c_open(c_text(file_name), read_write_create_append, everyone_may_read)
-    if (descriptor < 0) then
-      reason = system_reason()
-      return
-    end if
+    call open_regular(file_name, read_write_create_append, descriptor, bytes, reason)
+    if (allocated(reason)) return
     if (c_flock(descriptor, exclusive_or_fail) == 0) return
     call c_f_pointer(c_error_number(), number)
     ! A file system without locks is trusted.
@@ -299,6 +321,74 @@ contains
       call close_descriptor(descriptor)
     end if
   end subroutine open_for_appending
+
+  !> Open a regular file to read it.
+  subroutine open_for_reading(file_name, descriptor, bytes, reason)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(out) :: descriptor
+    integer(int64), intent(out) :: bytes               !! of the file
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(c_int), parameter :: read_only = 0
+
+    call open_regular(file_name, read_only, descriptor, bytes, reason)
+  end subroutine open_for_reading
+
+  !> Open what has this name itself, never what a link there leads to, if it is a regular file.
+  subroutine open_regular(file_name, mode, descriptor, bytes, reason)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(in) :: mode
+    integer(c_int), intent(out) :: descriptor
+    integer(int64), intent(out) :: bytes
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    !> O_CLOEXEC; O_NONBLOCK, since a pipe would wait for its other end; O_NOFOLLOW of x86 and of ARM, each without effect there.
+    integer(c_int), parameter :: itself = 524288 + 2048 + 131072 + 32768
+    integer(c_int), parameter :: everyone_may_read = int(o'644', c_int), no_such_file = 2, too_many_links = 40
+    integer(c_int), parameter :: empty_path = int(z'1000', c_int), type_and_size = int(z'201', c_int)
+    integer, parameter :: type_bits = int(o'170000'), regular = int(o'100000')
+    type(file_facts_t) :: facts
+    integer(c_int), pointer :: number
+
+    bytes = 0
+    descriptor = c_open(c_text(file_name), ior(mode, itself), everyone_may_read)
+    if (descriptor < 0) then
+      call c_f_pointer(c_error_number(), number)
+      if (number == no_such_file) then
+        reason = 'it was removed meanwhile, or its folder was: see who else uses it, and start again'
+      else if (number == too_many_links) then
+        reason = 'it is a symbolic link: remove it, or use another name'
+      else
+        reason = system_reason()
+      end if
+    else if (c_statx(descriptor, c_text(''), empty_path, type_and_size, facts) /= 0) then
+      reason = system_reason()
+    else if (iand(int(facts%mode), type_bits) /= regular) then
+      reason = 'it is not a regular file: remove it, or use another name'
+    else
+      bytes = facts%size
+    end if
+    if (allocated(reason)) call close_descriptor(descriptor)
+  end subroutine open_regular
+
+  !> The words of a file from word `first` (from 0) on; behind its end 0.
+  subroutine read_words(descriptor, first, words)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in) :: first
+    integer(int64), intent(out), target, contiguous :: words(:)
+    integer, parameter :: word_bytes = 8
+    character(c_char), pointer :: bytes(:)
+    integer(int64) :: length, read
+    integer(c_intptr_t) :: count
+
+    words = 0
+    length = word_bytes*size(words, kind=int64)
+    call c_f_pointer(c_loc(words(1)), bytes, [length])
+    read = 0
+    do while (read < length)
+      count = c_pread(descriptor, c_loc(bytes(read + 1)), int(length - read, c_size_t), word_bytes*first + read)
+      if (count <= 0) exit
+      read = read + count
+    end do
+  end subroutine read_words
 
   !> Append 64-bit words in one call of the system, more only if that writes a part: what is killed in between has written
   !> all, nothing, or a part at the end.
