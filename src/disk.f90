@@ -12,7 +12,7 @@ module dst_disk
   public :: reserve_space, set_file_size, move_file, place_file, delete_file, delete_own_file
   public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
   public :: lock_file, unlock_file, is_in_use, wait_seconds
-  public :: open_for_appending, append_words, close_descriptor, matching_files, path_t
+  public :: open_for_appending, open_for_reading, append_words, read_words, close_descriptor, matching_files, path_t
   public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
   public :: system_error, system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal, utc_now, utc_of
 
@@ -396,7 +396,7 @@ contains
   subroutine read_at(descriptor, place, bytes, complete)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in) :: place
-    character(c_char), intent(out), target, contiguous :: bytes(:)
+    character(c_char), intent(inout), target, contiguous :: bytes(:)   !! behind the end of the file as they were
     logical, intent(out) :: complete
     integer(int64) :: done
     integer(c_intptr_t) :: count
@@ -413,20 +413,18 @@ contains
     complete = done == size(bytes, kind=int64)
   end subroutine read_at
 
-  !> Open a file, created if need be, to append to it and nothing else; another process that has it open so is refused.
-  subroutine open_for_appending(file_name, descriptor, reason)
+  !> Open a regular file, created if need be, to append to it and nothing else; another process that has it open so is refused.
+  subroutine open_for_appending(file_name, descriptor, bytes, reason)
     character(*), intent(in) :: file_name
     integer(c_int), intent(out) :: descriptor
+    integer(int64), intent(out) :: bytes               !! of the file
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    integer(c_int), parameter :: read_write_create_append = 2 + 64 + 1024, everyone_may_read = int(o'644', c_int)
+    integer(c_int), parameter :: read_write_create_append = 2 + 64 + 1024
     integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11
 
     call ignore_size_limit_signal()
-    descriptor = c_open(c_text(file_name), read_write_create_append, everyone_may_read)
-    if (descriptor < 0) then
-      reason = system_reason()
-      return
-    end if
+    call open_regular(file_name, read_write_create_append, descriptor, bytes, reason)
+    if (allocated(reason)) return
     if (c_flock(descriptor, exclusive_or_fail) == 0) return
     ! A file system without locks is trusted.
     if (system_error() == would_block) then
@@ -434,6 +432,58 @@ contains
       call close_descriptor(descriptor)
     end if
   end subroutine open_for_appending
+
+  !> Open a regular file to read it.
+  subroutine open_for_reading(file_name, descriptor, bytes, reason)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(out) :: descriptor
+    integer(int64), intent(out) :: bytes               !! of the file
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+
+    call open_regular(file_name, read_only, descriptor, bytes, reason)
+  end subroutine open_for_reading
+
+  !> Open what has this name itself, never what a link there leads to, if it is a regular file.
+  subroutine open_regular(file_name, mode, descriptor, bytes, reason)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(in) :: mode
+    integer(c_int), intent(out) :: descriptor
+    integer(int64), intent(out) :: bytes
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    !> O_NONBLOCK, since a pipe would wait for its other end; O_NOFOLLOW of x86 and of ARM, each without effect there.
+    integer(c_int), parameter :: itself = 2048 + 131072 + 32768
+    integer(c_int), parameter :: no_such_file = 2, too_many_links = 40
+    type(identity_t) :: file
+
+    descriptor = opened(file_name, ior(mode, itself))
+    if (descriptor >= 0) file = identity_of(descriptor)
+    bytes = file%bytes
+    if (file%is_regular) return
+    if (descriptor >= 0) then
+      reason = 'it is not a regular file: remove it, or use another name'
+    else if (system_error() == no_such_file) then
+      reason = 'it was removed meanwhile, or its folder was: see who else uses it, and start again'
+    else if (system_error() == too_many_links) then
+      reason = 'it is a symbolic link: remove it, or use another name'
+    else
+      reason = system_reason()
+    end if
+    call close_descriptor(descriptor)
+  end subroutine open_regular
+
+  !> The words of a file from word `first` (from 0) on; behind its end 0.
+  subroutine read_words(descriptor, first, words)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in) :: first
+    integer(int64), intent(out), target, contiguous :: words(:)
+    integer, parameter :: word_bytes = 8
+    character(c_char), pointer :: bytes(:)
+    logical :: ignored
+
+    words = 0
+    call c_f_pointer(c_loc(words), bytes, [word_bytes*size(words, kind=int64)])
+    call read_at(descriptor, word_bytes*first, bytes, ignored)
+  end subroutine read_words
 
   !> Append 64-bit words in one call of the system, more only if that writes a part: what is killed in between has written
   !> all, nothing, or a part at the end.

@@ -13,7 +13,7 @@ module dst_sweep_file
   use dst_result_file, only: result_file_t
   use dst_schema, only: schema
   use dst_sweep, only: sweep_t, case_t, value_count, value_quantities, wall_time_value, series_quantities
-  use dst_sweep_shard, only: index_t, read_record
+  use dst_sweep_shard, only: index_t, layout_t, layout_of, reader_t, open_records, read_record
   use dst_text, only: integer_text
   use dst_writer, only: quantity_t
   implicit none
@@ -191,8 +191,10 @@ contains
     integer, intent(inout) :: status
     type(error_t), allocatable, intent(out) :: error
     type(block_t) :: block
+    type(layout_t) :: layout
     integer :: first, length
 
+    layout = layout_of(sweep)
     length = block_of(sweep)
     allocate (block%number(length), block%result_code(length), block%message(length))
     allocate (block%coordinates(length, size(sweep%axes)), block%values(length, value_count))
@@ -202,7 +204,7 @@ contains
       block%first = first
       block%count = min(length, sweep%cases - first + 1)
       call clear(block, sweep)
-      call read_block(files, index, block, error)
+      call read_block(files, index, layout, block, error)
       if (allocated(error)) return
       call write_block(output, block, status)
     end do
@@ -226,35 +228,43 @@ contains
   end subroutine clear
 
   !> What the shards hold of the block, shard by shard: there may be more of them than a process can have open.
-  subroutine read_block(files, index, block, error)
+  subroutine read_block(files, index, layout, block, error)
     type(path_t), intent(in) :: files(:)
     type(index_t), intent(in) :: index
+    type(layout_t), intent(in) :: layout
     type(block_t), intent(inout) :: block
     type(error_t), allocatable, intent(out) :: error
     type(case_t) :: case
-    integer :: ends(0:size(files)), order(block%count), shard, unit, status, i, n
+    type(reader_t) :: reader
+    integer, allocatable :: ends(:), order(:)
+    integer :: shard, i, j, n
+    logical :: is_possible
 
+    allocate (ends(0:size(files)), order(block%count))
     associate (shard_of => index%shard(block%first:block%first + block%count - 1), &
                place_of => index%place(block%first:block%first + block%count - 1))
       call sort(shard_of, ends, order)
       do shard = 1, size(files)
         if (ends(shard) == ends(shard - 1)) cycle
-        open (newunit=unit, file=files(shard)%text, status='old', action='read', access='stream', form='unformatted', iostat=status)
+        call open_records(files(shard)%text, reader, error)
+        if (allocated(error)) return
         do i = ends(shard - 1) + 1, ends(shard)
           n = order(i)
-          if (status == 0) call read_record(unit, place_of(n), size(block%series, 3), case, status)
-          if (status /= 0) exit
+          call read_record(reader, place_of(n), layout, case, is_possible)
+          if (is_possible) is_possible = case%number == block%first + n - 1
+          if (.not. is_possible) exit
           block%result_code(n) = case%result_code
           block%values(n, :) = real(case%values, real64)
           if (case%result_code /= result_done) block%message(n)%text = case%result_text
-          if (allocated(case%series)) &
-            block%series(:size(case%series, 2), n, :) = transpose(real(case%series, real64))
+          do j = 1, layout%columns
+            block%series(:size(case%series, 2), n, j) = real(case%series(j, :), real64)
+          end do
         end do
-        if (status /= 0) then
-          call raise(error, file_error, files(shard)%text//': cannot be read: see its permissions, and whether it is still there')
+        call reader%close()
+        if (.not. is_possible) then
+          call raise(error, file_error, files(shard)%text//': was changed meanwhile: start again')
           return
         end if
-        close (unit)
       end do
     end associate
   end subroutine read_block

@@ -9,7 +9,7 @@ module dst_sweep_runner
   use dst_deck_check, only: sweep_of_deck
   use dst_deck_sweep, only: varied_key
   use dst_deck_values, only: set_default
-  use dst_disk, only: path_t, delete_file, wait_seconds
+  use dst_disk, only: path_t, wait_seconds
   use dst_errors, only: error_t, raise, usage_error, file_error, some_failed, out_of_memory, stopped_early
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, int64, real64
@@ -21,9 +21,10 @@ module dst_sweep_runner
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal
   use dst_simulation, only: wall_clock
-  use dst_sweep, only: sweep_t, case_t, watch_t, worker_t, new_worker, series_quantities
+  use dst_sweep, only: sweep_t, case_t, watch_t, worker_t, new_worker
   use dst_sweep_file, only: merge_shards
-  use dst_sweep_shard, only: shard_t, index_t, shard_name, shards_of, open_shard, scan_shard, empty_shard
+  use dst_sweep_shard, only: shard_t, index_t, layout_t, layout_of, shard_name, shards_of, open_shard, scan_shard, empty_shard, &
+    delete_shard
   use dst_text, only: integer_text
   use dst_threads, only: task_t, run_in_threads
   implicit none
@@ -126,7 +127,7 @@ contains
     call state%ranks%stop_all(code)
     if (code == 0) then
       call open_shard(state%shard, shard_name(result_file, merge(options%shard, state%ranks%rank, options%shards > 0)), &
-        identity, size(series_quantities(sweep)), error)
+        identity, layout_of(sweep), error)
       if (allocated(error)) code = error%code
       call state%ranks%stop_all(code)
     end if
@@ -215,8 +216,9 @@ contains
     type(index_t), intent(out) :: index
     type(path_t), allocatable, intent(out) :: files(:)
     type(error_t), allocatable, intent(out) :: error
+    type(layout_t) :: layout
     integer(int64) :: words
-    integer :: i, columns, status
+    integer :: i, status
 
     allocate (index%shard(sweep%cases), index%place(sweep%cases), stat=status)
     if (status /= 0) then
@@ -225,11 +227,11 @@ contains
     end if
     index%shard = 0
     index%place = 0
-    columns = size(series_quantities(sweep))
+    layout = layout_of(sweep)
     call shards_of(result_file, files)
     do i = 1, size(files)
-      call scan_shard(files(i)%text, identity, columns, i, index, words, error)
-      if (allocated(error) .and. overwrite) call empty_shard(files(i)%text, identity, columns, error)
+      call scan_shard(files(i)%text, identity, layout, i, index, words, error)
+      if (allocated(error) .and. overwrite) call empty_shard(files(i)%text, identity, layout, error)
       if (allocated(error)) return
     end do
   end subroutine look_at_shards
@@ -500,7 +502,7 @@ contains
     if (allocated(error)) return
     if (index%done == sweep%cases .and. .not. options%keep_shards) then
       do i = 1, size(files)
-        call delete_file(files(i)%text)
+        call delete_shard(files(i)%text)
       end do
     end if
     if (index%done < sweep%cases) then

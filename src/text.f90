@@ -5,7 +5,8 @@ module dst_text
   private
 
   public :: text_builder_t
-  public :: lower_case, starts_with, word, word_count, has_word, nearest_word, alternatives, excerpt, one_per_line
+  public :: lower_case, starts_with, word, word_count, has_word, nearest_word, alternatives, excerpt, printable, &
+    one_per_line
   public :: real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
 
   !> Text that grows; appending costs time in proportion to what is appended.
@@ -175,7 +176,7 @@ contains
     character(*), intent(in) :: text
     character(:), allocatable :: shown
     integer, parameter :: longest = 60
-    integer :: i, last, width
+    integer :: last
 
     last = len(text)
     if (last > longest) then
@@ -184,17 +185,27 @@ contains
         last = last - 1
       end do
     end if
-    shown = text(:last)
-    i = 1
-    do while (i <= last)
-      width = character_width(shown(i:))
-      if (width == 0) shown(i:i) = '?'
-      i = i + max(1, width)
-    end do
+    shown = printable(text(:last))
     if (last < len(text)) shown = shown//'...'
   end function excerpt
 
-  !> Bytes of the UTF-8 character with which `text` begins; 0 if it is none, or a control character.
+  !> `text` as a terminal may get it: control characters, and what is not UTF-8, as '?'.
+  pure function printable(text) result(shown)
+    character(*), intent(in) :: text
+    character(:), allocatable :: shown
+    integer :: i, width
+
+    shown = text
+    i = 1
+    do while (i <= len(shown))
+      width = character_width(shown(i:min(i + 3, len(shown))))
+      if (width == 0) shown(i:i) = '?'
+      i = i + max(1, width)
+    end do
+  end function printable
+
+  !> Bytes of the UTF-8 character with which `text` begins; 0 if it is none, or a control character, also one that breaks a
+  !> line or turns the direction of writing.
   pure integer function character_width(text) result(width)
     character(*), intent(in) :: text
     integer :: i
@@ -215,6 +226,14 @@ contains
     do i = 2, width
       if (iand(iachar(text(i:i)), 192) /= 128) width = 0
     end do
+    if (width == 2) then
+      ! U+0080 to U+009F
+      if (iachar(text(1:1)) == 194 .and. iachar(text(2:2)) < 160) width = 0
+    else if (width == 3) then
+      ! U+2028 to U+202E, U+2066 to U+2069
+      if (text(:2) == char(226)//char(128) .and. iachar(text(3:3)) >= 168 .and. iachar(text(3:3)) <= 174) width = 0
+      if (text(:2) == char(226)//char(129) .and. iachar(text(3:3)) >= 166 .and. iachar(text(3:3)) <= 169) width = 0
+    end if
   end function character_width
 
   !> Every line of `text` with `prefix` before it.

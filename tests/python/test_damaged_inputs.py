@@ -144,7 +144,7 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 
 # A part of a shard is what a killed process leaves: its cases count as not run.
-CASES_LOST = {"empty", "one byte left", "cut in its first line", "cut in the middle", "cut near the end", "missing", "a pipe", "a device",
+CASES_LOST = {"empty", "one byte left", "cut in its first line", "cut in the middle", "cut near the end", "missing",
               "zeros in the middle", "all bits set in the middle", "bit at a third", "bit at two thirds", "bit near the end"}  # fmt: skip
 # Behind what a killed run had written: space it had reserved.
 HARMLESS = {"bit near the end"}

@@ -285,7 +285,12 @@ def test_no_flipped_bit_comes_into_the_result(sweep, tmp_path):
         merged = sweep.run("a.h5", "--overwrite", command="merge")
         # A shard whose head is damaged is refused; of another one the damaged case and those after it are run again.
         assert merged.returncode in ((3,) if place < HEADER_BYTES else (3, 75))
-        assert sweep.run("a.h5", "--overwrite", "--keep-shards").returncode == 0
+        done = sweep.run("a.h5", "--overwrite", "--keep-shards")
+        if place < len("DSTSHARK"):
+            # Without its first word it might be anybody's.
+            assert done.returncode == 3 and "move it away" in done.stderr and shard.read_bytes() == data
+            continue
+        assert done.returncode == 0
         assert same(values(tmp_path / "a.h5"), good)
 
 
