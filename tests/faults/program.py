@@ -189,7 +189,8 @@ class Program:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for server in (*self.free, *self.busy):
+        self.end_all()
+        for server in self.free:
             server.close()
         self.scratch.cleanup()
 
@@ -214,6 +215,12 @@ class Program:
     ) -> Ended:  # fmt: skip
         """Run the program to its end."""
         return self.start(folder, *arguments, fault=fault, clock=clock, log=log, **settings).wait(seconds)
+
+    def end_all(self) -> None:
+        """End what still runs."""
+        for server in self.busy:
+            server.close()
+        self.busy.clear()
 
     def give_back(self, run: Running) -> None:
         self.busy.remove(run.server)
