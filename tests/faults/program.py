@@ -63,19 +63,25 @@ class Running:
     def __init__(self, program: Program, server: Server, log: Path, output: Path) -> None:
         self.program, self.server, self.log, self.output = program, server, log, output
         self.process = server.process
+        self.gates: list[Path] = []
 
-    def hits(self) -> list[str]:
-        """The faults so far, as lines of the log."""
+    def holds(self) -> list[str]:
+        """The calls that were held so far, as lines of the log."""
         text = self.log.read_text() if self.log.exists() else ""
-        return [line for line in text.splitlines() if line.startswith("hit ")]
+        return [line for line in text.splitlines() if line.startswith("hit ") and " hold " in line]
 
-    def wait_for_hit(self, count: int = 1, seconds: float = 30.0) -> None:
-        """Wait until so many faults have struck, as one that holds the program."""
+    def wait_for_hold(self, count: int = 1, seconds: float = 10.0) -> None:
+        """Wait until the program is held, for the `count`-th time."""
         end = time.monotonic() + seconds
-        while len(self.hits()) < count:
+        while len(self.holds()) < count:
             if self.server.has_ended() or time.monotonic() > end:
-                raise AssertionError(f"the fault did not come: {self.output.read_text()}")
+                raise AssertionError(f"it was not held: {self.output.read_text()}")
             time.sleep(0.0005)
+
+    def release(self, fault: int = 0) -> None:
+        """Let go on what the fault at this place of the list holds."""
+        self.gates.append(self.log.with_suffix(f".gate{fault}"))
+        self.gates[-1].touch()
 
     def signal(self, number: int) -> None:
         """Send a signal, unless the run has ended."""
@@ -200,7 +206,8 @@ class Program:
         self.count += 1
         notes = Path(self.scratch.name) / f"{self.count}"
         output, lines = notes.with_suffix(".txt"), notes.with_suffix(".log")
-        environment = {"FAULT_DIR": os.path.realpath(folder), "FAULT": fault, "FAULT_CLOCK": str(clock)}
+        environment = {"FAULT_DIR": os.path.realpath(folder), "FAULT": fault, "FAULT_CLOCK": str(clock),
+                       "FAULT_GATE": str(notes.with_suffix(".gate"))}  # fmt: skip
         if fault or log:
             environment["FAULT_LOG"] = str(lines)
         environment |= {name: str(value) for name, value in settings.items()}
@@ -225,8 +232,8 @@ class Program:
     def give_back(self, run: Running) -> None:
         self.busy.remove(run.server)
         self.free.append(run.server)
-        run.log.unlink(missing_ok=True)
-        run.output.unlink(missing_ok=True)
+        for path in (run.log, run.output, *run.gates):
+            path.unlink(missing_ok=True)
 
 
 def content(file: Path) -> dict[str, tuple]:

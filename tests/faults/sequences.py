@@ -238,15 +238,13 @@ class Sequence:
         """While one program is held somewhere, others start on the same file: they are refused and disturb nothing."""
         kind = self.next_kind()
         resumes = kind == "resume" and self.must_resume()
-        gate = Path(self.program.scratch.name) / f"gate-{self.folder.name}"
-        gate.unlink(missing_ok=True)
         after_kill = self.chance.random() < 0.3
         n = self.any_call()
-        first = self.start(kind, f"hold:all:{n}", FAULT_GATE=gate)
+        first = self.start(kind, f"hold:all:{n}")
         with contextlib.suppress(AssertionError):
-            first.wait_for_hit()
-        is_held = bool(first.hits()) and not first.server.has_ended()
-        self.trace.append(f"   held: {first.hits()}")
+            first.wait_for_hold()
+        is_held = bool(first.holds()) and not first.server.has_ended()
+        self.trace.append(f"   held: {first.holds()}")
         old = snapshot(self.folder)
         others = [
             self.start(self.chance.choice(["run", "resume", "run --overwrite"]))
@@ -266,12 +264,11 @@ class Sequence:
         if after_kill:
             first.kill_group()
             self.trace.append("   the first is killed")
-        gate.touch()
+        first.release()
         ended = self.end(first, DONE, FILE_ERROR, *((-9,) if after_kill else ()), quiet=bool(others))
         if not others and not after_kill and resumes and ended.status != DONE:
             raise Wrong(f"the first is disturbed: {ended.text.strip()[:120]}")
         endings = [ended.status, *(self.end(other, DONE, FILE_ERROR, quiet=True).status for other in others)]
-        gate.unlink()
         if DONE in endings:
             self.check_result(self.file)
         self.check_unfinished(self.file)
@@ -283,16 +280,14 @@ class Sequence:
         """Several programs begin together: one does it, the others are refused."""
         kind = "run" if self.is_sweep or not self.file.exists() else "resume"
         resumes = self.must_resume() or (kind == "run" and not self.is_sweep)
-        gate = Path(self.program.scratch.name) / f"gate-{self.folder.name}"
-        gate.unlink(missing_ok=True)
         calls = [self.chance.randrange(1, 60) for _ in range(self.chance.randrange(2, 5))]
-        runs = [self.start(kind, f"hold:all:{n}", FAULT_GATE=gate) for n in calls]
+        runs = [self.start(kind, f"hold:all:{n}") for n in calls]
         for run in runs:
             with contextlib.suppress(AssertionError):
-                run.wait_for_hit(seconds=0.05)
-        gate.touch()
+                run.wait_for_hold(seconds=0.05)
+        for run in runs:
+            run.release()
         ended = [self.end(run, DONE, FILE_ERROR, quiet=True) for run in runs]
-        gate.unlink()
         done = sum(one.status in (DONE, STOPPED) for one in ended)
         if resumes and done != 1 and not (self.is_small and done == 0):
             raise Wrong(f"of {len(runs)} programs at once {done} end with 0")
@@ -355,25 +350,24 @@ class Sequence:
         if self.is_sweep or self.is_small:
             return
         kind = "run --overwrite" if self.file.exists() else "run"
-        gate = Path(self.program.scratch.name) / f"gate-{self.folder.name}"
-        gate.unlink(missing_ok=True)
-        run = self.start(kind, f"hold:parent:{self.any_call()}", FAULT_GATE=gate)
+        run = self.start(kind, f"hold:parent:{self.any_call()}")
         with contextlib.suppress(AssertionError):
-            run.wait_for_hit()
+            run.wait_for_hold()
         self.file.unlink(missing_ok=True)
         shutil.copy(self.folder / "other.h5", self.file)
         is_early = not run.server.has_ended()
         self.trace.append("user: another file under the name of the result")
         theirs = self.file.read_bytes()
         is_new = kind == "run"
-        gate.touch()
+        run.release()
         ended = self.end(run, DONE, FILE_ERROR, quiet=True)
-        gate.unlink()
         # What was asked to overwrite may do so until it has put its own file there.
         if is_early and self.file.read_bytes() != theirs and (is_new or ended.status != DONE):
             raise Wrong("another's file under the name of the result is changed")
         if is_early and self.file.read_bytes() == theirs and ended.status == DONE:
             raise Wrong("exit status 0, but the result is gone")
+        if ended.status == DONE:
+            self.check_result(self.file)
         if self.file.read_bytes() == theirs:
             self.file.unlink()
         self.is_meddled = True

@@ -7,14 +7,14 @@
      kill, group, everyone   SIGKILL to the process, to its group, or to it and all its relatives
      orphan                  SIGKILL to the parent of the child that calls
      TERM, HUP, INT, USR1    this signal, then the call goes on
-     hold                    the call waits until the file FAULT_GATE exists
+     hold                    the call waits until the file FAULT_GATE exists, with the fault's place in the list (0, 1 ...) after it
      short                   a write takes half of its bytes
      ENOSPC, EIO, ...        the call fails so, if a call of its kind can
 
    FAULT_LOG gets a line for each call: who, number of the process' and of all calls, name, kind of the call, file; and a line
    'hit ...' for each fault. With FAULT_CLOCK=S each look at the monotonic clock finds it S seconds later, and waiting takes
    no time: what depends on it depends on the number of looks only. FAULT_FSIZE limits the size of files; FAULT_CLOSE=012 closes
-   descriptors. With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request from descriptor R;
+   descriptors; FAULT_PID is what getpid tells the program. With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request from descriptor R;
    W gets its process id and, when it and all its children have ended, its wait status. That saves loading the libraries. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -56,12 +56,14 @@ static const struct { const char *name; int number; } signals[] = {
 enum { PARENT, CHILD, ALL, MOST_FAULTS = 8, MOST_PROCESSES = 256 };
 static struct { char kind[16], name[24]; int persists, who, error, calls, signal; long n; } faults[MOST_FAULTS];
 static int fault_count, log_file = -1, armed;
-static pid_t first;
+static pid_t first, pretended;
 static char folder[4096];
 static double clock_step;
 static struct { long count[3], seen[MOST_FAULTS]; pid_t process[MOST_PROCESSES]; } *shared; /* by all processes of the run */
 
 #define REAL(name) ({ static __typeof__(&name) real_; if (!real_) real_ = dlsym(RTLD_NEXT, #name); real_; })
+
+static pid_t self(void) { return (pid_t)syscall(SYS_getpid); }
 
 static void say(const char *format, ...) {
   char line[4400];
@@ -76,14 +78,15 @@ static void say(const char *format, ...) {
 
 static void kill_everyone(void) {
   for (int i = 0; i < MOST_PROCESSES; i++)
-    if (shared->process[i] && shared->process[i] != getpid()) kill(shared->process[i], SIGKILL);
-  kill(getpid(), SIGKILL);
+    if (shared->process[i] && shared->process[i] != self()) kill(shared->process[i], SIGKILL);
+  kill(self(), SIGKILL);
 }
 
-static void wait_for_gate(void) {
-  const char *gate = getenv("FAULT_GATE");
+static void wait_for_gate(int number) {
+  char gate[4200];
   struct timespec moment = {0, 500000};
-  while (gate && syscall(SYS_faccessat, AT_FDCWD, gate, F_OK)) syscall(SYS_nanosleep, &moment, NULL);
+  snprintf(gate, sizeof gate, "%s%d", getenv("FAULT_GATE"), number);
+  while (syscall(SYS_faccessat, AT_FDCWD, gate, F_OK)) syscall(SYS_nanosleep, &moment, NULL);
 }
 
 enum { GO_ON = 0, FAIL = -1, HALF = 1 };
@@ -91,7 +94,7 @@ enum { GO_ON = 0, FAIL = -1, HALF = 1 };
 /* Count a call; what is to become of it. */
 static int look(const char *name, int calls, const char *path) {
   if (!armed) return GO_ON;
-  int before = errno, result = GO_ON, who = getpid() != first;
+  int before = errno, result = GO_ON, who = self() != first;
   long own = __atomic_add_fetch(&shared->count[who], 1, __ATOMIC_SEQ_CST);
   long all = __atomic_add_fetch(&shared->count[ALL], 1, __ATOMIC_SEQ_CST);
   char kind[20] = "", *end = kind;
@@ -109,13 +112,13 @@ static int look(const char *name, int calls, const char *path) {
     if (faults[i].calls && !(faults[i].calls & calls)) continue;
     const char *what = faults[i].kind;
     say("hit %s %ld %ld %s %s %s\n", who ? "child" : "parent", own, all, name, what, path);
-    if (!strcmp(what, "kill")) kill(getpid(), SIGKILL);
+    if (!strcmp(what, "kill")) kill(self(), SIGKILL);
     else if (!strcmp(what, "group")) kill(0, SIGKILL);
     else if (!strcmp(what, "everyone")) kill_everyone();
     else if (!strcmp(what, "orphan")) kill(getppid(), SIGKILL);
-    else if (!strcmp(what, "hold")) wait_for_gate();
+    else if (!strcmp(what, "hold")) wait_for_gate(i);
     else if (!strcmp(what, "short")) result = HALF;
-    else if (faults[i].signal) kill(getpid(), faults[i].signal);
+    else if (faults[i].signal) kill(self(), faults[i].signal);
     else if (faults[i].error) { before = faults[i].error; result = FAIL; }
   }
   errno = before;
@@ -267,7 +270,7 @@ pid_t fork(void) {
   if (armed && process == 0)
     for (int i = 0; i < MOST_PROCESSES; i++) {
       pid_t nobody = 0;
-      if (__atomic_compare_exchange_n(&shared->process[i], &nobody, getpid(), 0, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST)) break;
+      if (__atomic_compare_exchange_n(&shared->process[i], &nobody, self(), 0, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST)) break;
     }
   return process;
 }
@@ -279,6 +282,8 @@ pid_t waitpid(pid_t process, int *status, int options) {
 }
 int pipe(int ends[2]) { return armed && look("pipe", FORK, "-") ? -1 : REAL(pipe)(ends); }
 int pipe2(int ends[2], int flags) { return armed && look("pipe", FORK, "-") ? -1 : REAL(pipe2)(ends, flags); }
+
+pid_t getpid(void) { return pretended && self() == first ? pretended : self(); }
 
 /* The clock. */
 static long looks, waited; /* microseconds */
@@ -298,10 +303,11 @@ int usleep(useconds_t time) {
 
 static void arm(void) {
   const char *text = getenv("FAULT_DIR"), *log = getenv("FAULT_LOG"), *step = getenv("FAULT_CLOCK"), *list = getenv("FAULT");
-  const char *size = getenv("FAULT_FSIZE"), *closed = getenv("FAULT_CLOSE");
+  const char *size = getenv("FAULT_FSIZE"), *closed = getenv("FAULT_CLOSE"), *number = getenv("FAULT_PID");
   if (!text) return;
   snprintf(folder, sizeof folder, "%s", text);
-  first = getpid();
+  first = self();
+  pretended = number ? atoi(number) : 0;
   shared = mmap(NULL, sizeof *shared, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   shared->process[0] = first;
   clock_step = step ? atof(step) : 0.0;
