@@ -34,7 +34,7 @@ ROOMS = {
                    "ground physics numerics scene meeting memory_writer",
                    "simulation model_choice model_columns"),
     "writers": ("where results go", 340, 352, 320, 150, "ground sha256",
-                 "hdf5_writer hdf5_origin hdf5_tools memory_writer checkpoint seal crc32 disk process"),
+                 "hdf5_writer hdf5_origin hdf5_tools memory_writer result_file checkpoint lock seal crc32 disk process"),
     "meeting": ("where physics and numerics meet", 20, 526, 640, 112, "ground physics numerics",
                 "contact trajectory observables cycles summary trajectory_summary moreau_jean creep_motion"),
     "physics": ("physics", 20, 662, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
@@ -49,7 +49,7 @@ ROOMS = {
 SAY = {
     "main": "prints, exits", "command_line": "words, --help", "completion": "for shells", "run": "deck → file", "progress": "one line",
     "python_api": "flat routines for f2py", "simulation": "builds, advances, records", "hdf5_writer": "the file",
-    "memory_writer": "arrays", "hdf5_origin": "whose file it is", "checkpoint": "state on disk",
+    "memory_writer": "arrays", "result_file": "its life", "lock": "one at a time", "hdf5_origin": "whose file it is", "checkpoint": "state on disk",
     "archive": "state as words", "signals": "stop, please", "handover": "Python's turn", "moreau_jean": "steps without events",
     "disk": "the system", "seal": "checksum of all", "crc32": "as in zlib", "process": "what may crash", "contact": "rest, release, stop",
     "trajectory": "advances, events", "observables": "output columns", "cycles": "peak to peak", "summary": "extremes, energy",

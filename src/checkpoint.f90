@@ -5,14 +5,14 @@
 !> the numbers in the result file's columns it is all that is needed to go on.
 module dst_checkpoint
   use dst_kinds, only: int64
-  use dst_disk, only: read_bytes, replace_file, delete_file
+  use dst_disk, only: read_bytes
   use dst_errors, only: error_t, raise, file_error
   use dst_sha256, only: sha256
   use dst_text, only: integer_text
   implicit none
   private
 
-  public :: checkpoint_t, checkpoint_name, write_checkpoint, read_checkpoint, delete_checkpoint
+  public :: checkpoint_t, checkpoint_name, is_checkpoint, encoded, read_checkpoint
 
   !> What a checkpoint holds besides the state: which run it belongs to, and what stood in the result file then.
   type :: checkpoint_t
@@ -41,25 +41,29 @@ contains
     name = result_file//'.checkpoint'
   end function checkpoint_name
 
-  !> Replace the checkpoint of `result_file`; until the new one stands complete, the old one is kept.
-  subroutine write_checkpoint(result_file, checkpoint, durable, error)
-    character(*), intent(in) :: result_file
-    type(checkpoint_t), intent(in) :: checkpoint
-    logical, intent(in) :: durable   !! see that it survives a power failure
-    type(error_t), allocatable, intent(out) :: error
+  !> Whether a file begins like a checkpoint of any format.
+  logical function is_checkpoint(file_name)
+    character(*), intent(in) :: file_name
     character(:), allocatable :: bytes, reason
-    character(word_bytes*size(checkpoint%words)) :: state
 
+    call read_bytes(file_name, most_bytes, bytes, reason)
+    is_checkpoint = .false.
+    if (.not. allocated(reason)) is_checkpoint = index(bytes, signature) == 1
+  end function is_checkpoint
+
+  !> The bytes of a checkpoint's file.
+  function encoded(checkpoint) result(bytes)
+    type(checkpoint_t), intent(in) :: checkpoint
+    character(:), allocatable :: bytes, state
+
+    allocate (character(word_bytes*size(checkpoint%words)) :: state)
     state = transfer(checkpoint%words, state)
     bytes = signature//format_version//n//'version '//checkpoint%version//n//'git_revision '//checkpoint%git_revision//n// &
       'compiler '//checkpoint%compiler//n//'deck_sha256 '//checkpoint%deck_sha256//n//'created '//checkpoint%created//n// &
       'result_checksum '//checkpoint%result_checksum//n// &
       part('deck', checkpoint%deck_text)//part('deck_resolved', checkpoint%deck_resolved)//part('state', state)
     bytes = bytes//'sha256 '//sha256(bytes)//n
-    call replace_file(checkpoint_name(result_file), bytes, durable, reason)
-    if (allocated(reason)) &
-      call raise(error, file_error, checkpoint_name(result_file)//': cannot write the checkpoint: '//reason)
-  end subroutine write_checkpoint
+  end function encoded
 
   !> Read the checkpoint of `result_file`; one that is not whole, or of another format, is refused.
   subroutine read_checkpoint(result_file, checkpoint, error)
@@ -75,13 +79,6 @@ contains
     if (allocated(reason)) call raise(error, file_error, checkpoint_name(result_file)//': no checkpoint to go on from: '// &
       reason//': run the deck again')
   end subroutine read_checkpoint
-
-  !> Remove a result's checkpoint, if there is one.
-  subroutine delete_checkpoint(result_file)
-    character(*), intent(in) :: result_file
-
-    call delete_file(checkpoint_name(result_file))
-  end subroutine delete_checkpoint
 
   pure subroutine check_format(bytes, reason)
     character(*), intent(in) :: bytes

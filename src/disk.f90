@@ -2,22 +2,67 @@
 !>
 !> Reasons come back as the words a user can act upon. POSIX; nothing here knows the file's format.
 module dst_disk
-  use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_intptr_t, c_char, c_ptr, c_funptr, c_size_t, c_null_char, &
-    c_null_ptr, c_null_funptr, c_associated, c_f_pointer, c_loc
+  use, intrinsic :: iso_c_binding, only: c_int, c_int16_t, c_int32_t, c_int64_t, c_intptr_t, c_char, c_ptr, c_funptr, c_size_t, &
+    c_null_char, c_null_ptr, c_null_funptr, c_associated, c_f_pointer, c_loc
   use dst_kinds, only: wp, int64
   implicit none
   private
 
-  public :: prepare_file, reserve_space, set_file_size, move_file, place_file, delete_file
-  public :: read_bytes, replace_file, append_text, make_durable, make_name_durable
-  public :: open_exclusively, lock_file, unlock_file, is_being_written, wait_seconds
+  public :: identity_t, identity_of, operator(==)
+  public :: reserve_space, set_file_size, move_file, place_file, delete_file, delete_own_file
+  public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
+  public :: lock_file, unlock_file, is_in_use, wait_seconds
   public :: open_for_appending, append_words, close_descriptor, matching_files, path_t
-  public :: file_exists, file_size, is_folder, folder_of, true_path, scratch_name, with_remedy, ignore_size_limit_signal, utc_now, &
-    utc_of
+  public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
+  public :: system_error, system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal, utc_now, utc_of
+
+  !> HDF5's lock is not to be had.
+  character(*), parameter :: locked_by_a_reader = &
+    'locked by another process, or the file system has no locks: close the other program, or set HDF5_USE_FILE_LOCKING=FALSE'
 
   ! Error numbers that mean "no room" on Linux.
   integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122
   integer(c_int), parameter :: sigxfsz = 25
+
+  ! Numbers of Linux.
+  integer(c_int), parameter :: interrupted = 4
+  integer(c_int), parameter :: read_only = 0, read_write = 2, create_exclusively = 64 + 128, not_in_programs = 524288
+  integer(c_int), parameter :: as_the_mask_says = int(o'666', c_int)
+
+  !> Which file it is, whatever its name.
+  type :: identity_t
+    logical :: exists = .false.
+    logical :: is_regular = .false.       !! not a folder, a link, a device, a pipe
+    integer(int64) :: bytes = 0
+    integer(int64), private :: inode = 0
+    integer(c_int32_t), private :: device(2) = 0
+  end type identity_t
+
+  !> Two names, or two moments, of one file.
+  interface operator(==)
+    module procedure same_file
+  end interface operator(==)
+
+  !> Of an open file, or of what has a name.
+  interface identity_of
+    module procedure identity_of_descriptor, identity_of_name
+  end interface identity_of
+
+  !> What statx() tells (struct statx).
+  type, bind(c) :: statx_t
+    integer(c_int32_t) :: mask = 0, block_size = 0
+    integer(c_int64_t) :: attributes = 0
+    integer(c_int32_t) :: links = 0, user = 0, group = 0
+    integer(c_int16_t) :: mode = 0, spare = 0
+    integer(c_int64_t) :: inode = 0, bytes = 0, blocks = 0, attributes_mask = 0, times(8) = 0
+    integer(c_int32_t) :: own_device(2) = 0, device(2) = 0
+    integer(c_int64_t) :: others(14) = 0
+  end type statx_t
+
+  !> Soft and hard limit (struct rlimit).
+  type, bind(c) :: limits_t
+    integer(c_int64_t) :: soft = -1, hard = -1
+  end type limits_t
 
   !> The name of a file.
   type :: path_t
@@ -45,11 +90,33 @@ module dst_disk
       type(found_paths_t), intent(inout) :: found
     end subroutine c_globfree
 
-    integer(c_int) function posix_fallocate(descriptor, offset, length) bind(c)
+    integer(c_int) function c_statx(folder, path, flags, mask, found) bind(c, name='statx')
+      import :: c_int, c_char, statx_t
+      integer(c_int), value :: folder
+      character(c_char), intent(in) :: path(*)
+      integer(c_int), value :: flags, mask
+      type(statx_t), intent(out) :: found
+    end function c_statx
+
+    integer(c_int) function c_fallocate(descriptor, mode, offset, length) bind(c, name='fallocate')
       import :: c_int, c_int64_t
-      integer(c_int), value :: descriptor
+      integer(c_int), value :: descriptor, mode
       integer(c_int64_t), value :: offset, length
-    end function posix_fallocate
+    end function c_fallocate
+
+    integer(c_int) function c_getrlimit(resource, limits) bind(c, name='getrlimit')
+      import :: c_int, limits_t
+      integer(c_int), value :: resource
+      type(limits_t), intent(out) :: limits
+    end function c_getrlimit
+
+    integer(c_intptr_t) function c_pread(descriptor, bytes, count, offset) bind(c, name='pread')
+      import :: c_int, c_int64_t, c_intptr_t, c_ptr, c_size_t
+      integer(c_int), value :: descriptor
+      type(c_ptr), value :: bytes
+      integer(c_size_t), value :: count
+      integer(c_int64_t), value :: offset
+    end function c_pread
 
     integer(c_int) function ftruncate(descriptor, length) bind(c)
       import :: c_int, c_int64_t
@@ -67,12 +134,6 @@ module dst_disk
       character(c_char), intent(in) :: from(*), to(*)
     end function c_link
 
-    integer(c_int) function c_creat(path, permissions) bind(c, name='creat')
-      import :: c_int, c_char
-      character(c_char), intent(in) :: path(*)
-      integer(c_int), value :: permissions
-    end function c_creat
-
     integer(c_int) function c_open(path, flags, permissions) bind(c, name='open')
       import :: c_int, c_char
       character(c_char), intent(in) :: path(*)
@@ -85,6 +146,14 @@ module dst_disk
       type(c_ptr), value :: bytes
       integer(c_size_t), value :: count
     end function c_write
+
+    integer(c_intptr_t) function c_pwrite(descriptor, bytes, count, offset) bind(c, name='pwrite')
+      import :: c_int, c_int64_t, c_intptr_t, c_ptr, c_size_t
+      integer(c_int), value :: descriptor
+      type(c_ptr), value :: bytes
+      integer(c_size_t), value :: count
+      integer(c_int64_t), value :: offset
+    end function c_pwrite
 
     integer(c_int) function c_fsync(descriptor) bind(c, name='fsync')
       import :: c_int
@@ -104,12 +173,6 @@ module dst_disk
       import :: c_int
       integer(c_int), value :: descriptor, operation
     end function c_flock
-
-    integer(c_int) function c_lockf(descriptor, command, length) bind(c, name='lockf')
-      import :: c_int, c_int64_t
-      integer(c_int), value :: descriptor, command
-      integer(c_int64_t), value :: length
-    end function c_lockf
 
     integer(c_int) function c_usleep(microseconds) bind(c, name='usleep')
       import :: c_int
@@ -155,42 +218,63 @@ module dst_disk
 
 contains
 
-  !> Create `file_name` as an empty file, or see that it may be written when it is there.
-  subroutine prepare_file(file_name, reason)
-    character(*), intent(in) :: file_name
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    character(256) :: message
-    character(:), allocatable :: folder
-    integer :: unit, io_status
-
-    if (file_exists(file_name)) then
-      open (newunit=unit, file=file_name, status='old', action='readwrite', iostat=io_status, iomsg=message)
-    else
-      open (newunit=unit, file=file_name, status='new', action='readwrite', iostat=io_status, iomsg=message)
-    end if
-    if (io_status == 0) then
-      close (unit)
-      return
-    end if
-
-    folder = folder_of(file_name)
-    if (is_folder(folder)) then
-      reason = with_remedy(after_last(trim(message), ': '))
-    else if (file_exists(folder)) then
-      reason = folder//' is not a folder'
-    else
-      reason = 'the folder '//folder//' does not exist: create it first'
-    end if
-  end subroutine prepare_file
-
-  !> See that the open file can grow to `length` bytes; a file system that cannot tell counts as able.
-  subroutine reserve_space(descriptor, length, reason)
+  !> The file that is open.
+  type(identity_t) function identity_of_descriptor(descriptor) result(identity)
     integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in) :: length
+    integer(c_int), parameter :: the_descriptor_itself = 4096
+
+    identity = looked_up(descriptor, '', the_descriptor_itself)
+  end function identity_of_descriptor
+
+  !> What has this name; a symbolic link is not followed.
+  type(identity_t) function identity_of_name(file_name) result(identity)
+    character(*), intent(in) :: file_name
+    integer(c_int), parameter :: current_folder = -100, not_followed = 256
+
+    identity = looked_up(current_folder, file_name, not_followed)
+  end function identity_of_name
+
+  type(identity_t) function looked_up(folder, path, flags) result(identity)
+    integer(c_int), intent(in) :: folder, flags
+    character(*), intent(in) :: path
+    integer(c_int), parameter :: basic_facts = 2047, kind_of_file = 61440, regular_file = 32768
+    type(statx_t) :: found
+
+    identity%exists = c_statx(folder, c_text(path), flags, basic_facts, found) == 0
+    if (.not. identity%exists) return
+    identity%is_regular = iand(int(found%mode, c_int), kind_of_file) == regular_file
+    identity%bytes = found%bytes
+    identity%inode = found%inode
+    identity%device = found%device
+  end function looked_up
+
+  pure logical function same_file(a, b)
+    type(identity_t), intent(in) :: a, b
+
+    same_file = a%exists .and. b%exists .and. a%inode == b%inode .and. all(a%device == b%device)
+  end function same_file
+
+  !> See that the open file can grow from `present` to `length` bytes, without changing it; a file system that cannot tell counts
+  !> as able.
+  subroutine reserve_space(descriptor, present, length, reason)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in) :: present, length
     character(:), allocatable, intent(out) :: reason   !! unallocated when there is room
+    integer(c_int), parameter :: file_size_limit = 1, keep_size = 1
+    type(limits_t) :: limits
     integer(c_int) :: number
 
-    number = posix_fallocate(descriptor, 0_c_int64_t, int(length, c_int64_t))
+    number = 0
+    if (c_getrlimit(file_size_limit, limits) == 0) then
+      if (limits%soft >= 0 .and. length > limits%soft) number = efbig
+    end if
+    if (number == 0 .and. length > present) then
+      do
+        if (c_fallocate(descriptor, keep_size, present, length - present) == 0) return
+        number = system_error()
+        if (number /= interrupted) exit
+      end do
+    end if
     select case (number)
     case (efbig, enospc, edquot)
       reason = with_remedy(fortran_text(c_strerror(number)))
@@ -228,53 +312,106 @@ contains
     end if
   end subroutine place_file
 
-  !> Put a file with these bytes in the place of another, or of none, in one step: whatever happens, the old file or the
-  !> new one is there. `durable`: even after a power failure.
-  subroutine replace_file(file_name, bytes, durable, reason)
-    character(*), intent(in) :: file_name, bytes
-    logical, intent(in) :: durable
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    character(:), allocatable :: unfinished
-
-    unfinished = file_name//'~'
-    call write_bytes(unfinished, c_text(bytes), len(bytes), durable, reason)
-    if (.not. allocated(reason)) then
-      if (c_rename(c_text(unfinished), c_text(file_name)) /= 0) reason = system_reason()
-    end if
-    if (allocated(reason)) then
-      call delete_file(unfinished)
-    else if (durable) then
-      call make_name_durable(folder_of(file_name))
-    end if
-  end subroutine replace_file
-
-  !> Write the first `length` bytes into a file.
-  subroutine write_bytes(file_name, bytes, length, durable, reason)
+  !> Create a file that was not there, open for reading and writing; a name that is taken, also by a link, is refused.
+  subroutine create_file(file_name, descriptor, reason)
     character(*), intent(in) :: file_name
-    character(c_char), intent(in), target :: bytes(:)
-    integer, intent(in) :: length
-    logical, intent(in) :: durable
+    integer(c_int), intent(out) :: descriptor
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    integer(c_int), parameter :: everyone_may_read = int(o'644', c_int)
-    integer(c_int) :: descriptor
+
+    descriptor = opened(file_name, read_write + create_exclusively)
+    if (descriptor < 0) reason = system_reason()
+  end subroutine create_file
+
+  !> Open the file `identity` for reading and writing, if this still is its name.
+  subroutine open_own_file(file_name, identity, descriptor, reason)
+    character(*), intent(in) :: file_name
+    type(identity_t), intent(in) :: identity
+    integer(c_int), intent(out) :: descriptor
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+
+    descriptor = -1
+    if (identity_of(file_name) == identity) then
+      descriptor = opened(file_name, read_write)
+      if (descriptor < 0) reason = system_reason()
+      if (descriptor < 0) return
+      if (identity_of(descriptor) == identity) return
+      call close_descriptor(descriptor)
+    end if
+    reason = 'the file or its folder was removed, renamed or replaced'
+  end subroutine open_own_file
+
+  !> A new descriptor, which programs started by this one do not get; -1 on failure.
+  integer(c_int) function opened(file_name, flags) result(descriptor)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(in) :: flags
+
+    do
+      descriptor = c_open(c_text(file_name), flags + not_in_programs, as_the_mask_says)
+      if (descriptor >= 0) return
+      if (system_error() /= interrupted) return
+    end do
+  end function opened
+
+  !> Write a text from byte `place` (0 is the first) of an open file.
+  subroutine write_bytes(descriptor, place, text, reason)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in) :: place
+    character(*), intent(in), target :: text
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    character(c_char), pointer :: bytes(:)
+
+    call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
+    call write_all(descriptor, bytes, reason, place)
+  end subroutine write_bytes
+
+  !> Write all bytes in one call of the system, more only if that writes a part: from byte `place`, or where the file stands.
+  subroutine write_all(descriptor, bytes, reason, place)
+    integer(c_int), intent(in) :: descriptor
+    character(c_char), intent(in), target, contiguous :: bytes(:)
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(int64), intent(in), optional :: place
+    integer(int64) :: written
     integer(c_intptr_t) :: count
-    integer :: written
+    integer(c_size_t) :: left
 
     call ignore_size_limit_signal()
-    descriptor = c_creat(c_text(file_name), everyone_may_read)
-    if (descriptor < 0) then
-      reason = system_reason()
-      return
-    end if
     written = 0
-    do while (written < length .and. .not. allocated(reason))
-      count = c_write(descriptor, c_loc(bytes(written + 1)), int(length - written, c_size_t))
-      if (count < 0) reason = system_reason()
-      written = written + int(count)
+    do while (written < size(bytes, kind=int64))
+      left = int(size(bytes, kind=int64) - written, c_size_t)
+      if (present(place)) then
+        count = c_pwrite(descriptor, c_loc(bytes(written + 1)), left, place + written)
+      else
+        count = c_write(descriptor, c_loc(bytes(written + 1)), left)
+      end if
+      if (count < 0) then
+        if (system_error() == interrupted) cycle
+        reason = system_reason()
+        return
+      end if
+      written = written + count
     end do
-    if (durable .and. .not. allocated(reason)) call make_durable(descriptor, reason)
-    if (c_close(descriptor) /= 0 .and. .not. allocated(reason)) reason = system_reason()
-  end subroutine write_bytes
+  end subroutine write_all
+
+  !> Read an open file from byte `place` (0 is the first); `complete`: so many bytes are there.
+  subroutine read_at(descriptor, place, bytes, complete)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in) :: place
+    character(c_char), intent(out), target, contiguous :: bytes(:)
+    logical, intent(out) :: complete
+    integer(int64) :: done
+    integer(c_intptr_t) :: count
+
+    done = 0
+    do while (done < size(bytes, kind=int64))
+      count = c_pread(descriptor, c_loc(bytes(done + 1)), int(size(bytes, kind=int64) - done, c_size_t), place + done)
+      if (count < 0) then
+        if (system_error() == interrupted) cycle
+      end if
+      if (count <= 0) exit
+      done = done + count
+    end do
+    complete = done == size(bytes, kind=int64)
+  end subroutine read_at
 
   !> Open a file, created if need be, to append to it and nothing else; another process that has it open so is refused.
   subroutine open_for_appending(file_name, descriptor, reason)
@@ -283,7 +420,6 @@ contains
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     integer(c_int), parameter :: read_write_create_append = 2 + 64 + 1024, everyone_may_read = int(o'644', c_int)
     integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11
-    integer(c_int), pointer :: number
 
     call ignore_size_limit_signal()
     descriptor = c_open(c_text(file_name), read_write_create_append, everyone_may_read)
@@ -292,9 +428,8 @@ contains
       return
     end if
     if (c_flock(descriptor, exclusive_or_fail) == 0) return
-    call c_f_pointer(c_error_number(), number)
     ! A file system without locks is trusted.
-    if (number == would_block) then
+    if (system_error() == would_block) then
       reason = 'another process is writing it: wait until it ends'
       call close_descriptor(descriptor)
     end if
@@ -308,41 +443,24 @@ contains
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     integer, parameter :: word_bytes = 8
     character(c_char), pointer :: bytes(:)
-    integer(int64) :: length, written
-    integer(c_intptr_t) :: count
 
-    length = word_bytes*size(words, kind=int64)
-    call c_f_pointer(c_loc(words(1)), bytes, [length])
-    written = 0
-    do while (written < length .and. .not. allocated(reason))
-      count = c_write(descriptor, c_loc(bytes(written + 1)), int(length - written, c_size_t))
-      if (count < 0) reason = system_reason()
-      written = written + count
-    end do
+    call c_f_pointer(c_loc(words), bytes, [word_bytes*size(words, kind=int64)])
+    call write_all(descriptor, bytes, reason)
   end subroutine append_words
 
-  !> Append a text to a closed file; without room for it, nothing.
-  subroutine append_text(file_name, text)
-    character(*), intent(in) :: file_name, text
-    integer(c_int), parameter :: write_append = 1 + 1024
-    character(c_char), target :: bytes(len(text) + 1)
-    integer(c_intptr_t) :: ignored
-    integer(c_int) :: descriptor
-
-    descriptor = c_open(c_text(file_name), write_append, 0_c_int)
-    if (descriptor < 0) return
-    bytes = c_text(text)
-    ignored = c_write(descriptor, c_loc(bytes), len(text, c_size_t))
-    call close_descriptor(descriptor)
-  end subroutine append_text
-
-  !> Close a file; the descriptor is -1 afterwards.
-  subroutine close_descriptor(descriptor)
+  !> Close a file; the descriptor is -1 afterwards. `reason`: why what was written may be lost, unless it has one already.
+  subroutine close_descriptor(descriptor, reason)
     integer(c_int), intent(inout) :: descriptor
-    integer(c_int) :: ignored
+    character(:), allocatable, intent(inout), optional :: reason
+    integer(c_int) :: status
 
-    if (descriptor >= 0) ignored = c_close(descriptor)
+    status = 0
+    if (descriptor >= 0) status = c_close(descriptor)
     descriptor = -1
+    if (.not. present(reason) .or. status == 0) return
+    if (allocated(reason)) return
+    ! A call that was interrupted has closed the file all the same.
+    if (system_error() /= interrupted) reason = system_reason()
   end subroutine close_descriptor
 
   !> The files whose names begin with `beginning`, in alphabetical order.
@@ -373,13 +491,12 @@ contains
   !> Let a closed file, or the entries of a folder, survive a power failure, where the system can do that.
   subroutine make_name_durable(name)
     character(*), intent(in) :: name
-    integer(c_int), parameter :: read_only = 0
     integer(c_int) :: descriptor, ignored
 
-    descriptor = c_open(c_text(name), read_only, 0_c_int)
+    descriptor = opened(name, read_only)
     if (descriptor < 0) return
     ignored = c_fsync(descriptor)
-    ignored = c_close(descriptor)
+    call close_descriptor(descriptor)
   end subroutine make_name_durable
 
   !> Let what was written to the open file survive a power failure.
@@ -387,7 +504,11 @@ contains
     integer(c_int), intent(in) :: descriptor
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
 
-    if (c_fsync(descriptor) /= 0) reason = system_reason()
+    do while (c_fsync(descriptor) /= 0)
+      if (system_error() == interrupted) cycle
+      reason = system_reason()
+      return
+    end do
   end subroutine make_durable
 
   !> All bytes of a file of at most `most` bytes.
@@ -431,25 +552,6 @@ contains
     if (are_files_locked()) ignored = c_flock(descriptor, unlock)
   end subroutine unlock_file
 
-  !> Open a file, so that no other process opens it this way until it is closed. HDF5 does not see this lock, nor do
-  !> child processes share it.
-  subroutine open_exclusively(file_name, descriptor, reason)
-    character(*), intent(in) :: file_name
-    integer(c_int), intent(out) :: descriptor          !! -1 where files are not locked
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    integer(c_int), parameter :: read_write = 2, test_and_lock = 2
-    integer(c_int64_t), parameter :: whole_file = 0
-
-    descriptor = -1
-    if (.not. are_files_locked()) return
-    descriptor = c_open(c_text(file_name), read_write, 0_c_int)
-    if (descriptor >= 0) then
-      if (c_lockf(descriptor, test_and_lock, whole_file) == 0) return
-    end if
-    reason = system_reason()
-    call close_descriptor(descriptor)
-  end subroutine open_exclusively
-
   !> Take HDF5's lock again; if a reader has come in between, go on without it.
   subroutine lock_file(descriptor)
     integer(c_int), intent(in) :: descriptor
@@ -459,19 +561,20 @@ contains
     if (are_files_locked()) ignored = c_flock(descriptor, exclusive_or_fail)
   end subroutine lock_file
 
-  !> Whether another process has HDF5's lock for writing.
-  logical function is_being_written(file_name)
+  !> Whether another process has HDF5's lock of a file: for writing, or at all.
+  logical function is_in_use(file_name, for_writing)
     character(*), intent(in) :: file_name
-    integer(c_int), parameter :: read_only_at_once = 2048, shared_or_fail = 1 + 4
+    logical, intent(in) :: for_writing
+    integer(c_int), parameter :: read_only_at_once = 2048, shared = 1, exclusive = 2, or_fail = 4
     integer(c_int) :: descriptor
 
-    is_being_written = .false.
+    is_in_use = .false.
     if (.not. are_files_locked()) return
-    descriptor = c_open(c_text(file_name), read_only_at_once, 0_c_int)
+    descriptor = opened(file_name, read_only_at_once)
     if (descriptor < 0) return
-    is_being_written = c_flock(descriptor, shared_or_fail) /= 0
+    is_in_use = c_flock(descriptor, merge(shared, exclusive, for_writing) + or_fail) /= 0
     call close_descriptor(descriptor)
-  end function is_being_written
+  end function is_in_use
 
   !> Whether HDF5 locks files, as its environment variable says.
   logical function are_files_locked()
@@ -489,13 +592,19 @@ contains
     ignored = c_usleep(int(1.0e6_wp*seconds, c_int))
   end subroutine wait_seconds
 
-  !> Why the last call of the system failed, and what to do.
-  function system_reason() result(reason)
-    character(:), allocatable :: reason
+  !> The number of the error of the last call of the system that failed.
+  integer(c_int) function system_error()
     integer(c_int), pointer :: number
 
     call c_f_pointer(c_error_number(), number)
-    reason = with_remedy(fortran_text(c_strerror(number)))
+    system_error = number
+  end function system_error
+
+  !> Why the last call of the system failed, and what to do.
+  function system_reason() result(reason)
+    character(:), allocatable :: reason
+
+    reason = with_remedy(fortran_text(c_strerror(system_error())))
   end function system_reason
 
   !> Remove a file, if it is there.
@@ -505,6 +614,14 @@ contains
 
     ignored = c_unlink(c_text(file_name))
   end subroutine delete_file
+
+  !> Remove the file `identity`, if this still is its name.
+  subroutine delete_own_file(file_name, identity)
+    character(*), intent(in) :: file_name
+    type(identity_t), intent(in) :: identity
+
+    if (identity_of(file_name) == identity) call delete_file(file_name)
+  end subroutine delete_own_file
 
   !> A system's reason, followed by what the user can do about it.
   pure function with_remedy(system_reason) result(reason)
@@ -524,8 +641,7 @@ contains
     else if (index(system_reason, 'Read-only') > 0) then
       reason = 'the file system is read-only: choose another folder with -o'
     else if (index(system_reason, 'temporarily unavailable') > 0 .or. index(system_reason, ' lock') > 0) then
-      reason = 'locked by another process, or the file system has no locks: close the other program, ' &
-        //'or set HDF5_USE_FILE_LOCKING=FALSE'
+      reason = locked_by_a_reader
     else
       reason = system_reason
     end if
@@ -592,15 +708,36 @@ contains
     end if
   end function true_path
 
-  !> A name beside `file_name` that no other process uses.
-  function scratch_name(file_name) result(name)
+  !> The same text for all names of one place, whether a file is there or not: its folder and the file behind links.
+  function place_of(file_name) result(place)
     character(*), intent(in) :: file_name
-    character(:), allocatable :: name
-    character(12) :: process
+    character(:), allocatable :: place, folder
 
-    write (process, '(i0)') c_getpid()
-    name = file_name//'.'//trim(process)//'.part'
-  end function scratch_name
+    if (file_exists(file_name)) then
+      place = true_path(file_name)
+    else
+      folder = true_path(folder_of(file_name))
+      if (folder == '/') folder = ''
+      place = folder//'/'//file_name(index(file_name, '/', back=.true.) + 1:)
+    end if
+  end function place_of
+
+  !> A word that nobody else hits upon: lower-case letters and digits.
+  function unique_word() result(word)
+    character(10) :: word
+    character(*), parameter :: digits = '0123456789abcdefghijklmnopqrstuvwxyz'
+    integer(int64) :: number, ticks
+    integer :: i, clock(8), digit
+
+    call date_and_time(values=clock)
+    call system_clock(ticks)
+    number = modulo(ieor(ieor(ticks, ishft(int(c_getpid(), int64), 32)), 1000003_int64*clock(8)), huge(number))
+    do i = 1, len(word)
+      digit = int(modulo(number, len(digits, int64)))
+      word(i:i) = digits(digit + 1:digit + 1)
+      number = number/len(digits)
+    end do
+  end function unique_word
 
   !> Now, as ISO 8601 in UTC: '2026-01-31T23:59:59Z'.
   function utc_now() result(now)

@@ -1,13 +1,14 @@
 !> What a result file says about the run that wrote it, and whether that run can be gone on with.
 module dst_hdf5_origin
   use hdf5, only: hid_t, h5fclose_f
-  use dst_disk, only: file_exists, file_size, is_folder
+  use dst_disk, only: file_size
   use dst_errors, only: error_t, raise, file_error
+  use dst_process, only: guard_t
   use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text
   implicit none
   private
 
-  public :: origin_t, read_origin
+  public :: origin_t, read_origin, check_is_result, is_hdf5
 
   !> What the header of a result file says of the run.
   type :: origin_t
@@ -18,25 +19,66 @@ module dst_hdf5_origin
     character(:), allocatable :: deck_resolved   !! every key as used
   end type origin_t
 
+  !> What the attribute `program` of a result says.
+  character(*), parameter :: this_program = 'dynstiction'
+
 contains
 
-  !> Read the header of the result of a run that is to go on.
-  subroutine read_origin(file_name, origin, error)
+  !> Whether a file is a result of this program. HDF5 may meet anything in it, so a child process looks.
+  subroutine check_is_result(file_name, reason)
     character(*), intent(in) :: file_name
+    character(:), allocatable, intent(out) :: reason   !! unallocated if it is
+    character(*), parameter :: remedy = ': use another name or remove it'
+    type(guard_t) :: guard
+    character(:), allocatable :: program
+    integer(hid_t) :: file
+    integer :: status
+
+    if (.not. is_hdf5(file_name)) then
+      reason = 'the file exists and is not an HDF5 file'//remedy
+      return
+    end if
+    call guard%begin()
+    if (guard%in_child) then
+      call open_existing(file_name, file, status)
+      call get_attribute(file, 'program', program, status)
+      if (status < 0 .or. program /= this_program) call guard%reply('the file exists and is no result of this program'//remedy)
+      call guard%reply('')
+    end if
+    call guard%await(reason)
+    if (.not. allocated(reason)) reason = 'the file exists, and HDF5 fails on it'//remedy
+    if (reason == '') deallocate (reason)
+  end subroutine check_is_result
+
+  !> Whether a file begins like one of HDF5.
+  logical function is_hdf5(file_name)
+    character(*), intent(in) :: file_name
+    character(*), parameter :: signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
+    character(len(signature)) :: beginning
+    integer :: unit, io_status
+
+    is_hdf5 = .false.
+    if (file_size(file_name) < len(signature)) return
+    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
+    if (io_status /= 0) return
+    read (unit, iostat=io_status) beginning
+    is_hdf5 = io_status == 0 .and. beginning == signature
+    close (unit)
+  end function is_hdf5
+
+  !> Read the header of the result of a run that is to go on.
+  subroutine read_origin(file_name, shown_name, origin, error)
+    character(*), intent(in) :: file_name, shown_name
     type(origin_t), intent(out) :: origin
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
 
-    if (.not. file_exists(file_name)) then
-      reason = 'there is no such file: give the result file of the run'
-    else if (is_folder(file_name)) then
-      reason = 'it is a folder: give the result file of the run'
-    else if (file_size(file_name) <= 0) then
+    if (file_size(file_name) <= 0) then
       reason = 'it is empty or not a regular file: run the deck again'
     else
       call read_fields(file_name, origin, reason)
     end if
-    if (allocated(reason)) call raise(error, file_error, file_name//': cannot resume: '//reason)
+    if (allocated(reason)) call raise(error, file_error, shown_name//': cannot resume: '//reason)
   end subroutine read_origin
 
   subroutine read_fields(file_name, origin, reason)

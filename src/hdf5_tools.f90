@@ -7,7 +7,7 @@ module dst_hdf5_tools
   use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_size_t, c_char, c_null_char, c_null_ptr, &
     c_associated, c_loc, c_funloc, c_f_pointer
   use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, &
-    h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_trunc_f, h5f_acc_rdonly_f, &
+    h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_excl_f, h5f_acc_rdonly_f, &
     h5pset_libver_bounds_f, h5f_libver_v18_f, &
     h5tcopy_f, h5tset_cset_f, h5tclose_f, h5tis_variable_str_f, h5screate_f, h5screate_simple_f, h5sclose_f, &
     h5sselect_hyperslab_f, &
@@ -117,7 +117,7 @@ contains
     if (status == 0) call h5eset_auto_f(0, status)
   end subroutine start_hdf5
 
-  !> Create or open a file whose objects close with it.
+  !> Create a file that is not there, or open one, whose objects close with it.
   subroutine open_file(file_name, mode, file, status)
     character(*), intent(in) :: file_name
     integer, intent(in) :: mode
@@ -134,7 +134,7 @@ contains
     ! The oldest format with checksums of what describes the data. A newer one would have to be freed by h5clear after a kill.
     call h5pset_libver_bounds_f(access, h5f_libver_v18_f, h5f_libver_v18_f, status)
     if (status < 0) return
-    if (mode == h5f_acc_trunc_f) then
+    if (mode == h5f_acc_excl_f) then
       call h5fcreate_f(file_name, mode, file, status, access_prp=access)
     else
       call h5fopen_f(file_name, mode, file, status, access_prp=access)

@@ -10,24 +10,21 @@
 !> too: the sum of both has 32 digits, and the rest of the file is what every reader knows.
 module dst_hdf5_writer
   use, intrinsic :: iso_c_binding, only: c_int
-  use hdf5, only: hid_t, hsize_t, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, h5f_acc_trunc_f, h5f_acc_rdwr_f, &
+  use hdf5, only: hid_t, hsize_t, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, h5f_acc_excl_f, h5f_acc_rdwr_f, &
     h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t, table_column_t
   use dst_archive, only: archive_t
-  use dst_disk, only: prepare_file, reserve_space, set_file_size, make_durable, move_file, place_file, delete_file, file_exists, &
-    file_size, is_folder, is_being_written, lock_file, unlock_file, true_path, scratch_name, with_remedy, ignore_size_limit_signal
+  use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy, ignore_size_limit_signal
   use dst_hdf5_tools, only: start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
     put_attribute, put_text, put_texts, put_number, create_group, delete_link, column_t, create_column, open_column, append, &
     cut_column, copy_rows, make_scale, attach_scale
   use dst_process, only: guard_t, is_child, end_child
-  use dst_seal, only: seal_file
   implicit none
   private
 
   public :: write_metadata, hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, reopen_hdf5
-  public :: check_replaceable, is_hdf5
 
   !> A parameter of the deck whose value is text.
   type :: text_parameter_t
@@ -61,8 +58,7 @@ module dst_hdf5_writer
   !> The result file of one run, open for writing.
   type, extends(writer_t) :: hdf5_writer_t
     private
-    character(:), allocatable :: file_name
-    character(:), allocatable :: created_name     !! under which it is until `put_in_place`; '' afterwards
+    character(:), allocatable :: shown_name       !! in messages
     integer(hid_t) :: file = -1
     integer(c_int) :: descriptor = -1
     type(column_t), allocatable :: columns(:)     !! of the time series
@@ -82,7 +78,6 @@ module dst_hdf5_writer
     procedure :: flush => flush_all
     procedure :: finish
     procedure :: write_table
-    procedure :: put_in_place
     procedure :: discard
     procedure :: set_bookmark
     procedure, private :: write_waiting
@@ -98,73 +93,37 @@ module dst_hdf5_writer
   integer(int64), parameter :: index_bytes = 4096
   logical, parameter :: doubles_lose_digits = digits(1.0_wp) > digits(1.0_real64)
 
-  character(*), parameter :: hdf5_signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
-
 contains
 
-  !> Create the file of a run under a name beside its own, which `put_in_place` gives it: so there never is a file
-  !> without its header. Without `overwrite` an existing file is refused.
-  subroutine create_hdf5(self, file_name, overwrite, metadata, columns, error, expected_rows)
+  !> Create the file of a run; a name that is taken is refused. After a failure it is to be discarded.
+  subroutine create_hdf5(self, file_name, shown_name, metadata, columns, error, expected_rows)
     class(hdf5_writer_t), intent(out) :: self
-    character(*), intent(in) :: file_name
-    logical, intent(in) :: overwrite
+    character(*), intent(in) :: file_name             !! where it is created
+    character(*), intent(in) :: shown_name            !! what it is called in messages
     type(run_metadata_t), intent(in) :: metadata
     type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'. None: no series, no events
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in), optional :: expected_rows    !! samples of the whole run, when they are known
-    logical :: is_ours
 
+    self%shown_name = shown_name
     call allocate_waiting(self, size(columns), expected_rows)
-    call choose_name(true_path(trim(file_name)), overwrite, self%created_name, error)
-    is_ours = .not. file_exists(self%created_name)
-    if (.not. allocated(error)) call open_new(self, self%created_name, error)
-    if (allocated(error)) then
-      error%text = trim(file_name)//': cannot create: '//error%text
-      return
-    end if
-
-    self%file_name = trim(file_name)
-    call write_header(self, metadata, columns, error)
-    if (.not. allocated(error)) return
-    if (self%sound) call close_file(self)
-    if (is_ours) call delete_file(self%created_name)
-    self%failure = error
-    self%sound = .false.
+    call open_new(self, file_name, error)
+    if (.not. allocated(error)) call write_header(self, metadata, columns, error)
   end subroutine create_hdf5
 
-  !> Give the file its name. An existing file is replaced if it was there, and to be replaced, when this one was created.
-  subroutine put_in_place(self, overwrite, error)
-    class(hdf5_writer_t), intent(inout) :: self
-    logical, intent(in) :: overwrite
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: final_name
-    logical :: placed
-
-    final_name = true_path(self%file_name)
-    if (self%created_name == final_name) return
-    if (overwrite) then
-      call move_file(self%created_name, final_name, placed)
-    else
-      call place_file(self%created_name, final_name, placed)
-    end if
-    if (placed) return
-    call raise(error, file_error, final_name//': cannot create: another file has taken the name: use another name')
-  end subroutine put_in_place
-
-  !> Close and remove a file that has not got its name.
+  !> Close a file that is not wanted.
   subroutine discard(self)
     class(hdf5_writer_t), intent(inout) :: self
 
-    call close_file(self)
-    call delete_file(self%created_name)
+    if (self%sound) call close_file(self)
     self%sound = .false.
   end subroutine discard
 
   !> Write the file of a run that was killed anew as `new_name`: its header from `metadata`, its columns with what they held at
   !> `bookmark`. Only numbers come from the old file, and all of them are checked; what is bent in its structure can spoil
   !> nothing that follows. It can make HDF5 crash or run in circles: this is for a child process, which shows life to `guard`.
-  subroutine rebuild_hdf5(file_name, new_name, bookmark, metadata, columns, guard, error, expected_rows)
-    character(*), intent(in) :: file_name, new_name
+  subroutine rebuild_hdf5(file_name, new_name, shown_name, bookmark, metadata, columns, guard, error, expected_rows)
+    character(*), intent(in) :: file_name, new_name, shown_name
     type(bookmark_t), intent(in) :: bookmark
     type(run_metadata_t), intent(in) :: metadata
     type(quantity_t), intent(in) :: columns(:)
@@ -181,7 +140,7 @@ contains
     if (status < 0) reason = damage_reason()
     if (.not. allocated(reason)) then
       call allocate_waiting(new, size(columns), expected_rows)
-      new%file_name = new_name
+      new%shown_name = shown_name
       call open_new(new, new_name, error)
       if (.not. allocated(error)) call write_header(new, metadata, columns, error)
       if (.not. allocated(error)) then
@@ -192,7 +151,7 @@ contains
       end if
     end if
     if (old%file >= 0) call h5fclose_f(old%file, status)
-    if (allocated(reason)) call raise(error, file_error, file_name//': cannot resume: '//reason)
+    if (allocated(reason)) call raise(error, file_error, shown_name//': cannot resume: '//reason)
   end subroutine rebuild_hdf5
 
   !> Copy what every column of `old` held at `bookmark` to the empty columns of `new`; `reason` says which does not hold it.
@@ -204,7 +163,7 @@ contains
     character(:), allocatable, intent(out) :: reason
     integer :: i, status
 
-    call reserve_space(new%descriptor, ending_bytes + (size(columns) + 2)*index_bytes + &
+    call reserve_space(new%descriptor, 0_int64, ending_bytes + (size(columns) + 2)*index_bytes + &
       merge(20, 10, doubles_lose_digits)*(size(columns)*bookmark%rows + 2*bookmark%events), reason)
     if (allocated(reason)) return
     status = 0
@@ -241,27 +200,32 @@ contains
 
   !> Open the file of an unfinished run to go on from `bookmark`; what the file has behind it is dropped. It must be as
   !> this program left it.
-  subroutine reopen_hdf5(self, file_name, bookmark, columns, error, expected_rows)
+  subroutine reopen_hdf5(self, file_name, shown_name, bookmark, columns, error, expected_rows)
     class(hdf5_writer_t), intent(out) :: self
-    character(*), intent(in) :: file_name
+    character(*), intent(in) :: file_name, shown_name
     type(bookmark_t), intent(in) :: bookmark
     type(quantity_t), intent(in) :: columns(:)
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in), optional :: expected_rows    !! as when the file was created
     integer :: status
 
+    self%shown_name = shown_name
     call allocate_waiting(self, size(columns), expected_rows)
-    self%file_name = trim(file_name)
-    self%created_name = self%file_name
     call ignore_size_limit_signal()
     call start_hdf5(status)
-    call open_file(self%file_name, h5f_acc_rdwr_f, self%file, status)
+    call open_file(file_name, h5f_acc_rdwr_f, self%file, status)
     call file_descriptor(self%file, self%descriptor, status)
     call open_columns(self, columns, status)
-    call cut_columns(self, bookmark, status)
-    self%sound = status >= 0
-    if (.not. self%sound) &
-      call raise(error, file_error, self%file_name//': cannot resume: '//with_remedy(failure_reason()))
+    ! Before anything is changed.
+    if (status >= 0) call self%reserve()
+    if (status >= 0 .and. .not. allocated(self%failure)) call cut_columns(self, bookmark, status)
+    self%sound = status >= 0 .and. .not. allocated(self%failure)
+    if (self%sound) return
+    if (allocated(self%failure)) then
+      error = self%failure
+    else
+      call raise(error, file_error, shown_name//': cannot resume: '//with_remedy(failure_reason()))
+    end if
   end subroutine reopen_hdf5
 
   !> Write and flush all that waits, and tell how far the file then is.
@@ -351,11 +315,7 @@ contains
     if (.not. self%sound) return
     call write_ending(self, outcome, error)
     if (self%sound) call close_file(self)
-    if (self%sound) call seal_file(self%file_name)
     if (.not. self%sound .and. allocated(self%failure)) error = self%failure
-    if (allocated(error)) return
-    if (.not. file_exists(self%file_name)) call raise(error, file_error, &
-      self%file_name//': the file or its folder was removed or renamed during the run')
   end subroutine finish
 
   !> A group of columns of one length, the first of which numbers the rows.
@@ -443,7 +403,7 @@ contains
     if (status < 0) return
     needed = 2*(size(self%columns)*(8_int64*self%chunk_rows + index_bytes) + 2*(8_int64*event_chunk + index_bytes))
     if (doubles_lose_digits) needed = 2*needed
-    call reserve_space(self%descriptor, int(present_size, int64) + needed + ending_bytes, reason)
+    call reserve_space(self%descriptor, int(present_size, int64), int(present_size, int64) + needed + ending_bytes, reason)
     if (allocated(reason)) call self%fail(reason, sound=.true.)
   end subroutine reserve
 
@@ -457,7 +417,7 @@ contains
     if (allocated(self%failure)) return
     allocate (self%failure)
     self%failure%code = file_error
-    self%failure%text = self%file_name//': cannot write: '//with_remedy(reason)
+    self%failure%text = self%shown_name//': cannot write: '//with_remedy(reason)
   end subroutine fail
 
   !> How the run ended; `complete` comes after everything else has reached the file.
@@ -511,84 +471,19 @@ contains
     call close_group(group, status)
   end subroutine put_numbers
 
-  !> Under which name the file is created: beside an existing file that is to be replaced. An empty one is filled.
-  subroutine choose_name(file_name, overwrite, created_name, error)
-    character(*), intent(in) :: file_name
-    logical, intent(in) :: overwrite
-    character(:), allocatable, intent(out) :: created_name
-    type(error_t), allocatable, intent(out) :: error
-    integer(int64) :: bytes
-
-    created_name = scratch_name(file_name)
-    bytes = file_size(file_name)
-    if (file_name == '') then
-      call raise(error, file_error, 'the file has no name: give one with -o')
-    else if (is_folder(file_name)) then
-      call raise(error, file_error, 'it is a folder: give a file name')
-    else if (file_exists(file_name)) then
-      if (overwrite .and. bytes == 0) then
-        created_name = file_name
-      else
-        call check_replaceable(file_name, overwrite, error)
-      end if
-    end if
-  end subroutine choose_name
-
-  !> Whether an existing file may be replaced: with `overwrite`, if it is an HDF5 file that nobody is writing.
-  subroutine check_replaceable(file_name, overwrite, error)
-    character(*), intent(in) :: file_name
-    logical, intent(in) :: overwrite
-    type(error_t), allocatable, intent(out) :: error
-
-    if (.not. overwrite) then
-      call raise(error, file_error, 'the file exists: use --overwrite or another name')
-    else if (.not. is_hdf5(file_name)) then
-      call raise(error, file_error, 'the file exists and is not an HDF5 file: use another name or remove it')
-    else if (is_being_written(file_name)) then
-      call raise(error, file_error, 'another process is writing this file: wait for it or use another name')
-    end if
-  end subroutine check_replaceable
-
-  !> Whether a file begins like one of HDF5.
-  logical function is_hdf5(file_name)
-    character(*), intent(in) :: file_name
-    character(len(hdf5_signature)) :: beginning
-    integer :: unit, io_status
-
-    is_hdf5 = .false.
-    if (file_size(file_name) < len(hdf5_signature)) return
-    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
-    if (io_status /= 0) return
-    read (unit, iostat=io_status) beginning
-    is_hdf5 = io_status == 0 .and. beginning == hdf5_signature
-    close (unit)
-  end function is_hdf5
-
   !> Create an empty HDF5 file.
   subroutine open_new(self, file_name, error)
     class(hdf5_writer_t), intent(inout) :: self
     character(*), intent(in) :: file_name
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: reason
-    logical :: was_there
     integer :: status
 
     call ignore_size_limit_signal()
-    was_there = file_exists(file_name)
-    call prepare_file(file_name, reason)
-    if (allocated(reason)) then
-      call raise(error, file_error, reason)
-      return
-    end if
     call start_hdf5(status)
-    call open_file(file_name, h5f_acc_trunc_f, self%file, status)
+    call open_file(file_name, h5f_acc_excl_f, self%file, status)
     call file_descriptor(self%file, self%descriptor, status)
-    if (status == 0) then
-      self%sound = .true.
-    else
-      call raise(error, file_error, with_remedy(failure_reason()))
-      if (.not. was_there) call delete_file(file_name)
-    end if
+    self%sound = status == 0
+    if (.not. self%sound) call raise(error, file_error, self%shown_name//': cannot create: '//with_remedy(failure_reason()))
   end subroutine open_new
 
   !> Everything that is known before the run begins.

@@ -5,12 +5,13 @@ program dynstiction
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: one_per_line
-  use dst_disk, only: file_exists, is_folder, folder_of, true_path
+  use dst_disk, only: place_of
   use dst_deck, only: deck_t, read_deck, resolved, template, key_table
   use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
     setting_list, help_text
   use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
+  use dst_result_file, only: check_target
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
@@ -253,7 +254,7 @@ contains
     file_name = deck%name(first:last)//ending
   end function name_after
 
-  !> Whether output `i` may be created, and is that of no other deck.
+  !> Whether output `i` may be created, is that of no other deck, and nothing that is read.
   subroutine check_output(outputs, i, error)
     type(argument_t), intent(in) :: outputs(:)
     integer, intent(in) :: i
@@ -261,11 +262,12 @@ contains
     integer :: other
 
     associate (file_name => outputs(i)%text)
-      if (.not. is_folder(folder_of(file_name))) then
-        call raise(error, file_error, file_name//': the folder '//folder_of(file_name)//' does not exist: create it first')
-      else if (file_exists(file_name) .and. .not. command%overwrite) then
-        call raise(error, file_error, file_name//': the file exists: use --overwrite or another name')
-      end if
+      do other = 1, command%operand_count
+        if (place_of(command%operands(other)%text) == place_of(file_name)) &
+          call raise(error, file_error, file_name//': this is a deck of the command: use another name for the result')
+        if (allocated(error)) return
+      end do
+      call check_target(file_name, command%overwrite, error)
       do other = 1, i - 1
         if (allocated(error)) exit
         if (place_of(outputs(other)%text) == place_of(file_name)) &
@@ -273,18 +275,6 @@ contains
       end do
     end associate
   end subroutine check_output
-
-  !> The same text for two names of one file, whether it exists or not.
-  function place_of(file_name) result(place)
-    character(*), intent(in) :: file_name
-    character(:), allocatable :: place
-
-    if (file_exists(file_name)) then
-      place = true_path(file_name)
-    else
-      place = true_path(folder_of(file_name))//'/'//file_name(index(file_name, '/', back=.true.) + 1:)
-    end if
-  end function place_of
 
   !> Print an error, if there is one; the first one decides the exit status.
   subroutine complain(error)

@@ -5,6 +5,7 @@ module dst_process
   use, intrinsic :: iso_c_binding, only: c_int, c_long, c_intptr_t, c_size_t, c_ptr, c_funptr, c_char, c_null_char, c_null_ptr, &
     c_null_funptr, c_loc
   use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
+  use dst_disk, only: system_error
   implicit none
   private
 
@@ -26,6 +27,7 @@ module dst_process
   !> Processor time that a child may spend between two signs of life [s]. Waiting for a slow disk does not count.
   integer(c_long), parameter :: patience = 1
   character, parameter :: reply_mark = c_null_char
+  integer(c_int), parameter :: interrupted = 4
 
   interface
     integer(c_int) function c_fork() bind(c, name='fork')
@@ -115,7 +117,7 @@ contains
   !> is done as a whole even if the parent is killed; if that has happened already, it does nothing. Without a child the
   !> parent goes on at once.
   logical function is_child()
-    integer(c_int) :: parent, process, status, ignored
+    integer(c_int) :: parent, process, ignored
 
     parent = c_getpid()
     process = c_fork()
@@ -124,7 +126,7 @@ contains
       ignored = c_setsid()
       if (c_getppid() /= parent) call end_child()
     else if (process > 0) then
-      ignored = c_waitpid(process, status, 0_c_int)
+      ignored = status_of(process)
     end if
   end function is_child
 
@@ -150,6 +152,7 @@ contains
       call self%show_life()
     else
       ignored = c_close(self%ends(2))
+      if (self%process < 0) ignored = c_close(self%ends(1))
     end if
   end subroutine begin
 
@@ -192,30 +195,44 @@ contains
     call c_exit(0_c_int)
   end subroutine reply
 
-  !> The child's answer. `survived`: it has given one.
-  subroutine await(self, text, survived)
+  !> The child's answer; unallocated if it crashed or did not get on. That there could be no child is an answer too.
+  subroutine await(self, answer)
     class(guard_t), intent(inout) :: self
-    character(:), allocatable, intent(out) :: text
-    logical, intent(out) :: survived
+    character(:), allocatable, intent(out) :: answer
     character(c_char), target :: bytes(4096)
+    character(:), allocatable :: text
     integer(c_intptr_t) :: count
-    integer(c_int) :: status, ignored
+    integer(c_int) :: status
     integer :: mark, i
 
+    if (self%process < 0) then
+      answer = 'this needs a child process, and the system allows none: raise the limit of processes (ulimit -u)'
+      return
+    end if
     text = ''
-    survived = .false.
-    if (self%process <= 0) return
     do
       count = c_read(self%ends(1), c_loc(bytes), size(bytes, kind=c_size_t))
+      if (count < 0) then
+        if (system_error() == interrupted) cycle
+      end if
       if (count <= 0) exit
       do i = 1, int(count)
         text = text//bytes(i)
       end do
     end do
-    ignored = c_close(self%ends(1))
-    ignored = c_waitpid(self%process, status, 0_c_int)
+    status = c_close(self%ends(1))
+    status = status_of(self%process)
     mark = index(text, reply_mark, back=.true.)
-    survived = mark > 0 .and. status == 0
-    text = text(mark + 1:)
+    if (mark > 0 .and. status == 0) answer = text(mark + 1:)
   end subroutine await
+
+  !> Wait for the end of a child.
+  integer(c_int) function status_of(process) result(status)
+    integer(c_int), intent(in) :: process
+
+    do while (c_waitpid(process, status, 0_c_int) < 0)
+      status = -1
+      if (system_error() /= interrupted) return
+    end do
+  end function status_of
 end module dst_process

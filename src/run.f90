@@ -1,13 +1,11 @@
 !> Run a deck into a result file, or go on with a run that was stopped: what `dynstiction run` and `resume` do.
 module dst_run
-  use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp, int64
   use dst_archive, only: archive_t, archive_of
   use dst_build_info, only: program_name, version, git_revision, compiler
-  use dst_checkpoint, only: checkpoint_t, write_checkpoint, read_checkpoint, delete_checkpoint
+  use dst_checkpoint, only: checkpoint_t
   use dst_deck, only: deck_t, parse_deck, resolved
-  use dst_disk, only: close_descriptor, open_exclusively, delete_file, make_name_durable, move_file, scratch_name, true_path, &
-    utc_now
+  use dst_disk, only: utc_now
   use dst_errors, only: error_t, raise, file_error, stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, &
@@ -16,8 +14,8 @@ module dst_run
   use dst_parameters, only: parameter_t, parameters_of
   use dst_process, only: guard_t
   use dst_progress, only: progress_t, new_progress
+  use dst_result_file, only: result_file_t
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_seal, only: checksum_of_file
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal
   use dst_simulation, only: simulation_t
@@ -32,10 +30,9 @@ module dst_run
 
   !> A run under way.
   type :: run_t
-    character(:), allocatable :: result_file
+    type(result_file_t) :: file
     type(simulation_t) :: simulation
     type(hdf5_writer_t) :: writer
-    integer(c_int) :: old_file = -1    !! that of the killed run, so that no other process goes on with it too
     type(checkpoint_t) :: checkpoint   !! the last one, and to which run it belongs
   end type run_t
 
@@ -59,10 +56,8 @@ contains
     call run%simulation%start(scene, error)
     if (allocated(error)) return
     call describe_run(deck, run%simulation%scene%model, run%simulation%scene%method_name(), model_choice, metadata)
-    call create_hdf5(run%writer, result_file, overwrite, metadata, run%simulation%output_columns(), error, &
-      expected_rows(scene))
+    call run%file%claim(result_file, overwrite, error)
     if (allocated(error)) return
-    run%result_file = result_file
     run%checkpoint%version = metadata%version
     run%checkpoint%git_revision = metadata%git_revision
     run%checkpoint%compiler = metadata%compiler
@@ -70,16 +65,21 @@ contains
     run%checkpoint%created = metadata%created
     run%checkpoint%deck_text = metadata%deck_text
     run%checkpoint%deck_resolved = metadata%deck_resolved
-    ! From its first moment on the file has a checkpoint. Another run's must not stay beside it.
-    call save(run, .false., error)
-    if (.not. allocated(error)) call run%writer%put_in_place(overwrite, error)
+    call create_hdf5(run%writer, run%file%path(), result_file, metadata, run%simulation%output_columns(), error, &
+      expected_rows(scene))
+    call run%file%adopt()
+    ! From its first moment on the file has a checkpoint.
+    if (.not. allocated(error)) call save(run, .false., error)
+    if (.not. allocated(error)) call run%file%put_in_place(error)
     if (allocated(error)) then
       call run%writer%discard()
+      call run%file%abandon()
       return
     end if
     progress = new_progress(deck%name, quiet)
     if (model_choice /= '') call progress%remark("model 'auto' is "//model_choice)
     call carry_out(run, progress, error)
+    call run%file%release()
   end subroutine run_deck
 
   !> Go on with the run that wrote `result_file`, from its last checkpoint.
@@ -89,33 +89,48 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(run_t) :: run
     type(error_t), allocatable :: no_checkpoint
+
+    call run%file%claim_unfinished(result_file, run%checkpoint, no_checkpoint, error)
+    if (allocated(error)) return
+    if (.not. allocated(no_checkpoint)) call check_untouched(run, error)
+    if (.not. allocated(error)) call check_origin(run, .not. allocated(no_checkpoint), error)
+    ! Only now: a run that has ended has no checkpoint.
+    if (.not. allocated(error)) call move_alloc(no_checkpoint, error)
+    if (.not. allocated(error)) call go_on(run, error)
+    if (.not. allocated(error)) call carry_out(run, new_progress(result_file, quiet), error)
+    call run%file%release()
+  end subroutine resume_run
+
+  !> Make the run as it was at its checkpoint, and its file ready to be written on.
+  subroutine go_on(run, error)
+    type(run_t), intent(inout) :: run
+    type(error_t), allocatable, intent(out) :: error
     type(deck_t), allocatable :: deck
     type(scene_t) :: scene
     type(bookmark_t) :: bookmark
     character(:), allocatable :: model_choice
     character(1) :: no_settings(0)
 
-    run%result_file = result_file
-    call read_checkpoint(result_file, run%checkpoint, no_checkpoint)
-    if (.not. allocated(no_checkpoint)) call check_untouched(result_file, run%checkpoint, error)
-    if (.not. allocated(error)) call check_origin(result_file, run%checkpoint, .not. allocated(no_checkpoint), error)
-    ! Only now: a run that has ended has no checkpoint.
-    if (.not. allocated(error)) call move_alloc(no_checkpoint, error)
-    if (allocated(error)) return
     allocate (deck)
-    call parse_deck(run%checkpoint%deck_resolved, result_file, no_settings, deck, error)
+    call parse_deck(run%checkpoint%deck_resolved, run%file%name, no_settings, deck, error)
     if (allocated(error)) return
     call scene_from_deck(deck, scene)
     call settle_model(scene, model_choice)
     call run%simulation%start(scene, error)
     if (.not. allocated(error)) call load(run, bookmark, error)
-    if (.not. allocated(error) .and. .not. was_stopped(run%checkpoint)) &
+    if (allocated(error)) return
+    if (was_stopped(run%checkpoint)) then
+      ! From here on nothing vouches for the file as a whole.
+      run%checkpoint%result_checksum = '-'
+      call run%file%save_checkpoint(run%checkpoint, .true., error)
+      if (.not. allocated(error)) call run%file%unseal()
+    else
       call rebuild(run, deck, model_choice, bookmark, expected_rows(scene), error)
+    end if
     if (.not. allocated(error)) &
-      call reopen_hdf5(run%writer, result_file, bookmark, run%simulation%output_columns(), error, expected_rows(scene))
-    if (.not. allocated(error)) call carry_out(run, new_progress(result_file, quiet), error)
-    call close_descriptor(run%old_file)
-  end subroutine resume_run
+      call reopen_hdf5(run%writer, run%file%path(), run%file%name, bookmark, run%simulation%output_columns(), error, &
+        expected_rows(scene))
+  end subroutine go_on
 
   !> Whether the run was stopped, not killed: then the checkpoint knows every bit of its file.
   pure logical function was_stopped(checkpoint)
@@ -125,22 +140,20 @@ contains
   end function was_stopped
 
   !> The file of a run that was stopped must be as it was left.
-  subroutine check_untouched(result_file, checkpoint, error)
-    character(*), intent(in) :: result_file
-    type(checkpoint_t), intent(in) :: checkpoint
+  subroutine check_untouched(run, error)
+    type(run_t), intent(in) :: run
     type(error_t), allocatable, intent(out) :: error
 
-    if (.not. was_stopped(checkpoint)) return
-    if (checkpoint%result_checksum == checksum_of_file(result_file)) return
-    call raise(error, file_error, result_file//': cannot resume: the file is missing, or was changed or damaged since the '// &
+    if (.not. was_stopped(run%checkpoint)) return
+    if (run%file%is_as_it_was_left(run%checkpoint%result_checksum)) return
+    call raise(error, file_error, run%file%name//': cannot resume: the file is missing, or was changed or damaged since the '// &
       'run was stopped: put it back, or run the deck again')
   end subroutine check_untouched
 
   !> What the file says of its run must leave something to go on with and fit the checkpoint, if there is one. HDF5 may meet
   !> anything in the file, so a child process looks.
-  subroutine check_origin(result_file, checkpoint, has_checkpoint, error)
-    character(*), intent(in) :: result_file
-    type(checkpoint_t), intent(in) :: checkpoint
+  subroutine check_origin(run, has_checkpoint, error)
+    type(run_t), intent(in) :: run
     logical, intent(in) :: has_checkpoint
     type(error_t), allocatable, intent(out) :: error
     type(guard_t) :: guard
@@ -148,12 +161,12 @@ contains
 
     call guard%begin()
     if (guard%in_child) then
-      call read_origin(result_file, origin, error)
-      if (.not. allocated(error)) call check_unfinished(result_file, origin, error)
-      if (.not. allocated(error) .and. has_checkpoint) call check_same_run(result_file, checkpoint, origin, error)
+      call read_origin(run%file%path(), run%file%name, origin, error)
+      if (.not. allocated(error)) call check_unfinished(run%file%name, origin, error)
+      if (.not. allocated(error) .and. has_checkpoint) call check_same_run(run%file%name, run%checkpoint, origin, error)
       call reply(guard, error)
     end if
-    call await(guard, result_file, error)
+    call await(guard, run%file%name, error)
   end subroutine check_origin
 
   !> Put a new file in the place of that of a killed run: nothing but its columns' numbers is taken from the old one.
@@ -166,8 +179,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(run_metadata_t) :: metadata
     type(guard_t) :: guard
-    character(:), allocatable :: place, new_name, reason
-    logical :: placed
+    character(:), allocatable :: old_name, new_name
 
     call describe_run(deck, run%simulation%scene%model, run%simulation%scene%method_name(), model_choice, metadata)
     metadata%git_revision = run%checkpoint%git_revision
@@ -176,25 +188,18 @@ contains
     metadata%deck_text = run%checkpoint%deck_text
     metadata%deck_sha256 = run%checkpoint%deck_sha256
     metadata%deck_resolved = run%checkpoint%deck_resolved
-    place = true_path(run%result_file)
-    new_name = scratch_name(place)
-    call open_exclusively(place, run%old_file, reason)
-    if (allocated(reason)) then
-      call raise(error, file_error, run%result_file//': cannot resume: '//reason)
-      return
-    end if
+    old_name = run%file%path()
+    call run%file%replace_own()
+    new_name = run%file%path()
     call guard%begin()
     if (guard%in_child) then
-      call rebuild_hdf5(run%result_file, new_name, bookmark, metadata, run%simulation%output_columns(), guard, error, rows)
-      if (.not. allocated(error)) then
-        call move_file(new_name, place, placed)
-        if (.not. placed) call raise(error, file_error, run%result_file//': cannot resume: the file cannot be replaced: '// &
-          'see the permissions of its folder')
-      end if
+      call rebuild_hdf5(old_name, new_name, run%file%name, bookmark, metadata, run%simulation%output_columns(), guard, error, rows)
       call reply(guard, error)
     end if
-    call await(guard, run%result_file, error)
-    if (allocated(error)) call delete_file(new_name)
+    call await(guard, run%file%name, error)
+    call run%file%adopt()
+    if (.not. allocated(error)) call run%file%put_in_place(error)
+    if (allocated(error)) call run%file%discard()
   end subroutine rebuild
 
   !> End a child process with its error, or with none.
@@ -211,12 +216,11 @@ contains
     type(guard_t), intent(inout) :: guard
     character(*), intent(in) :: result_file
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: text
-    logical :: survived
+    character(:), allocatable :: answer
 
-    call guard%await(text, survived)
-    if (.not. survived) text = result_file//': cannot resume: it is so damaged that HDF5 fails on it: run the deck again'
-    if (text /= '') call raise(error, file_error, text)
+    call guard%await(answer)
+    if (.not. allocated(answer)) answer = result_file//': cannot resume: it is so damaged that HDF5 fails on it: run the deck again'
+    if (answer /= '') call raise(error, file_error, answer)
   end subroutine await
 
   !> A run that ended by itself has nothing to go on with.
@@ -280,21 +284,16 @@ contains
     end if
     call run%simulation%outcome(error, outcome)
     call run%writer%finish(outcome, end_error)
+    if (.not. allocated(end_error)) call run%file%seal(run%checkpoint%result_checksum, end_error)
     ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
     ! allow(C161)
     if (allocated(end_error) .and. (is_stopped(error) .or. .not. allocated(error))) call move_alloc(end_error, error)
-    ! A run that ended by itself is not gone on with.
     if (is_stopped(error)) then
-      call make_name_durable(run%result_file)
-      run%checkpoint%result_checksum = checksum_of_file(run%result_file)
-      call write_checkpoint(run%result_file, run%checkpoint, .true., save_error)
+      call run%file%save_checkpoint(run%checkpoint, .true., save_error)
       if (allocated(save_error)) call move_alloc(save_error, error)
-    else
-      if (.not. allocated(error)) then
-        call delete_checkpoint(run%result_file)
-      else if (error%code /= file_error) then
-        call delete_checkpoint(run%result_file)
-      end if
+    else if (.not. failed_to_write(error)) then
+      ! A run that ended by itself is not gone on with.
+      call run%file%delete_checkpoint()
     end if
   end subroutine carry_out
 
@@ -305,7 +304,7 @@ contains
 
     text = 'stopped at output.wall_limit'
     if (stop_signal() /= '') text = 'stopped by '//stop_signal()
-    text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%result_file
+    text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%file%name
   end function stop_text
 
   pure logical function is_stopped(error)
@@ -314,6 +313,13 @@ contains
     is_stopped = .false.
     if (allocated(error)) is_stopped = error%code == stopped_early
   end function is_stopped
+
+  pure logical function failed_to_write(error)
+    type(error_t), allocatable, intent(in) :: error
+
+    failed_to_write = .false.
+    if (allocated(error)) failed_to_write = error%code == file_error
+  end function failed_to_write
 
   !> All slices of the run.
   subroutine integrate(run, progress_line, error)
@@ -363,7 +369,7 @@ contains
     call run%simulation%exchange(archive)
     run%checkpoint%words = archive%words()
     run%checkpoint%result_checksum = '-'
-    call write_checkpoint(run%result_file, run%checkpoint, durable, error)
+    call run%file%save_checkpoint(run%checkpoint, durable, error)
   end subroutine save
 
   !> The simulation as it was when the checkpoint was written, and how far the file was.
@@ -378,7 +384,7 @@ contains
     call archive_of(run%checkpoint%words, archive)
     call bookmark%exchange(archive)
     call run%simulation%exchange(archive)
-    if (.not. archive%given_back()) call raise(error, file_error, run%result_file//': cannot resume: the checkpoint holds '// &
+    if (.not. archive%given_back()) call raise(error, file_error, run%file%name//': cannot resume: the checkpoint holds '// &
       'another state than this program has: go on with the program that began the run, or run the deck again')
   end subroutine load
 

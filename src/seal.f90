@@ -3,56 +3,93 @@
 !> HDF5 passes over what stands behind its own end, and drops it when it changes the file: a file that was edited later has no
 !> seal, and is as good as one of a run that was killed.
 module dst_seal
+  use, intrinsic :: iso_c_binding, only: c_int, c_char, c_f_pointer, c_loc
   use dst_crc32, only: crc32_t
-  use dst_disk, only: append_text, file_size
+  use dst_disk, only: identity_of, identity_t, read_at, set_file_size, write_bytes
   use dst_kinds, only: int64
   implicit none
   private
 
-  public :: seal_file, checksum_of_file
+  public :: seal, break_seal, checksum_of
 
   character(*), parameter :: mark = 'dynstiction CRC-32 '
+  integer(int64), parameter :: seal_bytes = len(mark) + 8 + 1
 
 contains
 
-  !> Append the seal to a closed file. Without room for it the file goes without: it is complete.
-  subroutine seal_file(file_name)
-    character(*), intent(in) :: file_name
-    character(:), allocatable :: checksum
-
-    checksum = checksum_of_file(file_name)
-    if (checksum /= '-') call append_text(file_name, mark//checksum//achar(10))
-  end subroutine seal_file
-
-  !> CRC-32 of a file's bytes as 8 hexadecimal digits; '-' if it cannot be read.
-  function checksum_of_file(file_name) result(text)
-    character(*), intent(in) :: file_name
-    character(:), allocatable :: text
-    integer(int64), parameter :: block_words = 32768, word_bytes = 8
-    integer(int64), allocatable :: words(:)
-    integer(int64) :: left
+  !> Append the seal to an open file, which is read for that once. `checksum`: of the file with its seal, as `checksum_of` would find
+  !> it; '-' if there is no room for a seal: the file goes without, and is complete.
+  subroutine seal(descriptor, checksum)
+    integer(c_int), intent(in) :: descriptor
+    character(:), allocatable, intent(out) :: checksum
+    type(identity_t) :: file
     type(crc32_t) :: crc
-    character :: byte
-    integer :: unit, io_status, i
+    character(:), allocatable :: line, reason
+    integer :: i
+
+    checksum = '-'
+    file = identity_of(descriptor)
+    if (.not. covers(descriptor, file%bytes, crc)) return
+    line = mark//crc%text()//achar(10)
+    call write_bytes(descriptor, file%bytes, line, reason)
+    if (allocated(reason)) then
+      call set_file_size(descriptor, file%bytes)
+      return
+    end if
+    do i = 1, len(line)
+      call crc%add_byte(line(i:i))
+    end do
+    checksum = crc%text()
+  end subroutine seal
+
+  !> Cut off the seal of a file that is to be changed.
+  subroutine break_seal(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    type(identity_t) :: file
+    character(c_char) :: beginning(len(mark))
+    logical :: complete
+
+    file = identity_of(descriptor)
+    if (file%bytes < seal_bytes) return
+    call read_at(descriptor, file%bytes - seal_bytes, beginning, complete)
+    if (complete .and. transfer(beginning, mark) == mark) call set_file_size(descriptor, file%bytes - seal_bytes)
+  end subroutine break_seal
+
+  !> CRC-32 of an open file's bytes as 8 hexadecimal digits; '-' if it cannot be read, or is empty.
+  function checksum_of(descriptor) result(text)
+    integer(c_int), intent(in) :: descriptor
+    character(:), allocatable :: text
+    type(identity_t) :: file
+    type(crc32_t) :: crc
 
     text = '-'
-    left = file_size(file_name)
-    if (left <= 0) return
-    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
-    if (io_status /= 0) return
+    file = identity_of(descriptor)
+    if (covers(descriptor, file%bytes, crc)) text = crc%text()
+  end function checksum_of
+
+  !> Take the first `bytes` bytes of a file into a checksum; false if they are not to be had.
+  logical function covers(descriptor, bytes, crc)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in) :: bytes
+    type(crc32_t), intent(out) :: crc
+    integer(int64), parameter :: block_words = 32768, word_bytes = 8
+    integer(int64), allocatable, target :: words(:)
+    character(c_char), pointer :: block(:)
+    integer(int64) :: place, count, i
+
     call crc%start()
     allocate (words(block_words))
-    do while (left >= word_bytes .and. io_status == 0)
-      if (left < word_bytes*size(words)) words = words(:left/word_bytes)
-      read (unit, iostat=io_status) words
-      call crc%add_words(words)
-      left = left - word_bytes*size(words)
+    call c_f_pointer(c_loc(words), block, [word_bytes*block_words])
+    covers = bytes > 0
+    place = 0
+    do while (covers .and. place < bytes)
+      count = min(bytes - place, size(block, kind=int64))
+      call read_at(descriptor, place, block(:count), covers)
+      call crc%add_words(words(:count/word_bytes))
+      do i = count - modulo(count, word_bytes) + 1, count
+        call crc%add_byte(block(i))
+      end do
+      place = place + count
     end do
-    do i = 1, int(left)
-      if (io_status == 0) read (unit, iostat=io_status) byte
-      call crc%add_byte(byte)
-    end do
-    close (unit)
-    if (io_status == 0) text = crc%text()
-  end function checksum_of_file
+  end function covers
 end module dst_seal

@@ -9,7 +9,7 @@ module dst_signals
 
   public :: listen_to_signals, stop_signal
 
-  integer(c_int), parameter :: sigint = 2, sigusr1 = 10, sigterm = 15
+  integer(c_int), parameter :: sighup = 1, sigint = 2, sigusr1 = 10, sigterm = 15
   integer(c_intptr_t), parameter :: default_action = 0, ignore = 1
 
   integer(c_int), volatile :: received = 0
@@ -24,8 +24,9 @@ module dst_signals
 
 contains
 
-  !> From now on SIGINT, SIGTERM and SIGUSR1 are remembered. A second SIGINT ends the program at once.
+  !> From now on SIGHUP (the terminal is gone), SIGINT, SIGTERM and SIGUSR1 are remembered. A second SIGINT ends the program at once.
   subroutine listen_to_signals()
+    call listen(sighup)
     call listen(sigint)
     call listen(sigterm)
     call listen(sigusr1)
@@ -53,6 +54,8 @@ contains
     character(:), allocatable :: name
 
     select case (received)
+    case (sighup)
+      name = 'SIGHUP'
     case (sigint)
       name = 'SIGINT'
     case (sigterm)

@@ -3,16 +3,15 @@
 !> Rows are gathered block by block, so that memory does not grow with the number of cases. The file gets its name when it is whole.
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use hdf5, only: hid_t, h5fclose_f, h5f_acc_trunc_f, h5t_ieee_f64le, h5t_std_i32le
-  use dst_disk, only: path_t, file_exists, scratch_name, delete_file, move_file, place_file, true_path, with_remedy, &
-    ignore_size_limit_signal
+  use hdf5, only: hid_t, h5fclose_f, h5f_acc_excl_f, h5t_ieee_f64le, h5t_std_i32le
+  use dst_disk, only: path_t, with_remedy, ignore_size_limit_signal
   use dst_errors, only: error_t, raise, file_error, result_done, some_failed, stopped_early
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
     make_scale, attach_scale, table_t, create_table, append_rows, message_list_t, create_messages, append_messages
-  use dst_hdf5_writer, only: run_metadata_t, write_metadata, is_hdf5
+  use dst_hdf5_writer, only: run_metadata_t, write_metadata
   use dst_kinds, only: real64
+  use dst_result_file, only: result_file_t
   use dst_schema, only: schema
-  use dst_seal, only: seal_file
   use dst_sweep, only: sweep_t, case_t, value_count, value_quantities, wall_time_value, series_quantities
   use dst_sweep_shard, only: index_t, read_record
   use dst_text, only: integer_text
@@ -20,7 +19,7 @@ module dst_sweep_file
   implicit none
   private
 
-  public :: check_result_file, merge_shards
+  public :: merge_shards
 
   !> Cases held in memory; values of the series held in memory.
   integer, parameter :: usual_block = 32768, most_series_values = 4000000
@@ -45,16 +44,6 @@ module dst_sweep_file
 
 contains
 
-  !> Refuse to replace what is no result file.
-  subroutine check_result_file(result_file, error)
-    character(*), intent(in) :: result_file
-    type(error_t), allocatable, intent(out) :: error
-
-    if (.not. file_exists(result_file)) return
-    if (.not. is_hdf5(result_file)) call raise(error, file_error, result_file// &
-      ': the file exists and is not an HDF5 file: use another name or remove it')
-  end subroutine check_result_file
-
   !> Write what the shards hold to `result_file`.
   subroutine merge_shards(sweep, files, index, metadata, result_file, overwrite, error)
     type(sweep_t), intent(in) :: sweep
@@ -64,34 +53,30 @@ contains
     character(*), intent(in) :: result_file
     logical, intent(in) :: overwrite
     type(error_t), allocatable, intent(out) :: error
+    type(result_file_t) :: file
     type(output_t) :: output
-    character(:), allocatable :: scratch
+    character(:), allocatable :: checksum
     integer :: status
-    logical :: placed
 
-    call check_result_file(result_file, error)
+    call file%claim(result_file, overwrite, error)
     if (allocated(error)) return
     call ignore_size_limit_signal()
-    scratch = scratch_name(true_path(result_file))
     call start_hdf5(status)
-    call open_file(scratch, h5f_acc_trunc_f, output%file, status)
+    call open_file(file%path(), h5f_acc_excl_f, output%file, status)
+    call file%adopt()
     call create_columns(output, sweep, metadata, status)
     call copy_cases(output, sweep, files, index, status, error)
     call put_ending(output, sweep, index, status)
     if (status < 0) call raise_cannot_write(result_file, error)
     if (output%file >= 0) call h5fclose_f(output%file, status)
     if (status < 0) call raise_cannot_write(result_file, error)
-    if (.not. allocated(error)) then
-      call seal_file(scratch)
-      if (overwrite) then
-        call move_file(scratch, true_path(result_file), placed)
-      else
-        call place_file(scratch, true_path(result_file), placed)
-      end if
-      if (.not. placed) call raise(error, file_error, result_file//': cannot create: another file has taken the name: '// &
-        'use --overwrite or another name')
+    if (.not. allocated(error)) call file%seal(checksum, error)
+    if (.not. allocated(error)) call file%put_in_place(error)
+    if (allocated(error)) then
+      call file%abandon()
+    else
+      call file%release()
     end if
-    if (allocated(error)) call delete_file(scratch)
   end subroutine merge_shards
 
   !> The first error counts.

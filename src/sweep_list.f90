@@ -6,7 +6,7 @@ module dst_sweep_list
   use dst_disk, only: path_t
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, names_in, read_list
-  use dst_hdf5_writer, only: is_hdf5
+  use dst_hdf5_origin, only: is_hdf5
   use dst_sweep, only: axis_t
   use dst_sweep_points, only: path_of_points, read_csv, name_axis
   use dst_text, only: integer_text

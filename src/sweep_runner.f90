@@ -20,7 +20,7 @@ module dst_sweep_runner
   use dst_signals, only: stop_signal
   use dst_simulation, only: wall_clock
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, series_quantities
-  use dst_sweep_file, only: check_result_file, merge_shards
+  use dst_sweep_file, only: merge_shards
   use dst_sweep_list, only: read_points
   use dst_sweep_shard, only: shard_t, index_t, shard_name, shards_of, open_shard, scan_shard, empty_shard
   use dst_text, only: integer_text
@@ -98,7 +98,6 @@ contains
     call start_ranks(state%ranks, error)
     if (.not. allocated(error)) call check_processes(state%ranks%count, options%shards, error)
     if (.not. allocated(error)) call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) call check_result_file(result_file, error)
     if (.not. allocated(error)) identity = identity_of(sweep)
     if (state%ranks%rank == 0) then
       if (.not. allocated(error)) call look_at_shards(sweep, identity, result_file, options%overwrite, index, files, error)

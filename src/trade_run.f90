@@ -9,6 +9,7 @@ module dst_trade_run
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
   use dst_progress, only: progress_t, new_progress
   use dst_run, only: describe_run
+  use dst_result_file, only: result_file_t
   use dst_scene, only: scene_t, scene_from_deck
   use dst_signals, only: stop_signal
   use dst_trade, only: trade_t, start_trade
@@ -34,7 +35,9 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(scene_t) :: scene
     type(run_metadata_t) :: metadata
+    type(result_file_t) :: file
     type(hdf5_writer_t) :: writer
+    character(:), allocatable :: checksum
     type(quantity_t) :: no_series(0)
     type(outcome_t) :: outcome
     type(error_t), allocatable :: end_error
@@ -43,11 +46,14 @@ contains
     call start_trade(scene, budget, trade, error)
     if (allocated(error)) return
     call describe_run(deck, trade%scene%model, trim(trade%best%candidate%method), '', metadata)
-    call create_hdf5(writer, output_file, overwrite, metadata, no_series, error)
+    call file%claim(output_file, overwrite, error)
     if (allocated(error)) return
-    call writer%put_in_place(overwrite, error)
+    call create_hdf5(writer, file%path(), output_file, metadata, no_series, error)
+    call file%adopt()
+    if (.not. allocated(error)) call file%put_in_place(error)
     if (allocated(error)) then
       call writer%discard()
+      call file%abandon()
       return
     end if
     call compare(trade, new_progress(deck%name, quiet), error)
@@ -58,6 +64,8 @@ contains
     end if
     if (trade%has_reference()) call writer%write_table('trade', table_of(trade), end_error)
     if (.not. allocated(end_error)) call writer%finish(outcome, end_error)
+    if (.not. allocated(end_error)) call file%seal(checksum, end_error)
+    call file%release()
     if (allocated(end_error) .and. .not. allocated(error)) call move_alloc(end_error, error)
   end subroutine trade_deck
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import hashlib
 import os
@@ -178,7 +179,7 @@ def test_resumed_again_and_again_it_ends_with_the_same_bits(program, references,
     assert list(tmp_path.iterdir()) == [file]
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGUSR1])
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT, signal.SIGUSR1])
 def test_a_signal_stops_with_a_checkpoint(program, references, tmp_path, number):
     file = tmp_path / "x.h5"
     process = program.start(SCENES["radau5"], file)
@@ -751,20 +752,21 @@ def test_a_checkpoint_that_fails_keeps_the_one_before(program, references, tmp_p
     file = tmp_path / "x.h5"
     process = program.start(SCENES["radau5"], file, "output.checkpoint_interval=0.05")
     wait_for(lambda: file.exists() and file.stat().st_size > 10_000, str(file))
-    obstacle = checkpoint_of(file).with_name(checkpoint_of(file).name + "~")
-    while not obstacle.is_dir():
-        try:
-            obstacle.mkdir()
-        except FileExistsError:
-            continue
-    kept = checkpoint_of(file).read_bytes()
+    kept = tmp_path / "kept"
+    while not checkpoint_of(file).is_dir():
+        # The next checkpoint may come in between.
+        with contextlib.suppress(FileNotFoundError):
+            checkpoint_of(file).rename(kept)
+        with contextlib.suppress(FileExistsError):
+            (checkpoint_of(file) / "something").mkdir(parents=True)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == FILE_ERROR, errors
     assert "cannot write the checkpoint" in errors
-    assert checkpoint_of(file).read_bytes() == kept
     with h5py.File(file) as data:
         assert (data.attrs["complete"], data.attrs["result_code"]) == (0, FILE_ERROR)
-    obstacle.rmdir()
+    shutil.rmtree(checkpoint_of(file))
+    assert {path.name for path in tmp_path.iterdir()} == {file.name, kept.name}
+    kept.rename(checkpoint_of(file))
     assert program.resume(file).returncode == 0
     assert_same(file, references("radau5"))
 

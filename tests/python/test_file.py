@@ -227,9 +227,9 @@ def test_a_folder_without_permission(program, tmp_path):
     assert_refused(program.run(folder / "x.h5"), "cannot create")
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-def test_a_disk_that_is_full_from_the_start(program):
-    assert_refused(program.run(Path("/dev/full"), "--overwrite"), "disk is full")
+@pytest.mark.parametrize("device", ["/dev/null", "/dev/full"])
+def test_a_device_is_no_result(program, device):
+    assert_refused(program.run(Path(device), "--overwrite"), device, "not a regular file")
 
 
 def test_a_limit_that_is_met_during_the_run(program, tmp_path):

@@ -333,7 +333,7 @@ def test_a_folder_that_vanishes(sweep, tmp_path):
         wait_until(lambda: len(cases_in(shard)) > 0)
         shutil.rmtree(tmp_path / "gone")
         assert process.wait(120) == 3
-        assert "the file or its folder was removed" in process.stderr.read()
+        assert f"the folder {tmp_path / 'gone'} does not exist" in process.stderr.read()
     finally:
         end_group(process)
 

@@ -1,8 +1,11 @@
 !> Names, reasons and moments as the result file's user meets them.
 program test_disk
   use checks, only: check, finish
-  use dst_disk, only: prepare_file, move_file, delete_file, file_exists, is_folder, folder_of, true_path, scratch_name, &
-    with_remedy, utc_now, utc_of
+  use, intrinsic :: iso_c_binding, only: c_int, c_char
+  use dst_disk, only: identity_t, identity_of, operator(==), create_file, open_own_file, write_bytes, read_at, close_descriptor, &
+    set_file_size, reserve_space, move_file, place_file, delete_file, delete_own_file, file_exists, is_folder, folder_of, &
+    place_of, true_path, unique_word, with_remedy, utc_now, utc_of
+  use dst_kinds, only: int64
   implicit none
 
   character(*), parameter :: first = 'test_disk_first', second = 'test_disk_second'
@@ -18,38 +21,84 @@ program test_disk
 contains
 
   subroutine test_names()
+    character(10) :: one
+
     call check('folder of a bare name', folder_of('x.h5') == '.')
     call check('folder of a relative name', folder_of('a/b/x.h5') == 'a/b')
     call check('folder at the root', folder_of('/x.h5') == '/')
     call check('a path that does not exist stays', true_path('no/such/x.h5') == 'no/such/x.h5')
     call check('a path through the parent', true_path('/usr/..') == '/')
-    call check('a scratch name stands beside the file', index(scratch_name('a/x.h5'), 'a/x.h5.') == 1)
+    call check('a place that is not there yet', place_of('x.h5') == true_path('.')//'/x.h5')
+    call check('a place through the parent', place_of('/usr/../usr/no.h5') == '/usr/no.h5')
+    one = unique_word()
+    call check('words differ', one /= unique_word())
   end subroutine test_names
 
   subroutine test_files()
+    type(identity_t) :: one, two
     character(:), allocatable :: reason
-    logical :: moved
+    character(c_char) :: bytes(3)
+    integer(c_int) :: descriptor, other
+    logical :: moved, complete
 
     call delete_file(first)
     call delete_file(second)
-    call prepare_file(first, reason)
-    call check('a new file', .not. allocated(reason))
-    call check('the new file is there', file_exists(first))
-    call prepare_file(first, reason)
-    call check('a file that is there', .not. allocated(reason))
+    call check('no file', .not. exists(first))
+    call create_file(first, descriptor, reason)
+    call check('a new file', file_exists(first) .and. .not. allocated(reason))
+    one = identity_of(descriptor)
+    call check('one file by name and descriptor', one == identity_of(first))
+    call check('a regular file', one%is_regular)
+    call create_file(first, other, reason)
+    call check('a name that is taken', allocated(reason) .and. other < 0)
+    call write_bytes(descriptor, 2_int64, 'abc', reason)
+    call write_bytes(descriptor, 0_int64, 'xy', reason)
+    call read_at(descriptor, 1_int64, bytes, complete)
+    call check('bytes at a place', complete .and. all(bytes == ['y', 'a', 'b']))
+    call read_at(descriptor, 3_int64, bytes, complete)
+    call check('bytes beyond the end', .not. complete)
+    call reserve_space(descriptor, 5_int64, 100000_int64, reason)
+    two = identity_of(descriptor)
+    call check('reserved space is not seen', .not. allocated(reason) .and. two%bytes == 5)
+    call set_file_size(descriptor, 2_int64)
+    two = identity_of(descriptor)
+    call check('cut', two%bytes == 2)
+    call close_descriptor(descriptor, reason)
+    call check('closed', .not. allocated(reason) .and. descriptor == -1)
+
     call check('a file is not a folder', .not. is_folder(first))
     call check('a folder is a folder', is_folder('.'))
+    two = identity_of('.')
+    call check('a folder is no regular file', two%exists .and. .not. two%is_regular)
+    call create_file(second, descriptor, reason)
+    call close_descriptor(descriptor)
+    call place_file(first, second, moved)
+    call check('a name that is taken is kept', exists(first) .and. .not. moved)
+    call open_own_file(second, one, descriptor, reason)
+    call check('another file is not opened', allocated(reason) .and. descriptor < 0)
+    call delete_own_file(second, one)
+    call check('another file is not removed', exists(second))
     call move_file(first, second, moved)
-    call check('moved', moved)
-    call check('there after moving', file_exists(second))
-    call check('gone after moving', .not. file_exists(first))
+    call check('moved', identity_of(second) == one .and. moved)
+    call check('from there', .not. exists(first))
+    call open_own_file(second, one, descriptor, reason)
+    call check('the own file under its new name', .not. allocated(reason))
+    call close_descriptor(descriptor)
     call move_file(first, second, moved)
     call check('nothing to move', .not. moved)
-    call delete_file(second)
-    call check('deleted', .not. file_exists(second))
-    call prepare_file('no/such/folder/x', reason)
+    call delete_own_file(second, one)
+    call check('deleted', .not. exists(second))
+    call create_file('no/such/folder/x', descriptor, reason)
     call check('no such folder', allocated(reason))
   end subroutine test_files
+
+  logical function exists(file_name)
+    character(*), intent(in) :: file_name
+    type(identity_t) :: identity
+
+    identity = identity_of(file_name)
+    exists = identity%exists
+  end function exists
 
   !> A reason that is known says what to do; an unknown one is passed on.
   subroutine test_reasons()

@@ -11,7 +11,7 @@ program test_hdf5_writer
   use dst_process, only: guard_t
   implicit none
 
-  character(*), parameter :: file_name = 'test_hdf5_writer.h5', text_file = 'test_hdf5_writer.txt'
+  character(*), parameter :: file_name = 'test_hdf5_writer.h5'
   integer :: status
 
   call remove(file_name)
@@ -34,12 +34,8 @@ contains
     integer, parameter :: blocks(6) = [1, 63, 64, 65, 1000, 7]
     integer :: i, first
 
-    call create_hdf5(writer, file_name, .false., metadata(), columns(), error, expected_rows=100)
+    call create_hdf5(writer, file_name, file_name, metadata(), columns(), error, expected_rows=100)
     call check('created', .not. allocated(error))
-    call check('not under its name yet', .not. is_there(file_name))
-    call writer%put_in_place(.false., error)
-    call check('in place', .not. allocated(error))
-    call check('under its name', is_there(file_name))
     first = 0
     do i = 1, size(blocks)
       call writer%write_samples(ramp(first, blocks(i)), error)
@@ -70,9 +66,9 @@ contains
     type(error_t), allocatable :: error
     character(*), parameter :: copy_name = 'test_hdf5_writer_copy.h5'
 
-    call create_hdf5(writer, file_name, .true., metadata(), columns(), error)
-    if (.not. allocated(error)) call writer%put_in_place(.true., error)
-    call check('replaced', .not. allocated(error))
+    call remove(file_name)
+    call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
+    call check('created anew', .not. allocated(error))
     call writer%write_samples(ramp(0, 10), error)
     call writer%flush(error)
     call check('flushed', .not. allocated(error))
@@ -88,35 +84,16 @@ contains
   subroutine test_refusals()
     type(hdf5_writer_t) :: writer
     type(error_t), allocatable :: error
-    integer :: unit, bytes_before, bytes_after
+    integer :: bytes_before, bytes_after
 
     inquire (file=file_name, size=bytes_before)
-    call create_hdf5(writer, file_name, .false., metadata(), columns(), error)
-    call check_refusal('an existing file', error, 'use --overwrite')
+    call create_hdf5(writer, file_name, 'shown', metadata(), columns(), error)
+    call check_refusal('an existing file', error, 'shown: cannot create')
     inquire (file=file_name, size=bytes_after)
     call check('the existing file is untouched', bytes_before == bytes_after)
     call check('the existing file is as it was', root_integer('complete') == 0)
-
-    call create_hdf5(writer, 'no/such/folder/x.h5', .true., metadata(), columns(), error)
-    call check_refusal('a folder that is not there', error, 'the folder no/such/folder does not exist')
-
-    call create_hdf5(writer, file_name//'/x.h5', .true., metadata(), columns(), error)
-    call check_refusal('a folder that is a file', error, file_name//' is not a folder')
-
-    call create_hdf5(writer, '.', .true., metadata(), columns(), error)
-    call check_refusal('a folder as the file', error, 'it is a folder')
-
-    call create_hdf5(writer, ' ', .true., metadata(), columns(), error)
-    call check_refusal('no name', error, 'no name')
-
-    open (newunit=unit, file=text_file, status='replace', action='write')
-    write (unit, '(a)') '&scene /'
-    close (unit)
-    call create_hdf5(writer, text_file, .true., metadata(), columns(), error)
-    call check_refusal('a file that is not HDF5', error, 'not an HDF5 file')
-    inquire (file=text_file, size=bytes_after)
-    call check('that file is untouched', bytes_after == 9)
-    call remove(text_file)
+    call create_hdf5(writer, 'no/such/folder/x.h5', 'shown', metadata(), columns(), error)
+    call check_refusal('a folder that is not there', error, 'removed or renamed')
   end subroutine test_refusals
 
   !> A run goes on after its bookmark; what the file had behind it is dropped. A file that does not hold what it held at
@@ -129,8 +106,8 @@ contains
     type(error_t), allocatable :: error
     integer :: i
 
-    call create_hdf5(writer, file_name, .true., metadata(), columns(), error)
-    call writer%put_in_place(.true., error)
+    call remove(file_name)
+    call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
     call writer%write_samples(ramp(0, 2000), error)
     call writer%write_events([1.0_wp, 2.0_wp], [1, 2], error)
     call writer%set_bookmark(.true., bookmark, error)
@@ -141,21 +118,24 @@ contains
 
     other = bookmark
     other%rows = 3001
-    call rebuild_hdf5(file_name, new_name, other, metadata(), columns(), no_guard, error)
+    call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
+    call remove(new_name)
     call check_refusal('a file that is too short', error, 'time_series/time has fewer rows')
     other = bookmark
     other%checksum(2) = other%checksum(2) + 1
-    call rebuild_hdf5(file_name, new_name, other, metadata(), columns(), no_guard, error)
+    call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
+    call remove(new_name)
     call check_refusal('a column that changed', error, 'time_series/u_x is not as it was')
     other = bookmark
     other%checksum(5) = other%checksum(5) + 1
-    call rebuild_hdf5(file_name, new_name, other, metadata(), columns(), no_guard, error)
+    call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
+    call remove(new_name)
     call check_refusal('events that changed', error, 'events/kind is not as it was')
-    call rebuild_hdf5('none.h5', new_name, bookmark, metadata(), columns(), no_guard, error)
+    call rebuild_hdf5('none.h5', new_name, 'shown', bookmark, metadata(), columns(), no_guard, error)
     call check_refusal('a file that is not there', error, 'removed or renamed')
-    call rebuild_hdf5(file_name, 'no/such/folder.h5', bookmark, metadata(), columns(), no_guard, error)
-    call check_refusal('no place for the new file', error, 'does not exist')
-    call rebuild_hdf5(file_name, new_name, bookmark, metadata(), columns(), no_guard, error)
+    call rebuild_hdf5(file_name, 'no/such/folder.h5', 'shown', bookmark, metadata(), columns(), no_guard, error)
+    call check_refusal('no place for the new file', error, 'removed or renamed')
+    call rebuild_hdf5(file_name, new_name, 'shown', bookmark, metadata(), columns(), no_guard, error)
     call check('written anew', .not. allocated(error))
     call check('rows up to the bookmark', all(same(read_column('time_series/u_x', new_name), [(2.0_wp*i, i=0, 1999)])))
     call check('events up to the bookmark', all(same(read_column('events/time', new_name), [1.0_wp, 2.0_wp])))
@@ -163,7 +143,7 @@ contains
     call remove(new_name)
     call check('refusals leave the rows', size(read_column('time_series/time')) == 3000)
 
-    call reopen_hdf5(writer, file_name, bookmark, columns(), error)
+    call reopen_hdf5(writer, file_name, file_name, bookmark, columns(), error)
     call check('reopened', .not. allocated(error))
     call writer%write_samples(ramp(2000, 2500), error)
     call writer%write_events([4.0_wp], [2], error)
@@ -173,7 +153,7 @@ contains
     call check('rows over the resumption', all(same(read_column('time_series/time'), [(0.5_wp*i, i=0, 4499)])))
     call check('events over the resumption', all(same(read_column('events/time'), [1.0_wp, 2.0_wp, 4.0_wp])))
     call check('complete after resuming', root_integer('complete') == 1)
-    call rebuild_hdf5(file_name, new_name, other, metadata(), columns(), no_guard, error)
+    call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
     call check('checksums over the resumption', .not. allocated(error))
     call remove(new_name)
     if (digits(1.0_wp) > digits(1.0_real64)) call test_remainders()
@@ -190,15 +170,15 @@ contains
     time = [(real(i, wp)/3.0_wp, i=1, 100)]
     samples = spread(time, 1, 3)
     samples(3, :) = 0.0_wp
-    call create_hdf5(writer, file_name, .true., metadata(), columns(), error)
-    call writer%put_in_place(.true., error)
+    call remove(file_name)
+    call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
     call writer%write_samples(samples(:, :50), error)
     call writer%write_events(time(:2), [1, 2], error)
     call writer%set_bookmark(.false., bookmark, error)
     call writer%write_samples(samples(:, 51:70), error)
     call writer%write_events(time(3:3), [1], error)
     call writer%finish(outcome(stopped_early), error)
-    call reopen_hdf5(writer, file_name, bookmark, columns(), error)
+    call reopen_hdf5(writer, file_name, file_name, bookmark, columns(), error)
     call writer%write_samples(samples(:, 51:), error)
     call writer%write_events(time(3:4), [1, 2], error)
     call writer%finish(outcome(result_done), error)
@@ -358,12 +338,6 @@ contains
     write (unit) bytes
     close (unit)
   end subroutine copy
-
-  logical function is_there(name)
-    character(*), intent(in) :: name
-
-    inquire (file=name, exist=is_there)
-  end function is_there
 
   subroutine remove(name)
     character(*), intent(in) :: name

@@ -2,9 +2,10 @@
 program test_seal
   use checks, only: check, finish
   use dst_crc32, only: crc32_t
-  use dst_disk, only: delete_file, file_size
+  use, intrinsic :: iso_c_binding, only: c_int
+  use dst_disk, only: close_descriptor, delete_file, file_size, identity_of, open_own_file
   use dst_kinds, only: int64
-  use dst_seal, only: seal_file, checksum_of_file
+  use dst_seal, only: seal, break_seal, checksum_of
   implicit none
 
   character(*), parameter :: file_name = 'test_seal.bin'
@@ -43,21 +44,31 @@ contains
   !> Longer than a block and not of whole words.
   subroutine test_file()
     integer :: unit, i
+    integer(c_int) :: descriptor
     character(28) :: last
+    character(:), allocatable :: checksum, reason
 
     open (newunit=unit, file=file_name, access='stream', form='unformatted', status='replace')
     write (unit) [(int(i, int64), i=0, 69999)], 'abc'
     close (unit)
-    call check('checksum of a file', checksum_of_file(file_name) == 'B93B6C3E')
-    call seal_file(file_name)
+    call open_own_file(file_name, identity_of(file_name), descriptor, reason)
+    call check('checksum of a file', checksum_of(descriptor) == 'B93B6C3E')
+    call seal(descriptor, checksum)
     call check('the seal is 28 bytes', file_size(file_name) == 8*70000 + 3 + 28)
+    call check('the checksum with the seal', checksum == checksum_of(descriptor))
+    call check('is another one', checksum /= 'B93B6C3E')
     open (newunit=unit, file=file_name, access='stream', form='unformatted', status='old')
     read (unit, pos=8*70000 + 4) last
     close (unit)
     call check('the seal', last == 'dynstiction CRC-32 B93B6C3E'//achar(10))
+    call break_seal(descriptor)
+    call check('the seal is gone', checksum_of(descriptor) == 'B93B6C3E')
+    call break_seal(descriptor)
+    call check('what is no seal stays', checksum_of(descriptor) == 'B93B6C3E')
+    call close_descriptor(descriptor)
     call delete_file(file_name)
-    call check('no file, no checksum', checksum_of_file(file_name) == '-')
-    call seal_file(file_name)
-    call check('no file, no seal', file_size(file_name) <= 0)
+    call check('no file, no checksum', checksum_of(descriptor) == '-')
+    call seal(descriptor, checksum)
+    call check('no file, no seal', checksum == '-')
   end subroutine test_file
 end program test_seal

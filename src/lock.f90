@@ -1,0 +1,270 @@
+!> The lock of a result file: the file FILE.h5.lock beside it, as long as a process writes it or prepares to.
+!>
+!> The operating system holds the lock (flock) while the process lives, or a child that is still writing. The file's text is for
+!> messages, and for the names of what a killed process left unfinished. A lock that nobody holds is stale, and is taken over.
+!> Where a file system has no locks the text decides: the process it names must be of this machine and have ended.
+!> POSIX; numbers are Linux's.
+module dst_lock
+  use, intrinsic :: iso_c_binding, only: c_int, c_size_t, c_char, c_null_char
+  use dst_kinds, only: wp, int64
+  use dst_disk, only: identity_t, identity_of, operator(==), path_t, create_file, open_own_file, close_descriptor, delete_file, &
+    delete_own_file, folder_of, is_folder, matching_files, read_bytes, set_file_size, system_error, unique_word, wait_seconds, &
+    write_bytes
+  use dst_text, only: integer_text
+  implicit none
+  private
+
+  public :: lock_t, holder_of
+
+  !> The right to write a file.
+  type :: lock_t
+    private
+    character(:), allocatable :: file_name   !! of the lock
+    integer(c_int) :: descriptor = -1
+    character(10) :: tag = ''                !! a part of the names of what is unfinished
+  contains
+    procedure :: take
+    procedure :: scratch_name
+    procedure :: release
+    procedure, private :: try
+    procedure, private :: write_text
+  end type lock_t
+
+  !> Who has a lock, as its text says.
+  type :: holder_t
+    integer :: process = 0
+    character(:), allocatable :: host, tag
+  end type holder_t
+
+  character(*), parameter :: signature = 'dynstiction lock', extension = '.lock', unfinished = '.part'
+  character, parameter :: n = achar(10)
+  integer, parameter :: longest_text = 1024
+
+  interface
+    integer(c_int) function c_flock(descriptor, operation) bind(c, name='flock')
+      import :: c_int
+      integer(c_int), value :: descriptor, operation
+    end function c_flock
+
+    integer(c_int) function c_kill(process, signal) bind(c, name='kill')
+      import :: c_int
+      integer(c_int), value :: process, signal
+    end function c_kill
+
+    integer(c_int) function c_getpid() bind(c, name='getpid')
+      import :: c_int
+    end function c_getpid
+
+    integer(c_int) function c_gethostname(name, length) bind(c, name='gethostname')
+      import :: c_int, c_char, c_size_t
+      character(c_char), intent(out) :: name(*)
+      integer(c_size_t), value :: length
+    end function c_gethostname
+  end interface
+
+contains
+
+  !> Take the lock of `file_name`, or say who has it. What a killed process left unfinished is removed.
+  subroutine take(self, file_name, reason)
+    class(lock_t), intent(out) :: self
+    character(*), intent(in) :: file_name
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    ! So long a child of a killed process may still be writing.
+    integer, parameter :: most_tries = 100
+    real(wp), parameter :: pause = 0.02_wp
+    type(holder_t) :: before
+    logical :: again
+    integer :: i
+
+    self%file_name = file_name//extension
+    self%tag = unique_word()
+    do i = 1, most_tries
+      call self%try(before, again, reason)
+      if (.not. again) exit
+      call wait_seconds(pause)
+    end do
+    if (allocated(reason)) return
+    call remove_unfinished(file_name, before)
+    call self%write_text(reason)
+    if (allocated(reason)) call self%release()
+  end subroutine take
+
+  !> The name under which `file_name` is written until it is whole.
+  pure function scratch_name(self, file_name) result(name)
+    class(lock_t), intent(in) :: self
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: name
+
+    name = file_name//'.'//self%tag//unfinished
+  end function scratch_name
+
+  !> Let others write the file.
+  subroutine release(self)
+    class(lock_t), intent(inout) :: self
+
+    if (self%descriptor < 0) return
+    call delete_own_file(self%file_name, identity_of(self%descriptor))
+    call close_descriptor(self%descriptor)
+  end subroutine release
+
+  !> Try once. `again`: what stands in the way may be gone in a moment.
+  subroutine try(self, before, again, reason)
+    class(lock_t), intent(inout) :: self
+    type(holder_t), intent(out) :: before              !! who had the lock, and has ended
+    logical, intent(out) :: again
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11, exists_already = 17
+    type(identity_t) :: identity
+    logical :: is_new
+
+    again = .false.
+    call create_file(self%file_name, self%descriptor, reason)
+    is_new = self%descriptor >= 0
+    if (is_new) then
+      identity = identity_of(self%descriptor)
+      before = holder_in('')
+    else
+      if (.not. is_folder(folder_of(self%file_name))) reason = 'the folder '//folder_of(self%file_name)// &
+        ' does not exist: create it first'
+      if (system_error() /= exists_already) return
+      identity = identity_of(self%file_name)
+      call read_holder(self%file_name, identity, before, reason)
+      if (allocated(reason)) return
+      call open_own_file(self%file_name, identity, self%descriptor, reason)
+      ! Who had it may have removed it meanwhile.
+      if (allocated(reason)) again = .not. identity_of(self%file_name) == identity
+      if (allocated(reason)) return
+
+    end if
+
+    if (c_flock(self%descriptor, exclusive_or_fail) == 0) then
+      again = .not. identity_of(self%file_name) == identity
+      if (again) reason = 'the lock changes hands: try again'
+    else if (system_error() == would_block) then
+      ! A child of a process that has ended, or one that has not written its name yet.
+      again = has_ended(before) .or. before%process == 0
+      reason = 'locked: another process is writing this file'//named(before)//': wait until it ends, or use another name'
+    else if (.not. is_new) then
+      again = has_ended(before)
+      if (again) call delete_own_file(self%file_name, identity)
+      reason = 'locked: another process is writing this file'//named(before)//', and this file system cannot tell whether '// &
+        'it still does: if it has ended, remove '//self%file_name
+    end if
+    if (allocated(reason)) call close_descriptor(self%descriptor)
+  end subroutine try
+
+  !> Who the text of a lock names. What is no lock is refused.
+  subroutine read_holder(file_name, identity, holder, reason)
+    character(*), intent(in) :: file_name
+    type(identity_t), intent(in) :: identity
+    type(holder_t), intent(out) :: holder
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    character(:), allocatable :: text, ignored
+
+    text = ''
+    if (identity%is_regular .and. identity%bytes > 0) call read_bytes(file_name, longest_text, text, ignored)
+    holder = holder_in(text)
+    ! A lock without a text was made this moment, or its maker was killed in it. One that is gone is no hindrance.
+    if (.not. identity%exists .or. (identity%is_regular .and. identity%bytes == 0)) return
+    if (index(text, signature//n) == 1) return
+    if (identity_of(file_name) == identity) reason = file_name//': is no lock of this program: move it away'
+  end subroutine read_holder
+
+  !> Lines of a name and a value.
+  pure type(holder_t) function holder_in(text) result(holder)
+    character(*), intent(in) :: text
+    character(:), allocatable :: process
+    integer :: io_status
+
+    process = value_of('process')
+    read (process, *, iostat=io_status) holder%process
+    if (io_status /= 0) holder%process = 0
+    holder%host = value_of('host')
+    holder%tag = value_of('tag')
+
+  contains
+
+    pure function value_of(name) result(value)
+      character(*), intent(in) :: name
+      character(:), allocatable :: value
+      integer :: first
+
+      value = ''
+      first = index(text, n//name//' ')
+      if (first == 0) return
+      value = text(first + len(name) + 2:)
+      value = value(:index(value//n, n) - 1)
+    end function value_of
+  end function holder_in
+
+  !> What is unfinished has the tag of its process in its name.
+  subroutine remove_unfinished(file_name, holder)
+    character(*), intent(in) :: file_name
+    type(holder_t), intent(in) :: holder
+    type(path_t), allocatable :: files(:)
+    character(:), allocatable :: ending
+    integer :: i
+
+    if (len(holder%tag) /= len(unique_word())) return
+    ending = '.'//holder%tag//unfinished
+    call matching_files(file_name//'.', files)
+    do i = 1, size(files)
+      associate (name => files(i)%text)
+        if (index(name, ending, back=.true.) == len(name) - len(ending) + 1) call delete_file(name)
+      end associate
+    end do
+  end subroutine remove_unfinished
+
+  subroutine write_text(self, reason)
+    class(lock_t), intent(in) :: self
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+
+    call set_file_size(self%descriptor, 0_int64)
+    call write_bytes(self%descriptor, 0_int64, signature//n//'process '//integer_text(int(c_getpid()))//n//'host '//host_name()// &
+      n//'tag '//self%tag//n, reason)
+  end subroutine write_text
+
+  !> Whether the process surely has ended.
+  logical function has_ended(holder)
+    type(holder_t), intent(in) :: holder
+    integer(c_int), parameter :: nothing = 0, no_such_process = 3
+
+    has_ended = .false.
+    if (holder%process <= 0) return
+    if (holder%host /= host_name()) return
+    if (c_kill(int(holder%process, c_int), nothing) /= 0) has_ended = system_error() == no_such_process
+  end function has_ended
+
+  !> The other process that has the lock of a file: ' (process 123 on node7)'; '' if that is not known.
+  function holder_of(file_name) result(text)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: text, reason
+    type(holder_t) :: holder
+
+    call read_holder(file_name//extension, identity_of(file_name//extension), holder, reason)
+    if (holder%process == c_getpid()) holder%process = 0
+    text = named(holder)
+  end function holder_of
+
+  !> ' (process 123 on node7)', as far as it is known.
+  function named(holder) result(text)
+    type(holder_t), intent(in) :: holder
+    character(:), allocatable :: text
+
+    text = ''
+    if (holder%process > 0) text = ' (process '//integer_text(holder%process)//' on '//holder%host//')'
+  end function named
+
+  function host_name() result(name)
+    character(:), allocatable :: name
+    character(c_char) :: bytes(256)
+    integer :: i
+
+    name = ''
+    if (c_gethostname(bytes, size(bytes, kind=c_size_t)) /= 0) return
+    do i = 1, size(bytes)
+      if (bytes(i) == c_null_char) exit
+      name = name//bytes(i)
+    end do
+  end function host_name
+end module dst_lock

@@ -1,0 +1,313 @@
+!> The life of a result file FILE.h5: its name, its lock, the unfinished file it begins as, its checkpoint, its seal, its end.
+!>
+!> docs/checkpoints.md has the table of states. The rules: nothing gets a name before it is whole; nothing is replaced, changed or
+!> removed that is not of this program, or that has become another file meanwhile; whoever does any of this holds the lock. What
+!> stands in the file is not known here.
+module dst_result_file
+  use, intrinsic :: iso_c_binding, only: c_int
+  use dst_checkpoint, only: checkpoint_t, checkpoint_name, encoded, is_checkpoint, read_checkpoint
+  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_own_file, file_exists, &
+    folder_of, is_folder, is_in_use, locked_by_a_reader, make_durable, make_name_durable, move_file, open_own_file, place_file, &
+    place_of, system_reason, wait_seconds, write_bytes
+  use dst_errors, only: error_t, raise, file_error
+  use dst_hdf5_origin, only: check_is_result
+  use dst_kinds, only: wp, int64
+  use dst_lock, only: lock_t, holder_of
+  use dst_seal, only: seal, break_seal, checksum_of
+  implicit none
+  private
+
+  public :: result_file_t, check_target
+
+  !> A result file that this process writes.
+  type :: result_file_t
+    character(:), allocatable :: name              !! as the user gave it
+    character(:), allocatable, private :: place    !! behind links
+    logical, private :: has_name = .false.         !! it is under its own name, not an unfinished one
+    logical, private :: is_durable = .false.       !! file and checkpoint survive a power failure
+    type(lock_t), private :: lock
+    type(identity_t), private :: replaced          !! what has the name that this one will get
+    ! Open all the time: so no other file can be mistaken for one of them.
+    integer(c_int), private :: own = -1
+    integer(c_int), private :: checkpoint = -1
+  contains
+    procedure :: claim
+    procedure :: claim_unfinished
+    procedure :: path
+    procedure :: adopt
+    procedure :: replace_own
+    procedure :: put_in_place
+    procedure :: save_checkpoint
+    procedure :: is_as_it_was_left
+    procedure :: unseal
+    procedure :: seal => seal_own
+    procedure :: delete_checkpoint
+    procedure :: discard
+    procedure :: abandon
+    procedure :: release
+  end type result_file_t
+
+contains
+
+  !> Whether a result may get this name: it is free, or what has it is a result and to be replaced. `claim` asks again.
+  subroutine check_target(name, overwrite, error)
+    character(*), intent(in) :: name
+    logical, intent(in) :: overwrite
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
+    type(identity_t) :: there
+
+    there = identity_of(place_of(name))
+    if (trim(name) == '') then
+      reason = 'the file has no name: give one with -o'
+    else if (is_folder(name)) then
+      reason = 'it is a folder: give a file name'
+    else if (.not. is_folder(folder_of(name))) then
+      reason = 'the folder '//folder_of(name)//' does not exist: create it first'
+      if (file_exists(folder_of(name))) reason = folder_of(name)//' is not a folder'
+    else if (.not. there%exists) then
+      return
+    else if (.not. file_exists(name)) then
+      reason = 'it is a symbolic link to a file that does not exist: remove it, or name that file'
+    else if (.not. overwrite) then
+      reason = 'the file exists: use --overwrite or another name'
+    else if (.not. there%is_regular) then
+      reason = 'it is not a regular file: use another name'
+    else if (is_in_use(name, for_writing=.true.)) then
+      reason = 'another process is writing this file'//holder_of(place_of(name))//': wait for it or use another name'
+    else if (there%bytes > 0) then
+      call check_is_result(name, reason)
+    end if
+    if (allocated(reason)) call raise(error, file_error, name//': cannot create: '//reason)
+  end subroutine check_target
+
+  !> Take the name for a new result. From now on no other process can have it.
+  subroutine claim(self, name, overwrite, error)
+    class(result_file_t), intent(out) :: self
+    character(*), intent(in) :: name
+    logical, intent(in) :: overwrite
+    type(error_t), allocatable, intent(out) :: error
+
+    call take_lock(self, name, 'cannot create', error)
+    if (.not. allocated(error)) call check_target(name, overwrite, error)
+    if (.not. allocated(error)) call check_checkpoint(self, error)
+    if (allocated(error)) call self%release()
+    if (.not. allocated(error)) self%replaced = identity_of(self%place)
+  end subroutine claim
+
+  !> Take over the result of a run that did not come to its end, with its checkpoint. Without a checkpoint `missing` says why.
+  subroutine claim_unfinished(self, name, checkpoint, missing, error)
+    class(result_file_t), intent(out) :: self
+    character(*), intent(in) :: name
+    type(checkpoint_t), intent(out) :: checkpoint
+    type(error_t), allocatable, intent(out) :: missing, error
+    character(:), allocatable :: reason
+    type(identity_t) :: there
+
+    there = identity_of(place_of(name))
+    if (.not. file_exists(name)) then
+      reason = 'there is no such file: give the result file of the run'
+    else if (is_folder(name)) then
+      reason = 'it is a folder: give the result file of the run'
+    else if (.not. there%is_regular .or. there%bytes == 0) then
+      reason = 'it is empty or not a regular file: run the deck again'
+    end if
+    if (allocated(reason)) then
+      call raise(error, file_error, name//': cannot resume: '//reason)
+      return
+    end if
+    call take_lock(self, name, 'cannot resume', error)
+    if (allocated(error)) return
+    self%has_name = .true.
+    call open_own_file(self%place, identity_of(self%place), self%own, reason)
+    if (.not. allocated(reason)) call wait_for_readers(self%place, reason)
+    if (allocated(reason)) then
+      call raise(error, file_error, name//': cannot resume: '//reason)
+      call self%release()
+      return
+    end if
+    call read_checkpoint(name, checkpoint, missing)
+    if (allocated(missing)) return
+    call open_own_file(checkpoint_name(self%place), identity_of(checkpoint_name(self%place)), self%checkpoint, reason)
+    self%is_durable = .true.
+  end subroutine claim_unfinished
+
+  !> HDF5 opens a file to write it when nobody reads it.
+  subroutine wait_for_readers(file_name, reason)
+    character(*), intent(in) :: file_name
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer, parameter :: most_tries = 10
+    integer :: i
+
+    do i = 1, most_tries
+      if (.not. is_in_use(file_name, for_writing=.false.)) return
+      call wait_seconds(0.05_wp)
+    end do
+    reason = locked_by_a_reader
+  end subroutine wait_for_readers
+
+  subroutine take_lock(self, name, purpose, error)
+    type(result_file_t), intent(inout) :: self
+    character(*), intent(in) :: name, purpose
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
+
+    self%name = name
+    self%place = place_of(name)
+    call self%lock%take(self%place, reason)
+    if (allocated(reason)) call raise(error, file_error, name//': '//purpose//': '//reason)
+  end subroutine take_lock
+
+  !> What has the checkpoint's name is replaced if it is a checkpoint: that of a run whose result is gone, or to be replaced.
+  subroutine check_checkpoint(self, error)
+    type(result_file_t), intent(in) :: self
+    type(error_t), allocatable, intent(out) :: error
+    type(identity_t) :: there
+
+    there = identity_of(checkpoint_name(self%place))
+    if (.not. there%exists) return
+    if (is_checkpoint(checkpoint_name(self%place))) return
+    call raise(error, file_error, checkpoint_name(self%name)//': cannot write the checkpoint: what has this name is none of '// &
+      'this program: move it away')
+  end subroutine check_checkpoint
+
+  !> Where the file is to be created, or is.
+  function path(self)
+    class(result_file_t), intent(in) :: self
+    character(:), allocatable :: path
+
+    path = self%place
+    if (.not. self%has_name) path = self%lock%scratch_name(self%place)
+  end function path
+
+  !> The file that has been created at `path` is this one.
+  subroutine adopt(self)
+    class(result_file_t), intent(inout) :: self
+    character(:), allocatable :: ignored
+
+    call close_descriptor(self%own)
+    call open_own_file(self%path(), identity_of(self%path()), self%own, ignored)
+  end subroutine adopt
+
+  !> A new file is going to be created that will replace the own one.
+  subroutine replace_own(self)
+    class(result_file_t), intent(inout) :: self
+
+    self%replaced = identity_of(self%own)
+    self%has_name = .false.
+  end subroutine replace_own
+
+  !> Give the file its name.
+  subroutine put_in_place(self, error)
+    class(result_file_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+    logical :: placed
+
+    if (.not. self%replaced%exists) then
+      call place_file(self%path(), self%place, placed)
+    else
+      placed = identity_of(self%place) == self%replaced
+      if (placed) call move_file(self%path(), self%place, placed)
+    end if
+    if (placed) then
+      self%has_name = .true.
+    else
+      call raise(error, file_error, self%name//': cannot create: another file has taken the name: use another name')
+    end if
+  end subroutine put_in_place
+
+  !> Replace the checkpoint; until the new one is whole the old one is kept. `durable`: it survives a power failure.
+  subroutine save_checkpoint(self, checkpoint, durable, error)
+    class(result_file_t), intent(inout) :: self
+    type(checkpoint_t), intent(in) :: checkpoint
+    logical, intent(in) :: durable
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: place, unfinished, reason
+    integer(c_int) :: descriptor
+    logical :: moved
+
+    place = checkpoint_name(self%place)
+    unfinished = self%lock%scratch_name(place)
+    call create_file(unfinished, descriptor, reason)
+    if (.not. allocated(reason)) call write_bytes(descriptor, 0_int64, encoded(checkpoint), reason)
+    if (durable .and. .not. allocated(reason)) call make_durable(descriptor, reason)
+    if (.not. allocated(reason)) then
+      call move_file(unfinished, place, moved)
+      if (.not. moved) reason = system_reason()
+    end if
+    if (allocated(reason)) then
+      if (descriptor >= 0) call delete_own_file(unfinished, identity_of(descriptor))
+      call close_descriptor(descriptor)
+      call raise(error, file_error, checkpoint_name(self%name)//': cannot write the checkpoint: '//reason)
+      return
+    end if
+    call close_descriptor(self%checkpoint)
+    self%checkpoint = descriptor
+    self%is_durable = durable
+    if (durable) call make_name_durable(folder_of(place))
+  end subroutine save_checkpoint
+
+  !> Whether every bit of the file is that of which `checksum` was taken.
+  logical function is_as_it_was_left(self, checksum)
+    class(result_file_t), intent(in) :: self
+    character(*), intent(in) :: checksum
+
+    is_as_it_was_left = checksum_of(self%own) == checksum
+  end function is_as_it_was_left
+
+  !> The file is going to be changed: it goes without a seal.
+  subroutine unseal(self)
+    class(result_file_t), intent(in) :: self
+
+    call break_seal(self%own)
+  end subroutine unseal
+
+  !> Append the seal to the file, which is closed but here. What was durable before stays so. `checksum`: of the whole file; '-' if
+  !> it has no seal.
+  subroutine seal_own(self, checksum, error)
+    class(result_file_t), intent(in) :: self
+    character(:), allocatable, intent(out) :: checksum
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
+
+    call seal(self%own, checksum)
+    if (self%is_durable) call make_durable(self%own, reason)
+    if (.not. allocated(reason)) then
+      if (.not. identity_of(self%path()) == identity_of(self%own)) &
+        reason = 'the file or its folder was removed, renamed or replaced during the run'
+    end if
+    if (allocated(reason)) call raise(error, file_error, self%name//': cannot finish: '//reason)
+  end subroutine seal_own
+
+  !> Nothing is left to go on with.
+  subroutine delete_checkpoint(self)
+    class(result_file_t), intent(inout) :: self
+
+    if (self%checkpoint >= 0) call delete_own_file(checkpoint_name(self%place), identity_of(self%checkpoint))
+  end subroutine delete_checkpoint
+
+  !> Remove what has not got its name.
+  subroutine discard(self)
+    class(result_file_t), intent(in) :: self
+
+    if (self%own >= 0 .and. .not. self%has_name) call delete_own_file(self%path(), identity_of(self%own))
+  end subroutine discard
+
+  !> There is not going to be a result: remove what there is of it, and let others have the name.
+  subroutine abandon(self)
+    class(result_file_t), intent(inout) :: self
+
+    call self%discard()
+    call self%delete_checkpoint()
+    call self%release()
+  end subroutine abandon
+
+  !> Let others have the name.
+  subroutine release(self)
+    class(result_file_t), intent(inout) :: self
+
+    call close_descriptor(self%own)
+    call close_descriptor(self%checkpoint)
+    call self%lock%release()
+  end subroutine release
+end module dst_result_file
