@@ -17,8 +17,8 @@ module dst_seal
 
 contains
 
-  !> Append the seal to an open file, which is read for that once. `checksum`: of the file with its seal, as `checksum_of` would find
-  !> it; '-' if there is no room for a seal: the file goes without, and is complete.
+  !> Append the seal to an open file, which is read for that once. `checksum`: of the file with its seal, as `checksum_of` would
+  !> find it; '-' if there is no room for a seal: the file goes without, and is complete.
   subroutine seal(descriptor, checksum)
     integer(c_int), intent(in) :: descriptor
     character(:), allocatable, intent(out) :: checksum
