@@ -43,6 +43,11 @@ DECK_ERROR = 2
 CLOCK = 0.05
 RESULT = "x.h5"
 OWN = {RESULT, f"{RESULT}.checkpoint"}
+BYSTANDERS = (
+    "x.h5~", "x.h5.bak", "x.h5.part", "x.h5.1234.part", "x.h5.checkpoint.old", "x.h5.lock.txt", "x.h5.shard-12345",
+    "x.h5.shard-abcdef", "x", "x.checkpoint",
+)  # fmt: skip
+LINKS = {"x.h5.checkpoint~": "victim", "y.h5": "x.h5.bak"}
 SCENE = (INPUTS / "low_frequency.nml").read_text().replace("t_end = 10.0", "t_end = 1.0")
 SCENE = SCENE.replace("interval = 1.0e-3", "fields = 'u_x', 'sticking', interval = 1.0e-2")
 DECK = SCENE.replace("interval =", "flush_seconds = 0.4, checkpoint_interval = 0.7, interval =")
@@ -101,14 +106,13 @@ def write_decks(folder: Path) -> None:
 
 def write_bystanders(folder: Path) -> None:
     """Files of others, with names like those of a result."""
-    for name in (
-        "x.h5~", "x.h5.bak", "x.h5.part", "x.h5.1234.part", "x.h5.checkpoint.old", "x.h5.lock.txt", "x.h5.shard-12345",
-        "x.h5.shard-abcdef", "x", "x.checkpoint",
-    ):  # fmt: skip
+    for name in (*BYSTANDERS, "victim"):
         (folder / name).write_text(f"precious {name}\n")
-    (folder / "x.h5.checkpoint~").symlink_to("victim")
-    (folder / "victim").write_text("precious victim\n")
-    (folder / "y.h5").symlink_to("x.h5.bak")
+    for name, target in LINKS.items():
+        (folder / name).symlink_to(target)
+
+
+OTHERS = {*BYSTANDERS, *LINKS, "victim", *DECKS}
 
 
 @dataclass(frozen=True)
@@ -149,11 +153,12 @@ OPERATIONS = {
     "resume, stopped": Operation(RESUME, (STOP_RUN,), stop=0.3, status=STOPPED),
     "resume after resume and stop": Operation(RESUME, (STOP_RUN, STOP_RESUME)),
     "resume after resume and kill": Operation(RESUME, (STOP_RUN, KILL_RESUME)),
-    "merge": Operation(("merge", *SWEEP[1:]), (KILL_SWEEP,), clock=0.0, resumable=False, repeated=True),
+    "merge": Operation(("merge", *SWEEP[1:]), (KILL_SWEEP,), status=STOPPED,
+                       clock=0.0, resumable=False, repeated=True),
     "sweep": Operation(SWEEP, clock=0.0, resumable=False, repeated=True),
     "sweep with series": Operation(SERIES, clock=0.0, resumable=False, repeated=True),
     "trade": Operation(TRADE, clock=0.005, resumable=False),
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -298,10 +303,7 @@ class Laboratory:
         if any(word in ended.text for word in ("Fortran runtime error", "HDF5-DIAG", "Backtrace")):
             yield "internal errors are printed"
         file = folder / RESULT
-        if ended.status == DONE and operation.command[0] == "merge":
-            if not file.exists():
-                yield "all seems well, but there is no file"
-        elif ended.status == DONE:
+        if ended.status == DONE:
             yield from self.faults_of_result(operation, file)
         elif file.exists() and operation.resumable and not self.is_old(file, before):
             what = fault_of_unfinished(file, self.reference("run.nml"))
@@ -312,7 +314,7 @@ class Laboratory:
         yield from self.faults_of_bystanders(before, folder)
         may_stay = killed or any("u" in hit.name or hit.name == "unlink" for hit in struck)
         if not may_stay:
-            yield from (f"{name} is left behind" for name in self.litter(before, folder, shards=True))
+            yield from (f"{name} is left behind" for name in self.litter(folder, shards=True))
 
     @staticmethod
     def is_old(file: Path, before: dict) -> bool:
@@ -331,13 +333,13 @@ class Laboratory:
     def faults_of_bystanders(before: dict, folder: Path) -> Iterator[str]:
         after = snapshot(folder)
         for name in before:
-            if name not in OWN and not name.startswith(f"{RESULT}.shard-0") and after.get(name) != before[name]:
+            if name in OTHERS and after.get(name) != before[name]:
                 yield f"the file of others {name} is {'changed' if name in after else 'gone'}"
 
     @staticmethod
-    def litter(before: dict, folder: Path, shards: bool) -> list[str]:
+    def litter(folder: Path, shards: bool) -> list[str]:
         """Names without what differs from run to run."""
-        names = {path.name for path in folder.iterdir()} - set(before) - OWN
+        names = {path.name for path in folder.iterdir()} - OTHERS - OWN
         if shards:
             names = {name for name in names if not name.startswith(f"{RESULT}.shard-0")}
         return ["a lock" if name.endswith(".lock") else "a scratch file" for name in sorted(names)]
@@ -348,7 +350,7 @@ class Laboratory:
         if operation.status == FILE_ERROR:
             return
         file = folder / RESULT
-        if ended.status != DONE or operation.command[0] == "merge":
+        if ended.status != DONE:
             why = self.go_on(operation, file, before)
             if why:
                 yield why
@@ -357,7 +359,7 @@ class Laboratory:
             yield from (f"afterwards {what}" for what in self.faults_of_result(operation, file) if "sealed" not in what)
         stuck = any(hit.name in ("unlink", "unlinkat", "remove") for hit in ended.hits)
         if not stuck:
-            yield from (f"{name} stays for ever" for name in self.litter(before, folder, shards=False))
+            yield from (f"{name} stays for ever" for name in self.litter(folder, shards=False))
             if operation.resumable and (folder / f"{RESULT}.checkpoint").exists() and is_complete(file):
                 yield "the checkpoint stays for ever"
         yield from (f"afterwards {what}" for what in self.faults_of_bystanders(before, folder))

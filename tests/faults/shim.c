@@ -200,8 +200,9 @@ BY_NAME(int, lstat, LOOK, path, -1, (const char *path, struct stat *found), (pat
 BY_NAME(int, stat64, LOOK, path, -1, (const char *path, struct stat64 *found), (path, found))
 BY_NAME(int, lstat64, LOOK, path, -1, (const char *path, struct stat64 *found), (path, found))
 BY_NAME(int, fstatat, LOOK, path, -1, (int at, const char *path, struct stat *found, int flags), (at, path, found, flags))
-BY_NAME(int, statx, LOOK, path, -1, (int at, const char *path, int flags, unsigned mask, struct statx *found),
-        (at, path, flags, mask, found))
+int statx(int at, const char *path, int flags, unsigned mask, struct statx *found) {
+  return (*path ? look_at("statx", LOOK, path) : look_in("statx", 0, at)) ? -1 : REAL(statx)(at, path, flags, mask, found);
+}
 BY_NAME(ssize_t, readlink, LOOK, path, -1, (const char *path, char *found, size_t size), (path, found, size))
 BY_NAME(char *, realpath, LOOK, path, NULL, (const char *path, char *found), (path, found))
 

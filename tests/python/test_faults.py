@@ -313,9 +313,9 @@ def test_a_file_that_took_the_name_meanwhile_is_not_changed(program, begin):
     folder = begin("run --overwrite")
     calls = calls_of(program, folder, *OVERWRITE)
     (folder / RESULT).rename(folder / "good.h5")
-    after = [call for call in calls if call.all > named(calls)]
-    for call in spread(after, 8)[:-1]:
-        run = held(program, folder, *RUN, at=f"all:{min(call.all, len(calls) - 15)}")
+    last = next(call.all for call in reversed(calls) if "w" in call.letters and call.path.endswith(RESULT))
+    for call in spread([call for call in calls if named(calls) + 9 < call.all <= last - 9], 8):
+        run = held(program, folder, *RUN, at=f"all:{call.all}")
         (folder / RESULT).unlink()
         shutil.copy(folder / "good.h5", folder / RESULT)
         run.release()
