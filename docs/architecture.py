@@ -24,7 +24,8 @@ TONES = {
 ROOMS = {
     "executable": ("the executable", 20, 66, 570, 130,
                    "ground deck simulation comparison sweeps writers slider stability",
-                   "main command_line completion handover run trade_run sweep_runner ranks progress signals stability_report"),
+                   "program main command_line completion handover copies deck_check standard_streams threads run trade_run sweep_runner ranks "
+                   "progress signals stability_report"),
     "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison sweeps writers", "python_api"),
     "comparison": ("comparing runs of one scene", 20, 220, 560, 110, "ground physics deck simulation writers observables linear_solve",
                    "trade trade_plan trade_quantities trade_advice trade_report trade_table"),
@@ -32,9 +33,9 @@ ROOMS = {
                "sweep lanes sweep_shard sweep_points sweep_list sweep_file"),
     "simulation": ("the one run routine", 20, 352, 300, 150,
                    "ground physics numerics scene meeting memory_writer",
-                   "simulation model_choice model_columns"),
+                   "simulation model_choice model_columns output_size"),
     "writers": ("where results go", 340, 352, 320, 150, "ground sha256",
-                 "hdf5_writer hdf5_origin hdf5_tools memory_writer result_file checkpoint lock seal crc32 disk process"),
+                 "hdf5_writer hdf5_origin hdf5_tools memory_writer result_file checkpoint lock seal crc32 disk disk_space process"),
     "meeting": ("where physics and numerics meet", 20, 526, 640, 112, "ground physics numerics",
                 "contact trajectory observables cycles summary trajectory_summary moreau_jean creep_motion"),
     "physics": ("physics", 20, 662, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
@@ -43,11 +44,11 @@ ROOMS = {
                  "interpolation stepper"),
     "deck": ("the deck", 680, 352, 300, 550, "ground",
              "scene parameters deck deck_sweep deck_text deck_values schema namelist faults sha256"),
-    "ground": ("ground", 20, 926, 960, 72, "", "kinds errors text archive writer"),
+    "ground": ("ground", 20, 926, 960, 72, "", "kinds errors text plain_numbers archive writer"),
 }
 
 SAY = {
-    "main": "prints, exits", "command_line": "words, --help", "completion": "for shells", "run": "deck → file", "progress": "one line",
+    "program": "begins, ends", "main": "prints errors", "command_line": "words, --help", "completion": "for shells", "run": "deck → file", "progress": "one line",
     "python_api": "flat routines for f2py", "simulation": "builds, advances, records", "hdf5_writer": "the file",
     "memory_writer": "arrays", "result_file": "its life", "lock": "one at a time", "hdf5_origin": "whose file it is", "checkpoint": "state on disk",
     "archive": "state as words", "signals": "stop, please", "handover": "Python's turn", "moreau_jean": "steps without events",
@@ -56,7 +57,8 @@ SAY = {
     "trajectory_summary": "of a run",
     "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
     "sweep": "what a case is", "lanes": "cases side by side", "sweep_shard": "finished cases", "sweep_points": "lists in CSV", "sweep_list": "lists of cases", "sweep_file": "one file of all",
-    "sweep_runner": "all cases, all cores", "ranks": "MPI, or none", "deck_sweep": "&sweep",
+    "sweep_runner": "all cases, all cores", "copies": "of a launcher", "deck_check": "will it run?", "threads": "with stacks",
+    "standard_streams": "output, errors", "disk_space": "is there room?", "output_size": "how many samples", "plain_numbers": "for people", "ranks": "MPI, or none", "deck_sweep": "&sweep",
     "model_choice": "what auto is", "model_columns": "who gives what", "trade": "compares", "trade_plan": "what to try", "trade_quantities": "errors",
     "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
     "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",

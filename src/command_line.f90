@@ -2,7 +2,8 @@
 module dst_command_line
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
-  use dst_text, only: starts_with, has_word, word, word_count, nearest_word, excerpt, alternatives, read_real
+  use dst_schema, only: schema, find_key, names_file
+  use dst_text, only: starts_with, has_word, lower_case, word, word_count, nearest_word, excerpt, alternatives, read_real
   implicit none
   private
 
@@ -31,6 +32,7 @@ module dst_command_line
 
   !> All commands, in the order of the help.
   character(*), parameter :: commands = 'run resume merge check template keys stability trade'
+  character(*), parameter :: commands_on_files = 'run resume merge check stability trade'
   !> Commands of the Python package, to which the executable hands over.
   character(*), parameter :: python_commands = 'plot report export animate paper validate-creep'
   character(*), parameter :: options_with_value = '-o --set --shard --accuracy --budget --quantity'
@@ -134,6 +136,7 @@ contains
       else if (option == '--shard') then
         call take_shard(value, command, error)
       else
+        call check_named_file(value, error)
         command%setting_count = command%setting_count + 1
         command%settings(command%setting_count)%text = value
       end if
@@ -195,6 +198,7 @@ contains
       i = i + 1
       value = arguments(i)%text
     end if
+    if (option == '-o' .and. len(value) > 0) call check_file_name(value, error)
     if (len(value) > 0) return
     if (option == '-o') then
       call raise(error, usage_error, '-o without a file name: write -o FILE')
@@ -206,6 +210,28 @@ contains
       call raise(error, usage_error, '--set without a setting: write --set GROUP.KEY=VALUE')
     end if
   end subroutine option_value
+
+  !> Fortran's files have no names that end with a blank: another file would be meant.
+  subroutine check_file_name(name, error)
+    character(*), intent(in) :: name
+    type(error_t), allocatable, intent(out) :: error
+
+    if (len_trim(name) < len(name)) &
+      call raise(error, usage_error, "file name '"//excerpt(name)//"' ends with a blank: remove the blank, or rename the file")
+  end subroutine check_file_name
+
+  !> The file that a setting names, if it names one.
+  subroutine check_named_file(setting, error)
+    character(*), intent(in) :: setting
+    type(error_t), allocatable, intent(out) :: error
+    integer :: dot, equals, k
+
+    equals = index(setting, '=')
+    dot = index(setting(:max(0, equals - 1)), '.')
+    k = find_key(lower_case(setting(:max(0, dot - 1))), lower_case(setting(dot + 1:max(dot, equals - 1))))
+    if (k == 0 .or. len(setting) == equals) return
+    if (names_file(schema(k))) call check_file_name(setting(equals + 1:), error)
+  end subroutine check_named_file
 
   !> 'I/N': of N processes that share a sweep, the I-th.
   subroutine take_shard(value, command, error)
@@ -304,7 +330,14 @@ contains
   subroutine check_operands(command, error)
     type(command_t), intent(in) :: command
     type(error_t), allocatable, intent(out) :: error
+    integer :: i
 
+    if (has_word(commands_on_files, command%name)) then
+      do i = 1, command%operand_count
+        call check_file_name(command%operands(i)%text, error)
+        if (allocated(error)) return
+      end do
+    end if
     if (command%name == 'keys') then
       if (command%operand_count > 0) &
         call raise(error, usage_error, "'keys' takes no operand: '"//excerpt(command%operands(1)%text)//"' is too many")
@@ -387,7 +420,8 @@ contains
     case ('check')
       text = 'Usage: dynstiction check DECK... [--set GROUP.KEY=VALUE]...'//n//n// &
         'Check each deck, print it with every key as used, marked user or default, and run nothing.'//n// &
-        'What is printed is a deck itself. All faults of a deck are reported in one go.'//n//n// &
+        'What is printed is a deck itself. All faults of a deck are reported in one go, also that its results'//n// &
+        'need more room than the disk has. What passes runs.'//n//n// &
         '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
         '  --set GROUP.KEY=       as if the deck did not set the key'//n//n// &
         'Examples:'//n// &
@@ -473,8 +507,8 @@ contains
       '   0  done'//n// &
       '   1  wrong usage'//n// &
       '   2  a deck was refused; each fault as FILE:LINE: what is wrong: what would be right'//n// &
-      '   3  a file could not be read or written, exists already, or cannot be resumed'//n// &
-      '   4  the solver gave up'//n// &
+      '   3  a file or the output could not be read or written, exists already, or cannot be resumed'//n// &
+      '   4  the solver gave up, or there was no memory'//n// &
       '   5  some cases of a sweep failed'//n// &
       '  75  stopped early by a signal or at the wall-time limit, with a checkpoint'//n
   end function exit_codes

@@ -6,7 +6,7 @@ module dst_deck
                       read_real, read_integer
   use dst_faults, only: faults_t
   use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
-  use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, keys_of, in_range, range_text, &
+  use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, names_file, keys_of, in_range, range_text, &
                         condition_text, sweep_group, adaptive_methods, longest_text, most_values, real_kind, reals_kind, &
                         integer_kind, text_kind, texts_kind, choice_kind
   use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, set_default, &
@@ -563,6 +563,8 @@ contains
                 ' bytes given, at most '//integer_text(longest_text)//' allowed'
     else if (key%choices /= '') then
       problem = choice_problem(key, given)
+    else if (names_file(key) .and. len_trim(given) < len(given)) then
+      problem = "file name '"//excerpt(given)//"' of '"//trim(key%name)//"' ends with a blank: remove the blank"
     end if
     do i = 1, len(given)
       if (iachar(given(i:i)) < 32 .and. given(i:i) /= achar(9)) &

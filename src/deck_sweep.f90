@@ -2,14 +2,14 @@
 module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dst_kinds, only: wp
-  use dst_deck_values, only: deck_t, usage, failing_condition, used
+  use dst_deck_values, only: deck_t, usage, failing_condition, unused
   use dst_faults, only: faults_t
   use dst_schema, only: schema, sweep_group, find_key, in_range, range_text, real_kind, reals_kind, integer_kind, longest_text
   use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word
   implicit none
   private
 
-  public :: check_sweep, varied_key, variation_problem, range_problem, many_cases
+  public :: check_sweep, varied_key, variation_problem, range_problem, grid_cases, many_cases
 
   !> Groups whose keys say how a case is written, not what it is.
   character(*), parameter :: fixed_groups = 'output sweep'
@@ -18,26 +18,28 @@ module dst_deck_sweep
 
 contains
 
-  !> All faults of the group; `line` is its line in the deck, 0 if it is absent.
+  !> All faults of the group; `line` is its line in the deck, 0 if it is absent. What follows from another fault is not one.
   subroutine check_sweep(deck, line, faults)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: line
     type(faults_t), intent(inout) :: faults
     character(longest_text), allocatable :: names(:)
     integer :: i, n
+    logical :: keeps_series
 
     if (line == 0 .and. .not. deck%is_sweep()) return
-    if (.not. all(deck%value%valid .or. schema%group /= sweep_group)) return
+    keeps_series = deck%text_of(sweep_group, 'keep') == 'series' .and. is_known(deck, 'keep')
     if (deck%text_of('scene', 'model') == 'auto') call note(faults, deck, 'scene', 'model', &
       "model 'auto' in a sweep would mix models in one map: name the model")
-    if (deck%text_of(sweep_group, 'keep') == 'series' .and. .not. deck%real_of('output', 'interval') > 0.0_wp) &
+    if (keeps_series .and. .not. deck%real_of('output', 'interval') > 0.0_wp) &
       call note(faults, deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
-    if (deck%text_of(sweep_group, 'keep') == 'series' .and. deck%text_of('integrator', 'method') == 'rodas4p') &
+    if (keeps_series .and. deck%text_of('integrator', 'method') == 'rodas4p') &
       call note(faults, deck, 'integrator', 'method', "method 'rodas4p' keeps no series: use radau9, or keep = 'summary'")
     allocate (names, source=deck%texts_of(sweep_group, 'parameter'))
     n = size(names)
-    if (deck%text_of(sweep_group, 'keep') == 'series' .and. any(names == 'scene.t_end')) &
+    if (keeps_series .and. any(lower_case_of(names) == 'scene.t_end')) &
       call note(faults, deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: do not vary scene.t_end")
+    if (.not. (is_known(deck, 'parameter') .and. is_known(deck, 'points'))) return
     if (deck%text_of(sweep_group, 'points') /= '') then
       call check_no_grid(deck, faults)
       return
@@ -46,15 +48,39 @@ contains
       return
     end if
     call check_lengths(deck, n, faults)
-    if (faults%count > 0) return
     do i = 1, n
       call check_axis(deck, trim(names(i)), i, faults)
-      if (count(names(:i) == names(i)) > 1) &
+      if (count(lower_case_of(names(:i)) == lower_case_of(names(i:i))) > 1) &
         call note(faults, deck, sweep_group, 'parameter', "'"//trim(names(i))//"' is varied twice: name it once")
     end do
-    if (product(deck%reals_of(sweep_group, 'count')) > many_cases) &
+    if (is_known(deck, 'count') .and. grid_cases(deck) > many_cases) &
       call note(faults, deck, sweep_group, 'count', 'more than '//real_text(many_cases)//' cases: use smaller counts')
   end subroutine check_sweep
+
+  !> Whether the value of a key of the group is as the deck means it: neither faulty, nor given under a wrong name.
+  pure logical function is_known(deck, key)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: key
+
+    associate (value => deck%value(find_key(sweep_group, key)))
+      is_known = value%valid .and. (value%user .or. .not. value%attempted)
+    end associate
+  end function is_known
+
+  !> Cases of the grid; `huge` if they are more than a result file presents.
+  real(wp) function grid_cases(deck) result(cases)
+    type(deck_t), intent(in) :: deck
+    real(wp), allocatable :: counts(:)
+    integer :: i
+
+    allocate (counts, source=deck%reals_of(sweep_group, 'count'))
+    cases = 1.0_wp
+    do i = 1, size(counts)
+      cases = cases*counts(i)
+      if (cases > many_cases) cases = huge(cases)
+      if (cases > many_cases) return
+    end do
+  end function grid_cases
 
   !> At the group, or at the first of its keys where only a setting gives some.
   subroutine note_nothing_varied(deck, line, faults)
@@ -110,8 +136,8 @@ contains
       character(*), intent(in) :: key
       integer, intent(in) :: given
 
-      if (given /= n) call note(faults, deck, sweep_group, key, integer_text(given)//" value(s) of '"//key//"' but "// &
-        integer_text(n)//" of 'parameter': give one for each")
+      if (given /= n .and. is_known(deck, key)) call note(faults, deck, sweep_group, key, &
+        integer_text(given)//" value(s) of '"//key//"' but "//integer_text(n)//" of 'parameter': give one for each")
     end subroutine check_length
   end subroutine check_lengths
 
@@ -122,36 +148,63 @@ contains
     integer, intent(in) :: i
     type(faults_t), intent(inout) :: faults
     character(:), allocatable :: problem
-    real(wp) :: limits(2), steps
+    real(wp), allocatable :: first(:), last(:), counts(:)
     logical :: is_log
 
+    allocate (counts, source=element('count'))
+    if (size(counts) > 0) then
+      if (abs(counts(1) - anint(counts(1))) > 0.0_wp) call note(faults, deck, sweep_group, 'count', &
+        real_text(counts(1))//' is no whole number: count says how many values '//name//' has')
+    end if
     problem = variation_problem(deck, name)
     if (problem /= '') then
       call note(faults, deck, sweep_group, 'parameter', problem)
       return
     end if
-    limits(1) = element(deck%reals_of(sweep_group, 'first'), i)
-    limits(2) = element(deck%reals_of(sweep_group, 'last'), i)
-    problem = range_problem(varied_key(name), limits(1))
-    if (problem /= '') call note(faults, deck, sweep_group, 'first', problem)
-    problem = range_problem(varied_key(name), limits(2))
-    if (problem /= '') call note(faults, deck, sweep_group, 'last', problem)
-    steps = element(deck%reals_of(sweep_group, 'count'), i)
-    if (abs(steps - anint(steps)) > 0.0_wp) &
-      call note(faults, deck, sweep_group, 'count', &
-        real_text(steps)//' is no whole number: count says how many values '//name//' has')
+    first = element('first')
+    last = element('last')
+    if (size(first) > 0) call check_limit('first', first(1))
+    if (size(last) > 0) call check_limit('last', last(1))
+    if (size(first) == 0 .or. size(last) == 0 .or. .not. is_known(deck, 'spacing')) return
     is_log = spacing_of(deck%texts_of(sweep_group, 'spacing'), i) == 'log'
-    if (is_log .and. .not. limits(1)*limits(2) > 0.0_wp) call note(faults, deck, sweep_group, 'spacing', &
-      "spacing 'log' of "//name//' from '//real_text(limits(1))//' to '//real_text(limits(2))// &
-      ': both must have the same sign, and not be 0')
+    if (is_log .and. .not. (min(first(1), last(1)) > 0.0_wp .or. max(first(1), last(1)) < 0.0_wp)) &
+      call note(faults, deck, sweep_group, 'spacing', "spacing 'log' of "//name//' from '//real_text(first(1))// &
+      ' to '//real_text(last(1))//': both must have the same sign, and not be 0')
+
+  contains
+
+    !> The value of this parameter in a list, if it is there.
+    function element(key) result(value)
+      character(*), intent(in) :: key
+      real(wp), allocatable :: value(:)
+
+      value = deck%reals_of(sweep_group, key)
+      if (.not. is_known(deck, key) .or. size(value) < i) then
+        value = [real(wp) ::]
+      else
+        value = value(i:i)
+      end if
+    end function element
+
+    subroutine check_limit(key, value)
+      character(*), intent(in) :: key
+      real(wp), intent(in) :: value
+
+      problem = range_problem(varied_key(name), value)
+      if (problem /= '') call note(faults, deck, sweep_group, key, problem)
+    end subroutine check_limit
   end subroutine check_axis
 
-  pure real(wp) function element(list, i)
-    real(wp), intent(in) :: list(:)
-    integer, intent(in) :: i
+  !> Names of keys, whose case does not matter.
+  pure function lower_case_of(names) result(lower)
+    character(*), intent(in) :: names(:)
+    character(len(names)) :: lower(size(names))
+    integer :: i
 
-    element = list(i)
-  end function element
+    do i = 1, size(names)
+      lower(i) = lower_case(names(i))
+    end do
+  end function lower_case_of
 
   !> Of all, or of each.
   pure function spacing_of(list, i) result(spacing)
@@ -185,9 +238,10 @@ contains
     else if (has_word(fixed_groups, trim(schema(k)%group)) .or. &
              .not. any(schema(k)%kind == [real_kind, reals_kind, integer_kind])) then
       problem = "'"//name//"' cannot be varied: name a number of &scene, &system, &friction, &drive, &initial or &integrator"
-    else if (usage(deck, k) /= used) then
+    else if (usage(deck, k) == unused) then
       problem = "'"//name//"' is not used with "//failing_condition(deck, k)//': vary another key'
-    else if (schema(k)%kind == reals_kind .and. size(deck%reals_of(trim(schema(k)%group), trim(schema(k)%name))) /= 1) then
+    else if (schema(k)%kind == reals_kind .and. deck%value(k)%valid .and. deck%value(k)%user .and. &
+             size(deck%reals_of(trim(schema(k)%group), trim(schema(k)%name))) /= 1) then
       problem = "'"//name//"' is a list in this deck: only a single value can be varied"
     end if
   end function variation_problem

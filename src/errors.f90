@@ -8,12 +8,14 @@ module dst_errors
 
   public :: error_t, raise, exit_status
   public :: result_done, usage_error, deck_error, file_error, some_failed
-  public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, release_failed, stopped_early
+  public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, release_failed, &
+    out_of_memory, stopped_early
 
   !> What went wrong. `code` is one of the constants below and also the `result_code` of a file.
   type :: error_t
     integer :: code = 0
     character(:), allocatable :: text
+    character(:), allocatable :: key   !! of a deck, as GROUP.KEY, where its value is what is wrong; mostly unallocated
   end type error_t
 
   !> Codes. Also the exit status, but for those of the solver.
@@ -22,26 +24,29 @@ module dst_errors
   integer, parameter :: deck_error = 2
   integer, parameter :: file_error = 3
   integer, parameter :: some_failed = 5   !! cases of a sweep
-  !> The solver gave up: 40 to 49.
+  !> The run could not be finished: the solver gave up, or the machine. 40 to 49.
   integer, parameter :: step_underflow = 41
   integer, parameter :: too_many_steps = 42
   integer, parameter :: not_finite = 43
   integer, parameter :: too_many_rejections = 44
   integer, parameter :: chattering = 45
   integer, parameter :: release_failed = 46
+  integer, parameter :: out_of_memory = 47
   integer, parameter :: stopped_early = 75
 
 contains
 
   !> Set `error`. What a result file may name as its result refers to the page that explains all results.
-  pure subroutine raise(error, code, text)
+  pure subroutine raise(error, code, text, key)
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in) :: code
     character(*), intent(in) :: text
+    character(*), intent(in), optional :: key   !! of the deck, as GROUP.KEY
 
     allocate (error)
     error%code = code
     error%text = text
+    if (present(key)) error%key = key
     ! A process that leaves the words to another one says nothing.
     if (text == '') return
     if (exit_status(code) == 4 .or. code == some_failed .or. code == stopped_early) error%text = text//'; see docs/errors.md'

@@ -1,12 +1,12 @@
-!> The executable. Only here is anything printed about errors, and only here does the program end.
-program dynstiction
-  use, intrinsic :: iso_fortran_env, only: output_unit, error_unit
-  use, intrinsic :: iso_c_binding, only: c_int
+!> What the executable does. Only here is anything printed about errors.
+module dst_main
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: one_per_line
+  use dst_copies, only: check_alone
   use dst_disk, only: place_of
   use dst_deck, only: deck_t, read_deck, resolved, template, key_table
+  use dst_deck_check, only: check_deck
   use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
     setting_list, help_text
   use dst_completion, only: is_completion, completions
@@ -14,47 +14,56 @@ program dynstiction
   use dst_result_file, only: check_target
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
+  use dst_schema, only: sweep_group
+  use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
   use dst_signals, only: listen_to_signals
   use dst_stability_report, only: stability_report
+  use dst_standard_streams, only: put_output, put_error
+  use dst_threads, only: task_t
   use dst_trade, only: trade_t
   use dst_trade_advice, only: check_wish, cheapest, advice
   use dst_trade_report, only: trade_report
   use dst_trade_run, only: trade_deck
   use dst_build_info, only: program_name, version, git_revision, compiler, build_facts
   implicit none
+  private
 
-  interface
-    ! STOP would print its code.
-    subroutine c_exit(status) bind(c, name='exit')
-      import :: c_int
-      integer(c_int), value :: status
-    end subroutine c_exit
-  end interface
+  public :: program_t
 
-  type(argument_t), allocatable :: arguments(:)
+  !> The program as a task, since it looks for a stack that suffices.
+  type, extends(task_t) :: program_t
+  contains
+    procedure :: work => follow_arguments
+  end type program_t
+
   type(command_t) :: command
-  type(error_t), allocatable :: error
-  integer :: status
+  !> Of the program: that of the first error.
+  integer, public, protected :: status = result_done
 
-  status = result_done
-  arguments = program_arguments()
-  if (is_completion(arguments)) then
-    call print_text(completions(arguments))
-  else
-    if (is_python_command(arguments)) then
+contains
+
+  !> Carry out what the command line asks for.
+  subroutine follow_arguments(self, number)
+    class(program_t), intent(inout) :: self
+    integer, intent(in) :: number
+    type(argument_t), allocatable :: arguments(:)
+    type(error_t), allocatable :: error
+
+    associate (unused => self, also_unused => number)
+    end associate
+    allocate (arguments, source=program_arguments())
+    if (is_completion(arguments)) then
+      call print_text(completions(arguments))
+      return
+    else if (is_python_command(arguments)) then
       call hand_over(arguments, error)
     else
       call parse_arguments(arguments, command, error)
     end if
     call complain(error)
     if (status == result_done) call execute()
-  end if
-  flush (output_unit)
-  flush (error_unit)
-  call c_exit(int(status, c_int))
-
-contains
+  end subroutine follow_arguments
 
   subroutine execute()
     if (command%help) then
@@ -96,16 +105,31 @@ contains
   subroutine check_decks()
     type(error_t), allocatable :: error
     type(deck_t), allocatable :: deck
+    character(:), allocatable :: remark
     integer :: i
 
     do i = 1, command%operand_count
       allocate (deck)
-      call read_deck(command%operands(i)%text, setting_list(command), deck, error)
+      call read_sound_deck(i, deck, remark, error)
       call complain(error)
-      if (.not. allocated(error)) call print_text(resolved(deck))
+      if (.not. allocated(error)) then
+        if (remark /= '') call put_error('dynstiction: '//deck%name//': '//remark//new_line('a'))
+        call print_text(resolved(deck))
+      end if
       deallocate (deck)
     end do
   end subroutine check_decks
+
+  !> Deck `i` of the command, which `run` accepts if there is no error.
+  subroutine read_sound_deck(i, deck, remark, error)
+    integer, intent(in) :: i
+    type(deck_t), intent(out) :: deck
+    character(:), allocatable, intent(out) :: remark   !! the size of large results
+    type(error_t), allocatable, intent(out) :: error
+
+    call read_deck(command%operands(i)%text, setting_list(command), deck, error)
+    if (.not. allocated(error)) call check_deck(deck, output_of(deck), command%shards, remark, error)
+  end subroutine read_sound_deck
 
   !> Print the linear theory of every deck that is sound, and all faults of the others.
   subroutine report_stability()
@@ -137,7 +161,8 @@ contains
     type(error_t), allocatable :: error
     integer :: best
 
-    if (command%accuracy > 0.0_wp) call check_wish(command%accuracy, command%quantity, error)
+    call check_alone("'trade'", error)
+    if (.not. allocated(error) .and. command%accuracy > 0.0_wp) call check_wish(command%accuracy, command%quantity, error)
     if (.not. allocated(error)) then
       allocate (deck, trade)
       call read_deck(command%operands(1)%text, setting_list(command), deck, error)
@@ -145,7 +170,7 @@ contains
     if (.not. allocated(error)) then
       output(1)%text = command%output
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
-      call check_output(output, 1, error)
+      call check_output(output, 1, command%operands(:1), error)
     end if
     call listen_to_signals()
     if (.not. allocated(error)) &
@@ -164,17 +189,23 @@ contains
     type(deck_t), allocatable :: decks(:)
     type(argument_t), allocatable :: outputs(:)
     type(error_t), allocatable :: error
+    character(:), allocatable :: remark
     integer :: i
 
     allocate (decks(command%operand_count), outputs(command%operand_count))
     do i = 1, size(decks)
-      call read_deck(command%operands(i)%text, setting_list(command), decks(i), error)
+      if (command%name == 'merge') then
+        call read_deck(command%operands(i)%text, setting_list(command), decks(i), error)
+      else
+        call read_sound_deck(i, decks(i), remark, error)
+      end if
       call complain(error)
       if (.not. allocated(error)) outputs(i)%text = output_of(decks(i))
     end do
+    if (status == result_done) call check_copies(decks)
     if (status /= result_done) return
     do i = 1, size(decks)
-      call check_output(outputs, i, error)
+      call check_output(outputs, i, inputs_of(decks), error)
       call complain(error)
     end do
     if (status /= result_done) return
@@ -187,6 +218,21 @@ contains
       if (error%code == stopped_early) exit
     end do
   end subroutine run_decks
+
+  !> Only one sweep is for several processes: who would else write the same file.
+  subroutine check_copies(decks)
+    type(deck_t), intent(in) :: decks(:)
+    type(error_t), allocatable :: error
+
+    if (command%name == 'merge') then
+      call check_alone("'merge'", error)
+    else if (size(decks) > 1) then
+      call check_alone('a command with several decks', error)
+    else if (.not. decks(1)%is_sweep()) then
+      call check_alone('a run', error)
+    end if
+    call complain(error)
+  end subroutine check_copies
 
   !> One run, or a sweep of many.
   subroutine carry_out(deck, output, error)
@@ -220,6 +266,9 @@ contains
     type(error_t), allocatable :: error
     integer :: i
 
+    call check_alone("'resume'", error)
+    call complain(error)
+    if (allocated(error)) return
     call listen_to_signals()
     do i = 1, command%operand_count
       call resume_run(command%operands(i)%text, command%quiet, error)
@@ -254,22 +303,35 @@ contains
     file_name = deck%name(first:last)//ending
   end function name_after
 
+  !> What the command reads: its decks and their lists of points.
+  function inputs_of(decks) result(inputs)
+    type(deck_t), intent(in) :: decks(:)
+    type(argument_t), allocatable :: inputs(:)
+    integer :: i
+
+    inputs = command%operands(:command%operand_count)
+    do i = 1, size(decks)
+      if (.not. decks(i)%is_sweep()) cycle
+      if (decks(i)%text_of(sweep_group, 'points') /= '') inputs = [inputs, argument_t(path_of_points(decks(i)))]
+    end do
+  end function inputs_of
+
   !> Whether output `i` may be created, is that of no other deck, and nothing that is read.
-  subroutine check_output(outputs, i, error)
-    type(argument_t), intent(in) :: outputs(:)
+  subroutine check_output(outputs, i, inputs, error)
+    type(argument_t), intent(in) :: outputs(:), inputs(:)
     integer, intent(in) :: i
     type(error_t), allocatable, intent(out) :: error
     integer :: other
 
     associate (file_name => outputs(i)%text)
-      do other = 1, command%operand_count
-        if (place_of(command%operands(other)%text) == place_of(file_name)) &
-          call raise(error, file_error, file_name//': this is a deck of the command: use another name for the result')
+      do other = 1, size(inputs)
         if (allocated(error)) return
+        if (place_of(inputs(other)%text) == place_of(file_name)) call raise(error, file_error, file_name// &
+          ': this is a deck, or a list of points, of the command: use another name for the result')
       end do
-      call check_target(file_name, command%overwrite, error)
+      if (.not. allocated(error)) call check_target(file_name, command%overwrite, error)
       do other = 1, i - 1
-        if (allocated(error)) exit
+        if (allocated(error)) return
         if (place_of(outputs(other)%text) == place_of(file_name)) &
           call raise(error, file_error, file_name//': two decks write this file: give each deck its own output.file')
       end do
@@ -282,19 +344,18 @@ contains
 
     if (.not. allocated(error)) return
     ! Of a process that leaves the words to another one, only the status counts.
-    if (error%text /= '') write (error_unit, '(a)', advance='no') one_per_line(error%text, 'dynstiction: ')
+    if (error%text /= '') call put_error(one_per_line(error%text, 'dynstiction: '))
     if (status == result_done) status = exit_status(error%code)
   end subroutine complain
 
   subroutine print_text(text)
     character(*), intent(in) :: text
     type(error_t), allocatable :: error
-    integer :: ios
+    logical :: failed
 
-    write (output_unit, '(a)', advance='no', iostat=ios) text
-    if (ios == 0) flush (output_unit, iostat=ios)
-    if (ios == 0) return
-    call raise(error, file_error, 'cannot write to the standard output: see whether the disk is full')
+    call put_output(text, failed)
+    if (.not. failed) return
+    call raise(error, file_error, 'cannot write to the standard output: it is closed, or the disk is full')
     call complain(error)
   end subroutine print_text
-end program dynstiction
+end module dst_main

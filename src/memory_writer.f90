@@ -1,7 +1,8 @@
 !> Samples and events kept in memory until they are taken: the writer behind the Python interface.
 module dst_memory_writer
-  use dst_kinds, only: wp
-  use dst_errors, only: error_t
+  use dst_kinds, only: wp, int64
+  use dst_errors, only: error_t, raise, out_of_memory
+  use dst_text, only: integer_text
   use dst_writer, only: writer_t, outcome_t
   implicit none
   private
@@ -29,35 +30,73 @@ contains
     real(wp), intent(in) :: samples(:, :)
     type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: larger(:, :)
-    integer :: needed
+    integer :: room, status
 
-    needed = self%rows + size(samples, 2)
-    if (.not. allocated(self%samples)) allocate (self%samples(size(samples, 1), needed))
-    if (needed > size(self%samples, 2)) then
-      allocate (larger(size(samples, 1), 2*needed))
-      larger(:, :self%rows) = self%samples(:, :self%rows)
+    room = 0
+    if (allocated(self%samples)) room = size(self%samples, 2)
+    if (self%rows > room - size(samples, 2)) then
+      call enlarge(room, self%rows, size(samples, 2))
+      allocate (larger(size(samples, 1), room), stat=status)
+      if (status /= 0 .or. room == 0) then
+        call raise_no_memory(self%rows, 'samples', error)
+        return
+      end if
+      if (self%rows > 0) larger(:, :self%rows) = self%samples(:, :self%rows)
       call move_alloc(larger, self%samples)
     end if
-    self%samples(:, self%rows + 1:needed) = samples
-    self%rows = needed
+    self%samples(:, self%rows + 1:self%rows + size(samples, 2)) = samples
+    self%rows = self%rows + size(samples, 2)
   end subroutine write_samples
+
+  !> Double the room for `count` entries until there is some for `more`; 0 if that is beyond what can be counted.
+  pure subroutine enlarge(room, count, more)
+    integer, intent(inout) :: room
+    integer, intent(in) :: count, more
+    integer(int64) :: needed
+
+    needed = int(count, int64) + more
+    if (room > 0) needed = 2*needed
+    needed = min(needed, int(huge(room), int64))
+    room = merge(int(needed), 0, needed - count >= more)
+  end subroutine enlarge
+
+  subroutine raise_no_memory(count, what, error)
+    integer, intent(in) :: count
+    character(*), intent(in) :: what
+    type(error_t), allocatable, intent(out) :: error
+
+    call raise(error, out_of_memory, 'no memory for more than '//integer_text(count)//' '//what// &
+      ': raise output.interval, name fewer output.fields, or fetch them more often')
+  end subroutine raise_no_memory
 
   subroutine write_events(self, time, kind, error)
     class(memory_writer_t), intent(inout) :: self
     real(wp), intent(in) :: time(:)
     integer, intent(in) :: kind(:)
     type(error_t), allocatable, intent(out) :: error
-    integer :: needed
+    real(wp), allocatable :: times(:)
+    integer, allocatable :: kinds(:)
+    integer :: room, status
 
-    if (.not. allocated(self%event_time)) allocate (self%event_time(64), self%event_kind(64))
-    needed = self%events + size(time)
-    if (needed > size(self%event_time)) then
-      self%event_time = [self%event_time(:self%events), spread(0.0_wp, 1, 2*needed)]
-      self%event_kind = [self%event_kind(:self%events), spread(0, 1, 2*needed)]
+    room = 0
+    if (allocated(self%event_time)) room = size(self%event_time)
+    if (self%events > room - size(time)) then
+      call enlarge(room, self%events, max(64, size(time)))
+      allocate (times(room), kinds(room), stat=status)
+      if (status /= 0 .or. room == 0) then
+        call raise_no_memory(self%events, 'events', error)
+        return
+      end if
+      if (self%events > 0) then
+        times(:self%events) = self%event_time(:self%events)
+        kinds(:self%events) = self%event_kind(:self%events)
+      end if
+      call move_alloc(times, self%event_time)
+      call move_alloc(kinds, self%event_kind)
     end if
-    self%event_time(self%events + 1:needed) = time
-    self%event_kind(self%events + 1:needed) = kind
-    self%events = needed
+    self%event_time(self%events + 1:self%events + size(time)) = time
+    self%event_kind(self%events + 1:self%events + size(time)) = kind
+    self%events = self%events + size(time)
   end subroutine write_events
 
   !> Memory needs no flush.

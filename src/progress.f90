@@ -1,8 +1,10 @@
 !> How far a run has come, on the terminal: one line that updates, or a plain line every 10 s.
 module dst_progress
-  use, intrinsic :: iso_fortran_env, only: error_unit
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp
+  use dst_plain_numbers, only: number_text, duration_text
+  use dst_standard_streams, only: put_error
+  use dst_text, only: integer_text
   implicit none
   private
 
@@ -52,14 +54,12 @@ contains
     class(progress_t), intent(inout) :: self
     character(*), intent(in) :: what
     real(wp), intent(in) :: done, total, elapsed
-    character(200) :: text
     real(wp) :: share
 
     if (self%quiet .or. elapsed < self%next) return
     share = done/total
-    write (text, '(a,f6.1,a,es10.3,a,es10.3,a,f0.1,a)') self%label//':', 100.0_wp*share, ' %, '//what//' =', done, ' of', &
-      total, ' s, ', elapsed*(1.0_wp - share)/max(share, epsilon(share)), ' s left'
-    call self%put_line(trim(text), elapsed)
+    call self%put_line(self%label//':'//percent(share)//' %, '//what//' = '//number_text(done)//' of '//number_text(total)// &
+      ' s'//time_left(elapsed, share), elapsed)
   end subroutine show
 
   !> Report that, besides `before` cases, `done` of `to_do` took `elapsed` wall time [s], if it is time to; `failed` of all.
@@ -67,17 +67,31 @@ contains
     class(progress_t), intent(inout) :: self
     integer, intent(in) :: before, done, to_do, failed
     real(wp), intent(in) :: elapsed
-    character(200) :: text
-    character(40) :: pace
+    character(:), allocatable :: pace
 
     if (self%quiet .or. elapsed < self%next) return
     pace = ''
-    if (done > 0) write (pace, '(a, g0.3, a, i0, a)') ', ', real(done, wp)/elapsed, ' cases/s, ', &
-      ceiling(elapsed*real(to_do - done, wp)/real(done, wp)), ' s left'
-    write (text, '(a, i0, a, i0, a, i0, 2a)') self%label//': ', before + done, ' of ', before + to_do, ' cases, ', failed, &
-      ' failed', trim(pace)
-    call self%put_line(trim(text), elapsed)
+    if (done > 0) pace = ', '//number_text(real(done, wp)/elapsed)//' cases/s'//time_left(elapsed, real(done, wp)/real(to_do, wp))
+    call self%put_line(self%label//': '//integer_text(before + done)//' of '//integer_text(before + to_do)//' cases, '// &
+      integer_text(failed)//' failed'//pace, elapsed)
   end subroutine show_cases
+
+  !> A share as percent in six characters.
+  pure function percent(share) result(text)
+    real(wp), intent(in) :: share
+    character(6) :: text
+
+    write (text, '(f6.1)') 100.0_wp*share
+  end function percent
+
+  !> ', 12 s left', of what took `elapsed` wall time [s] for a share; nothing before that is known.
+  pure function time_left(elapsed, share) result(text)
+    real(wp), intent(in) :: elapsed, share
+    character(:), allocatable :: text
+
+    text = ''
+    if (share > sqrt(tiny(share))) text = ', '//duration_text(elapsed*(1.0_wp - share)/share)//' left'
+  end function time_left
 
   subroutine put_line(self, text, elapsed)
     class(progress_t), intent(inout) :: self
@@ -85,11 +99,10 @@ contains
     real(wp), intent(in) :: elapsed
 
     if (self%terminal) then
-      write (error_unit, '(a)', advance='no') achar(13)//text//achar(27)//'[K'
-      flush (error_unit)
+      call put_error(achar(13)//text//achar(27)//'[K')
       self%next = elapsed + terminal_interval
     else
-      write (error_unit, '(a)') text
+      call put_error(text//new_line('a'))
       self%next = elapsed + plain_interval
     end if
     self%shown = .true.
@@ -100,13 +113,13 @@ contains
     class(progress_t), intent(in) :: self
     character(*), intent(in) :: text
 
-    if (.not. self%quiet) write (error_unit, '(a)') self%label//': '//text
+    if (.not. self%quiet) call put_error(self%label//': '//text//new_line('a'))
   end subroutine remark
 
   !> Wipe the line on a terminal.
   subroutine close(self)
     class(progress_t), intent(inout) :: self
 
-    if (self%shown .and. self%terminal) write (error_unit, '(a)', advance='no') achar(13)//achar(27)//'[K'
+    if (self%shown .and. self%terminal) call put_error(achar(13)//achar(27)//'[K')
   end subroutine close
 end module dst_progress

@@ -11,7 +11,7 @@ module dst_schema
   public :: key_t, range_t, schema, key_count, group_names, sweep_group
   public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind
   public :: longest_text, most_values, adaptive_methods
-  public :: find_key, find_name, keys_of, in_range, range_text
+  public :: find_key, find_name, names_file, keys_of, in_range, range_text
   public :: condition_count, condition_key, condition_choices, condition_text
 
   integer, parameter :: real_kind = 1, integer_kind = 2, text_kind = 3, choice_kind = 4
@@ -174,7 +174,9 @@ contains
 
     find_key = 0
     do i = 1, key_count
-      if (schema(i)%group == group .and. schema(i)%name == name) find_key = i
+      if (schema(i)%name /= name) cycle
+      if (schema(i)%group == group) find_key = i
+      if (find_key > 0) return
     end do
   end function find_key
 
@@ -188,6 +190,13 @@ contains
       if (schema(i)%name == name) find_name = i
     end do
   end function find_name
+
+  !> Whether the value of a key is the name of a file.
+  pure logical function names_file(key)
+    type(key_t), intent(in) :: key
+
+    names_file = key%kind == text_kind .and. (key%name == 'file' .or. key%name == 'points')
+  end function names_file
 
   !> The names of a group's keys, blank-separated.
   pure function keys_of(group) result(names)

@@ -113,7 +113,8 @@ contains
         slider%turns = .false.
         if (abs(slider%stiffness(1)*scene%elongation_x) >= slider%law%onset) then
           call raise(error, deck_error, 'high_frequency holds for a longitudinal load below the static limit: '// &
-            '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//trim(short_text(slider%law%onset))//' N')
+            '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//trim(short_text(slider%law%onset))//' N', &
+            'initial.elongation_x')
           return
         end if
         trajectory%system = new_straight_slip(slider, 2, [scene%elongation_x, 0.0_wp])
@@ -154,7 +155,7 @@ contains
 
     if (.not. self%scene%interval > 0.0_wp) then
       call raise(error, deck_error, "output.interval must be > 0 with model = '"//self%scene%model// &
-        "': a closed form has no steps")
+        "': a closed form has no steps", 'output.interval')
       return
     end if
     form = ''
@@ -183,11 +184,12 @@ contains
 
     if (scene%method == 'rk4' .and. trajectory%may_rest()) then
       call raise(error, deck_error, "method 'rk4' cannot follow the exact contact, and here the object may come to rest: "// &
-        'use an adaptive method')
+        'use an adaptive method', 'integrator.method')
       return
     end if
     if (scene%method == 'rodas4p') then
-      call raise(error, deck_error, "method 'rodas4p' is for the cases of a sweep, and keeps no series: use radau9")
+      call raise(error, deck_error, "method 'rodas4p' is for the cases of a sweep, and keeps no series: use radau9", &
+        'integrator.method')
       return
     end if
     trajectory%step_max = scene%step_max
@@ -265,14 +267,14 @@ contains
     do i = 1, size(self%scene%fields)
       column = find_column(self%scene%fields(i))
       if (column == 0) then
-        call raise(error, deck_error, 'output.fields: there is no column '//trim(self%scene%fields(i)))
+        call raise(error, deck_error, 'output.fields: there is no column '//trim(self%scene%fields(i)), 'output.fields')
         return
       else if (columns(column)%name == 'zeta' .and. .not. damping_ratio_exists(self%trajectory)) then
-        call raise(error, deck_error, 'output.fields: zeta has no value where V sin(phi) = 0: leave zeta out')
+        call raise(error, deck_error, 'output.fields: zeta has no value where V sin(phi) = 0: leave zeta out', 'output.fields')
         return
       else if (.not. gives_column(self%scene%model, columns(column)%name)) then
         call raise(error, deck_error, "output.fields: model = '"//self%scene%model//"' does not give "// &
-          trim(columns(column)%name)//': leave it out')
+          trim(columns(column)%name)//': leave it out', 'output.fields')
         return
       end if
       if (all(self%selected /= column)) self%selected = [self%selected, column]

@@ -7,11 +7,12 @@ module dst_sweep
   use dst_kinds, only: wp, int64
   use dst_lanes, only: lanes_t, lane_count
   use dst_deck, only: deck_t
-  use dst_deck_sweep, only: varied_key, variation_problem, range_problem, many_cases
-  use dst_errors, only: error_t, raise, result_done, deck_error
+  use dst_deck_sweep, only: varied_key, variation_problem, range_problem, grid_cases, many_cases
+  use dst_errors, only: error_t, raise, result_done, deck_error, out_of_memory
   use dst_memory_writer, only: memory_writer_t
   use dst_model_columns, only: gives_column
   use dst_observables, only: columns, find_column
+  use dst_output_size, only: sample_count
   use dst_scene, only: scene_t, scene_from_deck, set_number
   use dst_schema, only: schema, sweep_group
   use dst_simulation, only: simulation_t, wall_clock
@@ -128,10 +129,9 @@ contains
     type(axis_t), intent(in), optional :: axes(:)
     logical, intent(in), optional :: is_list
     real(wp) :: cases
-    integer :: i
 
     if (deck%text_of('scene', 'model') == 'auto') then
-      call raise(error, deck_error, "model 'auto' in a sweep would mix models in one map: name the model")
+      call raise(error, deck_error, "model 'auto' in a sweep would mix models in one map: name the model", 'scene.model')
       return
     end if
     sweep%deck = deck
@@ -141,20 +141,31 @@ contains
       sweep%is_list = is_list
       call check_axes(sweep, error)
       if (allocated(error)) return
+      cases = cases_of(axes, is_list)
     else
-      call axes_of_deck(deck, sweep%axes)
+      cases = grid_cases(deck)
     end if
-    cases = 1.0_wp
-    do i = 1, size(sweep%axes)
-      cases = cases*real(size(sweep%axes(i)%values), wp)
-      if (sweep%is_list) cases = real(size(sweep%axes(1)%values), wp)
-    end do
     if (cases > many_cases .or. cases < 1.0_wp) then
       call raise(error, deck_error, 'a sweep has from 1 to '//integer_text(int(many_cases))//' cases')
-    else
-      sweep%cases = nint(cases)
+      return
     end if
+    sweep%cases = nint(cases)
+    if (.not. present(axes)) call axes_of_deck(deck, sweep%axes, error)
   end subroutine new_sweep
+
+  !> Cases of a list, or of a grid; `huge` if they are more than a result file presents.
+  pure real(wp) function cases_of(axes, is_list) result(cases)
+    type(axis_t), intent(in) :: axes(:)
+    logical, intent(in) :: is_list
+    integer :: i
+
+    cases = 1.0_wp
+    do i = 1, merge(min(1, size(axes)), size(axes), is_list)
+      cases = cases*real(size(axes(i)%values), wp)
+      if (cases > many_cases) cases = huge(cases)
+      if (cases > many_cases) return
+    end do
+  end function cases_of
 
   !> Names and values that did not come with the deck.
   subroutine check_axes(sweep, error)
@@ -186,9 +197,10 @@ contains
   end subroutine check_axes
 
   !> The grid of the group &sweep.
-  subroutine axes_of_deck(deck, axes)
+  subroutine axes_of_deck(deck, axes, error)
     type(deck_t), intent(in) :: deck
     type(axis_t), allocatable, intent(out) :: axes(:)
+    type(error_t), allocatable, intent(out) :: error
     character(256), allocatable :: names(:), spacing(:)
     real(wp), allocatable :: first(:), last(:), counts(:)
     integer :: i
@@ -202,24 +214,38 @@ contains
     do i = 1, size(axes)
       axes(i)%key = varied_key(trim(names(i)))
       axes(i)%name = trim(schema(axes(i)%key)%group)//'.'//schema(axes(i)%key)%name
-      call spaced(first(i), last(i), nint(counts(i)), trim(spacing(min(i, size(spacing)))), axes(i)%values)
+      call spaced(first(i), last(i), nint(counts(i)), trim(spacing(min(i, size(spacing)))), axes(i)%values, error)
+      if (allocated(error)) return
     end do
   end subroutine axes_of_deck
 
   !> `count` values from `first` to `last`, both exact, at equal distances or in equal ratios.
-  pure subroutine spaced(first, last, count, spacing, values)
+  pure subroutine spaced(first, last, count, spacing, values, error)
     real(wp), intent(in) :: first, last
     integer, intent(in) :: count
     character(*), intent(in) :: spacing
     real(wp), allocatable, intent(out) :: values(:)
+    type(error_t), allocatable, intent(out) :: error
     real(wp) :: share
-    integer :: i
+    logical :: wide
+    integer :: i, status
 
-    allocate (values(count))
+    allocate (values(count), stat=status)
+    if (status /= 0) then
+      call raise(error, out_of_memory, 'no memory for '//integer_text(count)//' values of a parameter: use a smaller count')
+      return
+    end if
+    ! The ratio or the difference of the limits may be no number.
+    wide = max(abs(first), abs(last)) > sqrt(huge(first))
+    if (spacing == 'log') wide = wide .or. min(abs(first), abs(last)) < sqrt(tiny(first))
     do i = 1, count
       share = real(i - 1, wp)/real(max(1, count - 1), wp)
-      if (spacing == 'log') then
+      if (spacing == 'log' .and. wide) then
+        values(i) = sign(exp((1.0_wp - share)*log(abs(first)) + share*log(abs(last))), first)
+      else if (spacing == 'log') then
         values(i) = first*(last/first)**share
+      else if (wide) then
+        values(i) = (1.0_wp - share)*first + share*last
       else
         values(i) = first + (last - first)*share
       end if
@@ -249,13 +275,10 @@ contains
   !> Samples of a case; 0 if they are not kept.
   pure integer function series_rows(self)
     class(sweep_t), intent(in) :: self
-    real(wp) :: intervals
 
     series_rows = 0
-    if (.not. self%keeps_series) return
-    ! As dst_simulation samples: a multiple of the interval within roundoff of the end is the end.
-    intervals = self%deck%real_of('scene', 't_end')*(1.0_wp - 4.0_wp*epsilon(1.0_wp))/self%deck%real_of('output', 'interval')
-    series_rows = ceiling(intervals) + 1
+    if (self%keeps_series) &
+      series_rows = nint(sample_count(self%deck%real_of('scene', 't_end'), self%deck%real_of('output', 'interval')))
   end function series_rows
 
   !> Times of the samples [s].

@@ -4,26 +4,28 @@
 !> signals, limits, progress and the other processes, between two slices of its case.
 module dst_sweep_runner
   use dst_build_info, only: version, git_revision
+  use dst_copies, only: check_knowledge
   use dst_deck, only: deck_t, resolved
+  use dst_deck_check, only: sweep_of_deck
   use dst_deck_sweep, only: varied_key
   use dst_deck_values, only: set_default
   use dst_disk, only: path_t, delete_file, wait_seconds
-  use dst_errors, only: error_t, raise, usage_error, file_error, some_failed, stopped_early
+  use dst_errors, only: error_t, raise, usage_error, file_error, some_failed, out_of_memory, stopped_early
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, int64, real64
   use dst_progress, only: progress_t, new_progress
   use dst_ranks, only: ranks_t, start_ranks
   use dst_run, only: describe_run
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema, sweep_group
+  use dst_schema, only: schema
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal
   use dst_simulation, only: wall_clock
-  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, series_quantities
+  use dst_sweep, only: sweep_t, case_t, watch_t, worker_t, new_worker, series_quantities
   use dst_sweep_file, only: merge_shards
-  use dst_sweep_list, only: read_points
   use dst_sweep_shard, only: shard_t, index_t, shard_name, shards_of, open_shard, scan_shard, empty_shard
   use dst_text, only: integer_text
+  use dst_threads, only: task_t, run_in_threads
   implicit none
   private
 
@@ -70,6 +72,18 @@ module dst_sweep_runner
     procedure :: asked_to_stop
   end type sweep_watch_t
 
+  !> The threads' task.
+  type, extends(task_t) :: cases_t
+    type(sweep_t), pointer :: sweep => null()
+    type(state_t), pointer :: state => null()
+    type(worker_t) :: first_worker       !! is copied by each thread
+  contains
+    procedure :: work
+  end type cases_t
+
+  !> Threads beyond this serve no machine.
+  integer, parameter :: most_threads = 1024
+
   !> Keys that say how a sweep is run, not what its cases are. The points themselves are, not where they stand.
   character(26), parameter :: changeable(6) = [character(26) :: 'scene.title', 'sweep.points', 'output.file', &
     'output.flush_seconds', 'output.checkpoint_interval', 'output.wall_limit']
@@ -96,12 +110,15 @@ contains
     integer :: code
 
     call start_ranks(state%ranks, error)
-    if (.not. allocated(error)) call check_processes(state%ranks%count, options%shards, error)
+    if (.not. allocated(error) .and. state%ranks%count > 1 .and. options%shards > 0) call raise(error, usage_error, &
+      '--shard is for processes that know nothing of each other, these do: leave it out')
+    ! A process with a shard of its own is alone.
+    if (.not. allocated(error) .and. options%shards == 0) call check_knowledge(state%ranks%count, error)
     if (.not. allocated(error)) call sweep_of_deck(deck, sweep, error)
     if (.not. allocated(error)) identity = identity_of(sweep)
     if (state%ranks%rank == 0) then
       if (.not. allocated(error)) call look_at_shards(sweep, identity, result_file, options%overwrite, index, files, error)
-      if (.not. allocated(error)) call choose_cases(sweep, index, options, state, pending)
+      if (.not. allocated(error)) call choose_cases(sweep, index, options, state, pending, error)
     end if
     code = 0
     if (allocated(error)) code = error%code
@@ -122,6 +139,8 @@ contains
       call state%ranks%stop_all(code)
       if (code == 0) then
         call present_result(sweep, identity, result_file, options, state, error)
+        if (allocated(error)) code = error%code
+        call state%ranks%stop_all(code)
       else if (code == stopped_early .and. state%ranks%rank == 0) then
         call raise(error, stopped_early, stop_text(sweep, state))
       end if
@@ -150,43 +169,6 @@ contains
       call write_result(sweep, result_file, index, files, options, error)
     end if
   end subroutine merge_sweep
-
-  subroutine sweep_of_deck(deck, sweep, error)
-    type(deck_t), intent(in) :: deck
-    type(sweep_t), intent(out) :: sweep
-    type(error_t), allocatable, intent(out) :: error
-    type(axis_t), allocatable :: axes(:)
-
-    if (deck%text_of(sweep_group, 'points') == '') then
-      call new_sweep(deck, sweep, error)
-    else
-      call read_points(deck, axes, error)
-      if (.not. allocated(error)) call new_sweep(deck, sweep, error, axes, .true.)
-    end if
-  end subroutine sweep_of_deck
-
-  !> Several copies that each believe to be alone would all do the same work. A process with a shard of its own is alone.
-  subroutine check_processes(ranks, shards, error)
-    integer, intent(in) :: ranks, shards
-    type(error_t), allocatable, intent(out) :: error
-    character(20), parameter :: variables(4) = [character(20) :: 'OMPI_COMM_WORLD_SIZE', 'PMI_SIZE', 'MPI_LOCALNRANKS', &
-      'SLURM_STEP_NUM_TASKS']
-    character(32) :: value
-    integer :: i, copies, status
-
-    if (ranks > 1 .and. shards > 0) call raise(error, usage_error, &
-      '--shard is for processes that know nothing of each other, these do: leave it out')
-    if (ranks > 1 .or. shards > 0) return
-    do i = 1, size(variables)
-      call get_environment_variable(trim(variables(i)), value, status=status)
-      if (status /= 0) cycle
-      read (value, *, iostat=status) copies
-      if (status /= 0 .or. copies < 2) cycle
-      call raise(error, usage_error, 'this is one of '//integer_text(copies)//' copies that know nothing of each '// &
-        'other ('//trim(variables(i))//'): start the program once, build it with -Dmpi=enabled for this MPI, or use --shard')
-      return
-    end do
-  end subroutine check_processes
 
   !> What a shard must be of: every key that has an effect on a result, the names and values of a list, the program.
   function identity_of(sweep) result(identity)
@@ -234,9 +216,13 @@ contains
     type(path_t), allocatable, intent(out) :: files(:)
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: words
-    integer :: i, columns
+    integer :: i, columns, status
 
-    allocate (index%shard(sweep%cases), index%place(sweep%cases))
+    allocate (index%shard(sweep%cases), index%place(sweep%cases), stat=status)
+    if (status /= 0) then
+      call raise_no_memory(sweep%cases, error)
+      return
+    end if
     index%shard = 0
     index%place = 0
     columns = size(series_quantities(sweep))
@@ -248,14 +234,23 @@ contains
     end do
   end subroutine look_at_shards
 
+  subroutine raise_no_memory(cases, error)
+    integer, intent(in) :: cases
+    type(error_t), allocatable, intent(out) :: error
+
+    call raise(error, out_of_memory, 'no memory for the list of '//integer_text(cases)// &
+      ' cases: divide the sweep into several decks')
+  end subroutine raise_no_memory
+
   !> The cases of this process, or of all processes, that are not done.
-  subroutine choose_cases(sweep, index, options, state, pending)
+  subroutine choose_cases(sweep, index, options, state, pending, error)
     type(sweep_t), intent(in) :: sweep
     type(index_t), intent(in) :: index
     type(sweep_options_t), intent(in) :: options
     type(state_t), intent(inout) :: state
     integer, allocatable, intent(out) :: pending(:)
-    integer :: i, n, pass
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i, n, pass, status
 
     do pass = 1, 2
       n = 0
@@ -267,79 +262,81 @@ contains
         n = n + 1
         if (pass == 2) pending(n) = i
       end do
-      if (pass == 1) allocate (pending(n))
+      if (pass == 2) cycle
+      allocate (pending(n), stat=status)
+      if (status == 0) cycle
+      call raise_no_memory(n, error)
+      return
     end do
     state%to_do = n
     state%done_before = index%done
     state%failed_before = index%failed
   end subroutine choose_cases
 
-  !> All threads of the process.
+  !> All threads of the process: as many as OpenMP counts processors, but not more than cases.
   subroutine run_cases(sweep, state, pending, quiet)
-    !$ use omp_lib, only: omp_get_max_threads, omp_get_num_threads
-    type(sweep_t), intent(in) :: sweep
+    !$ use omp_lib, only: omp_get_max_threads
+    type(sweep_t), intent(in), target :: sweep
     type(state_t), intent(inout), target :: state
     integer, allocatable, intent(inout) :: pending(:)
     logical, intent(in) :: quiet
-    type(worker_t) :: first_worker
+    type(cases_t), target :: cases
+    integer :: threads
 
     state%limit = sweep%deck%real_of('output', 'wall_limit')
     state%begun = wall_clock()
     state%progress = new_progress(sweep%deck%name, quiet)
     allocate (state%given(0))
     call state%ranks%open_list(pending)
-    state%at_work = 1
-    !$ state%at_work = omp_get_max_threads()
+    threads = 1
+    !$ threads = min(omp_get_max_threads(), most_threads, sweep%cases)
     ! At first a case for each thread.
-    state%pace%rate = state%at_work/piece
-    call new_worker(sweep, first_worker)
-    !$omp parallel default(none) shared(sweep, state, first_worker)
-    ! There may be fewer threads than were asked for.
-    !$omp single
-    !$ state%at_work = omp_get_num_threads()
-    !$omp end single
-    call work(sweep, first_worker, state)
-    !$omp end parallel
+    state%pace%rate = threads/piece
+    cases%sweep => sweep
+    cases%state => state
+    call new_worker(sweep, cases%first_worker)
+    call run_in_threads(cases, threads)
     call state%ranks%close_list(state%finished, state%failed, state%stop)
     call state%progress%close()
   end subroutine run_cases
 
   !> One thread: case after case.
-  subroutine work(sweep, first_worker, state)
-    !$ use omp_lib, only: omp_get_thread_num
-    type(sweep_t), intent(in) :: sweep
-    type(worker_t), intent(in) :: first_worker         !! is copied
-    type(state_t), intent(inout), target :: state
+  subroutine work(self, number)
+    class(cases_t), intent(inout) :: self
+    integer, intent(in) :: number
     type(sweep_watch_t) :: watch
     type(worker_t), allocatable :: worker
     type(case_t) :: case
-    integer :: number
+    integer :: next
     logical :: done, none_left
 
-    watch%state => state
-    watch%is_first = .true.
-    !$ watch%is_first = omp_get_thread_num() == 0
-    allocate (worker, source=first_worker)
-    do
-      if (watch%asked_to_stop()) exit
-      none_left = .false.
-      do while (worker%has_room())
-        call take_number(state, number, none_left)
-        if (number == 0) exit
-        call worker%begin_case(sweep, number)
+    associate (sweep => self%sweep, state => self%state)
+      !$omp atomic
+      state%at_work = state%at_work + 1
+      watch%state => self%state
+      watch%is_first = number == 1
+      allocate (worker, source=self%first_worker)
+      do
+        if (watch%asked_to_stop()) exit
+        none_left = .false.
+        do while (worker%has_room())
+          call take_number(state, next, none_left)
+          if (next == 0) exit
+          call worker%begin_case(sweep, next)
+        end do
+        if (worker%is_idle()) then
+          if (none_left) exit
+          call wait_seconds(2.0e-4_wp)
+          cycle
+        end if
+        call worker%next_result(watch, case, done)
+        if (.not. done) exit
+        call keep(state, case)
       end do
-      if (worker%is_idle()) then
-        if (none_left) exit
-        call wait_seconds(2.0e-4_wp)
-        cycle
-      end if
-      call worker%next_result(watch, case, done)
-      if (.not. done) exit
-      call keep(state, case)
-    end do
-    if (watch%is_first) call wait_for_others(state)
-    !$omp atomic
-    state%at_work = state%at_work - 1
+      if (watch%is_first) call wait_for_others(state)
+      !$omp atomic
+      state%at_work = state%at_work - 1
+    end associate
   end subroutine work
 
   !> The first thread, without work itself, still looks around for the others, and rank 0 for other processes.
@@ -483,8 +480,6 @@ contains
     else if (state%ranks%rank == 0) then
       call look_at_shards(sweep, identity, result_file, .false., index, files, error)
       if (.not. allocated(error)) call write_result(sweep, result_file, index, files, options, error)
-    else if (state%ranks%failed + state%failed_before > 0) then
-      call raise(error, some_failed, '')
     end if
   end subroutine present_result
 

@@ -6,12 +6,13 @@ The executable hands these commands over to this module: ``dynstiction plot FILE
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import IO, TYPE_CHECKING, NoReturn
 
 from ._open import groups_in
 from ._sweep import open_sweep
@@ -25,9 +26,45 @@ if TYPE_CHECKING:
 # The plotting modules are imported where they are used: matplotlib is slow to import.
 
 
+READER_GONE = 141
+"""Exit status when nobody reads the output any more: as of a program that SIGPIPE ends."""
+
+
+class _ReaderGoneError(Exception):
+    pass
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message}: see {self.prog} --help")
+
+    def _print_message(self, message: str, file: IO[str] | None = None) -> None:
+        if file is sys.stderr:
+            super()._print_message(message, file)
+        else:
+            _say(message, end="")
+
+
+def _say(text: object, end: str = "\n") -> None:
+    """Print to standard output at once; that it cannot be written is an error, not silence."""
+    try:
+        if sys.stdout is None:
+            raise OSError("it is closed")  # noqa: TRY301
+        print(text, end=end, flush=True)
+    except OSError as error:
+        _forget_output()
+        if isinstance(error, BrokenPipeError):
+            raise _ReaderGoneError from error
+        reason = error.strerror or error
+        raise FileError(f"cannot write to the standard output: {reason}") from error
+
+
+def _forget_output() -> None:
+    """What waits to be written would be tried again, and complained about, when the interpreter ends."""
+    if sys.stdout is not None:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "python -m dynstiction") -> int:
@@ -44,6 +81,8 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
         options = _parser(program).parse_args(arguments)
         command: Callable[[argparse.Namespace], int | None] = options.command
         return command(options) or 0
+    except _ReaderGoneError:
+        return READER_GONE
     except Error as error:
         print(f"dynstiction: {error}", file=sys.stderr)
         return error.exit_status
@@ -157,11 +196,11 @@ def _export(options: argparse.Namespace) -> None:
     name, folder = options.file.stem, options.output
     groups = groups_in(options.file)
     if "sweep" in groups:
-        print(export_sweep_csv(options.file, folder, name, overwrite=options.overwrite))
+        _say(export_sweep_csv(options.file, folder, name, overwrite=options.overwrite))
         return
     result = open_trade(options.file) if "trade" in groups else _open(options.file)
     for file in export_csv(result, folder, name, overwrite=options.overwrite):
-        print(file)
+        _say(file)
 
 
 def _add_paper(commands: argparse._SubParsersAction[_Parser]) -> None:
@@ -184,7 +223,7 @@ def _paper(options: argparse.Namespace) -> None:
         print(line, file=sys.stderr, flush=True)
 
     for file in draw_paper(options.output, options.format, progress=progress):
-        print(file)
+        _say(file)
 
 
 def _add_animate(commands: argparse._SubParsersAction[_Parser]) -> None:
@@ -248,7 +287,7 @@ def _validate_creep(options: argparse.Namespace) -> int:
 
     with _progress("runs of the full model", validate.RUNS) as advance:
         validation = validate.validate_creep(advance=advance)
-    print(validation.report())
+    _say(validation.report())
     table = options.output / "creep_validation.csv"
     try:
         options.output.mkdir(parents=True, exist_ok=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -524,6 +525,8 @@ def same(ours: dict, theirs: dict) -> bool:
 def test_f90nml_reads_the_same(source, call, tmp_path):
     f90nml = pytest.importorskip("f90nml")
     text = call("template").stdout.decode() if source == "template" else source.read_text()
+    for points in INPUTS.glob("*.csv"):
+        shutil.copy(points, tmp_path)
     used = f90nml.reads(resolved(call, tmp_path, text))
     given = f90nml.reads(text)
     # Keys that are switched off stand in the template but are not used.

@@ -369,7 +369,7 @@ def test_overwrite_replaces_results_only(sweep, tmp_path):
 
 # --- progress
 
-LINE = re.compile(r"map\.nml: (\d+) of 12 cases, 0 failed(, [\d.E+-]+ cases/s, (\d+) s left)?")
+LINE = re.compile(r"map\.nml: (\d+) of 12 cases, 0 failed(, [\d.e]+ cases/s, ([\w. ]+) left)?")
 
 
 def test_progress_on_a_terminal(sweep):

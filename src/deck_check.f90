@@ -1,0 +1,215 @@
+!> What a deck must be to run, beyond what its text tells: a scene that can be set up, and results that can be written.
+!>
+!> `check`, and `run` before the first of its decks, ask the same procedure, so that they refuse the same in the same words.
+module dst_deck_check
+  use dst_deck, only: deck_t
+  use dst_deck_sweep, only: grid_cases, varied_key
+  use dst_disk, only: folder_of, file_size, file_exists, true_path, path_t
+  use dst_disk_space, only: free_space
+  use dst_errors, only: error_t, raise, deck_error
+  use dst_faults, only: faults_t
+  use dst_kinds, only: wp
+  use dst_model_choice, only: settle_model
+  use dst_output_size, only: sample_count, run_samples, most_samples, most_series_values
+  use dst_plain_numbers, only: number_text, bytes_text
+  use dst_scene, only: scene_t, scene_from_deck
+  use dst_schema, only: sweep_group
+  use dst_simulation, only: simulation_t
+  use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, series_quantities
+  use dst_sweep_list, only: read_points
+  use dst_sweep_shard, only: shards_of
+  use dst_text, only: integer_text
+  implicit none
+  private
+
+  public :: check_deck, sweep_of_deck
+
+  !> Files so large are worth a word before the run.
+  real(wp), parameter :: large = 1.0e9_wp
+
+  !> What a deck will write.
+  type :: demand_t
+    real(wp) :: bytes = 0.0_wp            !! what is known beforehand
+    real(wp) :: there = 0.0_wp            !! bytes of it that are on the disk already, or are replaced
+    character(:), allocatable :: what     !! '1e7 samples of 16 columns'
+    character(:), allocatable :: key      !! that decides
+    character(:), allocatable :: remedy
+  end type demand_t
+
+contains
+
+  !> Refuse a deck, which has been read without a fault, that cannot run or whose results have no room where `output` shall be.
+  subroutine check_deck(deck, output, shards, remark, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: output                 !! the result file
+    integer, intent(in) :: shards                      !! processes that share a sweep on different disks; 0 = one does all
+    character(:), allocatable, intent(out) :: remark   !! the size of large results; '' of others
+    type(error_t), allocatable, intent(out) :: error
+    type(demand_t) :: demand
+
+    remark = ''
+    if (deck%is_sweep()) then
+      call weigh_sweep(deck, output, shards, demand, error)
+    else
+      call weigh_run(deck, output, demand, error)
+    end if
+    ! Who limits the time wants what comes until then.
+    if (.not. (allocated(error) .or. deck%real_of('output', 'wall_limit') > 0.0_wp)) call check_room(output, demand, error)
+    if (allocated(error)) then
+      call locate(deck, error)
+    else if (demand%bytes >= large) then
+      remark = demand%what//' will take '//bytes_text(demand%bytes)
+    end if
+  end subroutine check_deck
+
+  !> A single run: model, method, columns, samples.
+  subroutine weigh_run(deck, output, demand, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: output
+    type(demand_t), intent(out) :: demand
+    type(error_t), allocatable, intent(out) :: error
+    type(simulation_t), allocatable :: simulation
+    type(scene_t) :: scene
+    character(:), allocatable :: model_choice
+    real(wp) :: samples
+
+    call scene_from_deck(deck, scene)
+    samples = run_samples(scene)
+    demand%key = 'output.interval'
+    if (.not. scene%interval > 0.0_wp) demand%key = 'integrator.step'
+    if (.not. deck%is_set('output', 'interval')) demand%key = 'scene.t_end'
+    if (samples > most_samples) then
+      call raise(error, deck_error, 'more than 2^53 samples: raise '//decisive(scene)//', or lower scene.t_end', demand%key)
+      return
+    end if
+    call settle_model(scene, model_choice)
+    allocate (simulation)
+    call simulation%start(scene, error)
+    if (allocated(error)) return
+    associate (columns => simulation%output_columns())
+      demand%bytes = samples*real(8*size(columns) - 7*count(columns%name == 'sticking'), wp)
+      if (precision(1.0_wp) > 15) demand%bytes = demand%bytes + samples*real(8*size(columns), wp)
+      demand%what = number_text(samples)//' samples of '//integer_text(size(columns))//' columns'
+    end associate
+    if (file_exists(output)) demand%there = real(file_size(output), wp)
+    demand%remedy = 'raise '//decisive(scene)//', name fewer output.fields, or choose another disk'
+  end subroutine weigh_run
+
+  !> The key that sets the distance of the samples.
+  pure function decisive(scene) result(key)
+    type(scene_t), intent(in) :: scene
+    character(:), allocatable :: key
+
+    key = 'output.interval'
+    if (.not. scene%interval > 0.0_wp) key = 'integrator.step or give output.interval'
+  end function decisive
+
+  !> A sweep: its list of points, and of each case a record in a shard and a row of the result.
+  subroutine weigh_sweep(deck, output, shards, demand, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: output
+    integer, intent(in) :: shards
+    type(demand_t), intent(out) :: demand
+    type(error_t), allocatable, intent(out) :: error
+    type(sweep_t) :: sweep
+    type(path_t), allocatable :: files(:)
+    real(wp) :: cases, numbers, samples
+    integer :: i
+
+    numbers = 0.0_wp
+    demand%key = 'sweep.count'
+    demand%remedy = 'use smaller counts'
+    if (deck%text_of(sweep_group, 'keep') == 'series') then
+      samples = sample_count(deck%real_of('scene', 't_end'), deck%real_of('output', 'interval'))
+      call count_series(deck, samples, numbers, error)
+      if (allocated(error)) return
+      demand%remedy = demand%remedy//', a larger output.interval, fewer output.fields'
+    end if
+    if (deck%text_of(sweep_group, 'points') /= '') then
+      call sweep_of_deck(deck, sweep, error)
+      if (allocated(error)) return
+      cases = real(sweep%cases, wp)
+      demand%key = 'sweep.points'
+    else
+      cases = grid_cases(deck)
+    end if
+    demand%remedy = demand%remedy//', or another disk'
+    ! A record and a row hold the same, but for a few words.
+    demand%bytes = 8.0_wp*cases*(real(value_count + 3, wp) + numbers)
+    demand%bytes = merge(demand%bytes/real(max(1, shards), wp), 2.0_wp*demand%bytes, shards > 0)
+    demand%what = number_text(cases)//' cases of '//number_text(real(value_count, wp) + numbers)//' numbers'
+    call shards_of(output, files)
+    do i = 1, size(files)
+      demand%there = demand%there + real(file_size(files(i)%text), wp)
+    end do
+  end subroutine weigh_sweep
+
+  !> Numbers of the series of a case.
+  subroutine count_series(deck, samples, numbers, error)
+    type(deck_t), intent(in) :: deck
+    real(wp), intent(in) :: samples
+    real(wp), intent(out) :: numbers
+    type(error_t), allocatable, intent(out) :: error
+    type(sweep_t) :: one
+    integer :: columns
+
+    one%deck = deck
+    one%keeps_series = .true.
+    columns = size(series_quantities(one))
+    numbers = 0.0_wp
+    if (samples < most_samples) numbers = samples*real(columns, wp)
+    if (numbers > most_series_values .or. .not. samples < most_samples) call raise(error, deck_error, &
+      'a case of a sweep keeps at most '//number_text(most_series_values)//' numbers, '// &
+      number_text(aint(most_series_values/real(columns, wp)))//' samples of its '//integer_text(columns)// &
+      ' columns: raise output.interval, or name fewer output.fields', &
+      trim(merge('output.interval', 'sweep.keep     ', deck%is_set('output', 'interval'))))
+  end subroutine count_series
+
+  !> The grid or the list of points of a deck with &sweep.
+  subroutine sweep_of_deck(deck, sweep, error)
+    type(deck_t), intent(in) :: deck
+    type(sweep_t), intent(out) :: sweep
+    type(error_t), allocatable, intent(out) :: error
+    type(axis_t), allocatable :: axes(:)
+
+    if (deck%text_of(sweep_group, 'points') == '') then
+      call new_sweep(deck, sweep, error)
+    else
+      call read_points(deck, axes, error)
+      if (.not. allocated(error)) call new_sweep(deck, sweep, error, axes, .true.)
+    end if
+  end subroutine sweep_of_deck
+
+  !> Whether the disk has room for what is known to come.
+  subroutine check_room(output, demand, error)
+    character(*), intent(in) :: output
+    type(demand_t), intent(in) :: demand
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: folder
+    real(wp) :: room
+
+    if (.not. demand%bytes > 0.0_wp) return
+    folder = folder_of(output)
+    if (file_exists(output)) folder = folder_of(true_path(output))
+    room = free_space(folder)
+    if (demand%bytes - demand%there <= room) return
+    call raise(error, deck_error, demand%what//' need '//bytes_text(demand%bytes)//', and the disk of '//folder//' has '// &
+      bytes_text(room)//': '//demand%remedy, demand%key)
+  end subroutine check_room
+
+  !> Say where in the deck, or in which setting, the value stands that an error is about.
+  subroutine locate(deck, error)
+    type(deck_t), intent(in) :: deck
+    type(error_t), allocatable, intent(inout) :: error
+    type(faults_t) :: faults
+    character(:), allocatable :: key
+    integer :: k
+
+    if (error%code /= deck_error) return
+    key = 'scene.model'
+    if (allocated(error%key)) key = error%key
+    k = varied_key(key)
+    call faults%add(deck%value(k)%line, error%text, deck%value(k)%setting, trim(deck%value(k)%argument))
+    error%text = faults%report(deck%name)
+  end subroutine locate
+end module dst_deck_check

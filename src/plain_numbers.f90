@@ -1,0 +1,114 @@
+!> Numbers for people: three digits, sizes in the unit that fits, times as one says them.
+module dst_plain_numbers
+  use dst_kinds, only: wp, int64
+  implicit none
+  private
+
+  public :: number_text, bytes_text, duration_text
+
+  integer, parameter :: width = 24
+
+contains
+
+  !> '0', '12.3', '0.00123', '123456', '1.23e7': up to three significant digits, whole numbers to a million with all.
+  pure function number_text(value) result(text)
+    real(wp), intent(in) :: value
+    character(:), allocatable :: text
+    character(width) :: buffer, mantissa, form
+    integer :: exponent
+
+    if (.not. abs(value) <= huge(value)) then
+      text = 'infinite'
+      return
+    else if (abs(value) > 0.0_wp .and. abs(value) <= tiny(value)) then
+      ! Fewer digits than others: it cannot be told from 0 by a reader.
+      text = '0'
+      return
+    end if
+    write (buffer, '(es24.2e4)') value
+    mantissa = adjustl(buffer(:index(buffer, 'E') - 1))
+    read (buffer(index(buffer, 'E') + 1:), *) exponent
+    if (exponent < -3 .or. exponent > 5) then
+      write (buffer, '(a, a, i0)') without_zeros(mantissa), 'e', exponent
+    else
+      write (form, '(a, i0, a)') '(f24.', max(0, 2 - exponent), ')'
+      write (buffer, form) value
+      if (exponent < 2) buffer = without_zeros(buffer)
+    end if
+    text = trim(adjustl(buffer))
+    if (text(len(text):) == '.') text = text(:len(text) - 1)
+    if (text(1:1) == '.') text = '0'//text
+    if (index(text, '-.') == 1) text = '-0'//text(2:)
+  end function number_text
+
+  !> Without the zeros that end a decimal fraction.
+  pure function without_zeros(digits) result(text)
+    character(*), intent(in) :: digits
+    character(:), allocatable :: text
+
+    text = trim(digits)
+    do while (text(len(text):) == '0')
+      text = text(:len(text) - 1)
+    end do
+    if (text(len(text):) == '.') text = text(:len(text) - 1)
+  end function without_zeros
+
+  !> '12 bytes', '1.5 kB', '80 GB': decimal units, as the tools for disks count.
+  pure function bytes_text(bytes) result(text)
+    real(wp), intent(in) :: bytes
+    character(:), allocatable :: text
+    character(5), parameter :: units(7) = [character(5) :: 'bytes', 'kB', 'MB', 'GB', 'TB', 'PB', 'EB']
+    real(wp) :: count
+    integer :: i
+
+    count = bytes
+    do i = 1, size(units) - 1
+      if (count < 999.5_wp) exit
+      count = count/1.0e3_wp
+    end do
+    text = number_text(count)//' '//trim(units(i))
+  end function bytes_text
+
+  !> '0.5 s', '12 s', '3 min 20 s', '2 h 5 min', '3 d 4 h', 'over 1000 d'.
+  pure function duration_text(seconds) result(text)
+    real(wp), intent(in) :: seconds
+    character(:), allocatable :: text
+    real(wp), parameter :: minute = 60.0_wp, hour = 60.0_wp*minute, day = 24.0_wp*hour
+
+    if (.not. seconds < 1.0e3_wp*day) then
+      text = 'over 1000 d'
+    else if (seconds < 9.5_wp) then
+      text = number_text(anint(10.0_wp*seconds)/10.0_wp)//' s'
+    else if (seconds < minute - 0.5_wp) then
+      text = whole_text(anint(seconds))//' s'
+    else if (seconds < hour - 0.5_wp) then
+      text = two_units(anint(seconds), 60_int64, ' min', ' s')
+    else if (seconds < day - 0.5_wp*minute) then
+      text = two_units(anint(seconds/minute), 60_int64, ' h', ' min')
+    else
+      text = two_units(anint(seconds/hour), 24_int64, ' d', ' h')
+    end if
+  end function duration_text
+
+  !> `count` of the smaller unit as larger and smaller ones; without the smaller where there are none.
+  pure function two_units(count, each, larger, smaller) result(text)
+    real(wp), intent(in) :: count
+    integer(int64), intent(in) :: each
+    character(*), intent(in) :: larger, smaller
+    character(:), allocatable :: text
+    integer(int64) :: whole
+
+    whole = nint(count, int64)
+    text = whole_text(real(whole/each, wp))//larger
+    if (modulo(whole, each) > 0) text = text//' '//whole_text(real(modulo(whole, each), wp))//smaller
+  end function two_units
+
+  pure function whole_text(value) result(text)
+    real(wp), intent(in) :: value
+    character(:), allocatable :: text
+    character(width) :: buffer
+
+    write (buffer, '(i0)') nint(value, int64)
+    text = trim(buffer)
+  end function whole_text
+end module dst_plain_numbers

@@ -1,0 +1,57 @@
+!> Numbers for people: short, with a digit before the point, and true to three digits.
+program test_plain_numbers
+  use checks, only: check, finish
+  use dst_kinds, only: wp
+  use dst_plain_numbers, only: number_text, bytes_text, duration_text
+  use dst_text, only: read_real
+  implicit none
+
+  call check('0', number_text(0.0_wp) == '0')
+  call check('0.5', number_text(0.5_wp) == '0.5')
+  call check('no zeros at the end', number_text(12.0_wp) == '12')
+  call check('-0.25', number_text(-0.25_wp) == '-0.25')
+  call check('three digits', number_text(1234.56_wp) == '1235')
+  call check('rounded up to the next power', number_text(999.7_wp) == '1000')
+  call check('large', number_text(1.23e6_wp) == '1.23e6')
+  call check('small', number_text(1.0e-7_wp) == '1e-7')
+  call check('bytes', bytes_text(12.0_wp) == '12 bytes')
+  call check('kilobytes', bytes_text(1500.0_wp) == '1.5 kB')
+  call check('the next unit', bytes_text(999.9e9_wp) == '1 TB')
+  call check('beyond the units', bytes_text(1.0e25_wp) == '1e7 EB')
+  call check('tenths of a second', duration_text(0.5_wp) == '0.5 s')
+  call check('no seconds', duration_text(0.0_wp) == '0 s')
+  call check('seconds', duration_text(59.4_wp) == '59 s')
+  call check('a minute', duration_text(59.6_wp) == '1 min')
+  call check('minutes', duration_text(200.0_wp) == '3 min 20 s')
+  call check('an hour', duration_text(3599.9_wp) == '1 h')
+  call check('hours', duration_text(7500.0_wp) == '2 h 5 min')
+  call check('days', duration_text(100.0_wp*3600.0_wp) == '4 d 4 h')
+  call check('who knows', duration_text(1.0e300_wp) == 'over 1000 d')
+  call everywhere()
+  call finish()
+
+contains
+
+  !> Over all magnitudes a number reads back to within half a unit of its third digit, begins with a digit, and is short.
+  subroutine everywhere()
+    real(wp) :: value, again
+    character(:), allocatable :: text, problem
+    logical :: close, short, plain
+    integer :: i
+
+    close = .true.
+    short = .true.
+    plain = .true.
+    do i = -3000, 3000
+      value = 10.0_wp**(0.1_wp*i)*(1.0_wp + 1.0e-3_wp*modulo(i, 7))
+      text = number_text(value)
+      call read_real(text, again, problem)
+      close = close .and. problem == '' .and. abs(again - value) <= 5.01e-3_wp*value
+      short = short .and. len(text) <= 9
+      plain = plain .and. scan(text(1:1), '0123456789') == 1 .and. scan(text(len(text):), '0123456789') == 1
+    end do
+    call check('close to the value', close)
+    call check('short', short)
+    call check('begins and ends with a digit', plain)
+  end subroutine everywhere
+end program test_plain_numbers
