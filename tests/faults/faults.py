@@ -1,0 +1,498 @@
+"""Whatever call of the system fails, and wherever a kill strikes: nothing computed is lost, no other file is touched.
+
+    python tests/faults/faults.py                       # every fault at every call of every operation
+    python tests/faults/faults.py --every 20            # at every 20th call
+    python tests/faults/faults.py --operation run --kind kill --call 123
+
+Each case is an operation (a run, a resume, a sweep ...) in a folder with files of others, and one fault at its n-th call of the
+system. Checked is how the operation ends and what it leaves; then it is continued without faults, and must end with the bits of
+an operation without faults. Clocks are those of the shim, so that calls are the same each time; see shim.c.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from program import (
+    DONE,
+    FILE_ERROR,
+    INPUTS,
+    STOPPED,
+    Call,
+    Ended,
+    Program,
+    content,
+    fault_of_unfinished,
+    is_complete,
+    is_sealed,
+    rows_of,
+    snapshot,
+)
+
+DECK_ERROR = 2
+CLOCK = 0.05
+RESULT = "x.h5"
+OWN = {RESULT, f"{RESULT}.checkpoint"}
+BYSTANDERS = (
+    "x.h5~", "x.h5.bak", "x.h5.part", "x.h5.1234.part", "x.h5.checkpoint.old", "x.h5.lock.txt", "x.h5.shard-12345",
+    "x.h5.shard-abcdef", "x", "x.checkpoint",
+)  # fmt: skip
+LINKS = {"x.h5.checkpoint~": "victim", "y.h5": "x.h5.bak"}
+SCENE = (INPUTS / "low_frequency.nml").read_text().replace("t_end = 10.0", "t_end = 1.0")
+SCENE = SCENE.replace("interval = 1.0e-3", "fields = 'u_x', 'sticking', interval = 1.0e-2")
+DECK = SCENE.replace("interval =", "flush_seconds = 0.4, checkpoint_interval = 0.7, interval =")
+DECK = DECK.replace("rtol = 1.0e-6", "rtol = 1.0e-6, step_max = 5.0e-3")
+OTHER_DECK = DECK.replace("misalignment_deg = 1.0", "misalignment_deg = 2.0")
+GRID = """
+&sweep
+  parameter = 'system.misalignment_deg', 'drive.velocity'
+  first = 1.0, 1.0e-3, last = 2.0, 2.0e-3, count = 3, 2
+"""
+DECKS = {
+    "run.nml": DECK,
+    "other.nml": OTHER_DECK,
+    "sweep.nml": SCENE + GRID + "/\n",
+    "series.nml": SCENE + GRID + "  keep = 'series'\n/\n",
+    "trade.nml": SCENE.replace("interval = 1.0e-2", "interval = 0.1"),
+}
+
+
+# What may happen to a call: the fault of the shim, and the calls (by the letters of the log) whose failure tells something new.
+CHANGES = "cowtuRsxlfk"
+KINDS: dict[str, tuple[str, str]] = {
+    "kill": ("kill:all", CHANGES),
+    "kill group": ("group:all", CHANGES),
+    "kill everyone": ("everyone:all", CHANGES),
+    "kill parent of child": ("orphan:child", "wtsR"),
+    "ENOSPC": ("ENOSPC:all", "cwsR"),
+    "ENOSPC from there on": ("ENOSPC+:all", "cwsR"),
+    "EDQUOT from there on": ("EDQUOT+:all", "cwsR"),
+    "EIO": ("EIO:all", "cOrwsxtuR"),
+    "EIO from there on": ("EIO+:all", "cOrwsxtuR"),
+    "EINTR": ("EINTR:all", "OrwsxtlW"),
+    "EROFS from there on": ("EROFS+:all", "cowtuR"),
+    "EACCES": ("EACCES:all", "cOu?"),
+    "EBADF": ("EBADF:all", "rwsxtl"),
+    "short write": ("short:all", "w"),
+    "EMFILE": ("EMFILE:all", "Of"),
+    "no fork from there on": ("EAGAIN+:all", "f"),
+    "no hard links": ("EPERM+:all", "k"),
+    "no locks (ENOLCK)": ("ENOLCK+:all", "l"),
+    "no locks (EOPNOTSUPP)": ("EOPNOTSUPP+:all", "l"),
+    "SIGTERM": ("TERM:parent", CHANGES + "O?r"),
+    "SIGHUP": ("HUP:parent", CHANGES + "O?r"),
+    "SIGINT": ("INT:parent", CHANGES + "O?r"),
+    "SIGUSR1": ("USR1:parent", CHANGES + "O?r"),
+}
+# Only the first one differs from the others: a file system has no locks or links, a process no children, at all.
+ONCE = ("no fork from there on", "no hard links", "no locks (ENOLCK)", "no locks (EOPNOTSUPP)")
+SIGNALS = {"SIGTERM": -15, "SIGHUP": -1, "SIGINT": -2, "SIGUSR1": -10}
+
+
+def write_decks(folder: Path) -> None:
+    for name, text in DECKS.items():
+        (folder / name).write_text(text)
+
+
+def write_bystanders(folder: Path) -> None:
+    """Files of others, with names like those of a result."""
+    for name in (*BYSTANDERS, "victim"):
+        (folder / name).write_text(f"precious {name}\n")
+    for name, target in LINKS.items():
+        (folder / name).symlink_to(target)
+
+
+OTHERS = {*BYSTANDERS, *LINKS, "victim", *DECKS}
+
+
+@dataclass(frozen=True)
+class Operation:
+    """A command in a folder that is prepared by other commands, each with the fault that ends it, and at which part of its calls."""
+
+    command: tuple[str, ...]
+    prepared: tuple[tuple[tuple[str, ...], str, float], ...] = ()
+    stop: float = 0.0  # at which part of its calls it is itself asked to stop
+    status: int = DONE
+    clock: float = CLOCK
+    resumable: bool = True  # the result of a run
+    repeated: bool = False  # the same command continues
+
+    @property
+    def begins_anew(self) -> bool:
+        return self.command[0] != "resume"
+
+
+RUN = ("run", "run.nml", "-o", RESULT, "--quiet")
+RESUME = ("resume", RESULT, "--quiet")
+STOP_RUN, STOP_RESUME = (RUN, "TERM:parent", 0.5), (RESUME, "TERM:parent", 0.3)
+KILL_RUN, KILL_RESUME = (RUN, "kill:parent", 0.7), (RESUME, "kill:parent", 0.5)
+OTHER_RUN = ("run", "other.nml", "-o", RESULT, "--quiet")
+OTHER, OTHER_STOPPED = (OTHER_RUN, "", 1.0), (OTHER_RUN, *STOP_RUN[1:])
+SWEEP = ("run", "sweep.nml", "-o", RESULT, "--quiet")
+SERIES = ("run", "series.nml", "-o", RESULT, "--quiet")
+TRADE = ("trade", "trade.nml", "-o", RESULT, "--quiet", "--budget", "3.0")
+KILL_SWEEP = (SWEEP, "kill:parent:write@5", 0.0)
+OPERATIONS = {
+    "run": Operation(RUN),
+    "run, name is taken": Operation(RUN, (OTHER,), status=FILE_ERROR),
+    "run --overwrite": Operation((*RUN, "--overwrite"), (OTHER,)),
+    "run --overwrite of a stopped run": Operation((*RUN, "--overwrite"), (OTHER_STOPPED,)),
+    "run, stopped": Operation(RUN, stop=0.5, status=STOPPED),
+    "resume after a stop": Operation(RESUME, (STOP_RUN,)),
+    "resume after a kill": Operation(RESUME, (KILL_RUN,)),
+    "resume, stopped": Operation(RESUME, (STOP_RUN,), stop=0.3, status=STOPPED),
+    "resume after resume and stop": Operation(RESUME, (STOP_RUN, STOP_RESUME)),
+    "resume after resume and kill": Operation(RESUME, (STOP_RUN, KILL_RESUME)),
+    "merge": Operation(("merge", *SWEEP[1:]), (KILL_SWEEP,), status=STOPPED,
+                       clock=0.0, resumable=False, repeated=True),
+    "sweep": Operation(SWEEP, clock=0.0, resumable=False, repeated=True),
+    "sweep with series": Operation(SERIES, clock=0.0, resumable=False, repeated=True),
+    "trade": Operation(TRADE, clock=0.005, resumable=False),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    operation: str
+    kind: str
+    call: int
+    name: str = ""
+
+
+class Laboratory:
+    """Operations with faults, in folders made anew for each."""
+
+    def __init__(self, program: Program, room: Path) -> None:
+        self.program, self.room = program, room
+        self.prepared: dict[tuple, Path] = {}
+        self.expected: dict[str, dict[str, tuple]] = {}
+        self.stops: dict[str, str] = {}
+        self.count = 0
+
+    def folder(self, name: str) -> Path:
+        """A new folder in which the operation can begin."""
+        operation = OPERATIONS[name]
+        if operation.prepared not in self.prepared:
+            folder = self.room / f"prepared-{len(self.prepared)}"
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir()
+            write_decks(folder)
+            for command, fault, part in operation.prepared:
+                self.prepare(folder, command, fault, part, operation.clock)
+            self.prepared[operation.prepared] = folder
+        self.count += 1
+        folder = self.room / f"case-{self.count}"
+        shutil.copytree(self.prepared[operation.prepared], folder, symlinks=True)
+        write_bystanders(folder)
+        return folder
+
+    def prepare(self, folder: Path, command: tuple[str, ...], fault: str, part: float, clock: float) -> None:
+        """Run a command until it is stopped or killed."""
+        at = fault if "@" in fault or not fault else f"{fault}:{self.call_at(folder, command, part, clock)}"
+        ended = self.program.run(folder, *command, fault=at, clock=clock)
+        wanted = -9 if "kill" in fault else STOPPED if fault else DONE
+        if ended.status != wanted:
+            raise RuntimeError(f"cannot prepare: {command} with {at}: {ended.status} {ended.text}")
+
+    def call_at(self, folder: Path, command: tuple[str, ...], part: float, clock: float) -> int:
+        """Number of the call of the first process at this part of all in a command; tried in a copy of the folder."""
+        copy = folder.with_name(f"{folder.name}-copy")
+        shutil.copytree(folder, copy, symlinks=True)
+        calls = self.program.run(copy, *command, clock=clock, log=True).calls
+        shutil.rmtree(copy)
+        return round(part * sum(call.who == "parent" for call in calls))
+
+    def stop_of(self, name: str) -> str:
+        """The fault by which the operation is itself stopped."""
+        operation = OPERATIONS[name]
+        if operation.stop <= 0.0:
+            return ""
+        if name not in self.stops:
+            folder = self.folder(name)
+            self.stops[name] = f"TERM:parent:{self.call_at(folder, operation.command, operation.stop, operation.clock)}"
+            shutil.rmtree(folder)
+        return self.stops[name]
+
+    def reference(self, deck: str) -> dict[str, tuple]:
+        """What the file holds after a run of the deck without faults."""
+        if deck not in self.expected:
+            folder = self.room / f"reference-{deck}"
+            folder.mkdir()
+            write_decks(folder)
+            ended = self.program.run(folder, "run", deck, "-o", RESULT, "--quiet", clock=CLOCK if deck == "run.nml" else 0.0)
+            assert ended.status == DONE, ended
+            self.expected[deck] = content(folder / RESULT)
+        return self.expected[deck]
+
+    def calls(self, name: str) -> list[Call]:
+        """The calls of the operation without a fault."""
+        operation = OPERATIONS[name]
+        folder = self.folder(name)
+        ended = self.program.run(folder, *operation.command, fault=self.stop_of(name), clock=operation.clock, log=True)
+        shutil.rmtree(folder)
+        if ended.status != operation.status:
+            raise RuntimeError(f"{name} ends with {ended.status} without a fault: {ended.text}")
+        return ended.calls
+
+    def cases(self, name: str, kinds: list[str]) -> Iterator[Case]:
+        """All faults that can strike the operation."""
+        calls = self.calls(name)
+        for kind in kinds:
+            fault, letters = KINDS[kind]
+            who = fault.split(":")[1]
+            struck = [c for c in calls if set(c.letters) & set(letters) and who in ("all", c.who)]
+            for call in struck[:1] if kind in ONCE else struck:
+                yield Case(name, kind, call.all if who == "all" else call.own, call.name)
+
+    def try_case(self, case: Case) -> list[str]:
+        """What is wrong after the fault; empty if all is well."""
+        operation = OPERATIONS[case.operation]
+        folder = self.folder(case.operation)
+        try:
+            before = snapshot(folder)
+            fault = f"{KINDS[case.kind][0]}:{case.call}"
+            ended = self.program.run(folder, *operation.command, fault=";".join(filter(None, (self.stop_of(case.operation), fault))),
+                                     clock=operation.clock, seconds=20.0)  # fmt: skip
+            return [*self.faults_of_end(case, ended, before, folder), *self.faults_of_sequel(case, ended, before, folder)]
+        finally:
+            shutil.rmtree(folder)
+
+    # What must hold whatever happened.
+
+    def is_right(self, operation: Operation, file: Path) -> bool:
+        """Whether a complete file holds what the operation without a fault gives."""
+        if operation.command[0] == "trade":
+            return True  # the numbers are measured times
+        return content(file) == self.reference(self.deck_of(operation))
+
+    @staticmethod
+    def deck_of(operation: Operation) -> str:
+        return operation.command[1] if operation.begins_anew else "run.nml"
+
+    def faults_of_end(self, case: Case, ended: Ended, before: dict, folder: Path) -> Iterator[str]:
+        """How the operation may end, and what may be there then."""
+        operation = OPERATIONS[case.operation]
+        struck = [hit for hit in ended.hits if hit.letters not in ("TERM",) or case.kind in SIGNALS]
+        if ended.hung:
+            yield "it hangs"
+        elif ended.status == -9 and not case.kind.startswith("kill"):
+            yield "killed by nobody"
+        elif ended.status < 0 and ended.status not in (-9, SIGNALS.get(case.kind)):
+            yield f"ended by signal {-ended.status}"
+        elif ended.status == DECK_ERROR and any(hit.path.endswith(".nml") for hit in ended.hits):
+            pass  # the deck could not be read
+        elif ended.status not in (DONE, FILE_ERROR, STOPPED, -9, SIGNALS.get(case.kind)):
+            yield f"exit status {ended.status}"
+        if ended.status == STOPPED and operation.status != STOPPED and case.kind not in SIGNALS:
+            yield "exit status 75 without a stop"
+        killed = ended.status < 0 or ended.hung
+        if killed and case.kind in SIGNALS and snapshot(folder) != before:
+            yield f"{case.kind} ends it as if it were no request to stop"
+        if ended.status > 0 and not killed and not ended.text.startswith("dynstiction: "):
+            yield "it says nothing about its failure"
+        if any(word in ended.text for word in ("Fortran runtime error", "HDF5-DIAG", "Backtrace")):
+            yield "internal errors are printed"
+        file = folder / RESULT
+        if ended.status == DONE:
+            yield from self.faults_of_result(operation, file)
+        elif file.exists() and operation.resumable and not self.is_old(file, before):
+            what = fault_of_unfinished(file, self.reference("run.nml"))
+            if what and (case.kind != "kill everyone" or "wrong" in what):
+                yield f"the file {what}"
+        if operation.status == FILE_ERROR and not self.is_old(file, before):
+            yield "the existing result is touched"
+        yield from self.faults_of_bystanders(before, folder)
+        may_stay = killed or any("u" in hit.name or hit.name == "unlink" for hit in struck)
+        if not may_stay:
+            yield from (f"{name} is left behind" for name in self.litter(folder, shards=True))
+
+    @staticmethod
+    def is_old(file: Path, before: dict) -> bool:
+        return file.exists() and RESULT in before and file.read_bytes() == before[RESULT][2]
+
+    def faults_of_result(self, operation: Operation, file: Path) -> Iterator[str]:
+        """What is wrong with the file of an operation that says that all is well."""
+        if not is_complete(file):
+            yield "all seems well, but the file is not complete"
+        elif not self.is_right(operation, file):
+            yield "all seems well, but the numbers differ"
+        elif not is_sealed(file):
+            yield "all seems well, but the file is not sealed"
+
+    @staticmethod
+    def faults_of_bystanders(before: dict, folder: Path) -> Iterator[str]:
+        after = snapshot(folder)
+        for name in before:
+            if name in OTHERS and after.get(name) != before[name]:
+                yield f"the file of others {name} is {'changed' if name in after else 'gone'}"
+
+    @staticmethod
+    def litter(folder: Path, shards: bool) -> list[str]:
+        """Names without what differs from run to run."""
+        names = {path.name for path in folder.iterdir()} - OTHERS - OWN
+        if shards:
+            names = {name for name in names if not name.startswith(f"{RESULT}.shard-0")}
+        return ["a lock" if name.endswith(".lock") else "a scratch file" for name in sorted(names)]
+
+    def faults_of_sequel(self, case: Case, ended: Ended, before: dict, folder: Path) -> Iterator[str]:
+        """Without further faults it must go on to the end that it would have had."""
+        operation = OPERATIONS[case.operation]
+        if operation.status == FILE_ERROR:
+            return
+        file = folder / RESULT
+        if ended.status != DONE:
+            why = self.go_on(operation, file, before)
+            if why:
+                yield why
+                return
+            # A kill between a file's end and its seal leaves it without.
+            yield from (f"afterwards {what}" for what in self.faults_of_result(operation, file) if "sealed" not in what)
+        stuck = any(hit.name in ("unlink", "unlinkat", "remove") for hit in ended.hits)
+        if not stuck:
+            yield from (f"{name} stays for ever" for name in self.litter(folder, shards=False))
+            if operation.resumable and (folder / f"{RESULT}.checkpoint").exists() and is_complete(file):
+                yield "the checkpoint stays for ever"
+        yield from (f"afterwards {what}" for what in self.faults_of_bystanders(before, folder))
+
+    def go_on(self, operation: Operation, file: Path, before: dict) -> str:
+        """Continue as a user would; why that is not possible, or ''."""
+
+        def tried(*command: str) -> Ended:
+            return self.program.run(file.parent, *command, clock=operation.clock, seconds=20.0)
+
+        if operation.repeated:
+            again = tried("run", *operation.command[1:])
+            if again.status == FILE_ERROR and file.exists():
+                again = tried("run", *operation.command[1:], "--overwrite")
+            return self.went(again, "the same again")
+        if not file.exists() and operation.begins_anew:
+            return self.went(tried(*operation.command), "the same again")
+        if not operation.resumable or (self.is_old(file, before) and operation.begins_anew):
+            return self.went(tried(*operation.command[:5], *operation.command[5:], "--overwrite"), "the same again")
+        resumed = tried(*RESUME)
+        if resumed.status == DONE or "the run is complete" in resumed.text:
+            return ""
+        nothing_lost = operation.begins_anew and rows_of(file) == 0
+        if resumed.status == FILE_ERROR and nothing_lost:
+            return self.went(tried(*RUN, "--overwrite"), "run --overwrite")
+        return self.went(resumed, "resume")
+
+    @staticmethod
+    def went(ended: Ended, what: str) -> str:
+        if ended.status == DONE:
+            return ""
+        if ended.hung:
+            return f"{what} hangs"
+        message = ended.text.strip().splitlines()[-1:] or [""]
+        return f"{what} ends with {ended.status}: {message[0].removeprefix('dynstiction: ')[:110]}"
+
+
+def room_for_files() -> str | None:
+    """Memory, where that can be had: a disk would be waited for at each fsync."""
+    return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+
+
+def executable() -> Path:
+    found = os.environ.get("DYNSTICTION_EXE") or shutil.which("dynstiction")
+    if not found:
+        sys.exit("no executable: set DYNSTICTION_EXE or put dynstiction on the path")
+    return Path(found).resolve()
+
+
+@cache
+def laboratory() -> Laboratory:
+    """One for each process."""
+    room = tempfile.mkdtemp(prefix="faults-", dir=room_for_files())
+    return Laboratory(Program(executable()).__enter__(), Path(room))
+
+
+def close_laboratory() -> None:
+    laboratory().program.__exit__()
+    shutil.rmtree(laboratory().room, ignore_errors=True)
+
+
+def try_cases(cases: list[Case]) -> list[tuple[Case, list[str]]]:
+    """For a process of its own."""
+    try:
+        return [(case, laboratory().try_case(case)) for case in cases]
+    finally:
+        close_laboratory()
+        laboratory.cache_clear()
+
+
+def list_cases(operations: list[str], kinds: list[str], every: int) -> tuple[list[Case], dict[str, str]]:
+    """Every so manieth case, and the operations that fail without any fault."""
+    cases, broken = [], {}
+    try:
+        for name in operations:
+            try:
+                found = list(laboratory().cases(name, kinds))
+            except RuntimeError as error:
+                broken[name] = str(error)
+                continue
+            cases += found[len(cases) % every :: every]
+    finally:
+        close_laboratory()
+        laboratory.cache_clear()
+    return cases, broken
+
+
+def report(
+    results: list[tuple[Case, list[str]]], broken: dict[str, str], put: Callable[[str], object] = print
+) -> int:
+    """A table of cases and failures; the number of failures."""
+    tried = Counter((case.operation, case.kind) for case, _ in results)
+    failed = Counter((case.operation, case.kind) for case, faults in results if faults)
+    symptoms = Counter((fault, case.operation) for case, faults in results for fault in faults)
+    put(f"{'operation':34} {'fault':22} cases failed")
+    for (operation, kind), count in sorted(tried.items()):
+        put(f"{operation:34} {kind:22} {count:5} {failed[operation, kind]:6}")
+    for text in broken.values():
+        put(f"not tried: {text.strip()}")
+    shown: Counter[str] = Counter()
+    for (symptom, operation), count in symptoms.most_common():
+        shown[symptom] += 1
+        if shown[symptom] > 6:
+            continue
+        examples = [case for case, faults in results if symptom in faults and case.operation == operation]
+        where = ", ".join(f"{c.kind} {c.call} ({c.name})" for c in examples[:3])
+        put(f"{count:5} x {symptom}  [{operation}: {where}]")
+    total = sum(failed.values()) + len(broken)
+    put(f"{len(results)} cases, {total} failures")
+    return total
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--every", type=int, default=1, help="try every so manieth case")
+    options.add_argument("--operation", action="append", choices=OPERATIONS)
+    options.add_argument("--kind", action="append", choices=KINDS)
+    options.add_argument("--call", type=int, help="the fault strikes at this call only")
+    options.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
+    given = options.parse_args()
+    cases, broken = list_cases(given.operation or list(OPERATIONS), given.kind or list(KINDS), given.every)
+    if given.call is not None:
+        cases = [case for case in cases if case.call == given.call]
+    # Small pieces, dealt out as they are done.
+    pieces = [cases[i : i + 100] for i in range(0, len(cases), 100)]
+    results = []
+    with ProcessPoolExecutor(given.jobs) as pool:
+        for done in pool.map(try_cases, pieces):
+            results += done
+            if sys.stderr.isatty():
+                print(f"\r{len(results)} of {len(cases)}", end="", file=sys.stderr)
+    return report(results, broken) > 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
