@@ -21,6 +21,8 @@ from .errors import (
     Error,
     FileError,
     IncompleteWarning,
+    OutOfMemoryError,
+    PackageError,
     SolverError,
     UsageError,
 )
@@ -53,7 +55,9 @@ __all__ = [
     "IncompleteWarning",
     "Initial",
     "Integrator",
+    "OutOfMemoryError",
     "Output",
+    "PackageError",
     "Result",
     "Scene",
     "Setup",

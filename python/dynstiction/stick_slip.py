@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arguments import instance
+from ._optional import needed
 from .errors import ColumnError, UsageError
 from .html import page_table
 from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info
@@ -98,9 +100,7 @@ class StickSlip:
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a `pandas.DataFrame`, one row a cycle; ``frame.attrs["units"]`` has the units."""
-        import pandas  # noqa: PLC0415  (optional)
-
-        frame = pandas.DataFrame(dict(self.columns))
+        frame = needed("pandas", "to_pandas").DataFrame(dict(self.columns))
         frame.attrs["units"] = dict(self.columns.units)
         return frame
 
@@ -138,8 +138,9 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     ColumnError
         If the result lacks a column.
     UsageError
-        If the result does not say what mu_0 and W are.
+        If this is no result, or one that does not say what mu_0 and W are.
     """
+    result = instance("result", result, Result, "give what run or open returns")
     force, position, time = result["spring_force_x"], result["X"], result.time
     try:
         limit = float(result.parameters["mu_0"]) * float(result.parameters["normal_load"])
