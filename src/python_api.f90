@@ -965,7 +965,7 @@ contains
     call start_report(failed, message)
     do i = 1, n
       values = (0.0_wp, 0.0_wp)
-      call check_friction(real(sliders(5:8, i), wp), error)
+      call check_parameters(real(sliders(:, i), wp), error)
       if (.not. allocated(error)) &
         call steady_sliding_eigenvalues(slider_from(real(sliders(:, i), wp)), real(sliders(9, i), wp), values, error)
       real_part(:, i) = real(values, c_double)
@@ -993,7 +993,7 @@ contains
     do i = 1, n
       found = critical_t()
       low_limit = 0.0_wp
-      call check_friction(real(sliders(5:8, i), wp), error)
+      call check_parameters(real(sliders(:, i), wp), error)
       if (.not. allocated(error)) then
         slider = slider_from(real(sliders(:, i), wp))
         call critical_misalignment(slider, real(sliders(9, i), wp), found, error)
@@ -1022,7 +1022,7 @@ contains
 
     call start_report(failed, message)
     do i = 1, n
-      call check_friction(real(sliders(5:8, i), wp), error)
+      call check_parameters(real(sliders(:, i), wp), error)
       if (.not. (allocated(error) .or. abs(theta(i)) <= huge(theta))) &
         call raise(error, usage_error, 'theta is not a number or infinite: it must be finite')
       value = 0.0_wp
@@ -1046,15 +1046,23 @@ contains
     end subroutine damping_of
   end subroutine slow_damping
 
-  !> What a deck's reader would refuse: mu_0, mu_inf, v_f, W.
-  subroutine check_friction(values, error)
-    real(wp), intent(in) :: values(4)
+  !> What a deck's reader would refuse, or what cannot be multiplied and squared to make a slider.
+  subroutine check_parameters(values, error)
+    real(wp), intent(in) :: values(10)
     type(error_t), allocatable, intent(out) :: error
+    real(wp), parameter :: largest = sqrt(huge(1.0_wp))
 
-    if (.not. (all(values >= 0.0_wp) .and. all(values <= huge(values)) .and. values(3) > 0.0_wp)) &
-      call raise(error, usage_error, 'mu_0, mu_inf, v_f or normal_load is out of range: mu_0, mu_inf and normal_load must be '// &
-                 'finite and >= 0, v_f finite and > 0')
-  end subroutine check_friction
+    associate (friction => values(5:8), v_smooth => values(10))
+      if (.not. (all(friction >= 0.0_wp) .and. all(friction <= huge(friction)) .and. values(7) >= tiny(1.0_wp))) then
+        call raise(error, usage_error, 'mu_0, mu_inf, v_f or normal_load is out of range: mu_0, mu_inf and normal_load must be '// &
+                   'finite and >= 0, v_f finite and > 0')
+      else if (maxval(exponent(values(5:6))) + exponent(values(8)) > maxexponent(1.0_wp) - 2) then
+        call raise(error, usage_error, 'mu_0 or mu_inf times normal_load is beyond the range of the numbers: give smaller ones')
+      else if (.not. (v_smooth >= 0.0_wp .and. v_smooth < largest)) then
+        call raise(error, usage_error, 'v_smooth is out of range: it must be finite and >= 0, and its square too')
+      end if
+    end associate
+  end subroutine check_parameters
 
   subroutine start_report(failed, message)
     integer(c_int), intent(out) :: failed, message(256)

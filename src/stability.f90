@@ -11,6 +11,7 @@
 module dst_stability
   use dst_kinds, only: wp, real64, pi
   use dst_errors, only: error_t, raise, usage_error, not_finite
+  use dst_friction, only: friction_law_t, exponential_form
   use dst_slider, only: slider_t
   implicit none
   private
@@ -32,6 +33,21 @@ module dst_stability
     real(wp) :: window(2) = 0.0_wp
   end type critical_t
 
+  !> A slider and its friction in units that are powers of two: about 1 for the mass and the stiffer spring. They change no
+  !> digit of a result, but keep squares and products within the numbers where the results are.
+  type :: own_units_t
+    real(wp) :: mass, stiffness(2)
+    real(wp) :: alpha, beta
+    !> The unit of frequency is 2**rate 1/s.
+    integer :: rate
+  end type own_units_t
+
+  character(*), parameter :: beyond = 'beyond the range of the numbers: bring the mass, the stiffnesses, the friction and the '// &
+    'velocity nearer to each other'
+
+  !> Exponents that are free above a number's, for the sums and products in which it takes part.
+  integer, parameter :: room = 16
+
   interface
     subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
       import :: real64
@@ -52,34 +68,41 @@ contains
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
     complex(wp), intent(out) :: eigenvalues(4)
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: normal(2), frequency(2), alpha, beta, matrix(4, 4)
+    type(own_units_t) :: own
+    real(wp) :: normal(2), frequency(2), parts(8), matrix(4, 4)
     real(real64) :: double_matrix(4, 4), real_part(4), imaginary_part(4), left(1, 1), right(1, 1), work(64)
     integer :: i, j, info
 
     eigenvalues = (0.0_wp, 0.0_wp)
-    call resistance(slider, velocity, alpha, beta, error)
+    call to_own_units(slider, velocity, own, error)
     if (allocated(error)) return
     ! Unknowns sqrt(k) u and sqrt(m) u': the elastic part is skew and the friction part symmetric.
     normal = [-slider%along(2), slider%along(1)]
-    frequency = sqrt(slider%stiffness/slider%mass)
+    frequency = sqrt(own%stiffness/own%mass)
     matrix = 0.0_wp
     do i = 1, 2
       matrix(i, i + 2) = frequency(i)
       matrix(i + 2, i) = -frequency(i)
       do j = 1, 2
-        matrix(i + 2, j + 2) = -(alpha*slider%along(i)*slider%along(j) + beta*normal(i)*normal(j))/slider%mass
+        matrix(i + 2, j + 2) = -(own%alpha*slider%along(i)*slider%along(j) + own%beta*normal(i)*normal(j))/own%mass
       end do
     end do
     double_matrix = real(matrix, real64)
-    call dgeev('N', 'N', 4, double_matrix, 4, real_part, imaginary_part, left, 1, right, 1, work, size(work), info)
+    ! LAPACK stops the program over a number that is not finite.
+    info = 1
+    if (all(abs(double_matrix) <= huge(1.0_real64))) &
+      call dgeev('N', 'N', 4, double_matrix, 4, real_part, imaginary_part, left, 1, right, 1, work, size(work), info)
     if (info /= 0) then
       call raise(error, not_finite, 'the eigenvalues of steady sliding were not found: '// &
                  'bring the mass, the stiffnesses and the friction nearer to each other')
       return
     end if
+    parts = real([real_part, imaginary_part], wp)
+    call to_si('an eigenvalue of steady sliding', parts, own%rate, error)
+    if (allocated(error)) return
     do i = 1, 4
       j = maxloc(real_part, 1)
-      eigenvalues(i) = cmplx(real_part(j), imaginary_part(j), wp)
+      eigenvalues(i) = cmplx(parts(j), parts(j + 4), wp)
       real_part(j) = -huge(1.0_real64)
     end do
   end subroutine steady_sliding_eigenvalues
@@ -92,7 +115,8 @@ contains
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
     type(critical_t), intent(out) :: critical
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: alpha, beta, coupling, root_sum, gap, p(2), below(2), above(2), soft(2), stiff(2)
+    type(own_units_t) :: own
+    real(wp) :: alpha, beta, coupling, root_sum, gap, share, p(2), below(2), above(2), soft(2), stiff(2), frequency(2)
 
     call resistance(slider, velocity, alpha, beta, error)
     if (allocated(error)) return
@@ -100,23 +124,31 @@ contains
       critical%window = [0.0_wp, 0.5_wp*pi]
     if (alpha >= 0.0_wp .or. alpha + beta <= 0.0_wp) return
 
-    associate (soft_stiffness => minval(slider%stiffness), stiff_stiffness => maxval(slider%stiffness))
+    call to_own_units(slider, velocity, own, error)
+    if (allocated(error)) return
+    associate (soft_stiffness => minval(own%stiffness), stiff_stiffness => maxval(own%stiffness))
       ! p has two real positive values if gap > 0: the sum of the roots is beyond twice the root of their product.
-      coupling = -alpha*beta/slider%mass
+      if (power_of(own%alpha) + power_of(own%beta) > room) return
+      coupling = -own%alpha*own%beta/own%mass
       root_sum = sqrt(soft_stiffness) + sqrt(stiff_stiffness)
       gap = ((stiff_stiffness - soft_stiffness)/root_sum)**2 - coupling
       if (.not. gap > 0.0_wp) return
-      critical%exists = .true.
-      p(2) = 0.5_wp*(soft_stiffness + stiff_stiffness - coupling + sqrt(gap)*sqrt(root_sum**2 - coupling))
-      p(1) = soft_stiffness*stiff_stiffness/p(2)
       ! Distances of p from the two stiffnesses; their product is coupling*p.
-      above = [stiff_stiffness - p(1), coupling*p(2)/(p(2) - soft_stiffness)]
-      below = [coupling*p(1)/above(1), p(2) - soft_stiffness]
+      below(2) = 0.5_wp*(stiff_stiffness - soft_stiffness - coupling + sqrt(gap)*sqrt(root_sum**2 - coupling))
+      p(2) = soft_stiffness + below(2)
+      p(1) = soft_stiffness*stiff_stiffness/p(2)
+      above = [stiff_stiffness*below(2)/p(2), coupling*p(2)/below(2)]
+      below(1) = coupling*p(1)/above(1)
     end associate
+    frequency = sqrt(p/own%mass)
+    call to_si('the frequency at the critical angle', frequency, own%rate, error)
+    if (allocated(error)) return
+    critical%exists = .true.
+    critical%frequency = frequency
     ! Squares of the sine and the cosine of the angle to the soft axis, but for a common factor.
-    soft = above + beta**2*p/(slider%mass*above)
-    stiff = below + beta**2*p/(slider%mass*below)
-    critical%frequency = sqrt(p/slider%mass)
+    share = -alpha/beta
+    soft = share*above + below
+    stiff = share*below + above
     if (slider%stiffness(1) <= slider%stiffness(2)) then
       critical%angle = atan2(sqrt(soft), sqrt(stiff))
       critical%window = critical%angle
@@ -166,7 +198,7 @@ contains
     real(wp), intent(in) :: velocity                     !! of the drive, m/s
     real(wp), intent(out) :: lambda
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: drift
+    real(wp) :: drift, damping, values(1)
 
     lambda = 0.0_wp
     call check_slider(slider, error)
@@ -174,8 +206,19 @@ contains
     if (.not. allocated(error) .and. .not. (drift > 0.0_wp .and. drift <= huge(drift))) &
       call raise(error, usage_error, 'V sin(phi) = '//trim(shown(drift))//' m/s: Eq. (10) divides by it, '// &
                  'so V and the misalignment must be finite and not 0')
-    if (.not. allocated(error)) lambda = slider%law%onset/(2.0_wp*drift*sqrt(slider%mass*slider%stiffness(1)))
+    if (allocated(error)) return
+    damping = impedance(slider)
+    values = 0.5_wp*fraction(slider%law%onset)/(fraction(drift)*fraction(damping))
+    call to_si('Lambda', values, exponent(slider%law%onset) - exponent(drift) - exponent(damping), error)
+    if (.not. allocated(error)) lambda = values(1)
   end subroutine damping_scale
+
+  !> sqrt(m k_x) [N s/m], half the damping from which on the slow motion creeps.
+  pure real(wp) function impedance(slider)
+    type(slider_t), intent(in) :: slider
+
+    impedance = sqrt(slider%mass)*sqrt(slider%stiffness(1))
+  end function impedance
 
   !> theta* = asin(Lambda^(-1/3)) [rad]: from there up to pi - theta* the slow motion is overdamped.
   subroutine overdamped_angle(lambda, angle, error)
@@ -210,7 +253,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Below this sine the damping is 0 to working precision, and v no number.
     real(wp), parameter :: smallest_sine = 1.0e-100_wp
-    real(wp) :: drift, sine, force(1), slope(1), lambda
+    real(wp) :: drift, sine, force, slope, damping, lambda, along(1), across(1)
 
     zeta = 0.0_wp
     call damping_scale(slider, velocity, lambda, error)
@@ -218,8 +261,17 @@ contains
     drift = abs(velocity*slider%along(2))
     sine = abs(sin(theta))
     if (sine < smallest_sine) return
-    call slider%law%evaluate(1, [drift/sine], force, slope)
-    zeta = (slope(1)*cos(theta)**2 + force(1)*sine**3/drift)/(2.0_wp*sqrt(slider%mass*slider%stiffness(1)))
+    if (exponent(drift) - exponent(sine) < maxexponent(drift)) then
+      call friction_at(slider%law, drift/sine, force, slope)
+    else
+      call friction_at(slider%law, huge(drift), force, slope)
+    end if
+    damping = impedance(slider)
+    along = 0.5_wp*fraction(slope)/fraction(damping)
+    across = 0.5_wp*fraction(force)/(fraction(drift)*fraction(damping))
+    call to_si('zeta', along, exponent(slope) - exponent(damping), error)
+    if (.not. allocated(error)) call to_si('zeta', across, exponent(force) - exponent(drift) - exponent(damping), error)
+    if (.not. allocated(error)) zeta = along(1)*cos(theta)**2 + across(1)*sine**3
   end subroutine weakening_damping_ratio
 
   !> alpha = dG/dv and beta = G/v [N s/m] at v = |V|; G = F v/sqrt(v^2 + v_s^2) is the friction force.
@@ -228,7 +280,7 @@ contains
     real(wp), intent(in) :: velocity
     real(wp), intent(out) :: alpha, beta
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: speed, force(1), slope(1), smoothed
+    real(wp) :: speed, force, slope, smoothing, smoothed
 
     alpha = 0.0_wp
     beta = 0.0_wp
@@ -240,22 +292,89 @@ contains
                  ' m/s: there is no steady sliding; the drive velocity must be finite and not 0')
       return
     end if
-    call slider%law%evaluate(1, [speed], force, slope)
-    if (slider%smoothing > 0.0_wp) then
-      smoothed = sqrt(speed**2 + slider%smoothing)
-      beta = force(1)/smoothed
-      alpha = slope(1)*speed/smoothed + beta*slider%smoothing/smoothed**2
-    else
-      beta = force(1)/speed
-      alpha = slope(1)
+    call friction_at(slider%law, speed, force, slope)
+    smoothing = sqrt(slider%smoothing)
+    smoothed = hypot(speed, smoothing)
+    if (power_of(force) - exponent(smoothed) > maxexponent(force) - room) then
+      call raise(error, usage_error, 'F/V = '//trim(shown(force))//' N / '//trim(shown(speed))//' m/s is '//beyond)
+      return
     end if
+    beta = force/smoothed
+    alpha = slope*(speed/smoothed) + beta*(smoothing/smoothed)**2
   end subroutine resistance
+
+  !> F [N] and F' [N s/m] of a law that has been checked. Beyond the limit of the speed its exponential is 0.
+  subroutine friction_at(law, speed, force, slope)
+    class(friction_law_t), intent(in) :: law
+    real(wp), intent(in) :: speed                        !! m/s
+    real(wp), intent(out) :: force, slope
+    real(wp) :: limit, drop, decay, forces(1), slopes(1), within
+    logical :: is_exponential
+
+    within = speed
+    call exponential_form(law, limit, drop, decay, is_exponential)
+    if (power_of(speed) + power_of(decay) > room) within = 2.0_wp**room/decay
+    call law%evaluate(1, [within], forces, slopes)
+    force = forces(1)
+    slope = slopes(1)
+  end subroutine friction_at
+
+  !> The slider and the resistance of its friction in `own_units_t`.
+  subroutine to_own_units(slider, velocity, own, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity                     !! of the drive, m/s
+    type(own_units_t), intent(out) :: own
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: alpha, beta
+    integer :: mass, stiffness, damping
+
+    call resistance(slider, velocity, alpha, beta, error)
+    if (allocated(error)) return
+    mass = exponent(slider%mass)
+    stiffness = exponent(maxval(slider%stiffness))
+    stiffness = stiffness + modulo(mass + stiffness, 2)
+    damping = (mass + stiffness)/2
+    if (exponent(minval(slider%stiffness)) - stiffness < minexponent(1.0_wp) + digits(1.0_wp)) &
+      call raise(error, usage_error, 'stiffness_x/stiffness_y is '//beyond)
+    if (max(power_of(alpha), power_of(beta)) - damping > maxexponent(1.0_real64) - room) &
+      call raise(error, usage_error, 'the friction over the mass and the stiffness is '//beyond)
+    if (allocated(error)) return
+    own%mass = scale(slider%mass, -mass)
+    own%stiffness = scale(slider%stiffness, -stiffness)
+    own%alpha = scale(alpha, -damping)
+    own%beta = scale(beta, -damping)
+    own%rate = (stiffness - mass)/2
+  end subroutine to_own_units
+
+  !> Exponent of a number: of 0 one that is below all others.
+  elemental integer function power_of(number)
+    real(wp), intent(in) :: number
+
+    power_of = merge(exponent(number), -10*maxexponent(number), abs(number) > 0.0_wp)
+  end function power_of
+
+  !> Multiply by 2**power, where the results are numbers with room for a sum.
+  subroutine to_si(name, values, power, error)
+    character(*), intent(in) :: name
+    real(wp), intent(inout) :: values(:)
+    integer, intent(in) :: power
+    type(error_t), allocatable, intent(out) :: error
+
+    if (all(abs(values) <= huge(values))) then
+      if (all(power_of(values) + power < maxexponent(values))) then
+        values = scale(values, power)
+        return
+      end if
+    end if
+    call raise(error, usage_error, name//' is '//beyond)
+  end subroutine to_si
 
   !> Decks are checked when they are read; other callers may bring anything.
   subroutine check_slider(slider, error)
     type(slider_t), intent(in) :: slider
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: force(1), slope(1)
+    real(wp) :: limit, drop, decay, values(4)
+    logical :: is_exponential
 
     call check('mass', slider%mass, 'kg')
     call check('stiffness_x', slider%stiffness(1), 'N/m')
@@ -265,10 +384,15 @@ contains
       call raise(error, usage_error, 'the misalignment is not a number: it must be finite')
       return
     end if
-    call slider%law%evaluate(1, [0.0_wp], force, slope)
-    if (.not. (slider%law%onset >= 0.0_wp .and. abs(slope(1)) <= huge(1.0_wp))) &
+    call exponential_form(slider%law, limit, drop, decay, is_exponential)
+    ! Not with `min` and `max`, which pass over a NaN.
+    values = [slider%law%onset, limit, decay, slider%smoothing]
+    if (.not. all(values >= 0.0_wp .and. values <= huge(values))) then
       call raise(error, usage_error, 'the friction is negative or not a number: mu_0, mu_inf and normal_load '// &
                  'must be finite and >= 0, v_f > 0')
+    else if (power_of(drop) + power_of(decay) > maxexponent(1.0_wp) - room) then
+      call raise(error, usage_error, '(mu_0 - mu_inf) normal_load/v_f is '//beyond)
+    end if
 
   contains
 

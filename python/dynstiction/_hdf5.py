@@ -1,97 +1,28 @@
-"""The HDF5 file of a run: the same layout as the executable's (see the manual, "The result file")."""
+"""Reading the HDF5 file of a run (see the manual, "The result file")."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-import threading
 import warnings
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
-from ._open import add_seal, check_list, open_file
+from ._open import check_list, open_file
 from .errors import FileError, IncompleteWarning
 from .record import EVENT_DTYPE, Described, Info, Record
 
-__all__ = ["read", "write"]
+__all__ = ["EVENTS", "PROGRAM", "read"]
 
 PROGRAM = "dynstiction"
 EVENTS = {
     "time": Info("time", "s", "time of the event"),
     "kind": Info("kind", "1", "1 = stick begins, 2 = slip begins"),
 }
-TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
-# The oldest format with checksums of what describes the data.
-FORMAT = ("v108", "v108")
-STORED_AS = {"sticking": np.int8, "kind": np.int8}
-
-
-def write(result: Record, path: str | os.PathLike[str], *, overwrite: bool) -> None:
-    """Write a result; the file appears under its name only when it is whole."""
-    target = Path(path)
-    _refuse_to_replace(target, overwrite)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.{threading.get_ident()}")
-    try:
-        with h5py.File(temporary, "x", libver=FORMAT) as file:
-            _write_contents(file, result)
-        add_seal(temporary)
-        temporary.replace(target)
-    except OSError as error:
-        raise FileError(f"{target}: cannot be written: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _refuse_to_replace(target: Path, overwrite: bool) -> None:
-    if not target.exists():
-        return
-    if not overwrite:
-        raise FileError(f"{target}: the file exists: pass overwrite=True or choose another name")
-    if not target.is_file() or (target.stat().st_size > 0 and not h5py.is_hdf5(target)):
-        raise FileError(f"{target}: exists and is no HDF5 file: choose another name or remove it")
-
-
-def _write_contents(file: h5py.File, result: Record) -> None:
-    for name, value in result.attributes.items():
-        if name != "complete":
-            file.attrs[name] = np.int32(value) if isinstance(value, int) else value
-    for name, text in (("text", result.deck), ("resolved", result.resolved_deck)):
-        data = text.encode("utf-8", "surrogateescape")
-        dataset = file.create_dataset(f"deck/{name}", data=data, dtype=h5py.string_dtype("utf-8"))
-        _describe(dataset, Info(name, "1", TEXTS[name]))
-    _write_series(file.create_group("time_series"), result.columns.info())
-    _write_series(file.create_group("events"), [(EVENTS[name], result.events[name]) for name in EVENTS])
-    _write_group(file.create_group("summary"), result.summary.info())
-    _write_group(file.create_group("statistics"), result.statistics.info())
-    _write_group(file.create_group("parameters"), result.parameters.info())
-    file.attrs["complete"] = np.int32(result.complete)
-
-
-def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[np.generic]]]) -> None:
-    """Columns over the group's time, which becomes the dimension scale of the others."""
-    for info, values in entries:
-        stored = values.astype(STORED_AS.get(info.name, np.float64), copy=False)
-        # With a checksum, so that damage is found when it is read.
-        _describe(group.create_dataset(info.name, data=stored, chunks=True, fletcher32=True), info)
-    group["time"].make_scale("time")
-    for name in group:
-        if name != "time":
-            group[name].dims[0].attach_scale(group["time"])
-
-
-def _write_group(group: h5py.Group, entries: Iterable[tuple[Info, object]]) -> None:
-    for info, value in entries:
-        _describe(group.create_dataset(info.name, data=value), info)
-
-
-def _describe(dataset: h5py.Dataset, info: Info) -> None:
-    dataset.attrs["units"] = info.units
-    dataset.attrs["long_name"] = info.long_name
 
 
 def read(path: str | os.PathLike[str]) -> Record:

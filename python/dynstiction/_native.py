@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache, lru_cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._closing import Closing
+from ._closing import Closing, OneAtATime
 from ._core import dst_python_api as _core
 from .errors import Error, UsageError, error_for
 from .record import Info
@@ -44,6 +45,7 @@ CHUNK_SECONDS = 0.05
 """Wall time between two looks at Ctrl-C."""
 
 RESOLVED_DECK, MESSAGE, MODEL, METHOD, MODEL_CHOICE = 2, 3, 4, 5, 6
+REPORT, RECOMMENDATION, SETTINGS, SHORTFALL = 1, 2, 3, 4
 
 Value = float | int | str | tuple[float, ...] | tuple[str, ...]
 """Value of a key: of a list with one element that element."""
@@ -115,24 +117,54 @@ class BuildInfo(NamedTuple):
     compiler: str
 
 
-class Session(Closing):
-    """What lives in the core under a handle; a context manager, so that it is always closed."""
+class _Memory:
+    """What the core holds under a handle. A call that is going on keeps it alive, so it may be given up at any time."""
 
-    _handle = 0
+    __slots__ = ("_free", "handle")
+
+    def __init__(self, handle: int, free: Callable[[int], None]) -> None:
+        self.handle = handle
+        self._free = free
 
     def __del__(self) -> None:
-        self.close()
+        self._free(self.handle)
+
+
+class Session(Closing):
+    """What lives in the core under a handle; a context manager, so that it is always closed.
+
+    In a process that is forked the copy of the memory is that process's own.
+    """
+
+    name: ClassVar[str]
+    """What the user takes it for."""
+
+    def __init__(self, handle: int) -> None:
+        self._memory: _Memory | None = _Memory(handle, self._free)
+        self._alone = OneAtATime(self.name)
 
     @property
     def closed(self) -> bool:
-        """Whether the handle is void."""
-        return self._handle == 0
+        """Whether the memory has been given up."""
+        return self._memory is None
 
     def close(self) -> None:
-        """Free what the core holds; closing twice does no harm."""
-        handle, self._handle = self._handle, 0
-        if handle != 0:
-            self._free(handle)
+        """Give the memory up: it is freed at once, or when the call that is going on returns."""
+        self._memory = None
+
+    def _opened(self) -> _Memory:
+        """The memory, for a call that several threads may make at once."""
+        memory = self._memory
+        if memory is None:
+            raise UsageError(f"the {self.name} is closed: make a new one")
+        return memory
+
+    @contextmanager
+    def _use(self) -> Iterator[int]:
+        """The handle, for one thread at a time."""
+        with self._alone:
+            memory = self._opened()
+            yield memory.handle
 
     @staticmethod
     @abstractmethod
@@ -151,10 +183,12 @@ class DeckValues(Session):
         Whether each value is held against its own key only, so that a part of a deck will do.
     """
 
+    name = "deck"
+
     def __init__(self, deck: DeckSource, *, alone: bool) -> None:
-        self._handle, status, message = _core.deck_open(*deck.encoded(), int(alone))
+        handle, status, message = _core.deck_open(*deck.encoded(), int(alone))
+        super().__init__(handle)
         if status != 0:
-            self.close()
             raise deck.error(status, _text(message))
 
     @staticmethod
@@ -164,40 +198,39 @@ class DeckValues(Session):
     def given(self) -> dict[str, dict[str, Value]]:
         """Values by group and key, of the keys that are given, in the schema's order."""
         groups: dict[str, dict[str, Value]] = {}
-        for i, key in enumerate(schema()):
-            given, n_numbers, n_texts, integer = _core.deck_given(self._handle, i + 1)
-            if given:
-                groups.setdefault(key.group, {})[key.name] = self._value(
-                    i + 1, key.kind, n_numbers, n_texts, integer
-                )
+        with self._use() as handle:
+            for i, key in enumerate(schema()):
+                given, *sizes = _core.deck_given(handle, i + 1)
+                if given:
+                    groups.setdefault(key.group, {})[key.name] = self._value(handle, i + 1, key.kind, *sizes)
         return groups
 
-    def _value(self, i: int, kind: str, n_numbers: int, n_texts: int, integer: int) -> Value:
+    @staticmethod
+    def _value(handle: int, i: int, kind: str, n_numbers: int, n_texts: int, integer: int) -> Value:
         if kind == "integer":
             return integer
         if kind in ("real", "reals"):
-            numbers = tuple(_core.deck_numbers(self._handle, i, n_numbers).tolist())
+            numbers = tuple(_core.deck_numbers(handle, i, n_numbers).tolist())
             return numbers[0] if n_numbers == 1 else numbers
-        texts = tuple(_text(text) for text in _core.deck_texts(self._handle, i, n_texts).T)
+        texts = tuple(_text(text) for text in _core.deck_texts(handle, i, n_texts).T)
         return texts[0] if n_texts == 1 else texts
 
 
 class Run(Session):
     """A run in the core, from deck to outcome."""
 
+    name = "simulation"
+
     def __init__(self, deck: DeckSource) -> None:
-        self._handle, status = _core.run_open(*deck.encoded())
+        handle, status = _core.run_open(*deck.encoded())
+        super().__init__(handle)
         if status != 0:
-            message = self._text(MESSAGE)
-            self.close()
-            raise deck.error(status, message)
-        self.columns = [
-            _info(*_core.column_info(self._handle, i + 1)) for i in range(_core.run_columns(self._handle))
-        ]
-        self.resolved_deck = self._text(RESOLVED_DECK)
-        self.model = self._text(MODEL)
-        self.method = self._text(METHOD)
-        self.model_choice = self._text(MODEL_CHOICE)
+            raise deck.error(status, self._text(handle, MESSAGE))
+        self.columns = [_info(*_core.column_info(handle, i + 1)) for i in range(_core.run_columns(handle))]
+        self.resolved_deck = self._text(handle, RESOLVED_DECK)
+        self.model = self._text(handle, MODEL)
+        self.method = self._text(handle, METHOD)
+        self.model_choice = self._text(handle, MODEL_CHOICE)
         """Why the model 'auto' is the one integrated; empty if the deck names another."""
 
     @staticmethod
@@ -206,133 +239,138 @@ class Run(Session):
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
-        finished, reached, n_rows, n_events = _core.run_advance(self._handle, seconds, until)
         samples = np.empty((0, len(self.columns)))
-        if n_rows > 0:
-            samples = _core.run_samples(self._handle, len(self.columns), n_rows)
         time, kind = np.empty(0), np.empty(0, dtype=np.int32)
-        if n_events > 0:
-            time, kind = _core.run_events(self._handle, n_events)
+        with self._use() as handle:
+            finished, reached, n_rows, n_events = _core.run_advance(handle, seconds, until)
+            if n_rows > 0:
+                samples = _core.run_samples(handle, len(self.columns), n_rows)
+            if n_events > 0:
+                time, kind = _core.run_events(handle, n_events)
         return Advance(bool(finished), bool(reached), samples, time, kind)
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """What a sample at `time` would hold; it lies in the last advance."""
-        values = _core.run_state(self._handle, time, len(self.columns))
+        with self._use() as handle:
+            values = _core.run_state(handle, time, len(self.columns))
         return list(zip(self.columns, values.tolist(), strict=True))
 
     def outcome(self) -> tuple[int, str]:
         """Result code (0 done) and its text."""
-        status = _core.run_outcome(self._handle)
-        return status, self._text(MESSAGE) if status != 0 else "done"
+        with self._use() as handle:
+            status = _core.run_outcome(handle)
+            return status, self._text(handle, MESSAGE) if status != 0 else "done"
 
     def summary(self) -> list[tuple[Info, float]]:
         """Summary values of a finished run."""
-        n, _, _ = _core.run_counts(self._handle)
-        return [_described(*_core.summary_info(self._handle, i + 1)) for i in range(n)]
+        with self._use() as handle:
+            n, _, _ = _core.run_counts(handle)
+            return [_described(*_core.summary_info(handle, i + 1)) for i in range(n)]
 
     def statistics(self) -> list[tuple[Info, float]]:
         """Counters of the work done."""
-        _, n, _ = _core.run_counts(self._handle)
-        return [_described(*_core.statistics_info(self._handle, i + 1)) for i in range(n)]
+        with self._use() as handle:
+            _, n, _ = _core.run_counts(handle)
+            return [_described(*_core.statistics_info(handle, i + 1)) for i in range(n)]
 
     def parameters(self) -> list[tuple[Info, float | str]]:
         """Every key that the deck uses and its value."""
-        _, _, n = _core.run_counts(self._handle)
-        return [self._parameter(i + 1) for i in range(n)]
+        with self._use() as handle:
+            _, _, n = _core.run_counts(handle)
+            return [self._parameter(handle, i + 1) for i in range(n)]
 
-    def _parameter(self, i: int) -> tuple[Info, float | str]:
-        *about, value, is_text = _core.parameter_info(self._handle, i)
-        return _info(*about), _text(_core.parameter_text(self._handle, i)) if is_text else value
+    @staticmethod
+    def _parameter(handle: int, i: int) -> tuple[Info, float | str]:
+        *about, value, is_text = _core.parameter_info(handle, i)
+        return _info(*about), _text(_core.parameter_text(handle, i)) if is_text else value
 
-    def _text(self, which: int) -> str:
-        length = _core.run_text_length(self._handle, which)
-        return text_from(_core.run_text(self._handle, which, length).astype(np.uint8).tobytes())
+    @staticmethod
+    def _text(handle: int, which: int) -> str:
+        length = _core.run_text_length(handle, which)
+        return text_from(_core.run_text(handle, which, length).astype(np.uint8).tobytes())
 
 
 class Comparison(Session):
     """A comparison of settings in the core, from deck to table."""
 
+    name = "comparison"
+
     def __init__(self, deck: DeckSource, quantity: str, accuracy: float, budget: float) -> None:
         self._deck = deck
-        self._handle, status = _core.trade_open(*deck.encoded(), _bytes(quantity), accuracy, budget)
-        self._raise(status)
+        handle, status = _core.trade_open(*deck.encoded(), _bytes(quantity), accuracy, budget)
+        super().__init__(handle)
+        self._raise(handle, status)
 
     @staticmethod
     def _free(handle: int) -> None:
         _core.trade_close(handle)
 
-    def _raise(self, status: int) -> None:
+    def _raise(self, handle: int, status: int) -> None:
         if status != 0:
-            message = self.shortfall()
             self.close()
-            raise self._deck.error(status, message)
+            raise self._deck.error(status, self._text(handle, SHORTFALL))
 
     def advance(self, seconds: float) -> bool:
-        """Go on for at most `seconds` of wall time, without the interpreter's lock; whether that was the end."""
-        finished, status = _core.trade_advance(self._handle, seconds)
-        self._raise(status)
+        """Go on for at most `seconds` of wall time, under the interpreter's lock; whether that was the end."""
+        with self._use() as handle:
+            finished, status = _core.trade_advance(handle, seconds)
+            self._raise(handle, status)
         return bool(finished)
 
     def table(self) -> list[tuple[Info, NDArray[np.float64] | list[str]]]:
         """Columns of a finished comparison, one row a point."""
-        n_columns, n_rows = _core.trade_size(self._handle)
-        return [self._column(i + 1, n_rows) for i in range(n_columns)]
+        with self._use() as handle:
+            n_columns, n_rows = _core.trade_size(handle)
+            return [self._column(handle, i + 1, n_rows) for i in range(n_columns)]
 
-    def _column(self, i: int, n: int) -> tuple[Info, NDArray[np.float64] | list[str]]:
-        *about, is_text = _core.trade_column(self._handle, i)
+    @staticmethod
+    def _column(handle: int, i: int, n: int) -> tuple[Info, NDArray[np.float64] | list[str]]:
+        *about, is_text = _core.trade_column(handle, i)
         if is_text:
-            return _info(*about), [_text(column) for column in _core.trade_texts(self._handle, i, n).T]
-        return _info(*about), _core.trade_numbers(self._handle, i, n)
+            return _info(*about), [_text(column) for column in _core.trade_texts(handle, i, n).T]
+        return _info(*about), _core.trade_numbers(handle, i, n)
 
-    def report(self) -> str:
-        """All points as a text, after `table`."""
-        return self._any_text(1)
+    def text(self, which: int) -> str:
+        """One of `REPORT`, `RECOMMENDATION`, `SETTINGS` (``group.key=value``, one a line) and `SHORTFALL`, after `table`."""
+        with self._use() as handle:
+            return self._text(handle, which)
 
-    def recommendation(self) -> str:
-        """The recommended settings as namelist groups, after `table`; empty if there are none."""
-        return self._any_text(2)
-
-    def settings(self) -> list[str]:
-        """The recommended settings, ``group.key=value`` each, after `table`."""
-        return self._any_text(3).splitlines()
-
-    def shortfall(self) -> str:
-        """Why there is no recommendation, after `table`."""
-        return self._any_text(4)
-
-    def _any_text(self, which: int) -> str:
-        length = _core.trade_text_length(self._handle, which)
-        return text_from(_core.trade_text(self._handle, which, length).astype(np.uint8).tobytes())
+    @staticmethod
+    def _text(handle: int, which: int) -> str:
+        length = _core.trade_text_length(handle, which)
+        return text_from(_core.trade_text(handle, which, length).astype(np.uint8).tobytes())
 
 
 class Sweep(Session):
     """The cases of a sweep in the core."""
 
+    name = "sweep"
+
     def __init__(
         self, deck: DeckSource, axes: Sequence[tuple[str, NDArray[np.float64]]], is_list: bool
     ) -> None:
         values = [np.asarray(axis, dtype=np.float64) for _, axis in axes]
-        self._handle, self.cases, n_axes, status = _core.sweep_open(
+        handle, self.cases, n_axes, status = _core.sweep_open(
             *deck.encoded(),
             _bytes("\n".join(key for key, _ in axes)),
             np.array([axis.size for axis in values], dtype=np.int32),
             np.concatenate([np.empty(0), *values]),
             int(is_list),
         )
+        super().__init__(handle)
         if status != 0:
-            message = _text(_core.sweep_message(self._handle))
-            self.close()
-            raise deck.error(status, message)
-        self.axes = [self._axis(i + 1) for i in range(n_axes)]
-        _, self._n_values, self.at_once, found_list = _core.sweep_sizes(self._handle, 1)
+            raise deck.error(status, _text(_core.sweep_message(handle)))
+        self.axes = [self._axis(handle, i + 1) for i in range(n_axes)]
+        _, self._n_values, self.at_once, found_list = _core.sweep_sizes(handle, 1)
         self.is_list = found_list == 1
         self.quantities = [_info(*_core.sweep_value_info(i + 1)) for i in range(self._n_values)]
-        length = _core.sweep_deck_length(self._handle)
-        self.resolved_deck = text_from(_core.sweep_deck(self._handle, length).astype(np.uint8).tobytes())
+        length = _core.sweep_deck_length(handle)
+        self.resolved_deck = text_from(_core.sweep_deck(handle, length).astype(np.uint8).tobytes())
 
-    def _axis(self, i: int) -> tuple[Info, NDArray[np.float64]]:
-        size, _, _, _ = _core.sweep_sizes(self._handle, i)
-        name, units, long_name, values = _core.sweep_axis(self._handle, i, size)
+    @staticmethod
+    def _axis(handle: int, i: int) -> tuple[Info, NDArray[np.float64]]:
+        size, _, _, _ = _core.sweep_sizes(handle, i)
+        name, units, long_name, values = _core.sweep_axis(handle, i, size)
         return _info(name, units, long_name), values
 
     @staticmethod
@@ -340,15 +378,20 @@ class Sweep(Session):
         _core.sweep_close(handle)
 
     def run(self, first: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[int, str]]:
-        """Run cases `first` (from 0) and following: values (case, value), codes (-1 if stopped), messages."""
-        values, codes, messages = _core.sweep_run(self._handle, first + 1, count, self._n_values)
+        """Run cases `first` (from 0) and following: values (case, value), codes (-1 if stopped), messages.
+
+        Several threads may do so at once.
+        """
+        memory = self._opened()
+        values, codes, messages = _core.sweep_run(memory.handle, first + 1, count, self._n_values)
         values[:, codes < 0] = np.nan
         failed = {first + int(i): _text(messages[:, i]) for i in np.flatnonzero(codes > 0)}
         return values.T, codes, failed
 
     def stop(self) -> None:
         """Let all threads give up what they do."""
-        _core.sweep_stop(self._handle)
+        memory = self._opened()
+        _core.sweep_stop(memory.handle)
 
 
 @cache
@@ -467,7 +510,11 @@ def _decoded_info(*texts: bytes) -> Info:
 
 
 def _bytes(text: str) -> NDArray[np.int32]:
-    return np.frombuffer(text.encode("utf-8", "surrogateescape"), dtype=np.uint8).astype(np.int32)
+    try:
+        data = text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError as error:
+        raise UsageError(f"{text[:40]!r}: holds a half of a character: {error.reason}") from None
+    return np.frombuffer(data, dtype=np.uint8).astype(np.int32)
 
 
 def _text(array: NDArray[np.int32]) -> str:

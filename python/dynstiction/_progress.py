@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
-from .errors import UsageError
+from ._arguments import flag
+from ._optional import needed
 
 __all__ = ["progress_bar"]
 
@@ -31,9 +32,11 @@ def progress_bar(wanted: bool | None, total: float, form: str) -> Iterator[Calla
 
     Raises
     ------
-    UsageError
+    PackageError
         If a bar is wanted and tqdm is not installed.
     """
+    if wanted is not None and flag("progress", wanted):
+        needed("tqdm.auto", "progress=True")
     begun = time.monotonic()
     delay = 0.0 if wanted else DELAY if wanted is None and _is_watched() else float("inf")
     bar: Any = None
@@ -50,8 +53,6 @@ def progress_bar(wanted: bool | None, total: float, form: str) -> Iterator[Calla
             if bar is not None and done > bar.n:
                 bar.update(done - bar.n)
 
-        if wanted and _tqdm() is None:
-            raise UsageError("progress=True needs tqdm: pip install tqdm")
         yield show
 
 

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+from ._arguments import flag, path_name, reals, shown, whole
 from ._open import open_file
+from ._optional import needed
 from ._progress import progress_bar
 from .errors import FileError, IncompleteWarning, UsageError
 from .groups import Groups
@@ -38,6 +40,9 @@ LONGEST_PIECE = 64
 
 SHORTEST_PIECE = 4
 """Where cases run side by side, each place is used so often before a thread fetches more."""
+
+MOST_THREADS = 1024
+"""More threads do nothing for any machine."""
 
 PIECE_SECONDS = 0.02
 """Time that the cases which a thread takes at once last, as far as can be foreseen."""
@@ -76,8 +81,7 @@ def sweep(
         Summary of every case [SI units] with the parameters as coordinates (of a list: along ``case``),
         ``result_code`` (0 done, -1 not run), ``result_text`` (why a case failed) and ``wall_time`` [s].
         What a case does not have is NaN. Units are in the attributes; the attribute ``deck`` is the deck with every
-        key as used. Time series are not kept,
-        whatever ``sweep.keep`` says.
+        key as used. Time series are not kept.
 
     Warns
     -----
@@ -91,8 +95,12 @@ def sweep(
     FileError
         If the list of points of the deck cannot be read.
     UsageError
-        If nothing is varied, a list is not one of numbers, the lists of points have different lengths, or `threads`
-        is not positive.
+        If nothing is varied, a list is not one of numbers, the lists of points have different lengths, `threads`
+        is not positive, or ``sweep.keep = 'series'``: only ``dynstiction run`` keeps time series.
+    PackageError
+        If xarray is not installed.
+    MemoryError
+        If the results of all cases do not fit into the memory.
 
     Notes
     -----
@@ -104,18 +112,26 @@ def sweep(
     ...                 {"system.misalignment_deg": np.linspace(1, 8, 64)})      # doctest: +SKIP
     >>> data["period"].plot()                                                    # doctest: +SKIP
     """
+    needed("xarray", "sweep")
     scene = Scene(deck, **groups)
+    if not (parameters is None or isinstance(parameters, Mapping)):
+        raise UsageError(
+            f"parameters = {shown(parameters)}: a mapping, {{'system.misalignment_deg': values}}"
+        )
     axes = [(_key(key), _values(key, values)) for key, values in (parameters or {}).items()]
+    points = flag("points", points)
     if points and len({axis.size for _, axis in axes}) != 1:
         raise UsageError("points=True takes lists of one length")
-    if threads is None:
-        threads = len(os.sched_getaffinity(0))
-    if threads < 1:
-        raise UsageError(f"{threads} threads: give 1 or more, or None for all cores")
+    threads = len(os.sched_getaffinity(0)) if threads is None else whole("threads", threads, least=1)
     with _native.Sweep(scene.source, axes, points) as core:
+        if scene.groups().get("sweep", {}).get("keep") == "series":
+            raise UsageError(
+                "sweep.keep = 'series': this function keeps no time series; give sweep={'keep': 'summary'}, "
+                "or run the deck with the command dynstiction run"
+            )
         work = _Work(core)
         with progress_bar(progress, core.cases, BAR) as show:
-            work.run(threads, show)
+            work.run(min(threads, core.cases, MOST_THREADS), show)
         work.warn()
         columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
         return _dataset(
@@ -125,15 +141,12 @@ def sweep(
 
 def _key(key: str) -> str:
     if not isinstance(key, str) or "\n" in key:
-        raise UsageError(f"{key!r} is no key: name it as GROUP.KEY, like system.misalignment_deg")
+        raise UsageError(f"{shown(key)} is no key: name it as GROUP.KEY, like system.misalignment_deg")
     return key
 
 
 def _values(key: str, values: ArrayLike) -> NDArray[np.float64]:
-    try:
-        axis = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise UsageError(f"the values of {key!r} are no numbers: give a list of numbers") from None
+    axis = np.atleast_1d(reals(f"the list of {key!r}", values, checked=False))
     if axis.ndim != 1:
         raise UsageError(f"the values of {key!r} have {axis.ndim} dimensions: give a list of numbers")
     return axis
@@ -164,7 +177,7 @@ class _Work:
         ]
         try:
             for thread in threads:
-                thread.start()
+                _start(thread)
             for end in ends:
                 while not end.wait(_native.CHUNK_SECONDS):
                     show(self._done)
@@ -225,6 +238,13 @@ class _Work:
         else:
             return
         warnings.warn(text, IncompleteWarning, stacklevel=3)
+
+
+def _start(thread: threading.Thread) -> None:
+    try:
+        thread.start()
+    except RuntimeError as error:
+        raise MemoryError(f"{error}: give fewer threads, or smaller stacks (threading.stack_size)") from None
 
 
 class _Contents(TypedDict):
@@ -288,9 +308,14 @@ def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
     ------
     FileError
         If the file is missing, damaged, or of something else.
+    UsageError
+        If `path` is no path.
+    PackageError
+        If xarray is not installed.
     """
-    name = os.fspath(path)
-    with open_file(path) as file:
+    needed("xarray", "open_sweep")
+    name = path_name(path)
+    with open_file(name) as file:
         if "sweep" not in file:
             raise FileError(f"{name}: holds no sweep of dynstiction")
         contents = _read_sweep(file)

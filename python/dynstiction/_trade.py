@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
+from ._arguments import number, path_name, shown, text
 from ._open import check_list, open_file
+from ._optional import needed
 from ._progress import progress_bar
 from .errors import FileError, UsageError
 from .groups import Groups
@@ -67,8 +69,8 @@ class Trade:
     def __getitem__(self, name: str) -> Column:
         try:
             return self.columns[name]
-        except KeyError:
-            raise UsageError(f"no column '{name}', only {', '.join(self.columns)}") from None
+        except (KeyError, TypeError):
+            raise UsageError(f"no column {shown(name)}, only {', '.join(self.columns)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
@@ -101,8 +103,16 @@ class Trade:
         ----------
         name : str
             Of the column.
+
+        Raises
+        ------
+        UsageError
+            If there is no such column, or it holds texts.
         """
-        return np.asarray(self[name], dtype=np.float64)
+        column = self[name]
+        if column.dtype.kind not in "iuf":
+            raise UsageError(f"the column '{name}' holds texts: trade['{name}'] gives them")
+        return np.asarray(column, dtype=np.float64)
 
     def floor(self, quantity: str) -> float:
         """What an error must exceed to be measured: 100 times the reference's own.
@@ -116,6 +126,7 @@ class Trade:
 
     def to_xarray(self) -> xarray.Dataset:
         """The table as an `xarray.Dataset` over ``point``."""
+        needed("xarray", "to_xarray")
         import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
 
         variables = {
@@ -129,6 +140,7 @@ class Trade:
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a `pandas.DataFrame`, one row a point; ``frame.attrs["units"]`` has the units."""
+        needed("pandas", "to_pandas")
         import pandas  # noqa: PLC0415  (optional)
 
         frame = pandas.DataFrame(dict(self.columns))
@@ -204,9 +216,10 @@ def trade(
     >>> run("inputs/fig3.nml", **result.settings)                          # doctest: +SKIP
     """
     scene = Scene(deck, **groups)
-    wanted = 0.0 if accuracy is None else float(accuracy)
+    wanted = 0.0 if accuracy is None else number("accuracy", accuracy, checked=False)
     if accuracy is not None and not 0.0 < wanted <= 1.0:
-        raise UsageError(f"accuracy={accuracy}: it must be > 0 and <= 1")
+        raise UsageError(f"accuracy={shown(accuracy)}: it must be > 0 and <= 1")
+    budget, quantity = number("budget", budget, above=0.0, units="s"), text("quantity", quantity)
     with _native.Comparison(scene.source, quantity, wanted, budget) as core:
         begun = time.monotonic()
         with progress_bar(progress, budget, BAR) as show:
@@ -215,10 +228,10 @@ def trade(
         columns = Described((info, _array(info, values)) for info, values in core.table())
         return Trade(
             columns=columns,
-            report=core.report(),
-            recommendation=core.recommendation(),
-            settings=_groups(core.settings()),
-            shortfall=core.shortfall(),
+            report=core.text(_native.REPORT),
+            recommendation=core.text(_native.RECOMMENDATION),
+            settings=_groups(core.text(_native.SETTINGS).splitlines()),
+            shortfall=core.text(_native.SHORTFALL),
         )
 
 
@@ -258,15 +271,18 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
     ------
     FileError
         If the file is missing, damaged, or of something else.
+    UsageError
+        If `path` is no path.
     """
     import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
+    path = path_name(path)
     with open_file(path) as file:
         if "trade" not in file:
-            raise FileError(f"{os.fspath(path)}: holds no comparison of dynstiction trade")
+            raise FileError(f"{path}: holds no comparison of dynstiction trade")
         entries = []
         for name, dataset in file["trade"].items():
-            check_list(dataset, os.fspath(path))
+            check_list(dataset, path)
             info = Info(name, dataset.attrs["units"], dataset.attrs["long_name"])
             text = h5py.check_string_dtype(dataset.dtype) is not None
             entries.append((info, _array(info, list(dataset.asstr()[:]) if text else dataset[:])))

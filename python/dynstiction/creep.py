@@ -6,16 +6,16 @@ Constant friction ``F_0 = mu_0 W``, ``l_x = F_0/k_x``, ``kappa = k_x/k_y``, ``ta
 
 from __future__ import annotations
 
-import math
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+from ._arguments import LARGEST, SMALLEST, finite, reals, shape_of, shown
 from .errors import UsageError
 
-__all__ = ["Creep", "creep_asymptotic", "creep_exact", "creep_velocity"]
+__all__ = ["Creep", "creep_asymptotic", "creep_exact", "creep_velocity", "dimensionless"]
 
 _Floats = NDArray[np.float64]
 Form = Literal["first_power", "printed", "third_order"]
@@ -75,20 +75,28 @@ def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep
     Raises
     ------
     UsageError
-        If a point is out of range; the message gives the range.
+        If a point is out of range, or no number; the message gives the range. If the arguments do not broadcast.
 
     Notes
     -----
     All are good to 2e-14 of themselves for 1e-6 deg <= phi <= 89 deg, X'/V and X to 2e-15, up to where 1 - X'/V = 1e-12.
     With kappa > 0, X just after the release at tau_1 keeps about 2e-16 tau_1/(tau - tau_1) only: the rounding of phi shifts tau_1.
     """
-    shape = np.broadcast_shapes(np.shape(tau), np.shape(phi), np.shape(kappa))
-    taus, phis, kappas = _flat(tau, shape), _one_or_flat(phi, shape), _one_or_flat(kappa, shape)
+    given = {
+        name: reals(name, value, checked=False)
+        for name, value in zip(("tau", "phi", "kappa"), (tau, phi, kappa), strict=True)
+    }
+    shape = shape_of(**given)
+    taus, phis, kappas = (
+        _flat(given["tau"], shape),
+        _one_or_flat(given["phi"], shape),
+        _one_or_flat(given["kappa"], shape),
+    )
     if taus.size == 0:
         return Creep(*(np.empty(shape) for _ in Creep._fields))
     values, point, fault = _native.creep_exact(taus, phis, kappas)
     _check(point, fault, tau=taus, phi=phis, kappa=kappas)
-    return Creep(*(column.reshape(shape) for column in values))
+    return Creep(*(column.reshape(shape) for column in finite("creep", values)))
 
 
 def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power") -> _Floats:
@@ -114,17 +122,18 @@ def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power")
     Raises
     ------
     UsageError
-        If a point is out of range, or the form is none of these.
+        If a point is out of range, or no number, or the form is none of these. If the arguments do not broadcast.
     """
-    if form not in FORMS:
-        raise UsageError(f"form = {form!r}: one of {', '.join(map(repr, FORMS))}")
-    shape = np.broadcast_shapes(np.shape(tau), np.shape(phi))
-    taus, phis = _flat(tau, shape), _one_or_flat(phi, shape)
+    if not isinstance(form, str) or form not in FORMS:
+        raise UsageError(f"form = {shown(form)}: one of {', '.join(map(repr, FORMS))}")
+    given = {"tau": reals("tau", tau, checked=False), "phi": reals("phi", phi, checked=False)}
+    shape = shape_of(**given)
+    taus, phis = _flat(given["tau"], shape), _one_or_flat(given["phi"], shape)
     if taus.size == 0:
         return np.empty(shape)
     x_rate, point, fault = _native.creep_asymptotic(FORMS[form], taus, phis)
     _check(point, fault, tau=taus, phi=phis)
-    return x_rate.reshape(shape)
+    return finite("X'/V", x_rate.reshape(shape))
 
 
 def creep_velocity(
@@ -162,27 +171,72 @@ def creep_velocity(
     Raises
     ------
     UsageError
-        If an argument is out of range; the message gives the range.
+        If an argument is out of range, or no number; the message gives the range. If the arguments do not broadcast.
     """
-    speed = _positive("velocity", velocity, "m/s")
-    soft = _positive("stiffness_x", stiffness_x, "N/m")
-    friction = _positive("mu_0", mu_0, "") * _positive("normal_load", normal_load, "N")
-    times = np.asarray(t, dtype=np.float64)
-    _require("t", times, (times >= 0.0) & np.isfinite(times), "finite and in [0, inf) s")
-    kappa: _Floats = np.zeros(())
-    if stiffness_y is not None:
-        kappa = soft / _positive("stiffness_y", stiffness_y, "N/m")
-        _require("stiffness_x/stiffness_y", kappa, kappa < 1.0, "in [0, 1)")
-    return speed * creep_exact(times * (speed * soft / friction), misalignment, kappa).X_rate
+    stiff = np.inf if stiffness_y is None else stiffness_y
+    scaled = dimensionless(
+        t,
+        velocity=velocity,
+        stiffness_x=stiffness_x,
+        stiffness_y=stiff,
+        mu_0=mu_0,
+        normal_load=normal_load,
+        misalignment=misalignment,
+    )
+    return reals("velocity", velocity) * creep_exact(*scaled).X_rate
 
 
-def _flat(values: ArrayLike, shape: tuple[int, ...]) -> _Floats:
-    return np.ascontiguousarray(np.broadcast_to(np.asarray(values, dtype=np.float64), shape)).reshape(-1)
+def dimensionless(
+    t: ArrayLike,
+    *,
+    velocity: ArrayLike,
+    misalignment: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike,
+    mu_0: ArrayLike,
+    normal_load: ArrayLike,
+) -> tuple[_Floats, _Floats, _Floats]:
+    """Arguments (tau, phi, kappa) of `creep_exact` for those of `creep_velocity`; an infinite `stiffness_y` is rigid.
+
+    Raises
+    ------
+    UsageError
+        As `creep_velocity`.
+    """
+    speed = reals("velocity", velocity, above=0.0, units="m/s")
+    soft = reals("stiffness_x", stiffness_x, above=0.0, units="N/m")
+    stiff = reals("stiffness_y", stiffness_y, checked=False)
+    # Infinity is a rigid axis.
+    reals("stiffness_y", np.minimum(stiff, LARGEST), above=0.0, units="N/m")
+    friction_coefficient = reals("mu_0", mu_0, above=0.0)
+    load = reals("normal_load", normal_load, above=0.0, units="N")
+    times = reals("t", t, least=0.0, units="s")
+    phi = reals("misalignment", misalignment, checked=False)
+    shape_of(
+        t=times,
+        velocity=speed,
+        misalignment=phi,
+        stiffness_x=soft,
+        stiffness_y=stiff,
+        mu_0=friction_coefficient,
+        normal_load=load,
+    )
+    with np.errstate(all="ignore"):
+        friction = reals("mu_0 normal_load", friction_coefficient * load, least=SMALLEST, units="N")
+        loading = reals("velocity stiffness_x", speed * soft, least=SMALLEST, units="N/s")
+        rate = reals(
+            "velocity stiffness_x/(mu_0 normal_load)", loading / friction, least=SMALLEST, units="1/s"
+        )
+        kappa = reals("stiffness_x/stiffness_y", soft / stiff, least=0.0, below=1.0)
+        return times * rate, phi, kappa
 
 
-def _one_or_flat(values: ArrayLike, shape: tuple[int, ...]) -> _Floats:
+def _flat(array: _Floats, shape: tuple[int, ...]) -> _Floats:
+    return np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
+
+
+def _one_or_flat(array: _Floats, shape: tuple[int, ...]) -> _Floats:
     """A single value stays single: the core then need not look at it again."""
-    array = np.asarray(values, dtype=np.float64)
     return array.reshape(1) if array.size == 1 else _flat(array, shape)
 
 
@@ -190,15 +244,3 @@ def _check(point: int, fault: int, **arguments: _Floats) -> None:
     if fault != 0:
         here = {name: float(values[min(point, values.size - 1)]) for name, values in arguments.items()}
         raise UsageError(RANGES[fault].format(**here))
-
-
-def _positive(name: str, values: ArrayLike, units: str) -> _Floats:
-    array = np.asarray(values, dtype=np.float64)
-    _require(name, array, (array > 0.0) & (array < math.inf), f"finite and in (0, inf) {units}".rstrip())
-    return array
-
-
-def _require(name: str, array: _Floats, holds: NDArray[np.bool_] | np.bool_, valid: str) -> None:
-    if not np.all(holds):
-        worst = array.reshape(-1)[~np.reshape(holds, -1)][0]
-        raise UsageError(f"{name} = {worst:.17g}: {name} must be {valid}")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+from ._arguments import SMALLEST, finite, number, reals
 from .errors import UsageError
 
 __all__ = ["jacobian", "rhs"]
@@ -60,11 +61,9 @@ def rhs(
     Raises
     ------
     UsageError
-        If the last dimension of `state` is not 4, or only one of `mu_inf` and `v_f` is given.
-
-    Notes
-    -----
-    With the exact law the direction of friction has no value at ``w = 0``.
+        If the last dimension of `state` is not 4, an argument is not finite or out of its range (m, k_x, k_y, v_f > 0;
+        mu_0, mu_inf, W, v_smooth >= 0), or only one of `mu_inf` and `v_f` is given. If a rate is not a number: with the exact
+        law (`v_smooth` = 0) friction has no direction at ``w = 0``.
     """
     states = _states(state)
     slider = _slider(
@@ -72,7 +71,7 @@ def rhs(
     )
     if states.size == 0:
         return np.empty(states.shape)
-    return _native.rhs(slider, states.reshape(-1, 4)).reshape(states.shape)
+    return _finite(_native.rhs(slider, states.reshape(-1, 4)).reshape(states.shape), states)
 
 
 def jacobian(
@@ -116,14 +115,22 @@ def jacobian(
     shape = (*states.shape, 4)
     if states.size == 0:
         return np.empty(shape)
-    return _native.jacobian(slider, states.reshape(-1, 4)).reshape(shape)
+    return _finite(_native.jacobian(slider, states.reshape(-1, 4)).reshape(shape), states)
 
 
 def _states(state: ArrayLike) -> NDArray[np.float64]:
-    states = np.ascontiguousarray(state, dtype=np.float64)
-    if states.shape[-1] != 4:
-        raise UsageError(f"state of shape {states.shape}: the last dimension is 4, for u_x, u_y, w_x, w_y")
+    states = np.ascontiguousarray(reals("state", state))
+    if np.ndim(state) == 0 or states.shape[-1] != 4:
+        raise UsageError(f"state of shape {np.shape(state)}: the last dimension is 4, for u_x, u_y, w_x, w_y")
     return states
+
+
+def _finite(rates: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
+    if not np.all(np.isfinite(rates)) and np.any(np.all(states[..., 2:] == 0.0, axis=-1)):
+        raise UsageError(
+            "w = 0, where friction has no direction with the exact law: give v_smooth > 0, or take such states out"
+        )
+    return finite("the result", rates)
 
 
 def _slider(
@@ -144,6 +151,16 @@ def _slider(
     if mu_inf is None or v_f is None:
         mu_inf, v_f = mu_0, 1.0
     return np.array(
-        [mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth],
-        dtype=np.float64,
+        [
+            number("mass", mass, above=0.0, units="kg"),
+            number("stiffness_x", stiffness_x, above=0.0, units="N/m"),
+            number("stiffness_y", stiffness_y, above=0.0, units="N/m"),
+            number("misalignment", misalignment, units="rad"),
+            number("mu_0", mu_0, least=0.0),
+            number("mu_inf", mu_inf, least=0.0),
+            number("v_f", v_f, least=SMALLEST, units="m/s"),
+            number("normal_load", normal_load, least=0.0, units="N"),
+            number("velocity", velocity, units="m/s"),
+            number("v_smooth", v_smooth, least=0.0, units="m/s"),
+        ]
     )

@@ -8,6 +8,8 @@ __all__ = [
     "Error",
     "FileError",
     "IncompleteWarning",
+    "OutOfMemoryError",
+    "PackageError",
     "SolverError",
     "UsageError",
     "error_for",
@@ -34,6 +36,10 @@ class ColumnError(UsageError, KeyError):
     """A result does not hold the column that was asked for."""
 
     __str__ = Exception.__str__  # KeyError would print the repr of the message
+
+
+class PackageError(UsageError, ImportError):
+    """A function needs a package that is not installed; the text says how to install it."""
 
 
 class DeckError(Error, ValueError):
@@ -71,16 +77,23 @@ class SolverError(Error):
         return str(self.args[0])
 
 
+class OutOfMemoryError(SolverError, MemoryError):
+    """A run took more memory than there is; `code` is 47."""
+
+
 class IncompleteWarning(UserWarning):
     """A result ends before the `t_end` of its deck."""
 
 
 SOLVER_GAVE_UP = range(40, 50)
+OUT_OF_MEMORY = 47
 _ERROR_OF_STATUS: dict[int, type[Error]] = {1: UsageError, 2: DeckError, 3: FileError}
 
 
 def error_for(status: int, message: str) -> Error:
     """Exception for a status code of the core (> 0) and its message."""
+    if status == OUT_OF_MEMORY:
+        return OutOfMemoryError(message, status)
     if status in SOLVER_GAVE_UP:
         return SolverError(message, status)
     return _ERROR_OF_STATUS.get(status, Error)(message)

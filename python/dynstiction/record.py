@@ -9,6 +9,8 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import UsageError
+
 __all__ = ["EVENT_DTYPE", "SLIP_BEGINS", "STICK_BEGINS", "Described", "Info", "Record"]
 
 STICK_BEGINS = 1
@@ -47,7 +49,13 @@ class Described(Mapping[str, T], Generic[T]):
         self._values: dict[str, T] = {}
         self.units: dict[str, str] = {}
         self.long_names: dict[str, str] = {}
-        for info, value in entries:
+        try:
+            described = [(Info(*info), value) for info, value in entries]
+        except (TypeError, ValueError) as error:
+            raise UsageError(
+                f"entries are pairs of an Info (name, units, long_name) and a value: {error}"
+            ) from None
+        for info, value in described:
             self._values[info.name] = value
             self.units[info.name] = info.units
             self.long_names[info.name] = info.long_name

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arguments import flag, number, path_name, shown
+from ._optional import needed
 from .errors import ColumnError, UsageError
 from .html import page_table, sparkline, table
 from .record import STICK_BEGINS, Record
@@ -34,10 +36,10 @@ class Result(Record):
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         try:
             return self.columns[name]
-        except KeyError:
+        except (KeyError, TypeError):
             raise ColumnError(
-                f"no column '{name}', only {', '.join(self.columns)}: "
-                f"name '{name}' in the deck's output.fields and run again"
+                f"no column {shown(name)}, only {', '.join(self.columns)}: "
+                "name it in the deck's output.fields and run again"
             ) from None
 
     def __contains__(self, name: object) -> bool:
@@ -53,8 +55,16 @@ class Result(Record):
         ----------
         until : float
             Later ones are not counted [s].
+
+        Raises
+        ------
+        UsageError
+            If `until` is no number.
         """
-        began = (self.events["kind"] == STICK_BEGINS) & (self.events["time"] <= until)
+        latest = number("until", until, checked=False)
+        if np.isnan(latest):
+            raise UsageError("until is not a number: give a time [s], or infinity for all")
+        began = (self.events["kind"] == STICK_BEGINS) & (self.events["time"] <= latest)
         return int(np.count_nonzero(began))
 
     def to_xarray(self) -> xarray.Dataset:
@@ -62,7 +72,13 @@ class Result(Record):
 
         The same variables as ``xarray.open_dataset(file, group="time_series", engine="h5netcdf")`` gives
         of the saved result, and the attributes of the whole file.
+
+        Raises
+        ------
+        PackageError
+            If xarray is not installed.
         """
+        needed("xarray", "to_xarray")
         import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
 
         variables = {
@@ -88,9 +104,14 @@ class Result(Record):
         ------
         UsageError
             If `which` is neither.
+        PackageError
+            If pandas is not installed.
         """
+        needed("pandas", "to_pandas")
         import pandas  # noqa: PLC0415  (optional)
 
+        if not isinstance(which, str):
+            which = shown(which)
         if which == "time_series":
             series = {name: values for name, values in self.columns.items() if name != "time"}
             frame = pandas.DataFrame(series, index=pandas.Index(self.time, name="time"))
@@ -103,23 +124,25 @@ class Result(Record):
         return frame
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the HDF5 file that the executable writes.
+        """Write the HDF5 file that the executable writes; it appears under its name only when it is whole.
 
         Parameters
         ----------
         path : str or PathLike
             The file.
         overwrite : bool
-            Whether it may replace a file that is there.
+            Whether it may replace a file that is there, if that is one of dynstiction.
 
         Raises
         ------
         FileError
-            If the file exists or cannot be written.
+            If the file exists, or is not one of dynstiction, or cannot be written; what was there is then kept.
+        UsageError
+            If `path` is no path.
         """
-        from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
+        from . import _save  # noqa: PLC0415  (h5py is slow to import)
 
-        _hdf5.write(self, path, overwrite=overwrite)
+        _save.write(self, path_name(path), overwrite=flag("overwrite", overwrite))
 
     def _heading(self) -> str:
         about = " ".join(str(self.attributes[key]) for key in ("model", "method") if key in self.attributes)
@@ -171,7 +194,9 @@ def open(path: str | os.PathLike[str]) -> Result:
     ------
     FileError
         If the file is missing, damaged, of another program, or holds a sweep (`dynstiction.open_sweep`).
+    UsageError
+        If `path` is no path.
     """
     from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 
-    return Result(**vars(_hdf5.read(path)))
+    return Result(**vars(_hdf5.read(path_name(path))))

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Self, TypeAlias, TypeVar, Unpack, cast
 
 from . import _native
+from ._arguments import path_name, shown
 from .deck_group import DeckGroup
 from .deck_text import deck_from, setting_value
 from .errors import DeckError, FileError, UsageError
@@ -48,6 +49,8 @@ class Scene(SceneGroups):
     ------
     FileError
         If the deck cannot be read. Its content is checked by `check` and by `dynstiction.run`.
+    UsageError
+        If `deck` is nothing of these, or a group is no mapping of keys to values.
 
     Examples
     --------
@@ -78,7 +81,8 @@ class Scene(SceneGroups):
         elif isinstance(deck, str) and _is_text(deck):
             self._text, self._name = deck, "deck"
         else:
-            self._text, self._name = _read(deck), os.fspath(deck)
+            self._name = path_name(deck)
+            self._text = _read(self._name)
         self._settings.update(_settings(given))
 
     @classmethod
@@ -95,7 +99,7 @@ class Scene(SceneGroups):
         FileError
             If the file cannot be read.
         """
-        return cls(Path(path))
+        return cls(Path(path_name(path)))
 
     @classmethod
     def from_deck(cls, deck: DeckLike) -> Scene:
@@ -244,11 +248,12 @@ def _is_text(deck: str) -> bool:
     return "\n" in deck or ("&" in deck and not os.path.isfile(deck))
 
 
-def _read(path: str | os.PathLike[str]) -> str:
+def _read(path: str) -> str:
     try:
         return _native.text_from(Path(path).read_bytes())
-    except OSError as error:
-        raise FileError(f"{os.fspath(path)}: {error.strerror or error}: give the path of a deck") from error
+    except (OSError, ValueError) as error:  # ValueError: no path at all
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{path}: {reason}: give the path of a deck") from error
 
 
 def _settings(groups: Mapping[str, Group]) -> dict[str, str]:
@@ -270,12 +275,15 @@ def _changes(group: str, keys: Group) -> Mapping[str, object]:
 def _given(group: str, keys: Group) -> Mapping[str, object]:
     if isinstance(keys, DeckGroup):
         if keys.group != group:
-            raise UsageError(f"{group}={keys!r}: a {type(keys).__name__} is the group '{keys.group}'")
+            raise UsageError(f"{group}={shown(keys)}: a {type(keys).__name__} is the group '{keys.group}'")
         return keys.given()
     if not isinstance(keys, Mapping):
         raise UsageError(
-            f"{group}={keys!r}: a group is a mapping, {group}={{'key': value}}, or its dataclass"
+            f"{group}={shown(keys)}: a group is a mapping, {group}={{'key': value}}, or its dataclass"
         )
+    for name in (group, *keys):
+        if not (isinstance(name, str) and name.isprintable() and "=" not in name):
+            raise UsageError(f"{shown(name)}: is no name of a group or key of a deck")
     return keys
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._closing import Closing
+from ._arguments import number
+from ._closing import Closing, OneAtATime
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
 from .groups import Groups
@@ -57,7 +58,9 @@ class _Samples:
 class Simulation(Closing):
     """A run that goes on when it is told to; in the end it is what `dynstiction.run` returns, bit for bit.
 
-    A context manager; what the core holds is freed at its end, and what was computed stays.
+    A context manager; what the core holds is freed at its end, and what was computed stays. One thread at a time uses it: a
+    second one gets a `UsageError`, and `close` from another thread ends a run that is going on in the same way. It is not
+    copied or pickled: the `scene` and the `result` are. In a process that is forked its copy goes on by itself.
 
     Parameters
     ----------
@@ -83,6 +86,7 @@ class Simulation(Closing):
 
     def __init__(self, deck: DeckLike, **groups: Unpack[Groups]) -> None:
         self._scene = Scene(deck, **groups)
+        self._alone = OneAtATime("simulation")
         self._core = _native.Run(self._scene.source)
         self._parameters = Described(self._core.parameters())
         self._t_end = float(self._parameters["t_end"])
@@ -125,20 +129,40 @@ class Simulation(Closing):
         Raises
         ------
         UsageError
-            If the simulation is closed.
+            If the simulation is closed, or another thread is using it.
         """
-        self._need_core()
-        return Described(self._core.state(self._time))
+        with self._alone:
+            return Described(self._core.state(self._time))
 
     @property
     def events(self) -> NDArray[np.void]:
-        """Events so far: ``time`` [s] and ``kind`` (1 = stick begins, 2 = slip begins)."""
+        """Events so far: ``time`` [s] and ``kind`` (1 = stick begins, 2 = slip begins).
+
+        Raises
+        ------
+        UsageError
+            If another thread is using the simulation.
+        """
+        with self._alone:
+            return self._events_so_far()
+
+    def _events_so_far(self) -> NDArray[np.void]:
         events = np.concatenate(self._events)
         return events if self.finished else events[events["time"] <= self._time]
 
     @property
     def result(self) -> Result:
-        """What there is up to `time`; summary and statistics are there when the run has ended."""
+        """What there is up to `time`; summary and statistics are there when the run has ended.
+
+        Raises
+        ------
+        UsageError
+            If another thread is using the simulation.
+        """
+        with self._alone:
+            return self._result_so_far()
+
+    def _result_so_far(self) -> Result:
         columns = self._samples.columns()
         if not self.finished:
             n = int(np.searchsorted(columns[0], self._time, side="right"))
@@ -146,7 +170,7 @@ class Simulation(Closing):
             columns = [values[:n].copy() for values in columns]
         return Result(
             columns=Described(zip(self._core.columns, columns, strict=True)),
-            events=self.events,
+            events=self._events_so_far(),
             summary=self._summary if self.finished else Described([]),
             statistics=self._statistics if self.finished else Described([]),
             parameters=self._parameters,
@@ -169,7 +193,7 @@ class Simulation(Closing):
         Raises
         ------
         UsageError
-            If the time lies in the past or beyond the end, or the simulation is closed.
+            If the time lies in the past or beyond the end, the simulation is closed, or another thread is using it.
         SolverError
             If the solver gave up; its ``result`` holds what was computed until then.
 
@@ -178,15 +202,15 @@ class Simulation(Closing):
         IncompleteWarning
             If the run was stopped at ``output.wall_limit``.
         """
-        if not self._time <= time <= self._t_end:
-            raise UsageError(
-                f"time = {time:g} s: the run has reached {self._time:g} s and ends at {self._t_end:g} s"
-            )
-        if not self.finished:
-            self._need_core()
-            while not self._advance(time):
+        with self._alone:
+            aim = number("time", time, checked=False)
+            if not self._time <= aim <= self._t_end:
+                raise UsageError(
+                    f"time = {aim:g} s: the run has reached {self._time:g} s and ends at {self._t_end:g} s"
+                )
+            while not (self.finished or self._advance(aim)):
                 pass
-        self._tell(stacklevel=3)
+            self._tell(stacklevel=3)
 
     def finish(self, progress: bool | None = None) -> Result:
         """Integrate to the end.
@@ -205,6 +229,8 @@ class Simulation(Closing):
         ------
         SolverError
             If the solver gave up; its ``result`` holds what was computed until then.
+        UsageError
+            If the simulation is closed, or another thread is using it.
 
         Warns
         -----
@@ -214,14 +240,14 @@ class Simulation(Closing):
         return self._finish(progress, stacklevel=4)
 
     def _finish(self, progress: bool | None, stacklevel: int) -> Result:
-        if not self.finished:
-            self._need_core()
-            with progress_bar(progress, self._t_end, BAR) as show:
-                while not self._advance(self._t_end):
-                    show(self._samples.last_time())
-                show(self._time)
-        self._tell(stacklevel)
-        return self.result
+        with self._alone:
+            if not self.finished:
+                with progress_bar(progress, self._t_end, BAR) as show:
+                    while not self._advance(self._t_end):
+                        show(self._samples.last_time())
+                    show(self._time)
+            self._tell(stacklevel)
+            return self._result_so_far()
 
     def _advance(self, until: float) -> bool:
         """Go on for a while, at most to `until`; whether that has been reached, or the run has ended before."""
@@ -251,10 +277,6 @@ class Simulation(Closing):
         interval = float(self._parameters["interval"])
         return int(min(self._t_end / interval + 2, MOST_EXPECTED)) if interval > 0.0 else 0
 
-    def _need_core(self) -> None:
-        if self._core.closed:
-            raise UsageError("the simulation is closed: make a new one")
-
     def _tell(self, stacklevel: int) -> None:
         """Raise or warn if the run has ended badly."""
         code, text = self._outcome or (0, "")
@@ -263,7 +285,7 @@ class Simulation(Closing):
         elif code != 0:
             error = self._scene.source.error(code, text)
             if isinstance(error, SolverError):
-                error.result = self.result
+                error.result = self._result_so_far()
             raise error
 
     def _attributes(self) -> dict[str, str | int]:

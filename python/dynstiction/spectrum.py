@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .creep import creep_exact
+from ._arguments import finite, instance, number, reals, shape_of, whole
+from .creep import creep_exact, dimensionless
 from .errors import UsageError
 
 __all__ = ["Spectrogram", "creep_frequency", "oscillation_frequency", "ridge", "spectrogram"]
@@ -54,16 +55,19 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
     Raises
     ------
     UsageError
-        If the samples are not uniform, not finite, too few for the window, or the window holds fewer than 8 of them.
+        If the samples are not uniform, not finite, too few for the window, or the window holds fewer than 8 of them. If
+        `count` is no whole number from 1 on, or the density is beyond the range of double precision.
     """
     from scipy.signal import ShortTimeFFT  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
-    times, signal = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    times, signal = reals("time", time, checked=False), reals("values", values, checked=False)
+    window, count = number("window", window, checked=False), whole("count", count, least=1)
     if times.ndim != 1 or times.shape != signal.shape:
         raise UsageError(f"time and values of shapes {times.shape} and {signal.shape}: both must be (n,)")
     if not (np.all(np.isfinite(signal)) and np.all(np.isfinite(times))):
         raise UsageError("a value is not finite: leave such samples out")
-    step, n = _uniform(times)
+    with np.errstate(all="ignore"):
+        step, n = _uniform(times)
     if not (0.0 < window <= (n - 1) * step * (1.0 + SPACING_TOLERANCE)):
         raise UsageError(
             f"the samples span {(n - 1) * step:.6g} s: a window of {window:g} s needs a longer run"
@@ -74,14 +78,15 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
             f"samples {step:.6g} s apart are too few for a window of {window:g} s: "
             f"run again with output.interval = {window / 100:.1g} or less"
         )
-    hop = max(1, (n - length) // max(count, 1))
+    hop = max(1, (n - length) // count)
     transform = ShortTimeFFT(
         np.hamming(length), hop, fs=1.0 / step, fft_mode="onesided2X", mfft=PADDING * length, scale_to="psd"
     )
     first, last = transform.lower_border_end[1], transform.upper_border_begin(n)[1]
-    density = transform.spectrogram(signal[:n], detr="constant", p0=first, p1=last)
+    with np.errstate(all="ignore"):
+        density = transform.spectrogram(signal[:n], detr="constant", p0=first, p1=last)
     middles = times[0] + transform.delta_t * np.arange(first, last)
-    return Spectrogram(middles, transform.f, density)
+    return Spectrogram(middles, finite("the frequency", transform.f), finite("the density", density))
 
 
 def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:
@@ -98,8 +103,19 @@ def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:
     -------
     ndarray, shape (n_t,)
         Frequency [Hz]; NaN where there is no power.
+
+    Raises
+    ------
+    UsageError
+        If `spectrum` is no spectrogram, or `above` lies beyond its end.
     """
-    frequency, density = spectrum.frequency, spectrum.density
+    spectrum = instance("spectrum", spectrum, Spectrogram, "give what spectrogram returns")
+    frequency, density = reals("frequency", spectrum.frequency), reals("density", spectrum.density, least=0.0)
+    if density.ndim != 2 or frequency.shape != density.shape[:1] or frequency.size < 3:
+        raise UsageError(
+            f"frequency and density of shapes {frequency.shape} and {density.shape}: (n_f,) and (n_f, n_t), n_f > 2"
+        )
+    above = number("above", above, units="Hz")
     first = int(np.searchsorted(frequency, above))
     if first >= frequency.size:
         raise UsageError(f"above = {above:g} Hz: the spectrogram ends at {frequency[-1]:g} Hz")
@@ -133,10 +149,21 @@ def oscillation_frequency(
     -------
     ndarray, float64
         Frequency [Hz] in the broadcast shape.
+
+    Raises
+    ------
+    UsageError
+        If an argument is not finite, the mass or a stiffness is not positive, or the arguments do not broadcast.
     """
-    angle = np.asarray(theta, dtype=np.float64)
-    stiffness = np.asarray(stiffness_y) * np.sin(angle) ** 2 + np.asarray(stiffness_x) * np.cos(angle) ** 2
-    return np.asarray(np.sqrt(stiffness / np.asarray(mass)) / (2.0 * np.pi), dtype=np.float64)
+    angle = reals("theta", theta, units="rad")
+    inertia = reals("mass", mass, above=0.0, units="kg")
+    soft = reals("stiffness_x", stiffness_x, above=0.0, units="N/m")
+    stiff = reals("stiffness_y", stiffness_y, above=0.0, units="N/m")
+    shape_of(theta=angle, mass=inertia, stiffness_x=soft, stiffness_y=stiff)
+    # The root of the sum of squares, of which no square leaves the range of the numbers.
+    root = np.hypot(np.sqrt(stiff) * np.sin(angle), np.sqrt(soft) * np.cos(angle))
+    with np.errstate(over="ignore"):
+        return np.asarray(finite("the frequency", root / np.sqrt(inertia) / (2.0 * np.pi)))
 
 
 def creep_frequency(
@@ -169,13 +196,19 @@ def creep_frequency(
     Raises
     ------
     UsageError
-        If an argument is out of the range of `creep_exact`.
+        If an argument is out of the range of `creep_velocity`, or the mass is not positive.
     """
-    soft, stiff = np.asarray(stiffness_x, dtype=np.float64), np.asarray(stiffness_y, dtype=np.float64)
-    friction = np.asarray(mu_0, dtype=np.float64) * np.asarray(normal_load, dtype=np.float64)
-    tau = np.asarray(t, dtype=np.float64) * np.asarray(velocity, dtype=np.float64) * soft / friction
-    theta = creep_exact(tau, misalignment, soft / stiff).theta
-    return oscillation_frequency(theta, mass=mass, stiffness_x=soft, stiffness_y=stiff)
+    scaled = dimensionless(
+        t,
+        velocity=velocity,
+        misalignment=misalignment,
+        stiffness_x=stiffness_x,
+        stiffness_y=reals("stiffness_y", stiffness_y, above=0.0, units="N/m"),
+        mu_0=mu_0,
+        normal_load=normal_load,
+    )
+    theta = creep_exact(*scaled).theta
+    return oscillation_frequency(theta, mass=mass, stiffness_x=stiffness_x, stiffness_y=stiffness_y)
 
 
 def _uniform(times: _Floats) -> tuple[float, int]:

@@ -11,9 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
+from ._arguments import reals, shape_of
 from .errors import UsageError
 
 __all__ = ["CriticalMisalignment", "critical_misalignment", "damping_ratio", "steady_sliding_eigenvalues"]
+
+NAMES = (
+    "mass", "stiffness_x", "stiffness_y", "misalignment", "mu_0", "mu_inf", "v_f", "normal_load", "velocity", "v_smooth"
+)  # fmt: skip
+"""Parameters in the order of the core."""
 
 
 class CriticalMisalignment(NamedTuple):
@@ -79,8 +85,8 @@ def steady_sliding_eigenvalues(
     Raises
     ------
     UsageError
-        If a parameter is out of its range, the parameters do not broadcast, or only one of `mu_inf` and
-        `v_f` is given.
+        If a parameter is out of its range or no number, the parameters do not broadcast, or only one of `mu_inf` and
+        `v_f` is given. If a result is beyond the range of double precision.
 
     Notes
     -----
@@ -180,9 +186,19 @@ def damping_ratio(
     UsageError
         As for `steady_sliding_eigenvalues`; also if ``V sin(phi) = 0``.
     """
-    angles = np.asarray(theta, dtype=np.float64)
+    angles = reals("theta", theta, units="rad")
     sliders, shape = _sliders(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, 0.0, angles
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        0.0,
+        theta=angles,
     )
     every_angle = np.broadcast_to(angles, shape).reshape(-1)
     return _native.slow_damping(sliders, every_angle, mu_inf is not None).reshape(shape)
@@ -199,22 +215,16 @@ def _sliders(
     normal_load: ArrayLike,
     velocity: ArrayLike,
     v_smooth: ArrayLike,
-    *others: NDArray[np.float64],
+    **others: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], tuple[int, ...]]:
     """Parameter rows (n, 10) of the core, and the shape that they and `others` broadcast to."""
     if (mu_inf is None) != (v_f is None):
         raise UsageError("mu_inf and v_f belong together: both for weakening friction, neither for constant")
     if mu_inf is None or v_f is None:
         mu_inf, v_f = mu_0, 1.0
-    parameters = [
-        np.asarray(value, dtype=np.float64)
-        for value in (
-            mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
-        )
-    ]  # fmt: skip
-    try:
-        shape = np.broadcast_shapes(*(array.shape for array in (*parameters, *others)))
-    except ValueError as error:
-        raise UsageError(f"parameters of shapes that do not broadcast: {error}") from None
-    rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in parameters], axis=1)
+    values = mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
+    # The core checks their ranges.
+    parameters = {name: reals(name, value, checked=False) for name, value in zip(NAMES, values, strict=True)}
+    shape = shape_of(**parameters, **others)
+    rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in parameters.values()], axis=1)
     return np.ascontiguousarray(rows), shape

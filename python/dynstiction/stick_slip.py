@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arguments import instance, shown
+from ._optional import needed
 from .errors import ColumnError, UsageError
 from .html import page_table
 from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info
@@ -74,8 +76,8 @@ class StickSlip:
     def __getitem__(self, name: str) -> _Floats:
         try:
             return self.columns[name]
-        except KeyError:
-            raise ColumnError(f"no column '{name}', only {', '.join(self.columns)}") from None
+        except (KeyError, TypeError):
+            raise ColumnError(f"no column {shown(name)}, only {', '.join(self.columns)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
@@ -98,6 +100,7 @@ class StickSlip:
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a `pandas.DataFrame`, one row a cycle; ``frame.attrs["units"]`` has the units."""
+        needed("pandas", "to_pandas")
         import pandas  # noqa: PLC0415  (optional)
 
         frame = pandas.DataFrame(dict(self.columns))
@@ -138,8 +141,9 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     ColumnError
         If the result lacks a column.
     UsageError
-        If the result does not say what mu_0 and W are.
+        If this is no result, or one that does not say what mu_0 and W are.
     """
+    result = instance("result", result, Result, "give what run or open returns")
     force, position, time = result["spring_force_x"], result["X"], result.time
     try:
         limit = float(result.parameters["mu_0"]) * float(result.parameters["normal_load"])

@@ -1,0 +1,168 @@
+"""Writing the HDF5 file of a run: the same layout as the executable's (see the manual, "The result file").
+
+The file is made in memory and written as bytes: HDF5 itself never meets a disk that is full, after which it would fail again and
+again, also at the end of the process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import zlib
+from collections.abc import Iterable
+
+import h5py  # type: ignore[import-untyped]
+import numpy as np
+from numpy.typing import NDArray
+
+from ._hdf5 import EVENTS, PROGRAM
+from ._open import SEAL, open_file
+from .errors import FileError
+from .record import Info, Record
+
+__all__ = ["write"]
+
+TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
+# The oldest format with checksums of what describes the data.
+FORMAT = ("v108", "v108")
+STORED_AS = {"sticking": np.int8, "kind": np.int8}
+
+GROWTH = 2**20
+"""Bytes by which the file in memory grows."""
+
+
+def write(result: Record, path: str, *, overwrite: bool) -> None:
+    """Write a result; the file appears under its name only when it is whole and on the disk."""
+    _refuse_to_replace(path, overwrite)
+    image = _image(result)
+    folder, name = os.path.split(path)
+    temporary = os.path.join(folder, f".{name[:100]}.{secrets.token_hex(8)}.part")
+    try:
+        _write_bytes(temporary, image, SEAL % zlib.crc32(image))
+        _put_in_place(temporary, path, overwrite)
+    except (OSError, ValueError) as error:  # ValueError: no path at all
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{path}: cannot be written: {reason}: {_remedy(error)}") from None
+
+
+def _refuse_to_replace(path: str, overwrite: bool) -> None:
+    if not os.path.lexists(path):
+        return
+    if not overwrite:
+        raise _exists(path)
+    if os.path.isfile(path) and os.path.getsize(path) == 0:
+        return
+    try:
+        with open_file(path) as file:
+            ours = file.attrs.get("program") == PROGRAM
+    except FileError:
+        ours = False
+    if not ours:
+        raise FileError(
+            f"{path}: exists and is no result of {PROGRAM} (no HDF5 file, of another program, or damaged): "
+            "choose another name or remove it"
+        )
+
+
+def _exists(path: str) -> FileError:
+    return FileError(f"{path}: the file exists: pass overwrite=True or choose another name")
+
+
+def _image(result: Record) -> bytes:
+    """The bytes of the file, which HDF5 knows by a name that no other thread's has."""
+    with h5py.File(
+        secrets.token_hex(16), "w", libver=FORMAT, driver="core", backing_store=False, block_size=GROWTH
+    ) as file:
+        _write_contents(file, result)
+        file.flush()
+        image: bytes = file.id.get_file_image()
+    return image
+
+
+def _write_bytes(path: str, *parts: bytes) -> None:
+    """Write a new file, to the disk; or none."""
+    try:
+        with open(path, "xb") as stream:
+            for part in parts:
+                stream.write(part)
+            stream.flush()
+            os.fsync(stream.fileno())
+    except FileExistsError:
+        raise
+    except BaseException:
+        _remove(path)
+        raise
+
+
+def _put_in_place(temporary: str, path: str, overwrite: bool) -> None:
+    try:
+        if overwrite:
+            os.replace(temporary, path)
+            return
+        try:
+            # Unlike a renaming this does not replace what has come there meanwhile.
+            os.link(temporary, path)
+        except FileExistsError:
+            raise _exists(path) from None
+        except OSError:  # no links in this file system
+            if os.path.lexists(path):
+                raise _exists(path) from None
+            os.replace(temporary, path)
+    finally:
+        _remove(temporary)
+
+
+def _remove(path: str) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        os.unlink(path)
+
+
+def _remedy(error: Exception) -> str:
+    match getattr(error, "errno", None):
+        case errno.ENOSPC | errno.EDQUOT:
+            return "free some space, or choose another disk"
+        case errno.EFBIG:
+            return "raise the limit of file sizes (ulimit -f), or save fewer samples"
+        case errno.ENOENT | errno.ENOTDIR:
+            return "make its folder first"
+    return "choose another name or folder"
+
+
+def _write_contents(file: h5py.File, result: Record) -> None:
+    for name, value in result.attributes.items():
+        if name != "complete":
+            file.attrs[name] = np.int32(value) if isinstance(value, int) else value
+    for name, text in (("text", result.deck), ("resolved", result.resolved_deck)):
+        data = text.encode("utf-8", "surrogateescape")
+        dataset = file.create_dataset(f"deck/{name}", data=data, dtype=h5py.string_dtype("utf-8"))
+        _describe(dataset, Info(name, "1", TEXTS[name]))
+    _write_series(file.create_group("time_series"), result.columns.info())
+    _write_series(file.create_group("events"), [(EVENTS[name], result.events[name]) for name in EVENTS])
+    _write_group(file.create_group("summary"), result.summary.info())
+    _write_group(file.create_group("statistics"), result.statistics.info())
+    _write_group(file.create_group("parameters"), result.parameters.info())
+    file.attrs["complete"] = np.int32(result.complete)
+
+
+def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[np.generic]]]) -> None:
+    """Columns over the group's time, which becomes the dimension scale of the others."""
+    for info, values in entries:
+        stored = values.astype(STORED_AS.get(info.name, np.float64), copy=False)
+        # With a checksum, so that damage is found when it is read.
+        _describe(group.create_dataset(info.name, data=stored, chunks=True, fletcher32=True), info)
+    group["time"].make_scale("time")
+    for name in group:
+        if name != "time":
+            group[name].dims[0].attach_scale(group["time"])
+
+
+def _write_group(group: h5py.Group, entries: Iterable[tuple[Info, object]]) -> None:
+    for info, value in entries:
+        _describe(group.create_dataset(info.name, data=value), info)
+
+
+def _describe(dataset: h5py.Dataset, info: Info) -> None:
+    dataset.attrs["units"] = info.units
+    dataset.attrs["long_name"] = info.long_name
