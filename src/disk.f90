@@ -254,8 +254,8 @@ contains
     same_file = a%exists .and. b%exists .and. a%inode == b%inode .and. all(a%device == b%device)
   end function same_file
 
-  !> See that the open file can grow from `present` to `length` bytes, without changing it; a file system that cannot tell counts
-  !> as able.
+  !> See that the open file can grow from `present` to `length` bytes. Where the file system cannot reserve, zeros are written
+  !> behind the file's end, once.
   subroutine reserve_space(descriptor, present, length, reason)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in) :: present, length
@@ -276,10 +276,34 @@ contains
       end do
     end if
     select case (number)
+    case (0)
     case (efbig, enospc, edquot)
       reason = with_remedy(fortran_text(c_strerror(number)))
+    case default
+      call write_zeros(descriptor, length, reason)
     end select
   end subroutine reserve_space
+
+  !> Let a file be `length` bytes long, if it is shorter. Without room it stays as it is.
+  subroutine write_zeros(descriptor, length, reason)
+    integer(c_int), intent(in) :: descriptor
+    integer(int64), intent(in) :: length
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer, parameter :: block = 65536
+    character(c_char), allocatable, target :: zeros(:)
+    type(identity_t) :: file
+    integer(int64) :: place
+
+    file = identity_of(descriptor)
+    allocate (zeros(block))
+    zeros = c_null_char
+    place = file%bytes
+    do while (place < length .and. .not. allocated(reason))
+      call write_all(descriptor, zeros(:min(length - place, size(zeros, kind=int64))), reason, place)
+      place = place + size(zeros)
+    end do
+    if (allocated(reason)) call set_file_size(descriptor, file%bytes)
+  end subroutine write_zeros
 
   !> Give back what was reserved beyond `length` bytes. Failing here loses no data.
   subroutine set_file_size(descriptor, length)
@@ -358,7 +382,7 @@ contains
     integer(int64), intent(in) :: place
     character(*), intent(in), target :: text
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    character(c_char), pointer :: bytes(:)
+    character(c_char), pointer, contiguous :: bytes(:)
 
     call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
     call write_all(descriptor, bytes, reason, place)
@@ -477,7 +501,7 @@ contains
     integer(int64), intent(in) :: first
     integer(int64), intent(out), target, contiguous :: words(:)
     integer, parameter :: word_bytes = 8
-    character(c_char), pointer :: bytes(:)
+    character(c_char), pointer, contiguous :: bytes(:)
     logical :: ignored
 
     words = 0
@@ -492,7 +516,7 @@ contains
     integer(int64), intent(in), target, contiguous :: words(:)
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     integer, parameter :: word_bytes = 8
-    character(c_char), pointer :: bytes(:)
+    character(c_char), pointer, contiguous :: bytes(:)
 
     call c_f_pointer(c_loc(words), bytes, [word_bytes*size(words, kind=int64)])
     call write_all(descriptor, bytes, reason)
@@ -864,7 +888,7 @@ contains
   function fortran_text(address) result(text)
     type(c_ptr), intent(in) :: address
     character(:), allocatable :: text
-    character(c_char), pointer :: bytes(:)
+    character(c_char), pointer, contiguous :: bytes(:)
     integer :: i
 
     call c_f_pointer(address, bytes, [c_strlen(address)])

@@ -74,7 +74,7 @@ contains
     type(crc32_t), intent(out) :: crc
     integer(int64), parameter :: block_words = 32768, word_bytes = 8
     integer(int64), allocatable, target :: words(:)
-    character(c_char), pointer :: block(:)
+    character(c_char), pointer, contiguous :: block(:)
     integer(int64) :: place, count, i
 
     call crc%start()
