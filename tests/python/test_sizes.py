@@ -93,7 +93,7 @@ def awkward_settings(dice: random.Random) -> list[str]:
     if "scene.t_end" not in keys:
         keys.append("scene.t_end")
     # The first value is mostly sound.
-    return [f"{key}={VALUES[key][0] if dice.random() < 0.6 else dice.choice(VALUES[key])}" for key in keys]
+    return [f"{key}={VALUES[key][0] if dice.random() < 0.6 else dice.choice(VALUES[key][1:])}" for key in keys]
 
 
 @pytest.mark.parametrize("seed", [5, *(pytest.param(seed, marks=pytest.mark.full) for seed in range(6, 14))])
@@ -103,7 +103,7 @@ def test_check_and_run_give_one_answer(call, tmp_path, seed):
     (tmp_path / "deck.nml").write_text(FIG3)
     (tmp_path / "points.csv").write_text("system.misalignment_deg\n1.0\n2.0\n")
     sound = refused = 0
-    for _ in range(60):
+    for _ in range(80):
         settings = awkward_settings(dice)
         checked = call("check", "deck.nml", settings=settings)
         # A run that takes long is one that began.
@@ -232,7 +232,7 @@ def test_values_whose_ratio_or_difference_is_no_number(call, tmp_path):
         key = "initial.elongation_x" if spacing == "linear" else "friction.v_f"
         group = f"&sweep\n parameter = '{key}'\n first = {first}\n last = {last}\n count = 5\n spacing = '{spacing}'\n/\n"
         (tmp_path / "x.nml").write_text(SLOW.replace("t_end = 10.0", "t_end = 1e-6") + group)
-        assert call("run", "x.nml", "--overwrite", "--quiet").returncode in {0, 5}
+        assert call("run", "x.nml", "-o", "x.h5", "--overwrite", "--quiet").returncode in {0, 5}
         with h5py.File(tmp_path / "x.h5") as file:
             values = file["sweep"][key][:]
         assert values[0] == first and values[-1] == last

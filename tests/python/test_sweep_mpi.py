@@ -137,5 +137,45 @@ def test_copies_of_rank_0_of_1_are_refused(launched, tmp_path, other):
     if other != "serial":
         launched.exe = skip_without(next(flavour for flavour in MPI if flavour != launched.flavour))
     done = launched.run("m.h5")
-    assert done.returncode == 1 and "2 copies that know nothing of each other" in done.stderr
+    assert done.returncode == 1 and done.stderr.count("this is one of 2 copies") == 1
+    assert "they know nothing of each other" in done.stderr
     assert not (tmp_path / "m.h5").exists() and not launched.shards("m.h5")
+
+
+def statuses(launched, *command):
+    """Exit status of each of two ranks, and what they say."""
+    script = 'rank=${OMPI_COMM_WORLD_RANK:-$PMI_RANK}; "$@"; echo $? > "status.$rank"'
+    done = subprocess.run(
+        [f"mpirun.{launched.flavour}", "-n", "2", "sh", "-c", script, "sh", launched.exe, *command],
+        cwd=launched.folder,
+        env=os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    return [int((launched.folder / f"status.{rank}").read_text()) for rank in (0, 1)], done.stderr
+
+
+def test_all_ranks_end_with_one_status(launched, tmp_path):
+    """Also when the cases that failed were run before, by others."""
+    deck = tmp_path / "failing.nml"
+    deck.write_text(SHORT.replace("&integrator", "&integrator\n  max_steps = 5") + GRID)
+    command = ("run", "failing.nml", "-o", "f.h5", "--keep-shards", "--quiet", "--overwrite")
+    for _ in range(2):
+        status, words = statuses(launched, *command)
+        assert status == [5, 5]
+        assert words.count("60 of 60 cases failed") == 1
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("run", "one.nml"), ("run", "map.nml", "failing.nml"), ("resume", "x.h5"), ("merge", "map.nml"), ("trade", "one.nml")],
+)
+def test_what_is_for_one_process_is_refused_to_ranks(launched, tmp_path, command):
+    for name, text in (("one.nml", SHORT), ("map.nml", SHORT + GRID), ("failing.nml", SHORT + GRID)):
+        (tmp_path / name).write_text(text)
+    status, words = statuses(launched, *command)
+    assert status == [1, 1]
+    assert words.count("is for one process") == 1
+    assert not list(tmp_path.glob("*.h5*"))
