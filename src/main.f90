@@ -4,7 +4,7 @@ program dynstiction
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
-  use dst_text, only: one_per_line
+  use dst_text, only: one_per_line, printable
   use dst_disk, only: file_exists, is_folder, folder_of, true_path
   use dst_deck, only: deck_t, read_deck, resolved, template, key_table
   use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
@@ -119,8 +119,8 @@ contains
       call read_deck(command%operands(i)%text, setting_list(command), deck, error)
       if (.not. allocated(error)) then
         call scene_from_deck(deck, scene)
-        call stability_report(scene, deck%name, text, error)
-        if (allocated(error)) error%text = deck%name//': '//error%text
+        call stability_report(scene, printable(deck%name), text, error)
+        if (allocated(error)) error%text = printable(deck%name)//': '//error%text
       end if
       call complain(error)
       if (.not. allocated(error)) call print_text(text)
@@ -181,7 +181,7 @@ contains
     do i = 1, size(decks)
       call carry_out(decks(i), outputs(i)%text, error)
       if (.not. allocated(error)) cycle
-      if (error%code /= file_error .and. error%text /= '') error%text = decks(i)%name//': '//error%text
+      if (error%code /= file_error .and. error%text /= '') error%text = printable(decks(i)%name)//': '//error%text
       call complain(error)
       if (error%code == stopped_early) exit
     end do
@@ -223,7 +223,7 @@ contains
     do i = 1, command%operand_count
       call resume_run(command%operands(i)%text, command%quiet, error)
       if (.not. allocated(error)) cycle
-      if (error%code /= file_error) error%text = command%operands(i)%text//': '//error%text
+      if (error%code /= file_error) error%text = printable(command%operands(i)%text)//': '//error%text
       call complain(error)
       if (error%code == stopped_early) exit
     end do

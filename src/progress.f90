@@ -3,6 +3,7 @@ module dst_progress
   use, intrinsic :: iso_fortran_env, only: error_unit
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp
+  use dst_text, only: printable
   implicit none
   private
 
@@ -41,7 +42,7 @@ contains
     logical, intent(in) :: quiet
     type(progress_t) :: progress
 
-    progress%label = label
+    progress%label = printable(label)
     progress%quiet = quiet
     progress%terminal = isatty(2_c_int) == 1
     progress%next = merge(terminal_interval, plain_interval, progress%terminal)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NoReturn
 from ._open import groups_in
 from ._sweep import open_sweep
 from ._trade import open_trade
-from .errors import Error, FileError, IncompleteWarning, UsageError
+from .errors import Error, FileError, IncompleteWarning, UsageError, printable
 from .result import Result, open
 
 if TYPE_CHECKING:
@@ -157,11 +157,11 @@ def _export(options: argparse.Namespace) -> None:
     name, folder = options.file.stem, options.output
     groups = groups_in(options.file)
     if "sweep" in groups:
-        print(export_sweep_csv(options.file, folder, name, overwrite=options.overwrite))
+        print(printable(str(export_sweep_csv(options.file, folder, name, overwrite=options.overwrite))))
         return
     result = open_trade(options.file) if "trade" in groups else _open(options.file)
     for file in export_csv(result, folder, name, overwrite=options.overwrite):
-        print(file)
+        print(printable(str(file)))
 
 
 def _add_paper(commands: argparse._SubParsersAction[_Parser]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ._open import open_file
 from ._trade import Trade
 from .errors import FileError
 from .record import Info
@@ -75,13 +76,8 @@ def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = F
     FileError
         If the sweep file cannot be read, or the CSV file is there already or cannot be written.
     """
-    import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
-
-    try:
-        with h5py.File(path, "r") as file:
-            columns = list(_sweep_columns(file["sweep"]))
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise FileError(f"{path}: cannot be read as a sweep: {error}") from error
+    with open_file(path) as file:
+        columns = list(_sweep_columns(file["sweep"]))
     infos, values = zip(*columns, strict=True)
     return _write(folder / f"{name}_sweep.csv", _heads(infos), _rows(values), overwrite)
 

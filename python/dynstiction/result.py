@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ColumnError, UsageError
+from .errors import ColumnError, UsageError, printable
 from .html import page_table, sparkline, table
 from .record import STICK_BEGINS, Record
 from .thinning import extremes
@@ -151,7 +151,7 @@ class Result(Record):
         lines.append("  columns: " + ", ".join(f"{n} [{u}]" for n, u in self.columns.units.items()))
         for name, value in self.summary.items():
             lines.append(f"  {name} = {value:.10g} {self.summary.units[name]}")
-        return "\n".join(lines) + ">"
+        return "\n".join(map(printable, lines)) + ">"
 
 
 def open(path: str | os.PathLike[str]) -> Result:
