@@ -19,13 +19,15 @@ from .result import Result
 __all__ = ["export_csv", "export_sweep_csv"]
 
 EVENTS = (Info("time", "s", ""), Info("kind", "1", ""))
+FORMULA_BEGINNINGS = ("=", "+", "-", "@", "\t", "\r", "\n", "|")
 ABOUT = ("table", "name", "value", "unit", "meaning")
 
 
 def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
     """Write the tables of a run or a comparison, and yield the files as they are there.
 
-    Numbers are written so that they are read back as the same doubles; a column's head is ``name [unit]``.
+    Numbers are written so that they are read back as the same doubles; a column's head is ``name [unit]``. A text that a
+    spreadsheet would take for a formula gets an apostrophe before it.
 
     Parameters
     ----------
@@ -110,9 +112,14 @@ def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]], ov
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("w" if overwrite else "x", encoding="utf-8", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow(head)
-            writer.writerows(rows)
+            writer.writerow(map(_harmless, head))
+            writer.writerows(map(_harmless, row) for row in rows)
     return path
+
+
+def _harmless(cell: object) -> object:
+    """A text that a spreadsheet would take for a formula, with an apostrophe before it; numbers are no texts."""
+    return f"'{cell}" if isinstance(cell, str) and cell.lstrip(" ").startswith(FORMULA_BEGINNINGS) else cell
 
 
 @contextmanager
