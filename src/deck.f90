@@ -1,7 +1,7 @@
 !> Reads a deck: Fortran namelist text, checked against the schema. Every fault of a deck is reported in one go.
 module dst_deck
   use dst_kinds, only: wp, int64
-  use dst_errors, only: error_t, raise, deck_error
+  use dst_errors, only: error_t, raise, raise_lines, deck_error
   use dst_text, only: lower_case, word, word_count, has_word, nearest_word, alternatives, excerpt, integer_text, real_text, &
                       read_real, read_integer
   use dst_faults, only: faults_t
@@ -98,7 +98,7 @@ contains
       call check_fields(deck, faults)
       call check_sweep(deck, line_of(group_number(sweep_group)), faults)
     end if
-    if (faults%count > 0) call raise(error, deck_error, faults%report(name))
+    if (faults%count > 0) call raise_lines(error, deck_error, faults%report(name))
   end subroutine parse_deck
 
   !> As `parse_deck`, but each value is held against its own key only: a part of a deck is not refused for what it lacks, or
@@ -113,7 +113,7 @@ contains
     logical :: plain
 
     call take_text(text, name, settings, deck, line_of, plain, faults)
-    if (faults%count > 0) call raise(error, deck_error, faults%report(name))
+    if (faults%count > 0) call raise_lines(error, deck_error, faults%report(name))
   end subroutine parse_values
 
   !> The values of a deck and of the settings that win over it. `line_of` is the line of each known group, 0 if it is absent;

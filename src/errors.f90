@@ -3,15 +3,17 @@
 !> Nothing below the command line prints or stops; a procedure that can fail has a last argument
 !> `type(error_t), allocatable, intent(out) :: error`, unallocated on success.
 module dst_errors
+  use dst_text, only: printable
   implicit none
   private
 
-  public :: error_t, raise, exit_status
+  public :: error_t, raise, raise_lines, exit_status
   public :: result_done, usage_error, deck_error, file_error, some_failed
   public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, release_failed, &
     out_of_memory, stopped_early
 
-  !> What went wrong. `code` is one of the constants below and also the `result_code` of a file.
+  !> What went wrong, in one line, or of a deck in a line a fault: no name in it breaks a line. `code` is one of the constants
+  !> below and also the `result_code` of a file.
   type :: error_t
     integer :: code = 0
     character(:), allocatable :: text
@@ -45,12 +47,23 @@ contains
 
     allocate (error)
     error%code = code
-    error%text = text
+    error%text = printable(text)
     if (present(key)) error%key = key
     ! A process that leaves the words to another one says nothing.
     if (text == '') return
-    if (exit_status(code) == 4 .or. code == some_failed .or. code == stopped_early) error%text = text//'; see docs/errors.md'
+    if (exit_status(code) == 4 .or. code == some_failed .or. code == stopped_early) error%text = error%text//'; see docs/errors.md'
   end subroutine raise
+
+  !> Set `error` to several faults, one a line.
+  pure subroutine raise_lines(error, code, lines)
+    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: code
+    character(*), intent(in) :: lines    !! each of them printable
+
+    allocate (error)
+    error%code = code
+    error%text = lines
+  end subroutine raise_lines
 
   !> Exit status of the executable for an error or result code.
   pure integer function exit_status(code)

@@ -1,6 +1,6 @@
 !> The faults found in one deck and in the settings of the command line, in the order of their lines.
 module dst_faults
-  use dst_text, only: text_builder_t, integer_text, excerpt
+  use dst_text, only: text_builder_t, integer_text, excerpt, printable
   implicit none
   private
 
@@ -80,13 +80,14 @@ contains
         if (fault%setting > 0) then
           call builder%append('--set '//number(fault%setting)//' ('//trim(fault%argument)//')')
         else
-          call builder%append(name)
+          call builder%append(printable(name))
           if (fault%line > 0) call builder%append(':'//number(fault%line))
         end if
-        call builder%append(': '//trim(fault%text))
+        call builder%append(': '//printable(trim(fault%text)))
       end associate
     end do
-    if (self%full()) call builder%append(achar(10)//name//': only the first faults are listed: mend these and check again')
+    if (self%full()) call builder%append(achar(10)//printable(name)// &
+      ': only the first faults are listed: mend these and check again')
     text = builder%content()
   end function report
 

@@ -4,7 +4,7 @@ module dst_hdf5_origin
   use dst_disk, only: file_size
   use dst_errors, only: error_t, raise, file_error
   use dst_process, only: guard_t
-  use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text
+  use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, refusal_t
   implicit none
   private
 
@@ -85,18 +85,19 @@ contains
     character(*), intent(in) :: file_name
     type(origin_t), intent(inout) :: origin
     character(:), allocatable, intent(out) :: reason
+    type(refusal_t) :: refusal
     integer(hid_t) :: file
     integer :: status, ignored
 
     call open_existing(file_name, file, status)
-    call get_attribute(file, 'complete', origin%complete, status)
-    call get_attribute(file, 'result_code', origin%result_code, status)
-    call get_attribute(file, 'result_text', origin%result_text, status)
-    call get_attribute(file, 'created', origin%created, status)
-    call get_attribute(file, 'deck_sha256', origin%deck_sha256, status)
-    call get_text(file, 'deck/text', origin%deck_text, status)
-    call get_text(file, 'deck/resolved', origin%deck_resolved, status)
-    if (status < 0) reason = damage_reason()
+    call get_attribute(file, 'complete', origin%complete, status, refusal)
+    call get_attribute(file, 'result_code', origin%result_code, status, refusal)
+    call get_attribute(file, 'result_text', origin%result_text, status, refusal)
+    call get_attribute(file, 'created', origin%created, status, refusal)
+    call get_attribute(file, 'deck_sha256', origin%deck_sha256, status, refusal)
+    call get_text(file, 'deck/text', origin%deck_text, status, refusal)
+    call get_text(file, 'deck/resolved', origin%deck_resolved, status, refusal)
+    if (status < 0) reason = damage_reason(refusal)
     if (file >= 0) call h5fclose_f(file, ignored)
   end subroutine read_fields
 end module dst_hdf5_origin

@@ -6,13 +6,17 @@
 module dst_hdf5_tools
   use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_size_t, c_char, c_null_char, c_null_ptr, &
     c_associated, c_loc, c_funloc, c_f_pointer
-  use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, &
+  use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5fclose_f, &
     h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_excl_f, h5f_acc_rdonly_f, &
     h5pset_libver_bounds_f, h5f_libver_v18_f, &
     h5tcopy_f, h5tset_cset_f, h5tclose_f, h5tis_variable_str_f, h5screate_f, h5screate_simple_f, h5sclose_f, &
     h5sselect_hyperslab_f, &
-    h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, &
-    h5aclose_f, h5aget_type_f, &
+    h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5sget_simple_extent_npoints_f, &
+    h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, &
+    h5aclose_f, h5aget_type_f, h5aget_space_f, &
+    h5fget_filesize_f, h5iget_file_id_f, h5lget_info_f, h5l_type_hard_f, h5dget_create_plist_f, h5dget_storage_size_f, &
+    h5pget_layout_f, h5pget_nfilters_f, h5pget_filter_f, h5pget_external_count_f, h5z_filter_shuffle_f, h5z_filter_fletcher32_f, &
+    h5d_virtual_f, h5tget_size_f, &
     h5dcreate_f, h5dopen_f, h5dclose_f, h5dget_type_f, h5dread_f, h5dwrite_f, h5dset_extent_f, h5dget_space_f, h5gcreate_f, &
     h5gget_info_f, h5lexists_f, h5ldelete_f, h5lget_name_by_idx_f, h5_index_name_f, h5_iter_inc_f, h5tget_class_f, &
     h5t_integer_f, h5t_float_f, &
@@ -29,7 +33,7 @@ module dst_hdf5_tools
   public :: put_attribute, get_attribute, put_text, put_texts, get_text, put_number
   public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, copy_rows
   public :: make_scale, attach_scale, table_t, create_table, append_rows
-  public :: message_list_t, create_messages, append_messages, names_in, read_list
+  public :: refusal_t, message_list_t, create_messages, append_messages, names_in, read_list
 
   !> A one-dimensional dataset that grows.
   type :: column_t
@@ -49,6 +53,11 @@ module dst_hdf5_tools
     integer(hid_t) :: dataset = -1
     integer(hsize_t) :: rows = 0
   end type message_list_t
+
+  !> Which object of a file was not read though HDF5 would read it, and why.
+  type :: refusal_t
+    character(:), allocatable :: reason
+  end type refusal_t
 
   !> Create or overwrite an attribute of a file, group or dataset.
   interface put_attribute
@@ -184,10 +193,17 @@ contains
     if (reason == '') reason = 'HDF5 gave no reason'
   end function failure_reason
 
-  !> Why a file that is there could not be read, and what to do.
-  function damage_reason() result(reason)
+  !> Why a file that is there could not be read, and what to do; a refusal says more than HDF5.
+  function damage_reason(refusal) result(reason)
+    type(refusal_t), intent(in), optional :: refusal
     character(:), allocatable :: reason
 
+    if (present(refusal)) then
+      if (allocated(refusal%reason)) then
+        reason = refusal%reason//', as in no file of this program: do not trust the file, run the deck again'
+        return
+      end if
+    end if
     reason = with_remedy(failure_reason())
     if (reason == failure_reason()) reason = 'the file is damaged ('//reason//'): run the deck again'
   end function damage_reason
@@ -292,11 +308,12 @@ contains
     call h5aclose_f(attribute, status)
   end subroutine write_attribute
 
-  subroutine get_text_attribute(object, name, text, status)
+  subroutine get_text_attribute(object, name, text, status, refusal)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
     character(:), allocatable, intent(out) :: text
     integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
     type(c_ptr), target :: address
     type(c_ptr) :: buffer
     integer(hid_t) :: attribute, text_type
@@ -307,7 +324,8 @@ contains
     call h5aopen_f(object, name, attribute, status)
     if (status < 0) return
     call h5aget_type_f(attribute, text_type, status)
-    call check_text_type(text_type, status)
+    call check_text_type(name, text_type, status, refusal)
+    call check_single(name, attribute, status, refusal)
     if (status < 0) return
     address = c_null_ptr
     buffer = c_loc(address)
@@ -317,16 +335,55 @@ contains
     if (status >= 0) call take_text(address, text)
   end subroutine get_text_attribute
 
-  !> Whether texts of this type come as an address.
-  subroutine check_text_type(text_type, status)
+  !> Refuse texts that do not come as an address.
+  subroutine check_text_type(name, text_type, status, refusal)
+    character(*), intent(in) :: name
     integer(hid_t), intent(in) :: text_type
     integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
     logical :: is_variable
 
     if (status < 0) return
     call h5tis_variable_str_f(text_type, is_variable, status)
-    if (.not. is_variable) status = -1
+    if (status >= 0 .and. .not. is_variable) call refuse(name, 'is no text', status, refusal)
   end subroutine check_text_type
+
+  !> Refuse an attribute of several values, for which there is no room.
+  subroutine check_single(name, attribute, status, refusal)
+    character(*), intent(in) :: name
+    integer(hid_t), intent(in) :: attribute
+    integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
+    integer(hid_t) :: space
+
+    if (status < 0) return
+    call h5aget_space_f(attribute, space, status)
+    call check_single_space(name, space, status, refusal)
+  end subroutine check_single
+
+  subroutine check_single_space(name, space, status, refusal)
+    character(*), intent(in) :: name
+    integer(hid_t), intent(in) :: space
+    integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
+    integer(hsize_t) :: points
+    integer :: ignored
+
+    if (status < 0) return
+    call h5sget_simple_extent_npoints_f(space, points, status)
+    if (status >= 0 .and. points /= 1) call refuse(name, 'is not a single value', status, refusal)
+    call h5sclose_f(space, ignored)
+  end subroutine check_single_space
+
+  !> Treat an object of a file as damaged that HDF5 would read.
+  subroutine refuse(name, why, status, refusal)
+    character(*), intent(in) :: name, why
+    integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
+
+    status = -1
+    if (present(refusal)) refusal%reason = "'"//name//"' "//why
+  end subroutine refuse
 
   !> HDF5 allocates a text that is read, a few times a file: it is left to the process's end.
   subroutine take_text(address, text)
@@ -344,21 +401,29 @@ contains
     end do
   end subroutine take_text
 
-  subroutine get_integer_attribute(object, name, number, status)
+  subroutine get_integer_attribute(object, name, number, status, refusal)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
     integer, intent(out) :: number
     integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
     integer, target :: value
     type(c_ptr) :: buffer
-    integer(hid_t) :: attribute
-    integer :: ignored
+    integer(hid_t) :: attribute, stored_as
+    integer :: class, ignored
 
     number = 0
     if (status < 0) return
     call h5aopen_f(object, name, attribute, status)
     if (status < 0) return
+    call check_single(name, attribute, status, refusal)
+    if (status < 0) return
+    call h5aget_type_f(attribute, stored_as, status)
+    if (status >= 0) call h5tget_class_f(stored_as, class, status)
+    if (status >= 0 .and. class /= h5t_integer_f) call refuse(name, 'is no integer', status, refusal)
+    if (status < 0) return
     buffer = c_loc(value)
+    call h5tclose_f(stored_as, ignored)
     call h5aread_f(attribute, h5t_native_integer, buffer, status)
     call h5aclose_f(attribute, ignored)
     number = value
@@ -414,22 +479,26 @@ contains
   end subroutine put_texts
 
   !> Read a scalar dataset of text.
-  subroutine get_text(object, name, text, status)
+  subroutine get_text(object, name, text, status, refusal)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
     character(:), allocatable, intent(out) :: text
     integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
     type(c_ptr), target :: address
     type(c_ptr) :: buffer
-    integer(hid_t) :: dataset, text_type
+    integer(hid_t) :: dataset, text_type, space
     integer :: ignored
 
     text = ''
+    call open_own_dataset(object, name, dataset, status, refusal)
+    call check_size(name, dataset, status, refusal)
     if (status < 0) return
-    call h5dopen_f(object, name, dataset, status)
+    call h5dget_space_f(dataset, space, status)
+    call check_single_space(name, space, status, refusal)
     if (status < 0) return
     call h5dget_type_f(dataset, text_type, status)
-    call check_text_type(text_type, status)
+    call check_text_type(name, text_type, status, refusal)
     if (status < 0) return
     address = c_null_ptr
     buffer = c_loc(address)
@@ -542,31 +611,137 @@ contains
   end subroutine create_column
 
   !> A column that is there already, with all its rows.
-  subroutine open_column(group, name, chunk_rows, column, status)
+  subroutine open_column(group, name, chunk_rows, column, status, refusal)
     integer(hid_t), intent(in) :: group
     character(*), intent(in) :: name
     integer, intent(in) :: chunk_rows
     type(column_t), intent(out) :: column
     integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
     integer(hid_t) :: access, space
     integer(hsize_t) :: rows(1), largest(1)
     integer :: ignored, rank
 
     call create_access(chunk_rows, access, status)
     if (status < 0) return
-    call h5dopen_f(group, name, column%dataset, status, access)
+    call open_own_dataset(group, name, column%dataset, status, refusal, access)
     if (status < 0) return
     call h5pclose_f(access, ignored)
     call h5dget_space_f(column%dataset, space, status)
     if (status < 0) return
     call h5sget_simple_extent_ndims_f(space, rank, status)
-    if (rank /= 1) status = -1
+    if (status >= 0 .and. rank /= 1) call refuse(name, 'is no list', status, refusal)
     if (status < 0) return
     call h5sget_simple_extent_dims_f(space, rows, largest, status)
     call h5sclose_f(space, ignored)
     status = min(status, 0)
     column%rows = rows(1)
   end subroutine open_column
+
+  !> Open a dataset whose data are in the file as they are: behind hard links only, in no other file, not put together from
+  !> others, not compressed.
+  subroutine open_own_dataset(object, name, dataset, status, refusal, access)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name
+    integer(hid_t), intent(out) :: dataset
+    integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
+    integer(hid_t), intent(in), optional :: access
+    integer(hid_t) :: creation
+    integer :: layout, externals, ignored
+
+    dataset = -1
+    call check_links(object, name, status, refusal)
+    if (status < 0) return
+    if (present(access)) then
+      call h5dopen_f(object, name, dataset, status, access)
+    else
+      call h5dopen_f(object, name, dataset, status)
+    end if
+    if (status < 0) return
+    call h5dget_create_plist_f(dataset, creation, status)
+    if (status < 0) return
+    call h5pget_layout_f(creation, layout, status)
+    if (status < 0) return
+    ! To ask for the extent of a virtual dataset opens its sources.
+    if (layout == h5d_virtual_f) then
+      call refuse(name, 'is made of other datasets', status, refusal)
+      return
+    end if
+    call h5pget_external_count_f(creation, externals, status)
+    if (status >= 0 .and. externals > 0) call refuse(name, 'has its data in another file', status, refusal)
+    call check_filters(name, creation, status, refusal)
+    call h5pclose_f(creation, ignored)
+  end subroutine open_own_dataset
+
+  !> Refuse a path on which a link leads elsewhere.
+  subroutine check_links(object, name, status, refusal)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name
+    integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
+    integer(hsize_t) :: address
+    integer(size_t) :: length
+    integer :: last, next, character_set, order, kind
+    logical :: is_ordered
+
+    last = 0
+    do while (last < len(name) .and. status >= 0)
+      next = index(name(last + 1:)//'/', '/')
+      last = last + next
+      associate (part => name(:min(last - 1, len(name))))
+        call h5lget_info_f(object, part, character_set, order, is_ordered, kind, address, length, status)
+        if (status >= 0 .and. kind /= h5l_type_hard_f) call refuse(part, 'is a link', status, refusal)
+      end associate
+    end do
+  end subroutine check_links
+
+  !> Refuse what is compressed: a few bytes could fill the memory, or a filter be code from a plugin.
+  subroutine check_filters(name, creation, status, refusal)
+    character(*), intent(in) :: name
+    integer(hid_t), intent(in) :: creation
+    integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
+    integer(size_t) :: parameters
+    integer :: i, n, flags, values(8), filter
+    character(32) :: filter_name
+
+    if (status < 0) return
+    call h5pget_nfilters_f(creation, n, status)
+    do i = 0, n - 1
+      if (status < 0) return
+      parameters = size(values)
+      call h5pget_filter_f(creation, i, flags, parameters, values, len(filter_name, size_t), filter_name, filter, status)
+      if (status >= 0 .and. filter /= h5z_filter_shuffle_f .and. filter /= h5z_filter_fletcher32_f) &
+        call refuse(name, 'is compressed (h5repack -f NONE undoes that)', status, refusal)
+    end do
+  end subroutine check_filters
+
+  !> Refuse a dataset that claims more than it has, or more than the file.
+  subroutine check_size(name, dataset, status, refusal)
+    character(*), intent(in) :: name
+    integer(hid_t), intent(in) :: dataset
+    integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
+    integer(hid_t) :: file, stored_as, space
+    integer(hsize_t) :: points, stored
+    integer(size_t) :: value_bytes, file_bytes
+    integer :: ignored
+
+    if (status < 0) return
+    call h5iget_file_id_f(dataset, file, status)
+    if (status >= 0) call h5fget_filesize_f(file, file_bytes, status)
+    if (status >= 0) call h5dget_type_f(dataset, stored_as, status)
+    if (status >= 0) call h5tget_size_f(stored_as, value_bytes, status)
+    if (status >= 0) call h5dget_space_f(dataset, space, status)
+    if (status >= 0) call h5sget_simple_extent_npoints_f(space, points, status)
+    if (status >= 0) call h5dget_storage_size_f(dataset, stored, status)
+    if (status < 0) return
+    call h5sclose_f(space, ignored)
+    call h5tclose_f(stored_as, ignored)
+    call h5fclose_f(file, ignored)
+    if (points > min(stored, int(file_bytes, hsize_t))/value_bytes) call refuse(name, 'claims more than it has', status, refusal)
+  end subroutine check_size
 
   subroutine create_access(chunk_rows, access, status)
     integer, intent(in) :: chunk_rows
@@ -793,17 +968,19 @@ contains
     list%rows = list%rows + count(1)
   end subroutine append_messages
 
-  !> The names of all that a file or group holds, in alphabetical order.
+  !> The names of all that a file or group holds, in alphabetical order; of many the first.
   subroutine names_in(group, names, status)
     integer(hid_t), intent(in) :: group
     type(path_t), allocatable, intent(out) :: names(:)
     integer, intent(inout) :: status
+    integer, parameter :: most_names = 1000
     character(256) :: name
     integer(hsize_t) :: i
     integer :: storage, count, order
 
     count = 0
     if (status >= 0) call h5gget_info_f(group, storage, count, order, status)
+    count = min(count, most_names)
     allocate (names(count))
     do i = 1, count
       if (status >= 0) call h5lget_name_by_idx_f(group, '.', h5_index_name_f, h5_iter_inc_f, i - 1_hsize_t, name, status)
@@ -812,11 +989,12 @@ contains
   end subroutine names_in
 
   !> All values of a one-dimensional dataset of numbers.
-  subroutine read_list(group, name, values, status)
+  subroutine read_list(group, name, values, status, refusal)
     integer(hid_t), intent(in) :: group
     character(*), intent(in) :: name
     real(wp), allocatable, intent(out) :: values(:)
     integer, intent(inout) :: status
+    type(refusal_t), intent(inout), optional :: refusal
     type(column_t) :: column
     real(real64), allocatable, target :: read(:)
     type(c_ptr) :: buffer
@@ -824,11 +1002,13 @@ contains
     integer :: class, ignored
 
     allocate (values(0))
-    call open_column(group, name, 1, column, status)
+    call open_column(group, name, 1, column, status, refusal)
+    call check_size(name, column%dataset, status, refusal)
     if (status < 0) return
     call h5dget_type_f(column%dataset, stored_as, status)
     if (status >= 0) call h5tget_class_f(stored_as, class, status)
-    if (status >= 0 .and. class /= h5t_integer_f .and. class /= h5t_float_f) status = -1
+    if (status >= 0 .and. class /= h5t_integer_f .and. class /= h5t_float_f) &
+      call refuse(name, 'holds no numbers', status, refusal)
     if (status < 0) return
     call h5tclose_f(stored_as, ignored)
     allocate (read(column%rows))

@@ -2,7 +2,7 @@
 module dst_main
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
-  use dst_text, only: one_per_line
+  use dst_text, only: one_per_line, printable
   use dst_copies, only: check_alone
   use dst_disk, only: place_of
   use dst_deck, only: deck_t, read_deck, resolved, template, key_table
@@ -144,8 +144,8 @@ contains
       call read_deck(command%operands(i)%text, setting_list(command), deck, error)
       if (.not. allocated(error)) then
         call scene_from_deck(deck, scene)
-        call stability_report(scene, deck%name, text, error)
-        if (allocated(error)) error%text = deck%name//': '//error%text
+        call stability_report(scene, printable(deck%name), text, error)
+        if (allocated(error)) error%text = printable(deck%name)//': '//error%text
       end if
       call complain(error)
       if (.not. allocated(error)) call print_text(text)
@@ -213,7 +213,7 @@ contains
     do i = 1, size(decks)
       call carry_out(decks(i), outputs(i)%text, error)
       if (.not. allocated(error)) cycle
-      if (error%code /= file_error .and. error%text /= '') error%text = decks(i)%name//': '//error%text
+      if (error%code /= file_error .and. error%text /= '') error%text = printable(decks(i)%name)//': '//error%text
       call complain(error)
       if (error%code == stopped_early) exit
     end do
@@ -273,7 +273,7 @@ contains
     do i = 1, command%operand_count
       call resume_run(command%operands(i)%text, command%quiet, error)
       if (.not. allocated(error)) cycle
-      if (error%code /= file_error) error%text = command%operands(i)%text//': '//error%text
+      if (error%code /= file_error) error%text = printable(command%operands(i)%text)//': '//error%text
       call complain(error)
       if (error%code == stopped_early) exit
     end do

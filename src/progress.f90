@@ -4,7 +4,7 @@ module dst_progress
   use dst_kinds, only: wp
   use dst_plain_numbers, only: number_text, duration_text
   use dst_standard_streams, only: put_error
-  use dst_text, only: integer_text
+  use dst_text, only: integer_text, printable
   implicit none
   private
 
@@ -43,7 +43,7 @@ contains
     logical, intent(in) :: quiet
     type(progress_t) :: progress
 
-    progress%label = label
+    progress%label = printable(label)
     progress%quiet = quiet
     progress%terminal = isatty(2_c_int) == 1
     progress%next = merge(terminal_interval, plain_interval, progress%terminal)

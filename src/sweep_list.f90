@@ -5,7 +5,7 @@ module dst_sweep_list
   use dst_deck_sweep, only: range_problem
   use dst_disk, only: path_t
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, names_in, read_list
+  use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, names_in, read_list, refusal_t
   use dst_hdf5_origin, only: is_hdf5
   use dst_sweep, only: axis_t
   use dst_sweep_points, only: path_of_points, read_csv, name_axis
@@ -80,12 +80,18 @@ contains
     type(axis_t), intent(inout) :: axis
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: problem
+    type(refusal_t) :: refusal
     integer :: status, i
 
     status = 0
-    call read_list(file, name, axis%values, status)
+    call read_list(file, name, axis%values, status, refusal)
     problem = ''
     if (status < 0) problem = 'is no sound one-dimensional dataset of numbers: give one value a case'
+    if (allocated(refusal%reason)) then
+      call raise(error, file_error, path//': '//refusal%reason// &
+        ': give plain one-dimensional datasets of numbers, one value a case')
+      return
+    end if
     do i = 1, size(axis%values)
       if (problem /= '') exit
       problem = range_problem(axis%key, axis%values(i))

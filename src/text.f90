@@ -189,10 +189,10 @@ contains
     if (last < len(text)) shown = shown//'...'
   end function excerpt
 
-  !> `text` as a terminal may get it: control characters, and what is not UTF-8, as '?'.
+  !> `text` as a terminal may get it: control characters, and what is not UTF-8, as '?'. Of fixed length as `short_text` is.
   pure function printable(text) result(shown)
     character(*), intent(in) :: text
-    character(:), allocatable :: shown
+    character(len(text)) :: shown
     integer :: i, width
 
     shown = text
@@ -236,7 +236,7 @@ contains
     end if
   end function character_width
 
-  !> Every line of `text` with `prefix` before it.
+  !> Every line of `text` with `prefix` before it, as a terminal may get it.
   pure function one_per_line(text, prefix) result(lines)
     character(*), intent(in) :: text, prefix
     character(:), allocatable :: lines
@@ -246,7 +246,7 @@ contains
     first = 1
     do while (first <= len(text))
       width = index(text(first:)//newline, newline)
-      lines = lines//prefix//text(first:min(first + width - 2, len(text)))//newline
+      lines = lines//prefix//printable(text(first:min(first + width - 2, len(text))))//newline
       first = first + width
     end do
   end function one_per_line

@@ -17,7 +17,7 @@ from typing import IO, TYPE_CHECKING, NoReturn
 from ._open import groups_in
 from ._sweep import open_sweep
 from ._trade import open_trade
-from .errors import Error, FileError, IncompleteWarning, UsageError
+from .errors import Error, FileError, IncompleteWarning, UsageError, printable
 from .result import Result, open
 
 if TYPE_CHECKING:
@@ -196,11 +196,11 @@ def _export(options: argparse.Namespace) -> None:
     name, folder = options.file.stem, options.output
     groups = groups_in(options.file)
     if "sweep" in groups:
-        _say(export_sweep_csv(options.file, folder, name, overwrite=options.overwrite))
+        _say(printable(str(export_sweep_csv(options.file, folder, name, overwrite=options.overwrite))))
         return
     result = open_trade(options.file) if "trade" in groups else _open(options.file)
     for file in export_csv(result, folder, name, overwrite=options.overwrite):
-        _say(file)
+        _say(printable(str(file)))
 
 
 def _add_paper(commands: argparse._SubParsersAction[_Parser]) -> None:

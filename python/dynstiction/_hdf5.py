@@ -12,7 +12,7 @@ import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
-from ._open import check_list, open_file
+from ._open import open_file
 from .errors import FileError, IncompleteWarning
 from .record import EVENT_DTYPE, Described, Info, Record
 
@@ -47,8 +47,8 @@ def _read_contents(file: h5py.File, name: str) -> Record:
         raise FileError(f"{name}: holds a sweep, not one run: use dynstiction.open_sweep")
     if "time_series/time" not in file:
         raise FileError(f"{name}: holds no time series: the run was stopped before it began")
-    columns = _read_columns(file["time_series"], name)
-    events_by_name = {info.name: values for info, values in _read_columns(file["events"], name).items()}
+    columns = _read_columns(file["time_series"])
+    events_by_name = {info.name: values for info, values in _read_columns(file["events"]).items()}
     events = np.empty(events_by_name["time"].size, dtype=EVENT_DTYPE)
     for column in EVENTS:
         events[column] = events_by_name[column]
@@ -75,15 +75,11 @@ def _read_contents(file: h5py.File, name: str) -> Record:
     )
 
 
-def _read_columns(group: h5py.Group, name: str) -> dict[Info, NDArray[np.float64]]:
+def _read_columns(group: h5py.Group) -> dict[Info, NDArray[np.float64]]:
     """All columns of a group, cut to the length of the shortest: a killed run may have flushed them unevenly."""
     datasets = dict(_read_group(group))
-    for info, dataset in datasets.items():
-        check_list(dataset, name)
-        if dataset.dtype.kind not in "fi":
-            raise FileError(f"{name}: is damaged: '{group.name}/{info.name}' is no list of numbers")
     rows = min(dataset.shape[0] for dataset in datasets.values())
-    return {info: np.array(dataset[:rows], dtype=np.float64) for info, dataset in datasets.items()}
+    return {info: dataset.astype(np.float64)[:rows] for info, dataset in datasets.items()}
 
 
 def _read_group(group: h5py.Group) -> Iterable[tuple[Info, h5py.Dataset]]:

@@ -1,4 +1,4 @@
-"""Opening result files that may be damaged: what can be seen is seen before HDF5 reads a byte."""
+"""Opening result files that may be damaged or forged: what can be seen is seen before HDF5 reads a byte of data."""
 
 from __future__ import annotations
 
@@ -13,20 +13,18 @@ from .errors import FileError
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
 
-__all__ = ["add_seal", "check_list", "groups_in", "open_file"]
+__all__ = ["add_seal", "groups_in", "open_file"]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-FORMAT = b"\x02"
-"""Version of the superblock in files of the format of HDF5 1.8, the only one that is written: older ones have no checksums."""
+FORMAT = b"\x02\x08\x08"
+"""Version of the superblock in files of the format of HDF5 1.8, the only one that is written: older ones have no checksums.
+Then bytes of an address and of a length."""
 
 SEAL = b"dynstiction CRC-32 %08X\n"
 MARK = SEAL[:19]
 SEAL_LENGTH = len(SEAL % 0)
 BLOCK = 2**20
 """Bytes that are read at once."""
-
-MOST_EXPANSION = 1100
-"""No compression that HDF5 knows shrinks data by more: what claims to is damaged, and would fill the memory."""
 
 
 @contextmanager
@@ -46,7 +44,8 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
     Raises
     ------
     FileError
-        If it is missing, no regular file, of another format, or not what its seal says.
+        If it is missing, no regular file, of another format, not what its seal says, or leads beyond what it holds itself
+        (`judge`).
     """
     name = os.fspath(path)
     # A pipe would wait for its writer for ever.
@@ -54,9 +53,12 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
         raise FileError(f"{name}: is not a regular file")
     import h5py  # noqa: PLC0415  (slow to import)
 
+    from ._judge import judge  # noqa: PLC0415
+
     try:
         _check(name)
         with h5py.File(name, "r") as file:
+            judge(file, name)
             yield file
     except FileError:
         raise
@@ -72,16 +74,6 @@ def groups_in(path: str | os.PathLike[str]) -> set[str]:
             return set(file)
     except FileError:
         return set()
-
-
-def check_list(dataset: h5py.Dataset, name: str) -> None:
-    """Refuse a dataset of the file `name` that is no list, or longer than the file can hold."""
-    import h5py  # noqa: PLC0415
-
-    if not isinstance(dataset, h5py.Dataset) or dataset.ndim != 1:
-        raise FileError(f"{name}: is damaged: '{dataset.name}' is no list")
-    if dataset.nbytes > MOST_EXPANSION * os.path.getsize(name):
-        raise FileError(f"{name}: is damaged: '{dataset.name}' is longer than the file can hold")
 
 
 def add_seal(path: str | os.PathLike[str]) -> None:

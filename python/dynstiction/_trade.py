@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from . import _native
 from ._arguments import number, path_name, shown, text
-from ._open import check_list, open_file
+from ._open import open_file
 from ._optional import needed
 from ._progress import progress_bar
-from .errors import FileError, UsageError
+from .errors import FileError, UsageError, printable
 from .groups import Groups
 from .html import table
 from .record import Described, Info
@@ -164,7 +164,7 @@ class Trade:
 
     def __repr__(self) -> str:
         n, done = len(self["role"]) - 2, int(np.count_nonzero(self.done))
-        head = f"<Trade: {n} candidates, {done} measured: {', '.join(self.quantities)}"
+        head = printable(f"<Trade: {n} candidates, {done} measured: {', '.join(self.quantities)}")
         return "\n".join(part for part in (head, self.recommendation or self.shortfall) if part) + ">"
 
 
@@ -282,7 +282,6 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
             raise FileError(f"{path}: holds no comparison of dynstiction trade")
         entries = []
         for name, dataset in file["trade"].items():
-            check_list(dataset, path)
             info = Info(name, dataset.attrs["units"], dataset.attrs["long_name"])
             text = h5py.check_string_dtype(dataset.dtype) is not None
             entries.append((info, _array(info, list(dataset.asstr()[:]) if text else dataset[:])))

@@ -13,7 +13,13 @@ __all__ = [
     "SolverError",
     "UsageError",
     "error_for",
+    "printable",
 ]
+
+
+def printable(text: str) -> str:
+    """Text as a terminal may get it: what controls it, and line breaks, as ``?``; names and files of strangers hold such."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 class Error(Exception):
@@ -27,6 +33,9 @@ class Error(Exception):
 
     exit_status = 1
 
+    def __str__(self) -> str:
+        return printable(super().__str__())
+
 
 class UsageError(Error, ValueError):
     """A function was called with arguments that cannot be meant."""
@@ -35,7 +44,8 @@ class UsageError(Error, ValueError):
 class ColumnError(UsageError, KeyError):
     """A result does not hold the column that was asked for."""
 
-    __str__ = Exception.__str__  # KeyError would print the repr of the message
+    def __str__(self) -> str:  # KeyError would print the repr of the message
+        return printable(Exception.__str__(self))
 
 
 class PackageError(UsageError, ImportError):
@@ -43,9 +53,12 @@ class PackageError(UsageError, ImportError):
 
 
 class DeckError(Error, ValueError):
-    """A deck was refused; the text names file, line, the fault and what would be right."""
+    """A deck was refused; the text names file, line, the fault and what would be right, one fault a line."""
 
     exit_status = 2
+
+    def __str__(self) -> str:
+        return "\n".join(map(printable, ValueError.__str__(self).split("\n")))
 
 
 class FileError(Error, OSError):
@@ -74,7 +87,7 @@ class SolverError(Error):
         self.result = result
 
     def __str__(self) -> str:
-        return str(self.args[0])
+        return printable(str(self.args[0]))
 
 
 class OutOfMemoryError(SolverError, MemoryError):
@@ -83,6 +96,9 @@ class OutOfMemoryError(SolverError, MemoryError):
 
 class IncompleteWarning(UserWarning):
     """A result ends before the `t_end` of its deck."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 SOLVER_GAVE_UP = range(40, 50)

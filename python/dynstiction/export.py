@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ._open import open_file
 from ._trade import Trade
 from .errors import FileError
 from .record import Info
@@ -18,13 +19,15 @@ from .result import Result
 __all__ = ["export_csv", "export_sweep_csv"]
 
 EVENTS = (Info("time", "s", ""), Info("kind", "1", ""))
+FORMULA_BEGINNINGS = ("=", "+", "-", "@", "\t", "\r", "\n", "|")
 ABOUT = ("table", "name", "value", "unit", "meaning")
 
 
 def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
     """Write the tables of a run or a comparison, and yield the files as they are there.
 
-    Numbers are written so that they are read back as the same doubles; a column's head is ``name [unit]``.
+    Numbers are written so that they are read back as the same doubles; a column's head is ``name [unit]``. A text that a
+    spreadsheet would take for a formula gets an apostrophe before it.
 
     Parameters
     ----------
@@ -75,13 +78,8 @@ def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = F
     FileError
         If the sweep file cannot be read, or the CSV file is there already or cannot be written.
     """
-    import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
-
-    try:
-        with h5py.File(path, "r") as file:
-            columns = list(_sweep_columns(file["sweep"]))
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise FileError(f"{path}: cannot be read as a sweep: {error}") from error
+    with open_file(path) as file:
+        columns = list(_sweep_columns(file["sweep"]))
     infos, values = zip(*columns, strict=True)
     return _write(folder / f"{name}_sweep.csv", _heads(infos), _rows(values), overwrite)
 
@@ -114,9 +112,14 @@ def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]], ov
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("w" if overwrite else "x", encoding="utf-8", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow(head)
-            writer.writerows(rows)
+            writer.writerow(map(_harmless, head))
+            writer.writerows(map(_harmless, row) for row in rows)
     return path
+
+
+def _harmless(cell: object) -> object:
+    """A text that a spreadsheet would take for a formula, with an apostrophe before it; numbers are no texts."""
+    return f"'{cell}" if isinstance(cell, str) and cell.lstrip(" ").startswith(FORMULA_BEGINNINGS) else cell
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import UsageError
+from .errors import UsageError, printable
 
 __all__ = ["EVENT_DTYPE", "SLIP_BEGINS", "STICK_BEGINS", "Described", "Info", "Record"]
 
@@ -77,7 +77,7 @@ class Described(Mapping[str, T], Generic[T]):
         ]
 
     def __repr__(self) -> str:
-        return "\n".join(f"{name} = {value} {self.units[name]}" for name, value in self.items())
+        return "\n".join(printable(f"{name} = {value} {self.units[name]}") for name, value in self.items())
 
 
 @dataclass(frozen=True, repr=False, eq=False)

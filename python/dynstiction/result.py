@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ._arguments import flag, number, path_name, shown
 from ._optional import needed
-from .errors import ColumnError, UsageError
+from .errors import ColumnError, UsageError, printable
 from .html import page_table, sparkline, table
 from .record import STICK_BEGINS, Record
 from .thinning import extremes
@@ -174,7 +174,7 @@ class Result(Record):
         lines.append("  columns: " + ", ".join(f"{n} [{u}]" for n, u in self.columns.units.items()))
         for name, value in self.summary.items():
             lines.append(f"  {name} = {value:.10g} {self.summary.units[name]}")
-        return "\n".join(lines) + ">"
+        return "\n".join(map(printable, lines)) + ">"
 
 
 def open(path: str | os.PathLike[str]) -> Result:

@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, TypeAlias
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from .._trade import Trade
@@ -64,6 +65,9 @@ SWEEP_KINDS: dict[str, Callable[[xarray.Dataset, Figure], None]] = {
 KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequency": "velocities"}
 """What shows best what a model is for; of the others the history."""
 
+LARGEST = 1e100
+"""Larger values would overflow in what is computed from them."""
+
 WORK_PRECISION = "work_precision"
 """The kind of figure of a comparison."""
 
@@ -111,7 +115,7 @@ def draw(result: Drawable, kind: str | None = None, quantity: str | None = None)
         return new_figure(lambda figure: draw_sweep(sweep, figure))
     if kind is not None:
         kind = _known(kind, KINDS)
-    _refuse_empty(result)
+    _refuse_undrawable(result)
     if kind is not None:
         return _draw_run(result, kind)
     try:
@@ -124,9 +128,14 @@ def _draw_run(result: Result, kind: str) -> Figure:
     return new_figure(lambda figure: KINDS[kind](result, figure))
 
 
-def _refuse_empty(result: Result) -> None:
+def _refuse_undrawable(result: Result) -> None:
     if result.time.size < 2:
         raise UsageError("nothing to draw: the result has fewer than two samples")
+    for name, values in result.columns.items():
+        if not np.all(np.abs(values) < LARGEST):
+            raise UsageError(
+                f"nothing to draw: '{name}' reaches {np.max(np.abs(values)):g}: no axis holds {LARGEST:g} or more"
+            )
 
 
 def compare(results: Mapping[str, Result]) -> Figure:
@@ -150,7 +159,7 @@ def compare(results: Mapping[str, Result]) -> Figure:
     if not 2 <= len(results) <= MOST_RESULTS:
         raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
     for result in results.values():
-        _refuse_empty(result)
+        _refuse_undrawable(result)
     return new_figure(lambda figure: draw_comparison(results, figure))
 
 

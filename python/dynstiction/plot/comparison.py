@@ -6,13 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 
 from ..errors import UsageError
 from ..record import Described
 from ..result import Result
 from .samples import thin
-from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, PURPLE, VERMILION
+from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, PURPLE, VERMILION, degree_ticks
 
 __all__ = ["MOST_RESULTS", "draw_comparison", "what_differs"]
 
@@ -52,7 +51,7 @@ def draw_comparison(results: Mapping[str, Result], figure: Figure) -> None:
         column[-1].set_xlim(result.time[0], result.time[-1])
         column[-1].set_xlabel("$t$ [s]")
     if "theta" in shown:
-        axes[shown.index("theta"), 0].yaxis.set_major_locator(MultipleLocator(30.0))
+        degree_ticks(axes[shown.index("theta"), 0])
     for axis, title in zip(axes[0], titles, strict=True):
         axis.set_title(title, fontsize=7.5)
     figure.align_ylabels(axes[:, 0])

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 
 from ..result import Result
 from .samples import Floats, columns, first_release, thin
-from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, PURPLE, VERMILION, letter
+from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, PURPLE, VERMILION, degree_ticks, letter
 
 __all__ = ["draw_history"]
 
@@ -31,7 +30,7 @@ def draw_history(result: Result, figure: Figure) -> None:
         axis.set_ylabel(label)
         axis.margins(y=0.12)
         letter(axis, name)
-    axes[3].yaxis.set_major_locator(MultipleLocator(30.0))
+    degree_ticks(axes[3])
     axes[-1].set_xlim(result.time[0], result.time[-1])
     axes[-1].set_xlabel("$t$ [s]")
     figure.align_ylabels(axes)

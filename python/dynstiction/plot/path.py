@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from ..result import Result
@@ -13,6 +12,14 @@ from .samples import BINS, Floats, columns
 from .style import COLUMN_WIDTH, MM
 
 __all__ = ["draw_path"]
+
+NARROWEST = 0.1
+"""Least ratio of the sides of the view."""
+
+FINEST = 1e-9
+"""Least side of the view over the distance from 0: finer numbers have no room at the axis."""
+
+ARC_POINTS = 2000
 
 
 def draw_path(result: Result, figure: Figure) -> None:
@@ -23,7 +30,6 @@ def draw_path(result: Result, figure: Figure) -> None:
     kept = _visible_steps(tip)
     figure.set_size_inches(COLUMN_WIDTH, 66.0 * MM)
     axis = figure.subplots()
-    axis.add_patch(Circle((0.0, 0.0), force.max(), fill=False, color="0.6", linewidth=0.6, linestyle=":"))
     segments = np.stack([tip[kept[:-1]], tip[kept[1:]]], axis=1)
     # The friction force jumps when a stick begins; a fine line joins what belongs together.
     jumps = np.hypot(*np.diff(tip[kept], axis=0).T) > 0.2 * force.max()
@@ -31,8 +37,10 @@ def draw_path(result: Result, figure: Figure) -> None:
     lines = LineCollection(list(segments), array=result.time[kept[1:]], cmap="viridis", linewidths=widths)
     lines.set_clim(result.time[0], result.time[-1])
     axis.add_collection(lines)
-    axis.set_xlim(_with_margin(tip[:, 0]))
-    axis.set_ylim(_with_margin(tip[:, 1]))
+    view = _view(tip)
+    axis.plot(*_arc(float(force.max()), view), color="0.6", linewidth=0.6, linestyle=":")
+    axis.set_xlim(*view[:, 0])
+    axis.set_ylim(*view[:, 1])
     axis.set_aspect("equal")
     axis.set_xlabel("$F_x$ [N]")
     axis.set_ylabel("$F_y$ [N]")
@@ -46,6 +54,25 @@ def _visible_steps(points: Floats) -> NDArray[np.intp]:
     return np.flatnonzero(np.concatenate([[True], moved[:-1], [True]]))
 
 
-def _with_margin(values: Floats) -> tuple[float, float]:
-    margin = 0.05 * (np.ptp(values) or 1.0)
-    return float(values.min() - margin), float(values.max() + margin)
+def _view(points: Floats) -> Floats:
+    """Lower left and upper right corner of what is shown: the points with a margin, never too thin to be drawn."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    spans = high - low
+    least = max(NARROWEST * spans.max(), FINEST * np.abs(points).max())
+    spans = np.maximum(spans, least or 1.0)
+    middle, half = low + 0.5 * (high - low), 0.55 * spans
+    return np.stack([middle - half, middle + half])
+
+
+def _arc(radius: float, view: Floats) -> tuple[Floats, Floats]:
+    """The part of a circle around 0 that is shown: the drawing of what lies far outside would not end."""
+    start, end = -np.pi, np.pi
+    if not np.all(view[0] * view[1] < 0.0):
+        # From the middle of the view, so that no angle passes from pi to -pi.
+        middle = np.arctan2(*view.mean(axis=0)[::-1])
+        corners = np.array([[x, y] for x in view[:, 0] for y in view[:, 1]])
+        turned = np.arctan2(corners[:, 1], corners[:, 0]) - middle
+        turned = (turned + np.pi) % (2.0 * np.pi) - np.pi
+        start, end = middle + turned.min(), middle + turned.max()
+    angles = np.linspace(start, end, ARC_POINTS)
+    return radius * np.cos(angles), radius * np.sin(angles)

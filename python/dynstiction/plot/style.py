@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 
-from ..errors import FileError
+from ..errors import Error, FileError, UsageError
 
 __all__ = [
     "BLACK",
@@ -24,14 +26,17 @@ __all__ = [
     "SKY",
     "STYLE",
     "VERMILION",
+    "degree_ticks",
     "letter",
     "new_figure",
+    "rendering",
     "write",
 ]
 
 MM = 1.0 / 25.4
 COLUMN_WIDTH = 86.0 * MM
 DOTS_PER_INCH = 400
+MOST_DEGREES = 1000.0
 
 # Okabe & Ito's palette, which colour-blind readers can tell apart.
 BLUE, VERMILION, GREEN, PURPLE, BLACK = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#000000"
@@ -62,10 +67,21 @@ STYLE: dict[Any, Any] = {
 
 def new_figure(draw: Callable[[Figure], None]) -> Figure:
     """Figure that `draw` has filled, in this style and not attached to any window."""
-    with rc_context(STYLE):
+    with rc_context(STYLE), rendering():
         figure = Figure(layout="constrained")
         draw(figure)
     return figure
+
+
+@contextmanager
+def rendering() -> Iterator[None]:
+    """Turn what matplotlib and NumPy make of numbers that no axis can hold into a `UsageError`."""
+    try:
+        yield
+    except Error:
+        raise
+    except (ValueError, ArithmeticError) as error:
+        raise UsageError(f"nothing to draw: the numbers are too large or too close for an axis: {error}") from error
 
 
 def write(figure: Figure, path: str | os.PathLike[str]) -> None:
@@ -76,11 +92,24 @@ def write(figure: Figure, path: str | os.PathLike[str]) -> None:
     FileError
         If the file cannot be written.
     """
+    known = figure.canvas.get_supported_filetypes()
+    suffix = os.path.splitext(path)[1].lstrip(".").lower()
+    if suffix and suffix not in known:
+        raise FileError(f"{os.fspath(path)}: cannot be written: no format '{suffix}', only {', '.join(known)}")
     try:
-        with rc_context(STYLE):
+        with rc_context(STYLE), rendering():
             figure.savefig(path, dpi=DOTS_PER_INCH)
-    except (OSError, ValueError) as error:  # matplotlib's ValueError: no such format
+    except UsageError:
+        raise
+    except OSError as error:
         raise FileError(f"{os.fspath(path)}: cannot be written: {error}") from error
+
+
+def degree_ticks(axis: Axes) -> None:
+    """Ticks at multiples of 30 degrees along y, if what is shown are a few turns."""
+    low, high = axis.get_ylim()
+    if high - low < MOST_DEGREES:
+        axis.yaxis.set_major_locator(MultipleLocator(30.0))
 
 
 def letter(axis: Axes, name: str) -> None:

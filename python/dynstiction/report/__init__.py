@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from .. import plot
 from ..errors import FileError, UsageError
 from ..html import table
+from ..plot.style import rendering
 from ..record import Described, Info
 from ..result import Result
 from ..stick_slip import stick_slip_statistics
@@ -132,19 +133,20 @@ def _figures(result: Result) -> Iterator[str]:
         if kind == "columns" and drawn:
             continue
         try:
-            figure = plot.draw(result, kind)
+            picture = _png(plot.draw(result, kind))
         except UsageError:
             continue
         drawn += 1
         yield (
-            f'<figure><img alt="{kind}" src="data:image/png;base64,{_png(figure)}">'
+            f'<figure><img alt="{kind}" src="data:image/png;base64,{picture}">'
             f"<figcaption>{escape(CAPTIONS[kind])}</figcaption></figure>"
         )
 
 
 def _png(figure: Figure) -> str:
     data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=DOTS_PER_INCH)
+    with rendering():
+        figure.savefig(data, format="png", dpi=DOTS_PER_INCH)
     return base64.b64encode(data.getvalue()).decode("ascii")
 
 

@@ -1,0 +1,288 @@
+"""Files of strangers: every object is judged by what HDF5 says of it, before anything in it is read.
+
+An HDF5 file can lead its reader to other files of the machine (external storage, links, virtual datasets), into code from
+plugins (filters), and into more memory than there is (compression, one dataset under many names, forged sizes). What
+dynstiction writes needs nothing of that. The only way out of a file's own bytes that is open here is compression by gzip,
+which ``h5repack`` may have added; it is undone under a limit first.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from math import ceil, prod
+from typing import NamedTuple, NoReturn, TypeAlias
+
+import h5py  # type: ignore[import-untyped]
+import numpy as np
+from h5py import h5a, h5d, h5o, h5s, h5t, h5z
+
+from .errors import FileError
+
+__all__ = ["judge"]
+
+MOST_OBJECTS = 5000
+"""Groups, datasets and attributes of a file; a run of all columns has some 400."""
+
+DEEPEST = 3
+"""Names in the longest path: sweep/summary/period."""
+
+LONGEST_TEXT = 2**16
+LONGEST_DECK = 2**23
+"""Bytes. A deck has at most 10^6; with every key as used it may be longer."""
+
+LEAST_MEMORY = 2**25
+MOST_EXPANSION = 32
+"""All that is read of a file takes at most this many bytes, or this many times the bytes of the file."""
+
+GZIP, SHUFFLE, CHECKSUM = h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32
+PIPELINES = {
+    (*first, *middle, *last) for first in ((), (SHUFFLE,)) for middle in ((), (GZIP,)) for last in ((), (CHECKSUM,))
+}  # fmt: skip
+
+NUMBER = 8
+"""Bytes of the longest number, and of each as it is read."""
+
+TEXT_POINTER = 16
+"""Bytes by which a text of variable length is found: length, address of its heap, number in it."""
+
+TEXT_OBJECT = 100
+"""Bytes that Python needs for a text, besides its characters."""
+
+# Attributes that HDF5's dimension scales keep for themselves: nobody here reads them.
+SCALES = {"DIMENSION_LIST", "REFERENCE_LIST"}
+
+
+Piece: TypeAlias = tuple[int | None, int, int]
+"""Place and length of a part of a dataset in the file, and its mask of filters."""
+
+
+class Kind(NamedTuple):
+    """What the datasets of a group may be."""
+
+    ranks: tuple[int, ...]
+    numbers: bool = True
+    texts: bool = False
+
+
+COLUMN = Kind((1,))
+KINDS = {
+    "time_series": COLUMN,
+    "events": COLUMN,
+    "remainder/time_series": COLUMN,
+    "remainder/events": COLUMN,
+    "summary": Kind((0,)),
+    "statistics": Kind((0,)),
+    "parameters": Kind((0,), texts=True),
+    "deck": Kind((0,), numbers=False, texts=True),
+    "sweep": COLUMN,
+    "sweep/summary": COLUMN,
+    "sweep/failures": Kind((1,), texts=True),
+    "sweep/series": Kind((1, 2)),
+    "trade": Kind((1,), texts=True),
+}
+"""Groups of the files that dynstiction writes."""
+
+ADDED = Kind((0, 1, 2), texts=True)
+"""What somebody may have added elsewhere; it is not read."""
+
+
+def judge(file: h5py.File, name: str) -> None:
+    """Refuse a file that would lead its reader beyond what it holds itself.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Just opened.
+    name : str
+        For messages.
+
+    Raises
+    ------
+    FileError
+        That names the object.
+    """
+    _Judge(file, name).group(file.id, "")
+
+
+class _Judge:
+    def __init__(self, file: h5py.File, name: str) -> None:
+        self.name = name
+        self.descriptor = file.id.get_vfd_handle()
+        self.size = os.fstat(self.descriptor).st_size
+        self.most_memory = max(LEAST_MEMORY, MOST_EXPANSION * self.size)
+        self.objects = 0
+        self.memory = 0
+        """Bytes in memory of what may be read."""
+        self.stored = 0
+        """Bytes of the file that the datasets and texts so far say to have."""
+        self.addresses: set[int] = set()
+
+    def refuse(self, path: str, why: str) -> NoReturn:
+        raise FileError(
+            f"{self.name}: '{path or '/'}' {why}, as nothing that dynstiction writes: do not trust the file, "
+            "or remove that from it"
+        )
+
+    def group(self, group: h5py.h5g.GroupID, path: str) -> None:
+        self.attributes(group, path)
+        if group.get_num_objs() + self.objects > MOST_OBJECTS:
+            self.refuse(path, "holds too many objects")
+        for raw in group:
+            try:
+                name = raw.decode()
+            except UnicodeDecodeError:
+                name = ""
+            inner = f"{path}/{name}" if path else name
+            if not name.isprintable() or not name:
+                self.refuse(path, f"holds something with the name {raw[:80]!r}")
+            link = group.links.get_info(raw)
+            if link.type != h5py.h5l.TYPE_HARD:
+                self.refuse(inner, "is a link to another place or file")
+            if inner.count("/") >= DEEPEST:
+                self.refuse(inner, "is a group in a group in a group in a group")
+            self.object(h5o.open(group, raw), inner)
+
+    def object(self, item: h5py.h5o.ObjectID, path: str) -> None:
+        address = h5o.get_info(item).addr
+        if address in self.addresses:
+            self.refuse(path, "is the same object as another one")
+        self.addresses.add(address)
+        self.objects += 1
+        kind = KINDS.get(path.rpartition("/")[0], ADDED)
+        if isinstance(item, h5d.DatasetID):
+            if path in KINDS:
+                self.refuse(path, "is no group")
+            self.dataset(item, path, kind)
+            self.attributes(item, path)
+        elif isinstance(item, h5py.h5g.GroupID):
+            if path.rpartition("/")[0] in KINDS and path not in KINDS:
+                self.refuse(path, "is a group among datasets")
+            self.group(item, path)
+        else:
+            self.refuse(path, "is neither a group nor a dataset")
+
+    def attributes(self, item: h5py.h5o.ObjectID, path: str) -> None:
+        count = h5a.get_num_attrs(item)
+        self.objects += count
+        if self.objects > MOST_OBJECTS:
+            self.refuse(path, "has too many attributes")
+        for i in range(count):
+            attribute = h5a.open(item, index=i)
+            name = attribute.name.decode("utf-8", "replace")
+            if name not in SCALES:
+                self.attribute(attribute, f"{path}@{name}")
+
+    def attribute(self, attribute: h5a.AttrID, where: str) -> None:
+        stored_as, space = attribute.get_type(), attribute.get_space()
+        if not where.isprintable() or space.get_simple_extent_type() == h5s.NULL or len(attribute.shape) > 1:
+            self.refuse(where, "is no attribute of a usual form")
+        if max(attribute.get_storage_size(), prod(attribute.shape)) > LONGEST_TEXT:
+            self.refuse(where, "is too long")
+        if stored_as.get_class() != h5t.STRING:
+            if not self.is_number(stored_as):
+                self.refuse(where, "is neither a number nor a text")
+        elif stored_as.is_variable_str():
+            if attribute.shape != ():
+                self.refuse(where, "is a list of texts")
+            # One text takes no more memory than the file has bytes; all together must not either.
+            value = np.zeros((), attribute.dtype)
+            attribute.read(value)
+            length = len(value[()])
+            if length > LONGEST_TEXT:
+                self.refuse(where, "is too long")
+            self.take(where, length, length + TEXT_OBJECT)
+
+    @staticmethod
+    def is_number(stored_as: h5t.TypeID) -> bool:
+        return stored_as.get_class() in (h5t.INTEGER, h5t.FLOAT) and stored_as.get_size() <= NUMBER
+
+    def take(self, path: str, stored: int, memory: int) -> None:
+        """Count bytes of the file and of the memory."""
+        self.stored += stored
+        self.memory += memory
+        if self.stored > self.size:
+            self.refuse(path, "claims more than the file holds")
+        if self.memory > self.most_memory:
+            self.refuse(path, "is larger than a file of this size may become (h5repack -f NONE makes it readable)")
+
+    def dataset(self, dataset: h5d.DatasetID, path: str, kind: Kind) -> None:
+        creation = dataset.get_create_plist()
+        layout = creation.get_layout()
+        # First of all: to ask for the extent of a virtual dataset opens its sources.
+        if layout not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED):
+            self.refuse(path, "is put together from other datasets")
+        if creation.get_external_count():
+            self.refuse(path, "has its data in another file")
+        filters = tuple(creation.get_filter(i)[0] for i in range(creation.get_nfilters()))
+        if filters not in PIPELINES:
+            self.refuse(path, f"needs the filters {filters}")
+        stored_as, space = dataset.get_type(), dataset.get_space()
+        if space.get_simple_extent_type() == h5s.NULL or len(dataset.shape) not in kind.ranks:
+            self.refuse(path, f"has not {' or '.join(map(str, kind.ranks))} dimensions")
+        is_text = stored_as.get_class() == h5t.STRING
+        if stored_as.committed() or not (kind.texts if is_text else kind.numbers and self.is_number(stored_as)):
+            self.refuse(path, "holds another type of values")
+        varies = is_text and stored_as.is_variable_str()
+        size, count = TEXT_POINTER if varies else stored_as.get_size(), prod(dataset.shape)
+        if layout == h5d.CHUNKED:
+            piece = prod(creation.get_chunk()) * size
+            expected = prod(map(ceil, np.divide(dataset.shape, creation.get_chunk())))
+            pieces = self.chunks(dataset, path, filters, piece, expected)
+        else:
+            piece = dataset.get_storage_size()
+            pieces = [(dataset.get_offset(), piece, 0)]
+            if piece < count * size:
+                self.refuse(path, "claims more than it has")
+            self.take(path, piece, 0)
+        self.take(path, 0, count * (size if is_text else NUMBER))
+        if is_text:
+            longest = LONGEST_DECK if path.startswith("deck/") else LONGEST_TEXT
+            if varies:
+                if layout == h5d.COMPACT or SHUFFLE in filters:
+                    self.refuse(path, "keeps texts in another form")
+                self.texts(path, filters, pieces, piece, longest)
+            elif size > longest:
+                self.refuse(path, "is too long")
+
+    def chunks(
+        self, dataset: h5d.DatasetID, path: str, filters: tuple[int, ...], length: int, expected: int
+    ) -> list[Piece]:
+        """Where the chunks are, when all are there and none becomes longer than `length` bytes."""
+        if expected * length > self.most_memory:
+            self.take(path, 0, expected * length)
+        found: list[Piece] = []
+
+        def note(info: h5d.StoreInfo) -> bool | None:
+            found.append((info.byte_offset, info.size, info.filter_mask))
+            return True if len(found) > expected else None
+
+        dataset.chunk_iter(note)
+        if len(found) != expected:
+            self.refuse(path, "has not the chunks that its size needs")
+        for _, size, _ in found:
+            self.take(path, size, 0)
+            # What gzip cannot shrink grows by less than that.
+            if size > length + length // 512 + 64:
+                self.refuse(path, "has a chunk that is too long")
+        if GZIP in filters and any(len(self.unpacked(piece, filters, length)) > length for piece in found):
+            self.refuse(path, "has a compressed chunk that becomes too long")
+        return found
+
+    def unpacked(self, piece: Piece, filters: tuple[int, ...], length: int) -> bytes:
+        """Bytes of a piece with gzip undone, of those beyond `length` one."""
+        place, size, mask = piece
+        data = os.pread(self.descriptor, size, place)
+        if GZIP in filters and not mask & 1 << filters.index(GZIP):
+            return zlib.decompressobj().decompress(data, length + 1)
+        return data[:length]
+
+    def texts(self, path: str, filters: tuple[int, ...], pieces: list[Piece], length: int, longest: int) -> None:
+        """Count the characters of texts of variable length, which are elsewhere in the file."""
+        for piece in pieces:
+            data = self.unpacked(piece, filters, length)
+            for i in range(0, len(data), TEXT_POINTER):
+                text = int.from_bytes(data[i : i + 4], "little")
+                if text > longest:
+                    self.refuse(path, "holds a text that is too long")
+                self.take(path, text, text + TEXT_OBJECT)
