@@ -71,6 +71,7 @@ module dst_hdf5_writer
     integer :: waiting_samples = 0
     integer :: waiting_events = 0
     logical :: sound = .false.                    !! no write has failed half-way
+    integer(int64) :: reserved = 0                !! bytes, more than any header of the file has counted
     type(error_t), allocatable :: failure         !! the first one; nothing more is appended after it
   contains
     procedure :: write_samples
@@ -403,17 +404,20 @@ contains
     if (status < 0) return
     needed = 2*(size(self%columns)*(8_int64*self%chunk_rows + index_bytes) + 2*(8_int64*event_chunk + index_bytes))
     if (doubles_lose_digits) needed = 2*needed
-    call reserve_space(self%descriptor, int(present_size, int64), int(present_size, int64) + needed + ending_bytes, reason)
+    self%reserved = max(self%reserved, int(present_size, int64) + needed + ending_bytes)
+    call reserve_space(self%descriptor, int(present_size, int64), self%reserved, reason)
     if (allocated(reason)) call self%fail(reason, sound=.true.)
   end subroutine reserve
 
-  !> Remember the first failure, and whether the open file survived it.
+  !> Remember the first failure, and whether the open file survived it. If not, HDF5 may have cut off what an older header on the
+  !> disk still counts, which no reader would open: the file gets its length back.
   subroutine fail(self, reason, sound)
     class(hdf5_writer_t), intent(inout) :: self
     character(*), intent(in) :: reason
     logical, intent(in) :: sound
 
     self%sound = sound
+    if (.not. sound) call set_file_size(self%descriptor, self%reserved)
     if (allocated(self%failure)) return
     allocate (self%failure)
     self%failure%code = file_error

@@ -262,16 +262,16 @@ contains
     call break_seal(self%own)
   end subroutine unseal
 
-  !> Append the seal to the file, which is closed but here. What was durable before stays so. `checksum`: of the whole file; '-' if
-  !> it has no seal.
+  !> Append the seal to the file, which is closed but here. What was durable before stays so. `checksum`: of the whole
+  !> file.
   subroutine seal_own(self, checksum, error)
     class(result_file_t), intent(in) :: self
     character(:), allocatable, intent(out) :: checksum
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
 
-    call seal(self%own, checksum)
-    if (self%is_durable) call make_durable(self%own, reason)
+    call seal(self%own, checksum, reason)
+    if (self%is_durable .and. .not. allocated(reason)) call make_durable(self%own, reason)
     if (.not. allocated(reason)) then
       if (.not. identity_of(self%path()) == identity_of(self%own)) &
         reason = 'the file or its folder was removed, renamed or replaced during the run'

@@ -156,14 +156,18 @@ contains
     type(run_t), intent(in) :: run
     logical, intent(in) :: has_checkpoint
     type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: other_run
     type(guard_t) :: guard
     type(origin_t) :: origin
 
     call guard%begin()
     if (guard%in_child) then
       call read_origin(run%file%path(), run%file%name, origin, error)
-      if (.not. allocated(error)) call check_unfinished(run%file%name, origin, error)
-      if (.not. allocated(error) .and. has_checkpoint) call check_same_run(run%file%name, run%checkpoint, origin, error)
+      if (.not. allocated(error) .and. has_checkpoint) call check_same_run(run%file%name, run%checkpoint, origin, other_run)
+      ! A run that has its checkpoint was killed before it was done with its file, whatever this says.
+      if (.not. allocated(error) .and. (allocated(other_run) .or. .not. has_checkpoint)) &
+        call check_unfinished(run%file%name, origin, error)
+      if (.not. allocated(error)) call move_alloc(other_run, error)
       call reply(guard, error)
     end if
     call await(guard, run%file%name, error)

@@ -5,7 +5,7 @@
 module dst_seal
   use, intrinsic :: iso_c_binding, only: c_int, c_char, c_f_pointer, c_loc
   use dst_crc32, only: crc32_t
-  use dst_disk, only: identity_of, identity_t, read_at, set_file_size, write_bytes
+  use dst_disk, only: identity_of, identity_t, read_at, set_file_size, system_reason, write_bytes
   use dst_kinds, only: int64
   implicit none
   private
@@ -18,18 +18,22 @@ module dst_seal
 contains
 
   !> Append the seal to an open file, which is read for that once. `checksum`: of the file with its seal, as `checksum_of` would
-  !> find it; '-' if there is no room for a seal: the file goes without, and is complete.
-  subroutine seal(descriptor, checksum)
+  !> find it; '-' if that fails, which leaves the file as it was.
+  subroutine seal(descriptor, checksum, reason)
     integer(c_int), intent(in) :: descriptor
     character(:), allocatable, intent(out) :: checksum
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
     type(identity_t) :: file
     type(crc32_t) :: crc
-    character(:), allocatable :: line, reason
+    character(:), allocatable :: line
     integer :: i
 
     checksum = '-'
     file = identity_of(descriptor)
-    if (.not. covers(descriptor, file%bytes, crc)) return
+    if (.not. covers(descriptor, file%bytes, crc)) then
+      reason = 'it cannot be read: '//system_reason()
+      return
+    end if
     line = mark//crc%text()//achar(10)
     call write_bytes(descriptor, file%bytes, line, reason)
     if (allocated(reason)) then

@@ -68,22 +68,22 @@ DECKS = {
 
 
 # What may happen to a call: the fault of the shim, and the calls (by the letters of the log) whose failure tells something new.
-CHANGES = "cowtuRsxlfk"
+CHANGES = "cowtuRsxlfki"
 KINDS: dict[str, tuple[str, str]] = {
     "kill": ("kill:all", CHANGES),
     "kill group": ("group:all", CHANGES),
     "kill everyone": ("everyone:all", CHANGES),
-    "kill parent of child": ("orphan:child", "wtsR"),
+    "kill parent of child": ("orphan:child", "wtsRi"),
     "ENOSPC": ("ENOSPC:all", "cwsR"),
     "ENOSPC from there on": ("ENOSPC+:all", "cwsR"),
     "EDQUOT from there on": ("EDQUOT+:all", "cwsR"),
-    "EIO": ("EIO:all", "cOrwsxtuR"),
-    "EIO from there on": ("EIO+:all", "cOrwsxtuR"),
-    "EINTR": ("EINTR:all", "OrwsxtlW"),
-    "EROFS from there on": ("EROFS+:all", "cowtuR"),
+    "EIO": ("EIO:all", "cOrwsxtuRi"),
+    "EIO from there on": ("EIO+:all", "cOrwsxtuRi"),
+    "EINTR": ("EINTR:all", "OrwsxtlWi"),
+    "EROFS from there on": ("EROFS+:all", "cowtuRi"),
     "EACCES": ("EACCES:all", "cOu?"),
-    "EBADF": ("EBADF:all", "rwsxtl"),
-    "short write": ("short:all", "w"),
+    "EBADF": ("EBADF:all", "rwsxtli"),
+    "short write": ("short:all", "wi"),
     "EMFILE": ("EMFILE:all", "Of"),
     "no fork from there on": ("EAGAIN+:all", "f"),
     "no hard links": ("EPERM+:all", "k"),
@@ -96,6 +96,8 @@ KINDS: dict[str, tuple[str, str]] = {
 }
 # Only the first one differs from the others: a file system has no locks or links, a process no children, at all.
 ONCE = ("no fork from there on", "no hard links", "no locks (ENOLCK)", "no locks (EOPNOTSUPP)")
+# A device that fails in the middle of a flush tears the file: then a refusal is honest, but a wrong number is not.
+TEARING = ("EIO", "EROFS", "EBADF")
 SIGNALS = {"SIGTERM": -15, "SIGHUP": -1, "SIGINT": -2, "SIGUSR1": -10}
 
 
@@ -307,14 +309,19 @@ class Laboratory:
             yield from self.faults_of_result(operation, file)
         elif file.exists() and operation.resumable and not self.is_old(file, before):
             what = fault_of_unfinished(file, self.reference("run.nml"))
-            if what and (case.kind != "kill everyone" or "wrong" in what):
+            if what and case.kind != "kill everyone" and not self.is_torn(case, ended):
                 yield f"the file {what}"
         if operation.status == FILE_ERROR and not self.is_old(file, before):
             yield "the existing result is touched"
         yield from self.faults_of_bystanders(before, folder)
-        may_stay = killed or any("u" in hit.name or hit.name == "unlink" for hit in struck)
-        if not may_stay:
+        # What cannot be removed or looked at stays; and the lock of one that was killed before, when it is not taken over.
+        may_stay = killed or any(hit.name in ("unlink", "statx", "lstat") for hit in struck)
+        if not may_stay and f"{RESULT}.lock" not in before:
             yield from (f"{name} is left behind" for name in self.litter(folder, shards=True))
+
+    @staticmethod
+    def is_torn(case: Case, ended: Ended) -> bool:
+        return case.kind.startswith(TEARING) and any(hit.name == "pwrite" for hit in ended.hits)
 
     @staticmethod
     def is_old(file: Path, before: dict) -> bool:
@@ -352,11 +359,12 @@ class Laboratory:
         file = folder / RESULT
         if ended.status != DONE:
             why = self.go_on(operation, file, before)
+            if "is damaged" in why and (self.is_torn(case, ended) or case.kind == "kill everyone"):
+                return
             if why:
                 yield why
                 return
-            # A kill between a file's end and its seal leaves it without.
-            yield from (f"afterwards {what}" for what in self.faults_of_result(operation, file) if "sealed" not in what)
+            yield from (f"afterwards {what}" for what in self.faults_of_result(operation, file))
         stuck = any(hit.name in ("unlink", "unlinkat", "remove") for hit in ended.hits)
         if not stuck:
             yield from (f"{name} stays for ever" for name in self.litter(folder, shards=False))
@@ -380,7 +388,7 @@ class Laboratory:
         if not operation.resumable or (self.is_old(file, before) and operation.begins_anew):
             return self.went(tried(*operation.command[:5], *operation.command[5:], "--overwrite"), "the same again")
         resumed = tried(*RESUME)
-        if resumed.status == DONE or "the run is complete" in resumed.text:
+        if resumed.status == DONE or ("the run is complete" in resumed.text and not self.is_old(file, before)):
             return ""
         nothing_lost = operation.begins_anew and rows_of(file) == 0
         if resumed.status == FILE_ERROR and nothing_lost:

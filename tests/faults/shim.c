@@ -37,17 +37,17 @@
 #include <time.h>
 #include <unistd.h>
 
-/* What a call does; a fault that no such call can have passes it by. */
+/* What a call does; a fault that no such call can have passes it by. A write inside a file (INSIDE) needs no new room. */
 enum { CREATE = 1, OPEN = 2, READ = 4, WRITE = 8, SYNC = 16, CLOSE = 32, SIZE = 64, LOCK = 128, REMOVE = 256, LOOK = 512,
-       FORK = 1024, WAIT = 2048, FOR_WRITING = 4096, LINK = 8192, ROOM = 16384 };
-static const char letters[] = "cOrwsxtlu?fWokR";
+       FORK = 1024, WAIT = 2048, FOR_WRITING = 4096, LINK = 8192, ROOM = 16384, INSIDE = 32768 };
+static const char letters[] = "cOrwsxtlu?fWokRi";
 
 static const struct { const char *name; int number, calls; } errors[] = {
   {"ENOSPC", ENOSPC, CREATE | WRITE | SYNC | ROOM}, {"EDQUOT", EDQUOT, CREATE | WRITE | SYNC | ROOM | CLOSE},
-  {"EIO", EIO, CREATE | OPEN | READ | WRITE | SYNC | CLOSE | SIZE | REMOVE | ROOM},
-  {"EINTR", EINTR, OPEN | READ | WRITE | SYNC | CLOSE | SIZE | LOCK | WAIT},
-  {"EROFS", EROFS, CREATE | FOR_WRITING | WRITE | SIZE | REMOVE | ROOM}, {"EACCES", EACCES, CREATE | OPEN | REMOVE | LOOK},
-  {"EBADF", EBADF, READ | WRITE | SYNC | CLOSE | SIZE | LOCK}, {"EFBIG", EFBIG, WRITE | ROOM}, {"ENOLCK", ENOLCK, LOCK},
+  {"EIO", EIO, CREATE | OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | REMOVE | ROOM},
+  {"EINTR", EINTR, OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK | WAIT},
+  {"EROFS", EROFS, CREATE | FOR_WRITING | WRITE | INSIDE | SIZE | REMOVE | ROOM}, {"EACCES", EACCES, CREATE | OPEN | REMOVE | LOOK},
+  {"EBADF", EBADF, READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK}, {"EFBIG", EFBIG, WRITE | ROOM}, {"ENOLCK", ENOLCK, LOCK},
   {"EOPNOTSUPP", EOPNOTSUPP, LOCK | ROOM}, {"EPERM", EPERM, LINK}, {"EAGAIN", EAGAIN, FORK}, {"EMFILE", EMFILE, OPEN | FORK},
   {"ENOMEM", ENOMEM, FORK}};
 static const struct { const char *name; int number; } signals[] = {
@@ -251,12 +251,16 @@ ssize_t write(int file, const void *bytes, size_t size) {
   int fault = look_in("write", WRITE, file);
   return fault < 0 ? -1 : REAL(write)(file, bytes, part(fault, size));
 }
+static int kind_of_write(int file, size_t size, off_t place) {
+  struct stat found;
+  return !armed || syscall(SYS_fstat, file, &found) || place + (off_t)size > found.st_size ? WRITE : INSIDE;
+}
 ssize_t pwrite(int file, const void *bytes, size_t size, off_t place) {
-  int fault = look_in("pwrite", WRITE, file);
+  int fault = look_in("pwrite", kind_of_write(file, size, place), file);
   return fault < 0 ? -1 : REAL(pwrite)(file, bytes, part(fault, size), place);
 }
 ssize_t pwrite64(int file, const void *bytes, size_t size, off64_t place) {
-  int fault = look_in("pwrite", WRITE, file);
+  int fault = look_in("pwrite", kind_of_write(file, size, place), file);
   return fault < 0 ? -1 : REAL(pwrite64)(file, bytes, part(fault, size), place);
 }
 ssize_t writev(int file, const struct iovec *pieces, int count) {
@@ -326,7 +330,7 @@ static void arm(void) {
     for (size_t k = 0; k < sizeof errors / sizeof *errors; k++)
       if (!strcmp(kind, errors[k].name)) { faults[i].error = errors[k].number; faults[i].calls = errors[k].calls; }
     for (size_t k = 0; k < sizeof signals / sizeof *signals; k++) if (!strcmp(kind, signals[k].name)) faults[i].signal = signals[k].number;
-    if (!strcmp(kind, "short")) faults[i].calls = WRITE;
+    if (!strcmp(kind, "short")) faults[i].calls = WRITE | INSIDE;
   }
   if (log) {
     int file = (int)syscall(SYS_openat, AT_FDCWD, log, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);

@@ -53,7 +53,7 @@ contains
     close (unit)
     call open_own_file(file_name, identity_of(file_name), descriptor, reason)
     call check('checksum of a file', checksum_of(descriptor) == 'B93B6C3E')
-    call seal(descriptor, checksum)
+    call seal(descriptor, checksum, reason)
     call check('the seal is 28 bytes', file_size(file_name) == 8*70000 + 3 + 28)
     call check('the checksum with the seal', checksum == checksum_of(descriptor))
     call check('is another one', checksum /= 'B93B6C3E')
@@ -68,7 +68,7 @@ contains
     call close_descriptor(descriptor)
     call delete_file(file_name)
     call check('no file, no checksum', checksum_of(descriptor) == '-')
-    call seal(descriptor, checksum)
+    call seal(descriptor, checksum, reason)
     call check('no file, no seal', checksum == '-')
   end subroutine test_file
 end program test_seal
