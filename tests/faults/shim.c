@@ -37,7 +37,8 @@
 #include <time.h>
 #include <unistd.h>
 
-/* What a call does; a fault that no such call can have passes it by. A write inside a file (INSIDE) needs no new room. */
+/* What a call does; a fault that no such call can have passes it by. A write (INSIDE) where the file has blocks, also
+   reserved ones, needs no new room. */
 enum { CREATE = 1, OPEN = 2, READ = 4, WRITE = 8, SYNC = 16, CLOSE = 32, SIZE = 64, LOCK = 128, REMOVE = 256, LOOK = 512,
        FORK = 1024, WAIT = 2048, FOR_WRITING = 4096, LINK = 8192, ROOM = 16384, INSIDE = 32768 };
 static const char letters[] = "cOrwsxtlu?fWokRi";
@@ -253,7 +254,7 @@ ssize_t write(int file, const void *bytes, size_t size) {
 }
 static int kind_of_write(int file, size_t size, off_t place) {
   struct stat found;
-  return !armed || syscall(SYS_fstat, file, &found) || place + (off_t)size > found.st_size ? WRITE : INSIDE;
+  return !armed || syscall(SYS_fstat, file, &found) || place + (off_t)size > 512 * (off_t)found.st_blocks ? WRITE : INSIDE;
 }
 ssize_t pwrite(int file, const void *bytes, size_t size, off_t place) {
   int fault = look_in("pwrite", kind_of_write(file, size, place), file);
