@@ -29,6 +29,9 @@ dynstiction run my.nml            # the same checks, then the run
 ```
 
 A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)).
+What passes `check` runs: it also sets the scene up, reads a list of points, and compares what will be written with the
+room on the disk of the output: `samples × columns × 8 bytes` of a run with `interval` > 0, and a sweep's cases
+([sweeps.md](sweeps.md)). With `wall_limit` the room is not compared: such a run writes what it computes until then.
 A key without default must be given where it is used. A key that the chosen model, law, contact or method does
 not use is refused, unless its value is the one that switches it off (the default, or 0 for `step` and
 `v_smooth`). `--set group.key=value` on the command line replaces a value of the deck; text needs no

@@ -50,7 +50,7 @@ contains
     call check_lengths(deck, n, faults)
     do i = 1, n
       call check_axis(deck, trim(names(i)), i, faults)
-      if (count(lower_case_of(names(:i)) == lower_case_of(names(i:i))) > 1) &
+      if (any(lower_case_of(names(:i - 1)) == lower_case(trim(names(i))))) &
         call note(faults, deck, sweep_group, 'parameter', "'"//trim(names(i))//"' is varied twice: name it once")
     end do
     if (is_known(deck, 'count') .and. grid_cases(deck) > many_cases) &

@@ -7,7 +7,7 @@ module dst_sweep_points
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: varied_key, variation_problem, range_problem
   use dst_disk, only: read_bytes
-  use dst_errors, only: error_t, raise, file_error
+  use dst_errors, only: error_t, raise, file_error, out_of_memory
   use dst_kinds, only: wp
   use dst_schema, only: schema, sweep_group
   use dst_sweep, only: axis_t
@@ -43,7 +43,7 @@ contains
     character(:), allocatable :: path, text, reason
     real(wp), allocatable :: table(:, :)
     character :: separator
-    integer :: first, last, line, n, i
+    integer :: first, last, line, n, i, status
 
     path = path_of_points(deck)
     call read_bytes(path, most_bytes, text, reason)
@@ -68,8 +68,10 @@ contains
         if (.not. allocated(axes)) then
           separator = separator_of(text(first:last))
           call read_names(deck, text(first:last), separator, path//':'//integer_text(line), axes, error)
+          if (allocated(error)) return
           deallocate (table)
-          allocate (table(1 + line_count(text(last + 1:)), size(axes)))
+          allocate (table(1 + line_count(text(last + 1:)), size(axes)), stat=status)
+          if (status /= 0) call raise(error, out_of_memory, path//': no memory for its points: divide it into several lists')
         else
           n = n + 1
           call read_row(axes, text(first:last), separator, path//':'//integer_text(line), table(n, :), error)
@@ -87,6 +89,11 @@ contains
       return
     end if
     do i = 1, size(axes)
+      allocate (axes(i)%values(n), stat=status)
+      if (status /= 0) then
+        call raise(error, out_of_memory, path//': no memory for its points: divide it into several lists')
+        return
+      end if
       axes(i)%values = table(:n, i)
     end do
   end subroutine read_csv

@@ -10,7 +10,7 @@ module dst_trade
   use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t, wall_clock
-  use dst_text, only: formatted
+  use dst_plain_numbers, only: number_text
   use dst_trade_plan, only: candidate_t, candidates_of, apply_candidate, same_family, order_of
   use dst_trade_quantities, only: quantities, quantity_count, observation_t, observation_plan_t, plan_observation, &
     tune_frequency, observe_run, errors_of, not_applicable
@@ -75,8 +75,6 @@ module dst_trade
   !> Shorter runs are repeated so often, and the shortest time counts [s].
   real(wp), parameter :: short_run = 0.02_wp
   integer, parameter :: most_repeats = 3
-  !> Format of the numbers in messages.
-  character(*), parameter :: short = '(es9.2)'
 
 contains
 
@@ -152,7 +150,7 @@ contains
       if (self%run%finished) then
         call conclude(self, run_error, error)
       else if (self%stage < comparison .and. now >= self%budget) then
-        call raise(error, stopped_early, 'the budget of '//formatted(short, self%budget)// &
+        call raise(error, stopped_early, 'the budget of '//number_text(self%budget)// &
           ' s does not suffice for the reference: raise --budget, or lower scene.t_end')
       else if (is_hopeless(self)) then
         call abandon(self)
@@ -344,7 +342,7 @@ contains
       call self%run%outcome(none, outcome)
       call take_work(point, self%run%elapsed, outcome)
       point%result_code = stopped_early
-      point%text = 'abandoned after '//formatted(short, self%run%elapsed)//' s at t = '//formatted(short, now)// &
+      point%text = 'abandoned after '//number_text(self%run%elapsed)//' s at t = '//number_text(now)// &
         ' s: the budget did not suffice'
       point%seconds = self%run%elapsed*self%scene%t_end/max(now, self%scene%t_end*1.0e-6_wp)
     end associate
@@ -397,8 +395,8 @@ contains
     ! That it was abandoned in the first round says more.
     if (point%steps > 0.0_wp) return
     point%text = 'skipped: the budget was used up'
-    if (left(self) > 0.0_wp) point%text = 'skipped: it was expected to take '//formatted(short, expected)//' s, and '// &
-      formatted(short, left(self))//' s of the budget were left'
+    if (left(self) > 0.0_wp) point%text = 'skipped: it was expected to take '//number_text(expected)//' s, and '// &
+      number_text(left(self))//' s of the budget were left'
   end subroutine skip
 
   !> The costly candidates in the order of their cost.
