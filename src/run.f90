@@ -6,11 +6,12 @@ module dst_run
   use dst_checkpoint, only: checkpoint_t
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_disk, only: utc_now
-  use dst_errors, only: error_t, raise, file_error, stopped_early
+  use dst_errors, only: error_t, raise, exit_status, file_error, out_of_memory, stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, &
     reopen_hdf5
   use dst_model_choice, only: settle_model
+  use dst_output_size, only: run_samples
   use dst_parameters, only: parameter_t, parameters_of
   use dst_process, only: guard_t
   use dst_progress, only: progress_t, new_progress
@@ -235,7 +236,7 @@ contains
 
     if (origin%complete /= 0) then
       call raise(error, file_error, result_file//': cannot resume: the run is complete')
-    else if (origin%result_code >= 40 .and. origin%result_code < 50) then
+    else if (exit_status(origin%result_code) == 4 .and. origin%result_code /= out_of_memory) then
       call raise(error, file_error, result_file//': cannot resume: the solver gave up, and would again: '//origin%result_text)
     end if
   end subroutine check_unfinished
@@ -395,9 +396,11 @@ contains
   !> Number of samples, as far as it is known beforehand.
   pure integer function expected_rows(scene)
     type(scene_t), intent(in) :: scene
+    integer, parameter :: usual = 1024
+    real(wp), parameter :: most = 1.0e9_wp
 
-    expected_rows = 1024
-    if (scene%interval > 0.0_wp) expected_rows = int(min(scene%t_end/scene%interval + 2.0_wp, 1.0e9_wp))
+    expected_rows = int(min(run_samples(scene), most))
+    if (expected_rows == 0) expected_rows = usual
   end function expected_rows
 
   !> What the file says about its run.

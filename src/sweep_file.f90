@@ -5,7 +5,7 @@ module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use hdf5, only: hid_t, h5fclose_f, h5f_acc_excl_f, h5t_ieee_f64le, h5t_std_i32le
   use dst_disk, only: path_t, with_remedy, ignore_size_limit_signal
-  use dst_errors, only: error_t, raise, file_error, result_done, some_failed, stopped_early
+  use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
     make_scale, attach_scale, table_t, create_table, append_rows, message_list_t, create_messages, append_messages
   use dst_hdf5_writer, only: run_metadata_t, write_metadata
@@ -192,13 +192,18 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(block_t) :: block
     type(layout_t) :: layout
-    integer :: first, length
+    integer :: first, length, no_memory
 
     layout = layout_of(sweep)
     length = block_of(sweep)
     allocate (block%number(length), block%result_code(length), block%message(length))
     allocate (block%coordinates(length, size(sweep%axes)), block%values(length, value_count))
-    allocate (block%series(sweep%series_rows(), length, size(output%series)))
+    allocate (block%series(sweep%series_rows(), length, size(output%series)), stat=no_memory)
+    if (no_memory /= 0) then
+      call raise(error, out_of_memory, 'no memory for the series of '//integer_text(length)//' cases: the shards keep what is '// &
+        'done: merge them where there is more')
+      return
+    end if
     do first = 1, sweep%cases, length
       if (status < 0) return
       block%first = first

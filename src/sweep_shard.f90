@@ -9,7 +9,7 @@ module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_disk, only: open_for_appending, open_for_reading, append_words, read_words, close_descriptor, set_file_size, &
     delete_file, matching_files, path_t
-  use dst_errors, only: error_t, raise, file_error, stopped_early
+  use dst_errors, only: error_t, raise, file_error, out_of_memory, stopped_early
   use dst_kinds, only: wp, int64, real64
   use dst_sweep, only: sweep_t, case_t, value_count, series_quantities
   use dst_text, only: printable
@@ -235,7 +235,7 @@ contains
     type(case_t), intent(in) :: case
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
-    integer :: length, message_bytes, i, j, n
+    integer :: length, message_bytes, no_memory, i, j, n
 
     message_bytes = min(len(case%result_text), longest_message)
     length = shortest_record + words_for(message_bytes)
@@ -243,7 +243,11 @@ contains
     if (allocated(self%words)) then
       if (size(self%words) < length) deallocate (self%words)
     end if
-    if (.not. allocated(self%words)) allocate (self%words(length))
+    if (.not. allocated(self%words)) allocate (self%words(length), stat=no_memory)
+    if (.not. allocated(self%words)) then
+      call raise(error, out_of_memory, 'no memory for the record of a case: keep fewer samples or use fewer threads')
+      return
+    end if
     associate (words => self%words)
       words(1) = case%number + half*case%result_code
       words(2) = length + half*message_bytes

@@ -13,7 +13,7 @@ from .errors import FileError
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
 
-__all__ = ["add_seal", "groups_in", "open_file"]
+__all__ = ["groups_in", "open_file"]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FORMAT = b"\x02\x08\x08"
@@ -74,13 +74,6 @@ def groups_in(path: str | os.PathLike[str]) -> set[str]:
             return set(file)
     except FileError:
         return set()
-
-
-def add_seal(path: str | os.PathLike[str]) -> None:
-    """Append the checksum of all bytes of a closed file (docs/checkpoints.md, "The seal")."""
-    checksum = _crc32(path, os.path.getsize(path))
-    with open(path, "ab") as stream:
-        stream.write(SEAL % checksum)
 
 
 def _check(name: str) -> None:

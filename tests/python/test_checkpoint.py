@@ -12,6 +12,7 @@ import resource
 import shutil
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -20,6 +21,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "faults"))
+
+from program import compiled_shim
 
 INPUTS = Path(__file__).parents[2] / "inputs"
 FILE_ERROR, STOPPED = 3, 75
@@ -339,33 +344,36 @@ def random_kills(program: Program, references, folder: Path, least: int, seed: i
 
 @pytest.fixture(scope="module")
 def shim(tmp_path_factory) -> Path:
-    """A library that kills at a write: see kill_at_write.c."""
-    library = tmp_path_factory.mktemp("shim") / "kill_at_write.so"
-    source = Path(__file__).with_name("kill_at_write.c")
-    compile_it = [os.environ.get("CC", "cc"), "-shared", "-fPIC", str(source), "-o", str(library), "-ldl"]
-    subprocess.run(compile_it, check=True)
-    return library
+    """A library that kills at a call of the system: see tests/faults/shim.c."""
+    return compiled_shim(tmp_path_factory.mktemp("shim"))
 
 
 def run_with_shim(
-    program: Program, shim: Path, file: Path, kill_at: str = ""
+    program: Program, shim: Path, file: Path, fault: str = ""
 ) -> subprocess.CompletedProcess[str]:
     """A run that flushes as often as it can."""
-    sanitizer = os.environ.get("ASAN_OPTIONS", "") + ":verify_asan_link_order=0"
-    environment = os.environ | {"LD_PRELOAD": str(shim), "ASAN_OPTIONS": sanitizer}
-    if kill_at:
-        environment["KILL_AT"] = kill_at
+    environment = os.environ | {
+        "LD_PRELOAD": str(shim),
+        "ASAN_OPTIONS": os.environ.get("ASAN_OPTIONS", "") + ":verify_asan_link_order=0",
+        "FAULT_DIR": str(file.parent),
+        "FAULT": fault,
+        "FAULT_LOG": str(log_of(file)),
+    }
     return finished(program.command(SCENES["radau9"], file, "output.flush_seconds=0.0"), env=environment)
+
+
+def log_of(file: Path) -> Path:
+    return file.parent.with_suffix(".log")
 
 
 @pytest.fixture(scope="module")
 def writes(program, shim, tmp_path_factory) -> dict[str, int]:
     """How often a run writes to its file itself, and how often its children do."""
-    done = run_with_shim(program, shim, tmp_path_factory.mktemp("writes") / "x.h5")
+    file = tmp_path_factory.mktemp("writes") / "x.h5"
+    done = run_with_shim(program, shim, file)
     assert done.returncode == 0, done.stderr
-    words = re.fullmatch(r"writes: parent (\d+) child (\d+)\n", done.stderr)
-    assert words is not None, done.stderr
-    count = {"parent": int(words[1]), "child": int(words[2])}
+    calls = [line.split() for line in log_of(file).read_text().splitlines()]
+    count = {who: sum(call[0] == who and call[3] == "pwrite" for call in calls) for who in ("parent", "child")}
     assert min(count.values()) > 100
     return count
 
@@ -374,7 +382,7 @@ def writes(program, shim, tmp_path_factory) -> dict[str, int]:
 def test_killed_in_the_middle_of_a_write(program, shim, writes, references, tmp_path, share):
     """A write to the file is the last thing that the process does."""
     file = tmp_path / "x.h5"
-    done = run_with_shim(program, shim, file, f"parent:{round(share * writes['parent'])}")
+    done = run_with_shim(program, shim, file, f"kill:parent:pwrite@{round(share * writes['parent'])}")
     assert done.returncode == -signal.SIGKILL, done.stderr
     # The first writes are to a file that has not got its name.
     assert file.exists() == (share > 0.2)
@@ -390,7 +398,7 @@ def test_a_child_killed_in_the_middle_of_a_write_does_no_harm(
 ):
     """The process writes again what its child writes to be safe from a kill."""
     file = tmp_path / "x.h5"
-    done = run_with_shim(program, shim, file, f"child:{round(share * writes['child'])}")
+    done = run_with_shim(program, shim, file, f"kill:child:pwrite@{round(share * writes['child'])}")
     assert (done.returncode, done.stderr) == (0, "")
     assert_same(file, references("radau9"))
 

@@ -354,7 +354,6 @@ def test_links_under_names_of_scratch_files_are_not_followed(program, begin, exp
     assert all(path.is_symlink() for path in scratch)
 
 
-@pytest.mark.xfail(reason="--overwrite of a sweep follows links and takes files of others for shards", strict=True)
 def test_files_called_like_shards_are_kept(program, begin):
     folder = begin("sweep")
     victim, foreign = folder / "victim", folder / f"{RESULT}.shard-123456"
