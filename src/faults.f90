@@ -19,7 +19,7 @@ module dst_faults
   !> The faults of a deck, collected.
   type :: faults_t
     integer :: count = 0
-    type(fault_t) :: item(most_faults)
+    type(fault_t), allocatable :: item(:)   !! on the heap: they are larger than a small stack
   contains
     procedure :: add
     procedure :: full
@@ -39,6 +39,7 @@ contains
     integer :: i
 
     if (self%full()) return
+    if (.not. allocated(self%item)) allocate (self%item(most_faults))
     fault%line = line
     fault%text = text
     if (present(setting)) fault%setting = setting

@@ -38,9 +38,10 @@ contains
   subroutine candidates_of(scene, candidates)
     type(scene_t), intent(in) :: scene
     type(candidate_t), allocatable, intent(out) :: candidates(:)
-    type(list_t) :: list
+    type(list_t), allocatable :: list      ! on the heap: it is larger than a small stack
     integer :: rank, i, n
 
+    allocate (list)
     call add_tolerances(list, scene%model, scene%contact, scene%v_smooth)
     if (scene%model == 'full') then
       call add_reduced_models(list, scene)

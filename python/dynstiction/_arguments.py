@@ -13,7 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import UsageError
 
-__all__ = ["SMALLEST", "finite", "flag", "instance", "number", "path", "reals", "shape_of", "text", "whole"]
+__all__ = [
+    "SMALLEST",
+    "finite",
+    "flag",
+    "instance",
+    "number",
+    "path_name",
+    "reals",
+    "shape_of",
+    "shown",
+    "text",
+    "whole",
+]
 
 SMALLEST = float(np.finfo(np.float64).smallest_normal)
 """Below it a number has lost digits."""
@@ -81,7 +93,7 @@ def _real_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
     except Exception as error:  # whatever a foreign object raises when it is made an array
         raise UsageError(f"{name} is no array of real numbers: {error}") from None
     if array.dtype.kind not in "biuf":
-        raise UsageError(f"{name} = {_shown(values)}: {name} must be a real number or an array of them")
+        raise UsageError(f"{name} = {shown(values)}: {name} must be a real number or an array of them")
     if np.ma.is_masked(values):
         raise UsageError(f"{name} has masked elements: take them out, or fill them")
     if array.size > MOST_POINTS:
@@ -101,36 +113,36 @@ def number(name: str, value: ArrayLike, **limits: Any) -> float:
 def whole(name: str, value: object, *, least: int) -> int:
     """An argument that is a whole number from `least` on."""
     if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < least:
-        raise UsageError(f"{name} = {_shown(value)}: {name} must be a whole number from {least} on")
+        raise UsageError(f"{name} = {shown(value)}: {name} must be a whole number from {least} on")
     return int(value)
 
 
 def flag(name: str, value: object) -> bool:
     """An argument that is true or false."""
     if not isinstance(value, bool | np.bool_):
-        raise UsageError(f"{name} = {_shown(value)}: {name} must be True or False")
+        raise UsageError(f"{name} = {shown(value)}: {name} must be True or False")
     return bool(value)
 
 
 def text(name: str, value: object) -> str:
     """An argument that is a string."""
     if not isinstance(value, str):
-        raise UsageError(f"{name} = {_shown(value)}: {name} must be a string")
+        raise UsageError(f"{name} = {shown(value)}: {name} must be a string")
     return value
 
 
-def path(value: object) -> str:
+def path_name(value: object) -> str:
     """An argument that is the path of a file."""
     name = os.fspath(value) if isinstance(value, str | os.PathLike) else None
     if not isinstance(name, str):
-        raise UsageError(f"{_shown(value)}: the path of a file must be a string or an os.PathLike")
+        raise UsageError(f"{shown(value)}: the path of a file must be a string or an os.PathLike")
     return name
 
 
 def instance(name: str, value: object, kind: type[T], remedy: str) -> T:
     """An argument that is an object of the package."""
     if not isinstance(value, kind):
-        raise UsageError(f"{name} = {_shown(value)}: {name} must be a {kind.__name__}: {remedy}")
+        raise UsageError(f"{name} = {shown(value)}: {name} must be a {kind.__name__}: {remedy}")
     return value
 
 
@@ -164,10 +176,10 @@ def finite(what: str, values: NDArray[T]) -> NDArray[T]:  # type: ignore[type-va
     return values
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
     """A value in a message, short."""
     try:
-        shown = repr(value)
+        words = " ".join(repr(value).split())
     except Exception:  # of a foreign object
-        shown = f"a {type(value).__name__}"
-    return shown if len(shown) <= 60 else f"{shown[:57]}..."
+        words = f"a {type(value).__name__}"
+    return words if len(words) <= 60 else f"{words[:57]}..."

@@ -226,9 +226,7 @@ class Run(Session):
         super().__init__(handle)
         if status != 0:
             raise deck.error(status, self._text(handle, MESSAGE))
-        self.columns = [
-            _info(*_core.column_info(handle, i + 1)) for i in range(_core.run_columns(handle))
-        ]
+        self.columns = [_info(*_core.column_info(handle, i + 1)) for i in range(_core.run_columns(handle))]
         self.resolved_deck = self._text(handle, RESOLVED_DECK)
         self.model = self._text(handle, MODEL)
         self.method = self._text(handle, METHOD)

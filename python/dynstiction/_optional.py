@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
 
 from .errors import PackageError
 
 __all__ = ["needed"]
 
 
-def needed(package: str, user: str) -> Any:
-    """Import a package; a function that needs one asks for it before it does anything else.
+def needed(package: str, user: str) -> None:
+    """Make sure of a package; a function that needs one asks for it before it does anything else.
 
     Parameters
     ----------
@@ -26,7 +25,7 @@ def needed(package: str, user: str) -> Any:
         If it cannot be imported.
     """
     try:
-        return import_module(package)
+        import_module(package)
     except ImportError as error:
         name = package.partition(".")[0]
         raise PackageError(f"{user} needs {name} ({error}): pip install {name}") from None

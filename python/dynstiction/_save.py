@@ -6,6 +6,7 @@ again, also at the end of the process.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import secrets
@@ -71,7 +72,9 @@ def _exists(path: str) -> FileError:
 
 def _image(result: Record) -> bytes:
     """The bytes of the file."""
-    with h5py.File("result", "w", libver=FORMAT, driver="core", backing_store=False, block_size=GROWTH) as file:
+    with h5py.File(
+        "result", "w", libver=FORMAT, driver="core", backing_store=False, block_size=GROWTH
+    ) as file:
         _write_contents(file, result)
         file.flush()
         image: bytes = file.id.get_file_image()
@@ -112,10 +115,8 @@ def _put_in_place(temporary: str, path: str, overwrite: bool) -> None:
 
 
 def _remove(path: str) -> None:
-    try:
+    with contextlib.suppress(OSError, ValueError):
         os.unlink(path)
-    except (OSError, ValueError):
-        pass
 
 
 def _remedy(error: Exception) -> str:

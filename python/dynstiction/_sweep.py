@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from ._arguments import flag, path as path_of, reals, whole
+from ._arguments import flag, path_name, reals, shown, whole
 from ._open import open_file
 from ._optional import needed
 from ._progress import progress_bar
@@ -115,7 +115,9 @@ def sweep(
     needed("xarray", "sweep")
     scene = Scene(deck, **groups)
     if not (parameters is None or isinstance(parameters, Mapping)):
-        raise UsageError(f"parameters = {parameters!r}: a mapping, {{'system.misalignment_deg': values}}")
+        raise UsageError(
+            f"parameters = {shown(parameters)}: a mapping, {{'system.misalignment_deg': values}}"
+        )
     axes = [(_key(key), _values(key, values)) for key, values in (parameters or {}).items()]
     points = flag("points", points)
     if points and len({axis.size for _, axis in axes}) != 1:
@@ -139,7 +141,7 @@ def sweep(
 
 def _key(key: str) -> str:
     if not isinstance(key, str) or "\n" in key:
-        raise UsageError(f"{key!r} is no key: name it as GROUP.KEY, like system.misalignment_deg")
+        raise UsageError(f"{shown(key)} is no key: name it as GROUP.KEY, like system.misalignment_deg")
     return key
 
 
@@ -265,7 +267,8 @@ def _dataset(
     deck: str,
 ) -> xarray.Dataset:
     """The `_Contents` of a sweep as a dataset."""
-    xarray = needed("xarray", "a sweep")
+    import xarray  # noqa: PLC0415  (optional)
+
     dims = ["case"] if is_list else [info.name for info, _ in axes]
     shape = [codes.size] if is_list else [axis.size for _, axis in axes]
     coordinates = {info.name: ("case" if is_list else info.name, axis, _about(info)) for info, axis in axes}
@@ -311,7 +314,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
         If xarray is not installed.
     """
     needed("xarray", "open_sweep")
-    name = path_of(path)
+    name = path_name(path)
     with open_file(name) as file:
         if "sweep" not in file:
             raise FileError(f"{name}: holds no sweep of dynstiction")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._arguments import number, path as path_of, text
+from ._arguments import number, path_name, shown, text
 from ._open import check_list, open_file
 from ._optional import needed
 from ._progress import progress_bar
@@ -70,7 +70,7 @@ class Trade:
         try:
             return self.columns[name]
         except (KeyError, TypeError):
-            raise UsageError(f"no column '{name}', only {', '.join(self.columns)}") from None
+            raise UsageError(f"no column {shown(name)}, only {', '.join(self.columns)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
@@ -126,7 +126,9 @@ class Trade:
 
     def to_xarray(self) -> xarray.Dataset:
         """The table as an `xarray.Dataset` over ``point``."""
-        xarray = needed("xarray", "to_xarray")
+        needed("xarray", "to_xarray")
+        import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
+
         variables = {
             info.name: ("point", values, {"units": info.units, "long_name": info.long_name})
             for info, values in self.columns.info()
@@ -138,7 +140,10 @@ class Trade:
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a `pandas.DataFrame`, one row a point; ``frame.attrs["units"]`` has the units."""
-        frame = needed("pandas", "to_pandas").DataFrame(dict(self.columns))
+        needed("pandas", "to_pandas")
+        import pandas  # noqa: PLC0415  (optional)
+
+        frame = pandas.DataFrame(dict(self.columns))
         frame.attrs["units"] = dict(self.columns.units)
         return frame
 
@@ -213,7 +218,7 @@ def trade(
     scene = Scene(deck, **groups)
     wanted = 0.0 if accuracy is None else number("accuracy", accuracy, checked=False)
     if accuracy is not None and not 0.0 < wanted <= 1.0:
-        raise UsageError(f"accuracy={accuracy}: it must be > 0 and <= 1")
+        raise UsageError(f"accuracy={shown(accuracy)}: it must be > 0 and <= 1")
     budget, quantity = number("budget", budget, above=0.0, units="s"), text("quantity", quantity)
     with _native.Comparison(scene.source, quantity, wanted, budget) as core:
         begun = time.monotonic()
@@ -271,7 +276,7 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
     """
     import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
-    path = path_of(path)
+    path = path_name(path)
     with open_file(path) as file:
         if "trade" not in file:
             raise FileError(f"{path}: holds no comparison of dynstiction trade")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from ._arguments import SMALLEST, reals, shape_of
+from ._arguments import SMALLEST, reals, shape_of, shown
 from .errors import UsageError
 
 __all__ = ["Creep", "creep_asymptotic", "creep_exact", "creep_velocity", "dimensionless"]
@@ -82,9 +82,16 @@ def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep
     All are good to 2e-14 of themselves for 1e-6 deg <= phi <= 89 deg, X'/V and X to 2e-15, up to where 1 - X'/V = 1e-12.
     With kappa > 0, X just after the release at tau_1 keeps about 2e-16 tau_1/(tau - tau_1) only: the rounding of phi shifts tau_1.
     """
-    given = {name: reals(name, value, checked=False) for name, value in zip(("tau", "phi", "kappa"), (tau, phi, kappa), strict=True)}
+    given = {
+        name: reals(name, value, checked=False)
+        for name, value in zip(("tau", "phi", "kappa"), (tau, phi, kappa), strict=True)
+    }
     shape = shape_of(**given)
-    taus, phis, kappas = _flat(given["tau"], shape), _one_or_flat(given["phi"], shape), _one_or_flat(given["kappa"], shape)
+    taus, phis, kappas = (
+        _flat(given["tau"], shape),
+        _one_or_flat(given["phi"], shape),
+        _one_or_flat(given["kappa"], shape),
+    )
     if taus.size == 0:
         return Creep(*(np.empty(shape) for _ in Creep._fields))
     values, point, fault = _native.creep_exact(taus, phis, kappas)
@@ -117,8 +124,8 @@ def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power")
     UsageError
         If a point is out of range, or no number, or the form is none of these. If the arguments do not broadcast.
     """
-    if form not in tuple(FORMS):
-        raise UsageError(f"form = {form!r}: one of {', '.join(map(repr, FORMS))}")
+    if not isinstance(form, str) or form not in FORMS:
+        raise UsageError(f"form = {shown(form)}: one of {', '.join(map(repr, FORMS))}")
     given = {"tau": reals("tau", tau, checked=False), "phi": reals("phi", phi, checked=False)}
     shape = shape_of(**given)
     taus, phis = _flat(given["tau"], shape), _one_or_flat(given["phi"], shape)
@@ -168,7 +175,13 @@ def creep_velocity(
     """
     stiff = np.inf if stiffness_y is None else stiffness_y
     scaled = dimensionless(
-        t, velocity=velocity, stiffness_x=stiffness_x, stiffness_y=stiff, mu_0=mu_0, normal_load=normal_load, misalignment=misalignment
+        t,
+        velocity=velocity,
+        stiffness_x=stiffness_x,
+        stiffness_y=stiff,
+        mu_0=mu_0,
+        normal_load=normal_load,
+        misalignment=misalignment,
     )
     return reals("velocity", velocity) * creep_exact(*scaled).X_rate
 
@@ -198,12 +211,20 @@ def dimensionless(
     times = reals("t", t, least=0.0, units="s")
     phi = reals("misalignment", misalignment, checked=False)
     shape_of(
-        t=times, velocity=speed, misalignment=phi, stiffness_x=soft, stiffness_y=stiff, mu_0=friction_coefficient, normal_load=load
+        t=times,
+        velocity=speed,
+        misalignment=phi,
+        stiffness_x=soft,
+        stiffness_y=stiff,
+        mu_0=friction_coefficient,
+        normal_load=load,
     )
     with np.errstate(all="ignore"):
         friction = reals("mu_0 normal_load", friction_coefficient * load, least=SMALLEST, units="N")
         loading = reals("velocity stiffness_x", speed * soft, least=SMALLEST, units="N/s")
-        rate = reals("velocity stiffness_x/(mu_0 normal_load)", loading / friction, least=SMALLEST, units="1/s")
+        rate = reals(
+            "velocity stiffness_x/(mu_0 normal_load)", loading / friction, least=SMALLEST, units="1/s"
+        )
         kappa = reals("stiffness_x/stiffness_y", soft / stiff, least=0.0, below=1.0)
         return times * rate, phi, kappa
 

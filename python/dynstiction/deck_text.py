@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from ._arguments import shown
 from ._native import DeckSource
 from .errors import UsageError
 
@@ -69,10 +70,10 @@ def _written(value: object) -> str:
         case str() | os.PathLike():
             text = os.fspath(value)
             if "\n" in text or "\r" in text:
-                raise UsageError(f"{text!r}: a value of a deck has no line breaks")
+                raise UsageError(f"{shown(text)}: a value of a deck has no line breaks")
             return "'" + text.replace("'", "''") + "'"
         case Sequence():
             items = [_written(item) for item in value]
             rows = [items[i : i + VALUES_PER_LINE] for i in range(0, len(items), VALUES_PER_LINE)]
             return ",\n    ".join(", ".join(row) for row in rows)
-    raise UsageError(f"{value!r}: a value of a deck is a number, a string, or a sequence of them")
+    raise UsageError(f"{shown(value)}: a value of a deck is a number, a string, or a sequence of them")

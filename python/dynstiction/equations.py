@@ -127,7 +127,9 @@ def _states(state: ArrayLike) -> NDArray[np.float64]:
 
 def _finite(rates: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
     if not np.all(np.isfinite(rates)) and np.any(np.all(states[..., 2:] == 0.0, axis=-1)):
-        raise UsageError("w = 0, where friction has no direction with the exact law: give v_smooth > 0, or take such states out")
+        raise UsageError(
+            "w = 0, where friction has no direction with the exact law: give v_smooth > 0, or take such states out"
+        )
     return finite("the result", rates)
 
 

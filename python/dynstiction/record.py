@@ -51,8 +51,10 @@ class Described(Mapping[str, T], Generic[T]):
         self.long_names: dict[str, str] = {}
         try:
             described = [(Info(*info), value) for info, value in entries]
-        except TypeError as error:
-            raise UsageError(f"entries are pairs of an Info (name, units, long_name) and a value: {error}") from None
+        except (TypeError, ValueError) as error:
+            raise UsageError(
+                f"entries are pairs of an Info (name, units, long_name) and a value: {error}"
+            ) from None
         for info, value in described:
             self._values[info.name] = value
             self.units[info.name] = info.units

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import flag, number, path as path_of
+from ._arguments import flag, number, path_name, shown
 from ._optional import needed
 from .errors import ColumnError, UsageError
 from .html import page_table, sparkline, table
@@ -38,8 +38,8 @@ class Result(Record):
             return self.columns[name]
         except (KeyError, TypeError):
             raise ColumnError(
-                f"no column '{name}', only {', '.join(self.columns)}: "
-                f"name '{name}' in the deck's output.fields and run again"
+                f"no column {shown(name)}, only {', '.join(self.columns)}: "
+                "name it in the deck's output.fields and run again"
             ) from None
 
     def __contains__(self, name: object) -> bool:
@@ -78,7 +78,9 @@ class Result(Record):
         PackageError
             If xarray is not installed.
         """
-        xarray = needed("xarray", "to_xarray")
+        needed("xarray", "to_xarray")
+        import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
+
         variables = {
             info.name: ("time", values, {"units": info.units, "long_name": info.long_name})
             for info, values in self.columns.info()
@@ -105,9 +107,11 @@ class Result(Record):
         PackageError
             If pandas is not installed.
         """
-        pandas = needed("pandas", "to_pandas")
+        needed("pandas", "to_pandas")
+        import pandas  # noqa: PLC0415  (optional)
+
         if not isinstance(which, str):
-            which = repr(which)
+            which = shown(which)
         if which == "time_series":
             series = {name: values for name, values in self.columns.items() if name != "time"}
             frame = pandas.DataFrame(series, index=pandas.Index(self.time, name="time"))
@@ -138,7 +142,7 @@ class Result(Record):
         """
         from . import _save  # noqa: PLC0415  (h5py is slow to import)
 
-        _save.write(self, path_of(path), overwrite=flag("overwrite", overwrite))
+        _save.write(self, path_name(path), overwrite=flag("overwrite", overwrite))
 
     def _heading(self) -> str:
         about = " ".join(str(self.attributes[key]) for key in ("model", "method") if key in self.attributes)
@@ -195,4 +199,4 @@ def open(path: str | os.PathLike[str]) -> Result:
     """
     from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 
-    return Result(**vars(_hdf5.read(path_of(path))))
+    return Result(**vars(_hdf5.read(path_name(path))))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Self, TypeAlias, TypeVar, Unpack, cast
 
 from . import _native
-from ._arguments import path as path_of
+from ._arguments import path_name, shown
 from .deck_group import DeckGroup
 from .deck_text import deck_from, setting_value
 from .errors import DeckError, FileError, UsageError
@@ -81,7 +81,7 @@ class Scene(SceneGroups):
         elif isinstance(deck, str) and _is_text(deck):
             self._text, self._name = deck, "deck"
         else:
-            self._name = path_of(deck)
+            self._name = path_name(deck)
             self._text = _read(self._name)
         self._settings.update(_settings(given))
 
@@ -99,7 +99,7 @@ class Scene(SceneGroups):
         FileError
             If the file cannot be read.
         """
-        return cls(Path(path_of(path)))
+        return cls(Path(path_name(path)))
 
     @classmethod
     def from_deck(cls, deck: DeckLike) -> Scene:
@@ -275,15 +275,15 @@ def _changes(group: str, keys: Group) -> Mapping[str, object]:
 def _given(group: str, keys: Group) -> Mapping[str, object]:
     if isinstance(keys, DeckGroup):
         if keys.group != group:
-            raise UsageError(f"{group}={keys!r}: a {type(keys).__name__} is the group '{keys.group}'")
+            raise UsageError(f"{group}={shown(keys)}: a {type(keys).__name__} is the group '{keys.group}'")
         return keys.given()
     if not isinstance(keys, Mapping):
         raise UsageError(
-            f"{group}={keys!r}: a group is a mapping, {group}={{'key': value}}, or its dataclass"
+            f"{group}={shown(keys)}: a group is a mapping, {group}={{'key': value}}, or its dataclass"
         )
     for name in (group, *keys):
         if not (isinstance(name, str) and name.isprintable() and "=" not in name):
-            raise UsageError(f"{name!r}: is no name of a group or key of a deck")
+            raise UsageError(f"{shown(name)}: is no name of a group or key of a deck")
     return keys
 
 

@@ -112,7 +112,9 @@ def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:
     spectrum = instance("spectrum", spectrum, Spectrogram, "give what spectrogram returns")
     frequency, density = reals("frequency", spectrum.frequency), reals("density", spectrum.density, least=0.0)
     if density.ndim != 2 or frequency.shape != density.shape[:1] or frequency.size < 3:
-        raise UsageError(f"frequency and density of shapes {frequency.shape} and {density.shape}: (n_f,) and (n_f, n_t), n_f > 2")
+        raise UsageError(
+            f"frequency and density of shapes {frequency.shape} and {density.shape}: (n_f,) and (n_f, n_t), n_f > 2"
+        )
     above = number("above", above, checked=False)
     first = int(np.searchsorted(frequency, above))
     if first >= frequency.size:

@@ -188,7 +188,17 @@ def damping_ratio(
     """
     angles = reals("theta", theta, units="rad")
     sliders, shape = _sliders(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, 0.0, theta=angles
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        0.0,
+        theta=angles,
     )
     every_angle = np.broadcast_to(angles, shape).reshape(-1)
     return _native.slow_damping(sliders, every_angle, mu_inf is not None).reshape(shape)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import instance
+from ._arguments import instance, shown
 from ._optional import needed
 from .errors import ColumnError, UsageError
 from .html import page_table
@@ -76,8 +76,8 @@ class StickSlip:
     def __getitem__(self, name: str) -> _Floats:
         try:
             return self.columns[name]
-        except KeyError:
-            raise ColumnError(f"no column '{name}', only {', '.join(self.columns)}") from None
+        except (KeyError, TypeError):
+            raise ColumnError(f"no column {shown(name)}, only {', '.join(self.columns)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
@@ -100,7 +100,10 @@ class StickSlip:
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a `pandas.DataFrame`, one row a cycle; ``frame.attrs["units"]`` has the units."""
-        frame = needed("pandas", "to_pandas").DataFrame(dict(self.columns))
+        needed("pandas", "to_pandas")
+        import pandas  # noqa: PLC0415  (optional)
+
+        frame = pandas.DataFrame(dict(self.columns))
         frame.attrs["units"] = dict(self.columns.units)
         return frame
 
