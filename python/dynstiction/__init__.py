@@ -9,12 +9,6 @@ Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a
 >>> result.save("run.h5"); again = ds.open("run.h5")                       # doctest: +SKIP
 """
 
-from . import _native
-from ._run import run
-from ._sweep import open_sweep, sweep
-from ._trade import Trade, open_trade, trade
-from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
-from .equations import jacobian, rhs
 from .errors import (
     ColumnError,
     DeckError,
@@ -26,6 +20,22 @@ from .errors import (
     SolverError,
     UsageError,
 )
+
+try:
+    import numpy as _numpy  # noqa: F401
+except ImportError as error:
+    # NumPy refuses all but the first interpreter of a process that imports it.
+    raise PackageError(
+        f"dynstiction needs NumPy, which cannot be loaded here ({error}): install it; where a process has several "
+        "interpreters, use dynstiction in one of them, or use processes"
+    ) from error
+
+from . import _native
+from ._run import run
+from ._sweep import open_sweep, sweep
+from ._trade import Trade, open_trade, trade
+from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
+from .equations import jacobian, rhs
 from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
 from .record import Described
 from .result import Result, open

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import UsageError
 
 __all__ = [
+    "LARGEST",
     "SMALLEST",
     "finite",
     "flag",
@@ -29,6 +30,8 @@ __all__ = [
 
 SMALLEST = float(np.finfo(np.float64).smallest_normal)
 """Below it a number has lost digits."""
+
+LARGEST = float(np.finfo(np.float64).max)
 
 MOST_POINTS = 2**31 - 1
 """The core counts with 32 bits."""

@@ -71,9 +71,9 @@ def _exists(path: str) -> FileError:
 
 
 def _image(result: Record) -> bytes:
-    """The bytes of the file."""
+    """The bytes of the file, which HDF5 knows by a name that no other thread's has."""
     with h5py.File(
-        "result", "w", libver=FORMAT, driver="core", backing_store=False, block_size=GROWTH
+        secrets.token_hex(16), "w", libver=FORMAT, driver="core", backing_store=False, block_size=GROWTH
     ) as file:
         _write_contents(file, result)
         file.flush()

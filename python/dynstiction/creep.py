@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from ._arguments import SMALLEST, reals, shape_of, shown
+from ._arguments import LARGEST, SMALLEST, finite, reals, shape_of, shown
 from .errors import UsageError
 
 __all__ = ["Creep", "creep_asymptotic", "creep_exact", "creep_velocity", "dimensionless"]
@@ -96,7 +96,7 @@ def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep
         return Creep(*(np.empty(shape) for _ in Creep._fields))
     values, point, fault = _native.creep_exact(taus, phis, kappas)
     _check(point, fault, tau=taus, phi=phis, kappa=kappas)
-    return Creep(*(column.reshape(shape) for column in values))
+    return Creep(*(column.reshape(shape) for column in finite("creep", values)))
 
 
 def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power") -> _Floats:
@@ -133,7 +133,7 @@ def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power")
         return np.empty(shape)
     x_rate, point, fault = _native.creep_asymptotic(FORMS[form], taus, phis)
     _check(point, fault, tau=taus, phi=phis)
-    return x_rate.reshape(shape)
+    return finite("X'/V", x_rate.reshape(shape))
 
 
 def creep_velocity(
@@ -206,6 +206,8 @@ def dimensionless(
     speed = reals("velocity", velocity, above=0.0, units="m/s")
     soft = reals("stiffness_x", stiffness_x, above=0.0, units="N/m")
     stiff = reals("stiffness_y", stiffness_y, checked=False)
+    # Infinity is a rigid axis.
+    reals("stiffness_y", np.minimum(stiff, LARGEST), above=0.0, units="N/m")
     friction_coefficient = reals("mu_0", mu_0, above=0.0)
     load = reals("normal_load", normal_load, above=0.0, units="N")
     times = reals("t", t, least=0.0, units="s")

@@ -115,7 +115,7 @@ def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:
         raise UsageError(
             f"frequency and density of shapes {frequency.shape} and {density.shape}: (n_f,) and (n_f, n_t), n_f > 2"
         )
-    above = number("above", above, checked=False)
+    above = number("above", above, units="Hz")
     first = int(np.searchsorted(frequency, above))
     if first >= frequency.size:
         raise UsageError(f"above = {above:g} Hz: the spectrogram ends at {frequency[-1]:g} Hz")

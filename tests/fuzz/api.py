@@ -11,6 +11,7 @@ documentation knows no NaN.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import copy
 import faulthandler
 import inspect
@@ -95,10 +96,8 @@ class Objects:
         self.cycles = ds.stick_slip_statistics(self.result)
 
     def _keep_busy(self) -> None:
-        try:
+        with contextlib.suppress(ds.UsageError):
             self.busy.finish(progress=False)
-        except ds.UsageError:
-            pass
 
     def end(self) -> None:
         """Close what is running, from another thread than its own."""
@@ -232,7 +231,7 @@ def call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[], Any]]:
     return object_call(rng, objects)
 
 
-def run_call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[], Any]]:
+def run_call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[], Any]]:  # noqa: PLR0911
     """A run, a sweep, a comparison, a scene."""
     where, change = deck(rng, objects), groups(rng, objects)
     name = rng.choice(["run", "run", "Simulation", "Scene", "sweep", "sweep", "trade", "check", "group"])
@@ -432,7 +431,7 @@ def batch(seed: int, first: int, count: int) -> None:
     """Calls in this process, with a limit of memory."""
     faulthandler.enable()
     # Before the limit: what is imported late would fail in a foreign place.
-    import h5py, pandas, scipy.signal, tqdm.auto, xarray  # noqa: E401, F401, PLC0415  # fmt: skip
+    import h5py  # noqa: F401, PLC0415  # fmt: skip
 
     with tempfile.TemporaryDirectory() as folder:
         objects = Objects(Path(folder))

@@ -1,0 +1,33 @@
+"""Random calls of the public Python API (tests/fuzz/api.py): a share of them in each test."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FUZZER = Path(__file__).parents[1] / "fuzz" / "api.py"
+
+
+def fuzz(calls: int, seed: int) -> None:
+    done = subprocess.run(
+        [sys.executable, FUZZER, "--calls", str(calls), "--seed", str(seed)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-5000:] + done.stderr[-2000:]
+    assert f"{calls} calls, seed {seed}: 0 findings" in done.stdout
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_random_calls(seed: int) -> None:
+    fuzz(1000, seed)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("seed", range(3, 13))
+def test_many_random_calls(seed: int) -> None:
+    fuzz(2000, seed)
