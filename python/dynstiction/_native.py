@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ._closing import Closing, OneAtATime
 from ._core import dst_python_api as _core
+from ._stack import check_stack
 from .errors import Error, UsageError, error_for
 from .record import Info
 
@@ -61,7 +62,8 @@ class DeckSource(NamedTuple):
     """Group or key of each line of a text that was made from them: messages name it, not the line."""
 
     def encoded(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-        """Text, name and settings for the core."""
+        """Text, name and settings for the core, which is about to read them."""
+        check_stack()
         return _bytes(self.text), _bytes(self.name), _bytes("\n".join(self.settings))
 
     def error(self, status: int, message: str) -> Error:
@@ -157,6 +159,7 @@ class Session(Closing):
         memory = self._memory
         if memory is None:
             raise UsageError(f"the {self.name} is closed: make a new one")
+        check_stack()
         return memory
 
     @contextmanager

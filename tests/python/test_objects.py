@@ -392,9 +392,7 @@ def test_eigenvalues_follow_the_unit_of_time(power: int) -> None:
 
 
 @pytest.mark.deck
-@pytest.mark.parametrize(
-    "setting", ["system.mass=1e-307", "friction.normal_load=1e307"]
-)
+@pytest.mark.parametrize("setting", ["system.mass=1e-307", "friction.normal_load=1e307"])
 def test_the_command_stability_says_what_is_out_of_range(
     executable: Path, fig3_text: str, tmp_path: Path, setting: str
 ) -> None:
@@ -792,6 +790,27 @@ assert not errors, errors
 def test_small_stacks_of_threads_suffice(kilobytes: int, fig3_text: str) -> None:
     script = f"SLIDER = {SLIDER!r}\n{SMALL_STACK}".replace("SIZE", str(kilobytes * 1024))
     process(script, fig3_text)
+
+
+@pytest.mark.parametrize("kilobytes", [32, 64, 128, 192])
+def test_smaller_stacks_are_refused(kilobytes: int, fig3_text: str) -> None:
+    script = """
+import threading
+idle = ds.Simulation(DECK)
+refused = []
+def use():
+    for call in (lambda: ds.run(DECK), lambda: ds.Scene(DECK).groups(), idle.finish, lambda: idle.state):
+        try:
+            call()
+        except ds.UsageError as error:
+            refused.append(str(error))
+threading.stack_size(SIZE)
+user = threading.Thread(target=use)
+user.start()
+user.join()
+assert len(refused) == 4 and all("threading.stack_size(0)" in text for text in refused), refused
+"""
+    process(script.replace("SIZE", str(kilobytes * 1024)), fig3_text)
 
 
 def test_any_number_of_threads_may_be_asked_for(fig3: ds.Scene) -> None:
