@@ -28,7 +28,7 @@ module dst_trade_plan
   integer, parameter :: most = 200
 
   type :: list_t
-    type(candidate_t) :: candidates(most)
+    type(candidate_t), allocatable :: candidates(:)   !! has room for the most there may be
     integer :: count = 0
   end type list_t
 
@@ -64,6 +64,7 @@ contains
     type(list_t), intent(inout) :: list
     type(candidate_t), intent(in) :: candidate
 
+    if (.not. allocated(list%candidates)) allocate (list%candidates(most))
     if (list%count == most) return
     list%count = list%count + 1
     list%candidates(list%count) = candidate

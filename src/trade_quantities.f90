@@ -71,20 +71,20 @@ contains
     type(simulation_t), intent(in) :: run
     type(memory_writer_t), intent(in) :: samples
     type(observation_plan_t), intent(out) :: plan
-    real(wp) :: time(samples%rows), u(2, samples%rows), w(2, samples%rows), theta(samples%rows)
+    ! On the heap: a survey is larger than a small stack.
+    real(wp), allocatable :: time(:), load(:), theta(:)
     real(wp) :: stick_end, tangent(2)
     integer :: i
 
-    associate (rows => samples%samples(:, :samples%rows))
-      time = rows(1, :)
-      u = rows([column_of(run, 'u_x'), column_of(run, 'u_y')], :)
-      w = rows([column_of(run, 'w_x'), column_of(run, 'w_y')], :)
-      theta = rows(column_of(run, 'theta'), :)
-    end associate
+    allocate (time, source=samples%samples(1, :samples%rows))
+    allocate (load, source=samples%samples(column_of(run, 'u_x'), :samples%rows))
+    allocate (theta, source=samples%samples(column_of(run, 'theta'), :samples%rows))
     plan%stiffness = run%trajectory%slider%stiffness
     plan%static_limit = run%trajectory%slider%law%onset
-    plan%scale = [sqrt(maxval(sum(u**2, dim=1))), sqrt(maxval(sum(w**2, dim=1)))]
-    stick_end = first_stick_phase(time, abs(plan%stiffness(1)*u(1, :)))
+    plan%scale = [largest(samples, column_of(run, 'u_x'), column_of(run, 'u_y')), &
+                  largest(samples, column_of(run, 'w_x'), column_of(run, 'w_y'))]
+    load = abs(plan%stiffness(1)*load)
+    stick_end = first_stick_phase(time, load)
     ! The frequency of a creep in which friction points along theta.
     tangent = 0.0_wp
     do i = 1, size(time)
@@ -96,6 +96,19 @@ contains
     plan%has_window = run%scene%model /= 'low_frequency' .and. real(periods, wp) < 0.2_wp*stick_end*plan%frequency
     call place_instants(stick_end, run%scene%t_end, plan)
   end subroutine plan_observation
+
+  !> Largest length of the vectors with these two columns.
+  pure real(wp) function largest(samples, column_x, column_y)
+    type(memory_writer_t), intent(in) :: samples
+    integer, intent(in) :: column_x, column_y
+    integer :: i
+
+    largest = 0.0_wp
+    do i = 1, samples%rows
+      largest = max(largest, samples%samples(column_x, i)**2 + samples%samples(column_y, i)**2)
+    end do
+    largest = sqrt(largest)
+  end function largest
 
   !> End of the first stick phase [s]: the first peak of the load that is followed by a fall of 5 %, else where the load comes
   !> within 1 % of its largest value.
