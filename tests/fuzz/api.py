@@ -434,6 +434,8 @@ def batch(seed: int, first: int, count: int) -> None:
     import h5py  # noqa: F401, PLC0415  # fmt: skip
 
     with tempfile.TemporaryDirectory() as folder:
+        # Wild paths are names in this folder.
+        os.chdir(folder)
         objects = Objects(Path(folder))
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         for number in range(first, first + count):
@@ -448,7 +450,7 @@ def findings(seed: int, calls: int) -> Iterator[str]:
     first = 0
     while first < calls:
         count = min(BATCH, calls - first)
-        command = [sys.executable, "-X", "faulthandler", __file__, "--batch", str(first), "--calls", str(count), "--seed", str(seed)]
+        command = [sys.executable, "-X", "faulthandler", os.path.abspath(__file__), "--batch", str(first), "--calls", str(count), "--seed", str(seed)]
         with tempfile.TemporaryFile("w+") as log:
             try:
                 ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=log, text=True, timeout=BATCH * 2.0, check=False)
