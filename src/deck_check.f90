@@ -6,7 +6,7 @@ module dst_deck_check
   use dst_deck_sweep, only: grid_cases, varied_key
   use dst_disk, only: folder_of, file_size, file_exists, true_path, path_t
   use dst_disk_space, only: free_space
-  use dst_errors, only: error_t, raise, deck_error
+  use dst_errors, only: error_t, raise, deck_error, file_error
   use dst_faults, only: faults_t
   use dst_kinds, only: wp
   use dst_model_choice, only: settle_model
@@ -32,7 +32,6 @@ module dst_deck_check
     real(wp) :: bytes = 0.0_wp            !! what is known beforehand
     real(wp) :: there = 0.0_wp            !! bytes of it that are on the disk already, or are replaced
     character(:), allocatable :: what     !! '1e7 samples of 16 columns'
-    character(:), allocatable :: key      !! that decides
     character(:), allocatable :: remedy
   end type demand_t
 
@@ -70,16 +69,16 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(simulation_t), allocatable :: simulation
     type(scene_t) :: scene
-    character(:), allocatable :: model_choice
+    character(:), allocatable :: model_choice, key
     real(wp) :: samples
 
     call scene_from_deck(deck, scene)
     samples = run_samples(scene)
-    demand%key = 'output.interval'
-    if (.not. scene%interval > 0.0_wp) demand%key = 'integrator.step'
-    if (.not. deck%is_set('output', 'interval')) demand%key = 'scene.t_end'
+    key = 'output.interval'
+    if (.not. scene%interval > 0.0_wp) key = 'integrator.step'
+    if (.not. deck%is_set('output', 'interval')) key = 'scene.t_end'
     if (samples > most_samples) then
-      call raise(error, deck_error, 'more than 2^53 samples: raise '//decisive(scene)//', or lower scene.t_end', demand%key)
+      call raise(error, deck_error, 'more than 2^53 samples: raise '//decisive(scene)//', or lower scene.t_end', key)
       return
     end if
     call settle_model(scene, model_choice)
@@ -117,7 +116,6 @@ contains
     integer :: i
 
     numbers = 0.0_wp
-    demand%key = 'sweep.count'
     demand%remedy = 'use smaller counts'
     if (deck%text_of(sweep_group, 'keep') == 'series') then
       samples = sample_count(deck%real_of('scene', 't_end'), deck%real_of('output', 'interval'))
@@ -129,7 +127,6 @@ contains
       call sweep_of_deck(deck, sweep, error)
       if (allocated(error)) return
       cases = real(sweep%cases, wp)
-      demand%key = 'sweep.points'
     else
       cases = grid_cases(deck)
     end if
@@ -193,8 +190,8 @@ contains
     if (file_exists(output)) folder = folder_of(true_path(output))
     room = free_space(folder)
     if (demand%bytes - demand%there <= room) return
-    call raise(error, deck_error, demand%what//' need '//bytes_text(demand%bytes)//', and the disk of '//folder//' has '// &
-      bytes_text(room)//': '//demand%remedy, demand%key)
+    call raise(error, file_error, output//': cannot create: '//demand%what//' need '//bytes_text(demand%bytes)// &
+      ', and the disk of '//folder//' has '//bytes_text(room)//': '//demand%remedy)
   end subroutine check_room
 
   !> Say where in the deck, or in which setting, the value stands that an error is about.

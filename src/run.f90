@@ -6,7 +6,8 @@ module dst_run
   use dst_checkpoint, only: checkpoint_t
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_disk, only: utc_now
-  use dst_errors, only: error_t, raise, exit_status, file_error, out_of_memory, stopped_early
+  use dst_errors, only: error_t, raise, exit_status, file_error, out_of_memory, result_done, &
+    stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, &
     reopen_hdf5
@@ -157,18 +158,17 @@ contains
     type(run_t), intent(in) :: run
     logical, intent(in) :: has_checkpoint
     type(error_t), allocatable, intent(out) :: error
-    type(error_t), allocatable :: other_run
     type(guard_t) :: guard
     type(origin_t) :: origin
+    logical :: is_at_its_end
 
     call guard%begin()
     if (guard%in_child) then
       call read_origin(run%file%path(), run%file%name, origin, error)
-      if (.not. allocated(error) .and. has_checkpoint) call check_same_run(run%file%name, run%checkpoint, origin, other_run)
-      ! A run that has its checkpoint was killed before it was done with its file, whatever this says.
-      if (.not. allocated(error) .and. (allocated(other_run) .or. .not. has_checkpoint)) &
-        call check_unfinished(run%file%name, origin, error)
-      if (.not. allocated(error)) call move_alloc(other_run, error)
+      ! A run that has its checkpoint was killed before it was done with its file: the end is done again.
+      is_at_its_end = has_checkpoint .and. origin%complete == 1 .and. origin%result_code == result_done
+      if (.not. (allocated(error) .or. is_at_its_end)) call check_unfinished(run%file%name, origin, error)
+      if (.not. allocated(error) .and. has_checkpoint) call check_same_run(run%file%name, run%checkpoint, origin, error)
       call reply(guard, error)
     end if
     call await(guard, run%file%name, error)

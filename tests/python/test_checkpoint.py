@@ -39,6 +39,8 @@ ABSENT = (
     "integrator.method=",
     "integrator.rtol=",
 )
+# Longer than any test waits. Who limits the time needs no room for all.
+ENDLESS = ("scene.t_end=1e6", "output.wall_limit=1e6")
 SMOOTHED = ("friction.contact=smoothed", "friction.v_smooth=1.0e-5")
 # Every method, and what a state may be in: a knot of the drive, a long rest with many samples, every step written.
 SCENES: dict[str, tuple[str, ...]] = {
@@ -217,7 +219,7 @@ def test_a_second_ctrl_c_ends_the_program_at_once(program, tmp_path):
     codes = set()
     for i in range(10):
         file = tmp_path / f"{i}.h5"
-        process = program.start(SCENES["radau9"], file, "scene.t_end=1e6")
+        process = program.start(SCENES["radau9"], file, *ENDLESS)
         wait_for(file.exists, str(file))
         process.send_signal(signal.SIGINT)
         time.sleep(0.002)
@@ -232,7 +234,7 @@ def test_a_second_ctrl_c_ends_the_program_at_once(program, tmp_path):
 def test_an_ignored_ctrl_c_stays_ignored(program, tmp_path):
     file = tmp_path / "x.h5"
     ignore = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
-    process = program.start(SCENES["radau9"], file, "scene.t_end=1e6", preexec_fn=ignore)
+    process = program.start(SCENES["radau9"], file, *ENDLESS, preexec_fn=ignore)
     wait_for(file.exists, str(file))
     process.send_signal(signal.SIGINT)
     time.sleep(0.2)
@@ -246,7 +248,7 @@ def test_a_signal_stops_within_one_long_advance(program, tmp_path):
     """A rest of 1e6 s with a sample every ms is one advance of the trajectory."""
     file = tmp_path / "x.h5"
     rest = ("drive.velocity=0", "initial.velocity_ratio=0", "output.fields=u_x", "output.interval=1e-3")
-    process = program.start(("fig3", "scene.t_end=1e6", *rest), file)
+    process = program.start(("fig3", *ENDLESS, *rest), file)
     wait_for(file.exists, str(file))
     process.terminate()
     process.communicate(timeout=60)
@@ -257,7 +259,7 @@ def test_a_signal_stops_within_one_long_advance(program, tmp_path):
 def test_a_checkpoint_is_written_every_interval(program, references, tmp_path):
     """Each is newer than the last; none holds less than what the file holds after a kill."""
     file = tmp_path / "x.h5"
-    process = program.start(SCENES["radau5"], file, "scene.t_end=1e6", "output.checkpoint_interval=0.05")
+    process = program.start(SCENES["radau5"], file, *ENDLESS, "output.checkpoint_interval=0.05")
     seen = set()
     wait_for(file.exists, str(file))
 
@@ -273,7 +275,7 @@ def test_a_checkpoint_is_written_every_interval(program, references, tmp_path):
 
 def test_without_an_interval_only_a_stop_writes_a_checkpoint(program, tmp_path):
     file = tmp_path / "x.h5"
-    process = program.start(SCENES["radau5"], file, "scene.t_end=1e6", "output.checkpoint_interval=0")
+    process = program.start(SCENES["radau5"], file, *ENDLESS, "output.checkpoint_interval=0")
     wait_for(file.exists, str(file))
     first = checkpoint_of(file).read_bytes()
     time.sleep(0.3)
@@ -743,7 +745,7 @@ def test_a_locked_file_is_refused(program, copied):
 
 def test_a_run_under_way_is_not_resumed(program, tmp_path):
     file = tmp_path / "x.h5"
-    process = program.start(SCENES["radau9"], file, "scene.t_end=1e6")
+    process = program.start(SCENES["radau9"], file, *ENDLESS)
     try:
         wait_for(file.exists, str(file))
         assert_refused(program.resume(file), "locked")
@@ -825,7 +827,7 @@ def test_a_folder_that_vanishes(program, tmp_path):
     folder = tmp_path / "vanishing"
     folder.mkdir()
     process = program.start(
-        SCENES["radau9"], folder / "x.h5", "scene.t_end=1e6", "output.checkpoint_interval=0.1"
+        SCENES["radau9"], folder / "x.h5", *ENDLESS, "output.checkpoint_interval=0.1"
     )
     wait_for((folder / "x.h5").exists, "x.h5")
     shutil.rmtree(folder)

@@ -19,6 +19,8 @@ DECK = Path(__file__).parents[2] / "inputs" / "fig3.nml"
 FILE_ERROR = 3
 # With t_end=1e6: longer than any test waits, and writing fast.
 ENDLESS = ["--set", "output.interval=1.0e-4"]
+# Who limits the time needs no room for all.
+PATIENT = ["--set", "output.wall_limit=1.0e6"]
 
 pytestmark = pytest.mark.deck
 
@@ -39,7 +41,8 @@ class Program:
 
     def start(self, file: Path, *options: str) -> subprocess.Popen:
         """A run that ends only when it is stopped."""
-        command = self.command(file, *ENDLESS, *options, t_end=1.0e6)
+        limit = [] if any("wall_limit" in option for option in options) else PATIENT
+        command = self.command(file, *ENDLESS, *limit, *options, t_end=1.0e6)
         return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
 
@@ -237,7 +240,7 @@ def test_a_limit_that_is_met_during_the_run(program, tmp_path):
     file = tmp_path / "limited.h5"
     limit = 3_000_000
     set_limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (limit, limit))
-    done = program.run(file, *ENDLESS, t_end=1.0e6, preexec_fn=set_limit)
+    done = program.run(file, *ENDLESS, *PATIENT, t_end=1.0e6, preexec_fn=set_limit)
     assert_refused(done, str(file), "file-size limit")
     assert file.stat().st_size <= limit
     with h5py.File(file) as data:
@@ -261,7 +264,7 @@ def test_a_disk_that_fills_up_during_the_run(program, tmp_path):
     if not mounted:
         pytest.skip("a small disk cannot be mounted here: not root, or mount is not permitted")
     try:
-        assert_refused(program.run(disk / "x.h5", *ENDLESS, t_end=1.0e6), "disk is full")
+        assert_refused(program.run(disk / "x.h5", *ENDLESS, *PATIENT, t_end=1.0e6), "disk is full")
         with h5py.File(disk / "x.h5") as data:
             assert data.attrs["result_code"] == FILE_ERROR
             assert_readable(data)
