@@ -10,7 +10,7 @@ module dst_disk
 
   public :: identity_t, identity_of, operator(==)
   public :: reserve_space, set_file_size, move_file, place_file, delete_file, delete_own_file
-  public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
+  public :: read_bytes, read_at, write_bytes, put_text, create_file, open_own_file, make_durable, make_name_durable
   public :: lock_file, unlock_file, is_in_use, wait_seconds
   public :: open_for_appending, open_for_reading, append_words, read_words, close_descriptor, matching_files, path_t
   public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
@@ -387,6 +387,17 @@ contains
     call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
     call write_all(descriptor, bytes, reason, place)
   end subroutine write_bytes
+
+  !> Write a text where the open file stands, or into a pipe.
+  subroutine put_text(descriptor, text, reason)
+    integer(c_int), intent(in) :: descriptor
+    character(*), intent(in), target :: text
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    character(c_char), pointer, contiguous :: bytes(:)
+
+    call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
+    call write_all(descriptor, bytes, reason)
+  end subroutine put_text
 
   !> Write all bytes in one call of the system, more only if that writes a part: from byte `place`, or where the file stands.
   subroutine write_all(descriptor, bytes, reason, place)

@@ -4,8 +4,7 @@
 module dst_process
   use, intrinsic :: iso_c_binding, only: c_int, c_long, c_intptr_t, c_size_t, c_ptr, c_funptr, c_char, c_null_char, c_null_ptr, &
     c_null_funptr, c_loc
-  use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
-  use dst_disk, only: system_error
+  use dst_disk, only: put_text, system_error
   implicit none
   private
 
@@ -141,9 +140,6 @@ contains
     integer(c_int) :: ignored
 
     if (c_pipe(self%ends) /= 0) return
-    ! What waits would be written twice.
-    flush (error_unit)
-    flush (output_unit)
     self%process = c_fork()
     self%in_child = self%process == 0
     if (self%in_child) then
@@ -188,10 +184,10 @@ contains
   subroutine reply(self, text)
     class(guard_t), intent(in) :: self
     character(*), intent(in) :: text
+    character(:), allocatable :: ignored
 
     if (.not. self%in_child) return
-    write (error_unit, '(a)', advance='no') reply_mark//text
-    flush (error_unit)
+    call put_text(self%ends(2), reply_mark//text, ignored)
     call c_exit(0_c_int)
   end subroutine reply
 

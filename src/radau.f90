@@ -22,8 +22,7 @@ module dst_radau
   use dst_interpolation, only: max_degree
   use dst_newton_kernels, only: solve_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
-  use dst_stepper, only: stepper_t, motion_t, attempt_t, work_count_t, exchange_stepper, column_u, column_y, column_position, &
-    n_columns
+  use dst_stepper, only: stepper_t, motion_t, attempt_t, work_count_t, exchange_stepper, column_u, column_y, column_position
   implicit none
   private
 

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import dynstiction as ds
 import pytest
 
 INPUTS = Path(__file__).parents[2] / "inputs"
@@ -130,3 +131,23 @@ def test_no_file_gets_a_descriptor_that_was_closed(executable, tmp_path, descrip
     finally:
         process.kill()
         process.wait()
+
+
+@pytest.mark.parametrize(
+    "variable", ["GFORTRAN_STDERR_UNIT=7", "GFORTRAN_STDOUT_UNIT=9", "GFORTRAN_CONVERT_UNIT=big_endian"]
+)
+def test_the_fortran_runtime_may_be_set_up_oddly(executable, tmp_path, variable):
+    """Unit numbers and byte order of the runtime change no file, and no child's answer is lost."""
+    environment = os.environ | dict([variable.split("=")])
+    deck = str(INPUTS / "fig3.nml")
+    short = ["-o", "x.h5", "--quiet", "--set", "scene.t_end=0.1"]
+
+    def call(*arguments: str) -> int:
+        return subprocess.run(
+            [str(executable), *arguments], cwd=tmp_path, env=environment, timeout=60, check=False
+        ).returncode
+
+    assert call("run", deck, *short, "--set", "output.wall_limit=1e-9") == 75
+    assert call("resume", "x.h5", "--quiet") in {0, 75}
+    assert call("run", deck, *short, "--overwrite") == 0
+    ds.open(tmp_path / "x.h5")

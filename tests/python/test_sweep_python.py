@@ -137,6 +137,8 @@ def interrupt(number, frame):
 signal.signal(signal.SIGINT, interrupt)
 print("begun", flush=True)
 data = ds.sweep(sys.argv[1], {"scene.t_end": ends}, points=True, threads=2)
+# An interpreter that ends is not asked any more.
+signal.signal(signal.SIGINT, signal.SIG_IGN)
 codes = data["result_code"].values
 print(np.count_nonzero(codes == 0), np.count_nonzero(codes == -1), np.isfinite(data["final_u_x"].values[codes == 0]).all())
 """
