@@ -27,24 +27,25 @@ contains
     call put_numbers('point', '1', 'number of the point', [(real(i, wp), i=1, size(points))])
     call put_texts('role', 'reference, check (its errors are those of the reference) or candidate', &
       [character(200) :: 'reference', 'check', spread('candidate', 1, size(trade%points))])
-    call put_texts('model', 'equations', points%candidate%model)
-    call put_texts('form', 'of Eq. (8)', points%candidate%form)
-    call put_texts('method', 'integrator; empty for a closed form', points%candidate%method)
-    call put_texts('contact', 'exact or smoothed; empty where the model has no choice', points%candidate%contact)
-    call put_numbers('rtol', '1', 'relative tolerance; 0 = not used', points%candidate%rtol)
-    call put_numbers('step', 's', 'fixed step; 0 = not used', points%candidate%step)
-    call put_numbers('v_smooth', 'm s-1', 'smoothing velocity; 0 = not used', points%candidate%v_smooth)
-    call put_numbers('seconds', 's', 'wall time; of an abandoned run what it would have been at its pace', points%seconds)
-    call put_numbers('steps', '1', 'accepted steps', points%steps)
-    call put_numbers('rhs', '1', 'evaluations of the equations of motion', points%rhs)
-    call put_numbers('newton', '1', 'Newton iterations', points%newton)
+    ! In parentheses: values, not parts of the points.
+    call put_texts('model', 'equations', (points%candidate%model))
+    call put_texts('form', 'of Eq. (8)', (points%candidate%form))
+    call put_texts('method', 'integrator; empty for a closed form', (points%candidate%method))
+    call put_texts('contact', 'exact or smoothed; empty where the model has no choice', (points%candidate%contact))
+    call put_numbers('rtol', '1', 'relative tolerance; 0 = not used', (points%candidate%rtol))
+    call put_numbers('step', 's', 'fixed step; 0 = not used', (points%candidate%step))
+    call put_numbers('v_smooth', 'm s-1', 'smoothing velocity; 0 = not used', (points%candidate%v_smooth))
+    call put_numbers('seconds', 's', 'wall time; of an abandoned run what it would have been at its pace', (points%seconds))
+    call put_numbers('steps', '1', 'accepted steps', (points%steps))
+    call put_numbers('rhs', '1', 'evaluations of the equations of motion', (points%rhs))
+    call put_numbers('newton', '1', 'Newton iterations', (points%newton))
     call put_numbers('result_code', '1', '0 = done, 40 to 49 = the solver gave up, 75 = no budget, 2 = cannot be used', &
       real(points%result_code, wp))
     do q = 1, quantity_count
-      call put_numbers('error_'//trim(quantities(q)%name), '1', 'error of: '//quantities(q)%long_name, points%error(q))
+      call put_numbers('error_'//trim(quantities(q)%name), '1', 'error of: '//quantities(q)%long_name, (points%error(q)))
       table(n)%fill = not_applicable
     end do
-    call put_texts('text', 'how it ended', points%text)
+    call put_texts('text', 'how it ended', (points%text))
 
   contains
 
