@@ -6,7 +6,7 @@
 module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_checkpoint, only: checkpoint_t, checkpoint_name, encoded, is_checkpoint, read_checkpoint
-  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_own_file, file_exists, &
+  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, delete_own_file, file_exists, &
     folder_of, is_folder, is_in_use, locked_by_a_reader, make_durable, make_name_durable, move_file, open_own_file, place_file, &
     place_of, system_reason, wait_seconds, write_bytes
   use dst_errors, only: error_t, raise, file_error
@@ -129,6 +129,10 @@ contains
     call read_checkpoint(name, checkpoint, missing)
     if (allocated(missing)) return
     call open_own_file(checkpoint_name(self%place), identity_of(checkpoint_name(self%place)), self%checkpoint, reason)
+    if (allocated(reason)) then
+      call raise(error, file_error, checkpoint_name(name)//': cannot resume: '//reason)
+      call self%release()
+    end if
     self%is_durable = .true.
   end subroutine claim_unfinished
 
@@ -286,11 +290,11 @@ contains
     if (self%checkpoint >= 0) call delete_own_file(checkpoint_name(self%place), identity_of(self%checkpoint))
   end subroutine delete_checkpoint
 
-  !> Remove what has not got its name.
+  !> Remove what has not got its name: a name with the tag of this process, so no other file can have it.
   subroutine discard(self)
     class(result_file_t), intent(in) :: self
 
-    if (self%own >= 0 .and. .not. self%has_name) call delete_own_file(self%path(), identity_of(self%own))
+    if (.not. self%has_name) call delete_file(self%path())
   end subroutine discard
 
   !> There is not going to be a result: remove what there is of it, and let others have the name.

@@ -251,8 +251,10 @@ class Sequence:
             self.start(self.chance.choice(["run", "resume", "run --overwrite"]))
             for _ in range(self.chance.randrange(1, 4))
         ]
-        # At the very first calls the program has not got hold of anything yet.
-        if is_held and (n > 30 or (self.folder / f"{RESULT}.lock").exists()):
+        # At the very first calls the program has not got hold of anything yet: the lock may be a stale one.
+        lock = self.folder / f"{RESULT}.lock"
+        has_lock = n > 30 if self.is_sweep else lock.exists() and f"process {first.process}\n" in lock.read_text()
+        if is_held and has_lock:
             for other in others:
                 ended = self.end(other, DONE, FILE_ERROR, quiet=True)
                 if ended.status != FILE_ERROR:
