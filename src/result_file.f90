@@ -6,9 +6,9 @@
 module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_checkpoint, only: checkpoint_t, checkpoint_name, encoded, is_checkpoint, read_checkpoint
-  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, delete_own_file, file_exists, &
-    folder_of, is_folder, is_in_use, locked_by_a_reader, make_durable, make_name_durable, move_file, open_own_file, place_file, &
-    place_of, system_reason, wait_seconds, write_bytes
+  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, delete_own_file, &
+    file_exists, folder_of, is_folder, is_in_use, locked_by_a_reader, make_durable, make_name_durable, move_file, open_own_file, &
+    place_file, place_of, system_reason, wait_seconds, write_bytes
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_origin, only: check_is_result
   use dst_kinds, only: wp, int64
