@@ -12,7 +12,8 @@ module dst_disk
   public :: reserve_space, set_file_size, move_file, place_file, delete_file, delete_own_file
   public :: read_bytes, read_at, write_bytes, put_text, create_file, open_own_file, make_durable, make_name_durable
   public :: lock_file, unlock_file, is_in_use, wait_seconds
-  public :: open_for_appending, open_for_reading, append_words, read_words, close_descriptor, matching_files, path_t
+  public :: open_for_appending, open_for_reading, is_locked_elsewhere, append_words, read_words, close_descriptor
+  public :: matching_files, path_t
   public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
   public :: system_error, system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal, utc_now, utc_of
 
@@ -25,7 +26,7 @@ module dst_disk
   integer(c_int), parameter :: sigxfsz = 25
 
   ! Numbers of Linux.
-  integer(c_int), parameter :: interrupted = 4
+  integer(c_int), parameter :: interrupted = 4, try_again = 11
   integer(c_int), parameter :: read_only = 0, read_write = 2, create_exclusively = 64 + 128, not_in_programs = 524288
   integer(c_int), parameter :: as_the_mask_says = int(o'666', c_int)
 
@@ -384,6 +385,7 @@ contains
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     character(c_char), pointer, contiguous :: bytes(:)
 
+    if (len(text) == 0) return
     call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
     call write_all(descriptor, bytes, reason, place)
   end subroutine write_bytes
@@ -395,6 +397,7 @@ contains
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     character(c_char), pointer, contiguous :: bytes(:)
 
+    if (len(text) == 0) return
     call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
     call write_all(descriptor, bytes, reason)
   end subroutine put_text
@@ -418,12 +421,15 @@ contains
       else
         count = c_write(descriptor, c_loc(bytes(written + 1)), left)
       end if
-      if (count < 0) then
-        if (system_error() == interrupted) cycle
+      if (count >= 0) then
+        written = written + count
+      else if (system_error() == try_again) then
+        ! A pipe or terminal that somebody has made non-blocking is full.
+        call wait_seconds(0.001_wp)
+      else if (system_error() /= interrupted) then
         reason = system_reason()
         return
       end if
-      written = written + count
     end do
   end subroutine write_all
 
@@ -455,18 +461,30 @@ contains
     integer(int64), intent(out) :: bytes               !! of the file
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     integer(c_int), parameter :: read_write_create_append = 2 + 64 + 1024
-    integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11
 
     call ignore_size_limit_signal()
-    call open_regular(file_name, read_write_create_append, descriptor, bytes, reason)
-    if (allocated(reason)) return
-    if (c_flock(descriptor, exclusive_or_fail) == 0) return
-    ! A file system without locks is trusted.
-    if (system_error() == would_block) then
-      reason = 'another process is writing it: wait until it ends'
+    do
+      call open_regular(file_name, read_write_create_append, descriptor, bytes, reason)
+      if (allocated(reason)) return
+      if (is_locked_elsewhere(descriptor)) then
+        reason = 'another process is writing it: wait until it ends'
+        call close_descriptor(descriptor)
+        return
+      end if
+      ! Who had it may have removed it before it was locked here.
+      if (identity_of(file_name) == identity_of(descriptor)) return
       call close_descriptor(descriptor)
-    end if
+    end do
   end subroutine open_for_appending
+
+  !> Lock an open file until it is closed; true if another process has the lock. A file system without locks is trusted.
+  logical function is_locked_elsewhere(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11
+
+    is_locked_elsewhere = .false.
+    if (c_flock(descriptor, exclusive_or_fail) /= 0) is_locked_elsewhere = system_error() == would_block
+  end function is_locked_elsewhere
 
   !> Open a regular file to read it.
   subroutine open_for_reading(file_name, descriptor, bytes, reason)

@@ -91,15 +91,23 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(run_t) :: run
     type(error_t), allocatable :: no_checkpoint
+    logical :: is_at_its_end
 
     call run%file%claim_unfinished(result_file, run%checkpoint, no_checkpoint, error)
     if (allocated(error)) return
     if (.not. allocated(no_checkpoint)) call check_untouched(run, error)
-    if (.not. allocated(error)) call check_origin(run, .not. allocated(no_checkpoint), error)
+    is_at_its_end = .false.
+    if (.not. allocated(error)) call check_origin(run, .not. allocated(no_checkpoint), is_at_its_end, error)
     ! Only now: a run that has ended has no checkpoint.
     if (.not. allocated(error)) call move_alloc(no_checkpoint, error)
-    if (.not. allocated(error)) call go_on(run, error)
-    if (.not. allocated(error)) call carry_out(run, new_progress(result_file, quiet), error)
+    if (is_at_its_end .and. .not. allocated(error)) then
+      call run%file%unseal()
+      call run%file%seal(run%checkpoint%result_checksum, error)
+      if (.not. allocated(error)) call run%file%delete_checkpoint()
+    else
+      if (.not. allocated(error)) call go_on(run, error)
+      if (.not. allocated(error)) call carry_out(run, new_progress(result_file, quiet), error)
+    end if
     call run%file%release()
   end subroutine resume_run
 
@@ -154,24 +162,28 @@ contains
 
   !> What the file says of its run must leave something to go on with and fit the checkpoint, if there is one. HDF5 may meet
   !> anything in the file, so a child process looks.
-  subroutine check_origin(run, has_checkpoint, error)
+  subroutine check_origin(run, has_checkpoint, is_at_its_end, error)
     type(run_t), intent(in) :: run
     logical, intent(in) :: has_checkpoint
+    logical, intent(out) :: is_at_its_end   !! nothing but the seal is missing: the run was killed in its last moment
     type(error_t), allocatable, intent(out) :: error
+    character(*), parameter :: at_its_end = 'at its end'
     type(guard_t) :: guard
     type(origin_t) :: origin
-    logical :: is_at_its_end
 
     call guard%begin()
     if (guard%in_child) then
       call read_origin(run%file%path(), run%file%name, origin, error)
-      ! A run that has its checkpoint was killed before it was done with its file: the end is done again.
       is_at_its_end = has_checkpoint .and. origin%complete == 1 .and. origin%result_code == result_done
       if (.not. (allocated(error) .or. is_at_its_end)) call check_unfinished(run%file%name, origin, error)
       if (.not. allocated(error) .and. has_checkpoint) call check_same_run(run%file%name, run%checkpoint, origin, error)
+      if (is_at_its_end .and. .not. allocated(error)) call guard%reply(at_its_end)
       call reply(guard, error)
     end if
     call await(guard, run%file%name, error)
+    is_at_its_end = .false.
+    if (allocated(error)) is_at_its_end = error%text == at_its_end
+    if (is_at_its_end) deallocate (error)
   end subroutine check_origin
 
   !> Put a new file in the place of that of a killed run: nothing but its columns' numbers is taken from the old one.

@@ -1,25 +1,17 @@
 !> Standard output and standard error, byte by byte: what could not be written is known, which Fortran's own output does not tell
 !> of a full disk. POSIX.
 module dst_standard_streams
-  use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t, c_size_t, c_char, c_ptr, c_funptr, c_loc, c_f_pointer, c_null_char, &
-    c_null_funptr
+  use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t, c_char, c_funptr, c_null_char, c_null_funptr
+  use dst_disk, only: put_text
   implicit none
   private
 
   public :: occupy_descriptors, put_output, put_error
 
   integer(c_int), parameter :: standard_output = 1, standard_error = 2
-  ! Of Linux.
-  integer(c_int), parameter :: interrupted = 4, try_again = 11, sigpipe = 13
+  integer(c_int), parameter :: sigpipe = 13   ! of Linux
 
   interface
-    integer(c_intptr_t) function c_write(descriptor, bytes, count) bind(c, name='write')
-      import :: c_int, c_intptr_t, c_ptr, c_size_t
-      integer(c_int), value :: descriptor
-      type(c_ptr), value :: bytes
-      integer(c_size_t), value :: count
-    end function c_write
-
     integer(c_int) function c_open(path, flags) bind(c, name='open')
       import :: c_int, c_char
       character(c_char), intent(in) :: path(*)
@@ -30,15 +22,6 @@ module dst_standard_streams
       import :: c_int
       integer(c_int), value :: descriptor, command
     end function c_fcntl
-
-    integer(c_int) function c_usleep(microseconds) bind(c, name='usleep')
-      import :: c_int
-      integer(c_int), value :: microseconds
-    end function c_usleep
-
-    type(c_ptr) function c_error_number() bind(c, name='__errno_location')
-      import :: c_ptr
-    end function c_error_number
 
     type(c_funptr) function c_signal(number, handler) bind(c, name='signal')
       import :: c_int, c_funptr
@@ -91,33 +74,9 @@ contains
     integer(c_int), intent(in) :: descriptor
     character(*), intent(in) :: text
     logical, intent(out) :: failed
-    character(c_char), allocatable, target :: bytes(:)
-    integer(c_int), pointer :: error_number
-    integer(c_intptr_t) :: count
-    integer(c_int) :: ignored
-    integer :: i, written
+    character(:), allocatable :: reason
 
-    allocate (bytes(len(text)))
-    do i = 1, len(text)
-      bytes(i) = text(i:i)
-    end do
-    written = 0
-    failed = .false.
-    do while (written < len(text) .and. .not. failed)
-      count = c_write(descriptor, c_loc(bytes(written + 1)), int(len(text) - written, c_size_t))
-      if (count >= 0) then
-        written = written + int(count)
-        cycle
-      end if
-      call c_f_pointer(c_error_number(), error_number)
-      select case (error_number)
-      case (interrupted)
-      case (try_again)
-        ! Somebody has made the descriptor non-blocking.
-        ignored = c_usleep(1000_c_int)
-      case default
-        failed = .true.
-      end select
-    end do
+    call put_text(descriptor, text, reason)
+    failed = allocated(reason)
   end subroutine put
 end module dst_standard_streams
