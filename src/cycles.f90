@@ -32,7 +32,7 @@ module dst_cycles
 
   !> What is measured of a cycle: lengths in time [s], loads [N] and the advance in X in the direction of the drive [m].
   integer, parameter :: period = 1, peak = 2, valley = 3, stick_time = 4, slip_time = 5, slip_length = 6, measures = 6
-  !> Besides: the rise of the load to the next peak [N] and the advance in X from peak to peak [m].
+  !> And besides these the rise of the load to the next peak [N] and the advance in X from peak to peak [m].
   integer, parameter :: rise = 7, travel = 8, remembered = 8
 
   !> A peak or a valley.
