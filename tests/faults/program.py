@@ -75,7 +75,8 @@ class Running:
         end = time.monotonic() + seconds
         while len(self.holds()) < count:
             if self.server.has_ended() or time.monotonic() > end:
-                raise AssertionError(f"it was not held: {self.output.read_text()}")
+                text = self.output.read_text() if self.output.exists() else ""
+                raise AssertionError(f"it was not held: {text}")
             time.sleep(0.0005)
 
     def release(self, fault: int = 0) -> None:
