@@ -66,8 +66,8 @@ contains
   end function encoded
 
   !> Read the checkpoint of `result_file`; one that is not whole, or of another format, is refused.
-  subroutine read_checkpoint(result_file, checkpoint, error)
-    character(*), intent(in) :: result_file
+  subroutine read_checkpoint(result_file, shown_name, checkpoint, error)
+    character(*), intent(in) :: result_file, shown_name   !! where it is; what it is called in messages
     type(checkpoint_t), intent(out) :: checkpoint
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: bytes, reason
@@ -76,7 +76,7 @@ contains
     if (.not. allocated(reason)) call check_format(bytes, reason)
     if (.not. allocated(reason)) call check_digest(bytes, reason)
     if (.not. allocated(reason)) call take_apart(bytes, checkpoint, reason)
-    if (allocated(reason)) call raise(error, file_error, checkpoint_name(result_file)//': no checkpoint to go on from: '// &
+    if (allocated(reason)) call raise(error, file_error, checkpoint_name(shown_name)//': no checkpoint to go on from: '// &
       reason//': run the deck again')
   end subroutine read_checkpoint
 

@@ -126,7 +126,7 @@ contains
       call self%release()
       return
     end if
-    call read_checkpoint(name, checkpoint, missing)
+    call read_checkpoint(self%place, name, checkpoint, missing)
     if (allocated(missing)) return
     call open_own_file(checkpoint_name(self%place), identity_of(checkpoint_name(self%place)), self%checkpoint, reason)
     if (allocated(reason)) then

@@ -204,6 +204,22 @@ def test_a_signal_stops_with_a_checkpoint(program, references, tmp_path, number)
     assert_same(file, references("radau5"))
 
 
+def test_a_result_behind_a_link_is_resumed_by_each_of_its_names(program, references, tmp_path):
+    (tmp_path / "folder").mkdir()
+    file, link = tmp_path / "folder" / "x.h5", tmp_path / "link.h5"
+    assert program.run(SCENES["radau9"], file, "scene.t_end=0.01").returncode == 0
+    link.symlink_to(file)
+    command = program.command(SCENES["radau9"], link, "output.wall_limit=0.01")
+    done = finished([*command, "--overwrite"])
+    names = [link, file]
+    while done.returncode == STOPPED:
+        done = program.resume(names[0])
+        names.reverse()
+    assert done.returncode == 0, done.stderr
+    assert_same(file, references("radau9"))
+    assert link.is_symlink() and list((tmp_path / "folder").iterdir()) == [file]
+
+
 def test_a_signal_stops_a_command_with_several_decks(program, tmp_path):
     decks = [str(INPUTS / "fig3.nml"), str(INPUTS / "reversal.nml")]
     command = [program.executable, "run", *decks, "--quiet", "--set", "scene.t_end=1e5"]
