@@ -7,7 +7,7 @@
 !> record says of itself is believed only as far as this sweep allows.
 module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
-  use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, append_words, read_words, close_descriptor, &
+  use dst_disk, only: open_for_appending, open_for_reading, lock_attempt, held, append_words, read_words, close_descriptor, &
     set_file_size, delete_file, matching_files, path_t
   use dst_errors, only: error_t, raise, file_error, out_of_memory, stopped_early
   use dst_kinds, only: wp, int64, real64
@@ -188,7 +188,7 @@ contains
     call open_records(file_name, reader, error)
     if (allocated(error)) return
     ! A process that has opened it meanwhile goes on with it.
-    if (.not. is_locked_elsewhere(reader%descriptor)) then
+    if (lock_attempt(reader%descriptor) /= held) then
       if (is_shard(reader)) call delete_file(file_name)
     end if
     call reader%close()
