@@ -15,7 +15,8 @@ module dst_disk
   public :: open_for_appending, open_for_reading, is_locked_elsewhere, append_words, read_words, close_descriptor
   public :: matching_files, path_t
   public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
-  public :: system_error, system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal, utc_now, utc_of
+  public :: system_error, system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal
+  public :: utc_now, utc_of, utc_at, seconds_now
 
   !> HDF5's lock is not to be had.
   character(*), parameter :: locked_by_a_reader = &
@@ -35,6 +36,7 @@ module dst_disk
     logical :: exists = .false.
     logical :: is_regular = .false.       !! not a folder, a link, a device, a pipe
     integer(int64) :: bytes = 0
+    integer(int64) :: changed = 0         !! its bytes, last time [s since 1970]
     integer(int64), private :: inode = 0
     integer(c_int32_t), private :: device(2) = 0
   end type identity_t
@@ -206,6 +208,11 @@ module dst_disk
       type(c_ptr), value :: address
     end subroutine c_free
 
+    integer(c_intptr_t) function c_time(moment) bind(c, name='time')
+      import :: c_intptr_t, c_ptr
+      type(c_ptr), value :: moment
+    end function c_time
+
     integer(c_int) function c_getpid() bind(c, name='getpid')
       import :: c_int
     end function c_getpid
@@ -245,6 +252,7 @@ contains
     if (.not. identity%exists) return
     identity%is_regular = iand(int(found%mode, c_int), kind_of_file) == regular_file
     identity%bytes = found%bytes
+    identity%changed = found%times(7)
     identity%inode = found%inode
     identity%device = found%device
   end function looked_up
@@ -455,18 +463,21 @@ contains
   end subroutine read_at
 
   !> Open a regular file, created if need be, to append to it and nothing else; another process that has it open so is refused.
-  subroutine open_for_appending(file_name, descriptor, bytes, reason)
+  subroutine open_for_appending(file_name, descriptor, bytes, is_elsewhere, reason)
     character(*), intent(in) :: file_name
     integer(c_int), intent(out) :: descriptor
     integer(int64), intent(out) :: bytes               !! of the file
+    logical, intent(out) :: is_elsewhere               !! another process is the reason
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     integer(c_int), parameter :: read_write_create_append = 2 + 64 + 1024
 
     call ignore_size_limit_signal()
+    is_elsewhere = .false.
     do
       call open_regular(file_name, read_write_create_append, descriptor, bytes, reason)
       if (allocated(reason)) return
-      if (is_locked_elsewhere(descriptor)) then
+      is_elsewhere = is_locked_elsewhere(descriptor)
+      if (is_elsewhere) then
         reason = 'another process is writing it: wait until it ends'
         call close_descriptor(descriptor)
         return
@@ -881,6 +892,30 @@ contains
     minutes = modulo(minutes, 1440)
     write (moment, '(i4.4, 2("-", i2.2), "T", i2.2, 2(":", i2.2), "Z")') year, month, day, minutes/60, modulo(minutes, 60), clock(7)
   end function utc_of
+
+  !> The same of a moment in seconds since 1970.
+  pure function utc_at(seconds) result(moment)
+    integer(int64), intent(in) :: seconds   !! not negative
+    character(20) :: moment
+    integer, parameter :: day = 86400
+    integer :: clock(8), second
+
+    second = int(modulo(seconds, int(day, int64)))
+    clock = [1970, 1, int(seconds/day) + 1, 0, second/3600, modulo(second, 3600)/60, modulo(second, 60), 0]
+    do while (clock(3) > month_length(clock(1), clock(2)))
+      clock(3) = clock(3) - month_length(clock(1), clock(2))
+      clock(2) = clock(2) + 1
+      if (clock(2) <= 12) cycle
+      clock(2) = 1
+      clock(1) = clock(1) + 1
+    end do
+    moment = utc_of(clock)
+  end function utc_at
+
+  !> Seconds since the beginning of 1970, UTC.
+  integer(int64) function seconds_now()
+    seconds_now = c_time(c_null_ptr)
+  end function seconds_now
 
   !> Days of a month of the Gregorian calendar.
   pure integer function month_length(year, month)

@@ -8,7 +8,7 @@ module dst_hdf5_origin
   implicit none
   private
 
-  public :: origin_t, read_origin, check_is_result, is_hdf5
+  public :: origin_t, read_origin, check_is_result, is_hdf5, sweep_state_t, state_of_sweep
 
   !> What the header of a result file says of the run.
   type :: origin_t
@@ -18,6 +18,12 @@ module dst_hdf5_origin
     character(:), allocatable :: deck_text       !! the deck as read
     character(:), allocatable :: deck_resolved   !! every key as used
   end type origin_t
+
+  !> What the result file of a sweep says of it.
+  type :: sweep_state_t
+    character(24) :: identity = ''               !! of the sweep; '' of what is no such file
+    integer :: complete = 0, done = 0, failed = 0
+  end type sweep_state_t
 
   !> What the attribute `program` of a result says.
   character(*), parameter :: this_program = 'dynstiction'
@@ -65,6 +71,34 @@ contains
     is_hdf5 = io_status == 0 .and. beginning == signature
     close (unit)
   end function is_hdf5
+
+  !> What a file says of its sweep. HDF5 may meet anything in it, so a child process looks.
+  type(sweep_state_t) function state_of_sweep(file_name) result(state)
+    character(*), intent(in) :: file_name
+    type(guard_t) :: guard
+    type(sweep_state_t) :: found
+    character(:), allocatable :: identity, text
+    character(80) :: answer
+    integer(hid_t) :: file
+    integer :: status
+
+    if (.not. is_hdf5(file_name)) return
+    call guard%begin()
+    if (guard%in_child) then
+      call open_existing(file_name, file, status)
+      call get_attribute(file, 'sweep_identity', identity, status)
+      call get_attribute(file, 'complete', found%complete, status)
+      call get_attribute(file, 'cases_done', found%done, status)
+      call get_attribute(file, 'cases_failed', found%failed, status)
+      if (status < 0 .or. len(identity) /= len(found%identity)) call guard%reply('')
+      write (answer, '(3(i0, 1x), a)') found%complete, found%done, found%failed, identity
+      call guard%reply(trim(answer))
+    end if
+    call guard%await(text)
+    status = 1
+    if (allocated(text)) read (text, *, iostat=status) found%complete, found%done, found%failed, found%identity
+    if (status == 0) state = found
+  end function state_of_sweep
 
   !> Read the header of the result of a run that is to go on.
   subroutine read_origin(file_name, shown_name, origin, error)

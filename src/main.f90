@@ -15,6 +15,7 @@ module dst_main
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: sweep_group
+  use dst_sweep_file, only: is_of_unfinished_sweep
   use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
   use dst_signals, only: listen_to_signals
@@ -128,7 +129,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     call read_deck(command%operands(i)%text, setting_list(command), deck, error)
-    if (.not. allocated(error)) call check_deck(deck, output_of(deck), command%shards, remark, error)
+    if (.not. allocated(error)) call check_deck(deck, output_of(deck), command%share%least_shares(), remark, error)
   end subroutine read_sound_deck
 
   !> Print the linear theory of every deck that is sound, and all faults of the others.
@@ -170,7 +171,7 @@ contains
     if (.not. allocated(error)) then
       output(1)%text = command%output
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
-      call check_output(output, 1, command%operands(:1), error)
+      call check_output(output, 1, command%operands(:1), command%overwrite, error)
     end if
     call listen_to_signals()
     if (.not. allocated(error)) &
@@ -190,6 +191,7 @@ contains
     type(argument_t), allocatable :: outputs(:)
     type(error_t), allocatable :: error
     character(:), allocatable :: remark
+    logical :: may_replace
     integer :: i
 
     allocate (decks(command%operand_count), outputs(command%operand_count))
@@ -205,7 +207,9 @@ contains
     if (status == result_done) call check_copies(decks)
     if (status /= result_done) return
     do i = 1, size(decks)
-      call check_output(outputs, i, inputs_of(decks), error)
+      may_replace = command%overwrite
+      if (decks(i)%is_sweep() .and. .not. may_replace) may_replace = is_of_unfinished_sweep(outputs(i)%text)
+      call check_output(outputs, i, inputs_of(decks), may_replace, error)
       call complain(error)
     end do
     if (status /= result_done) return
@@ -244,8 +248,7 @@ contains
     options%overwrite = command%overwrite
     options%quiet = command%quiet
     options%keep_shards = command%keep_shards
-    options%shard = command%shard
-    options%shards = command%shards
+    options%share = command%share
     if (command%name == 'merge') then
       if (deck%is_sweep()) then
         call merge_sweep(deck, output, options, error)
@@ -254,7 +257,7 @@ contains
       end if
     else if (deck%is_sweep()) then
       call run_sweep(deck, output, options, error)
-    else if (options%shards > 0) then
+    else if (options%share%is_given) then
       call raise(error, usage_error, 'has no &sweep: run it without --shard')
     else
       call run_deck(deck, output, options%overwrite, options%quiet, error)
@@ -317,9 +320,10 @@ contains
   end function inputs_of
 
   !> Whether output `i` may be created, is that of no other deck, and nothing that is read.
-  subroutine check_output(outputs, i, inputs, error)
+  subroutine check_output(outputs, i, inputs, may_replace, error)
     type(argument_t), intent(in) :: outputs(:), inputs(:)
     integer, intent(in) :: i
+    logical, intent(in) :: may_replace
     type(error_t), allocatable, intent(out) :: error
     integer :: other
 
@@ -329,7 +333,7 @@ contains
         if (place_of(inputs(other)%text) == place_of(file_name)) call raise(error, file_error, file_name// &
           ': this is a deck, or a list of points, of the command: use another name for the result')
       end do
-      if (.not. allocated(error)) call check_target(file_name, command%overwrite, error)
+      if (.not. allocated(error)) call check_target(file_name, may_replace, error)
       do other = 1, i - 1
         if (allocated(error)) return
         if (place_of(outputs(other)%text) == place_of(file_name)) &
