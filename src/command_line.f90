@@ -32,8 +32,8 @@ module dst_command_line
   end type command_t
 
   !> All commands, in the order of the help.
-  character(*), parameter :: commands = 'run resume merge check template keys stability trade'
-  character(*), parameter :: commands_on_files = 'run resume merge check stability trade'
+  character(*), parameter :: commands = 'run resume merge show check template keys stability trade'
+  character(*), parameter :: commands_on_files = 'run resume merge show check stability trade'
   !> Commands of the Python package, to which the executable hands over.
   character(*), parameter :: python_commands = 'plot report export animate paper validate-creep'
   character(*), parameter :: options_with_value = '-o --set --shard --accuracy --budget --quantity'
@@ -332,6 +332,8 @@ contains
         call raise(error, usage_error, "'template' takes one model: '"//excerpt(command%operands(2)%text)//"' is too many")
     else if (command%name == 'resume' .and. command%operand_count == 0) then
       call raise(error, usage_error, "'resume' without a file: write dynstiction resume FILE.h5")
+    else if (command%name == 'show' .and. command%operand_count == 0) then
+      call raise(error, usage_error, "'show' without a file: write dynstiction show FILE.h5")
     else if (command%operand_count == 0) then
       call raise(error, usage_error, "'"//command%name//"' without a deck: write dynstiction "//command%name//' DECK')
     else if (command%operand_count > 1 .and. command%name == 'trade') then
@@ -393,11 +395,20 @@ contains
     case ('merge')
       text = 'Usage: dynstiction merge DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--keep-shards]'//n//n// &
         'Write the finished cases of a sweep from its shards FILE.shard-* to FILE. Deck, -o and --set are those of the run.'//n// &
-        'Cases that have not been run are rows of NaN with result_code -1; the shards are then kept.'//n//n// &
+        'Cases that have not been run are rows of NaN with result_code -1; the shards are then kept, and the next'//n// &
+        'merge or run of the same sweep replaces the file.'//n//n// &
         '  --overwrite            replace an existing result file'//n// &
         '  --keep-shards          do not remove the shards when all cases are there'//n//n// &
         'Example:'//n// &
         '  dynstiction merge inputs/map_lambda.nml -o map_lambda.h5'//n//n// &
+        exit_codes(n)
+    case ('show')
+      text = 'Usage: dynstiction show FILE.h5...'//n//n// &
+        'Print what each result file is: model, method, whether it is complete. Of a sweep that is not at its end, print'//n// &
+        'from its shards FILE.h5.shard-* how many cases are done, and of each shard its part, its times, and whether a'//n// &
+        'process is writing it; FILE.h5 itself need not be there yet. Nothing is changed, and nobody is disturbed.'//n//n// &
+        'Example:'//n// &
+        '  dynstiction show map_lambda.h5'//n//n// &
         exit_codes(n)
     case ('resume')
       text = 'Usage: dynstiction resume FILE.h5... [--quiet]'//n//n// &
@@ -468,6 +479,7 @@ contains
         '  dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n// &
         '  dynstiction resume FILE.h5... [--quiet]                go on with a run that was stopped or killed'//n// &
         '  dynstiction merge DECK... [-o FILE]                    join the shards of a sweep'//n// &
+        '  dynstiction show FILE.h5...                            what a result is, how far a sweep has come'//n// &
         '  dynstiction check DECK... [--set GROUP.KEY=VALUE]...   print the deck as used, run nothing'//n// &
         '  dynstiction template [MODEL]                           print a deck with every key explained'//n// &
         '  dynstiction keys                                       print every key of a deck, a line each'//n// &

@@ -12,7 +12,7 @@ module dst_disk
   public :: reserve_space, set_file_size, move_file, place_file, delete_file, delete_own_file
   public :: read_bytes, read_at, write_bytes, put_text, create_file, open_own_file, make_durable, make_name_durable
   public :: lock_file, unlock_file, is_in_use, wait_seconds
-  public :: open_for_appending, open_for_reading, is_locked_elsewhere, append_words, read_words, close_descriptor
+  public :: open_for_appending, open_for_reading, is_locked_elsewhere, process_with_lock, append_words, read_words, close_descriptor
   public :: matching_files, path_t
   public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
   public :: system_error, system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal
@@ -489,13 +489,43 @@ contains
   end subroutine open_for_appending
 
   !> Lock an open file until it is closed; true if another process has the lock. A file system without locks is trusted.
-  logical function is_locked_elsewhere(descriptor)
+  logical function is_locked_elsewhere(descriptor, shared)
     integer(c_int), intent(in) :: descriptor
-    integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11
+    logical, intent(in), optional :: shared            !! with others that lock it so
+    integer(c_int), parameter :: shared_or_fail = 1 + 4, exclusive_or_fail = 2 + 4, would_block = 11
+    integer(c_int) :: operation
 
+    operation = exclusive_or_fail
+    if (present(shared)) operation = merge(shared_or_fail, exclusive_or_fail, shared)
     is_locked_elsewhere = .false.
-    if (c_flock(descriptor, exclusive_or_fail) /= 0) is_locked_elsewhere = system_error() == would_block
+    if (c_flock(descriptor, operation) /= 0) is_locked_elsewhere = system_error() == would_block
   end function is_locked_elsewhere
+
+  !> The process of this machine that has locked a file, as Linux lists them; 0 if it lists none.
+  integer function process_with_lock(file_name) result(process)
+    character(*), intent(in) :: file_name
+    character(160) :: line
+    character(16) :: words(4)
+    character(64) :: place
+    character(20) :: inode
+    type(identity_t) :: file
+    integer :: unit, status, number
+
+    process = 0
+    file = identity_of(file_name)
+    write (inode, '(i0)') file%inode
+    open (newunit=unit, file='/proc/locks', status='old', action='read', iostat=status)
+    if (status /= 0) return
+    do
+      read (unit, '(a)', iostat=status) line
+      if (status /= 0) exit
+      ! '1: FLOCK  ADVISORY  WRITE 1234 08:01:5678 0 EOF': process, device and inode.
+      read (line, *, iostat=status) words, number, place
+      if (status /= 0) cycle
+      if (words(2) == 'FLOCK' .and. place(index(place, ':', back=.true.) + 1:) == inode) process = max(0, number)
+    end do
+    close (unit)
+  end function process_with_lock
 
   !> Open a regular file to read it.
   subroutine open_for_reading(file_name, descriptor, bytes, reason)

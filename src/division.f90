@@ -18,6 +18,8 @@ module dst_division
     integer :: first = 0, last = 0, step = 0   !! indices of the job array that began the division; step 0: none
     integer :: inner = 1                       !! processes of each task of the array
   contains
+    procedure :: is_possible
+    procedure :: share_of
     procedure :: has
     procedure :: size => share_size
     procedure :: text => share_text
@@ -48,13 +50,31 @@ module dst_division
 
 contains
 
+  !> Whether this program could have made it.
+  pure logical function is_possible(self)
+    class(division_t), intent(in) :: self
+
+    is_possible = min(self%share, self%shares) == 0 .and. max(self%share, self%shares) == 0
+    if (.not. is_possible) is_possible = self%share >= 1 .and. self%share <= self%shares .and. self%shares <= most_shares
+    if (self%step > 0 .and. is_possible) is_possible = self%first <= self%last .and. &
+      self%shares == (int(self%last - self%first, int64)/self%step + 1)*self%inner
+  end function is_possible
+
+  !> The share that has a case.
+  pure integer function share_of(self, case, cases)
+    class(division_t), intent(in) :: self
+    integer, intent(in) :: case, cases
+
+    share_of = modulo(place_in_shuffle(case, cases) - 1, self%shares) + 1
+  end function share_of
+
   !> Whether a case is of this share; all are if nothing is divided.
   pure logical function has(self, case, cases)
     class(division_t), intent(in) :: self
     integer, intent(in) :: case, cases
 
     has = .true.
-    if (self%shares > 0) has = modulo(place_in_shuffle(case, cases) - self%share, self%shares) == 0
+    if (self%shares > 0) has = self%share_of(case, cases) == self%share
   end function has
 
   !> Cases of this share.
@@ -245,7 +265,7 @@ contains
       call raise(error, usage_error, '--shard auto: more than '//integer_text(most_shares)//' shares: start fewer processes')
     else if (last%shares > 0 .and. .not. redivide .and. .not. any(kept%shares == division%shares)) then
       call raise(error, usage_error, '--shard auto is --shard '//division%text()//' here, but '//kept_text(last)// &
-        ': write --shard I/'//integer_text(last%shares)//', start as many processes, or divide it anew with --redivide')
+        ': write --shard I/'//integer_text(last%shares)//', start as many tasks, or divide it anew with --redivide')
     end if
   end subroutine divide_by_environment
 

@@ -1,14 +1,15 @@
 !> What a result file says about the run that wrote it, and whether that run can be gone on with.
 module dst_hdf5_origin
-  use hdf5, only: hid_t, h5fclose_f
+  use hdf5, only: hid_t, h5fclose_f, h5lexists_f
   use dst_disk, only: file_size
   use dst_errors, only: error_t, raise, file_error
   use dst_process, only: guard_t
   use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, refusal_t
+  use dst_text, only: printable
   implicit none
   private
 
-  public :: origin_t, read_origin, check_is_result, is_hdf5, sweep_state_t, state_of_sweep
+  public :: origin_t, read_origin, check_is_result, is_hdf5, sweep_state_t, state_of_sweep, describe_result
 
   !> What the header of a result file says of the run.
   type :: origin_t
@@ -99,6 +100,57 @@ contains
     if (allocated(text)) read (text, *, iostat=status) found%complete, found%done, found%failed, found%identity
     if (status == 0) state = found
   end function state_of_sweep
+
+  !> What a result file is, in one line. A child process reads it.
+  subroutine describe_result(file_name, text, reason)
+    character(*), intent(in) :: file_name
+    character(:), allocatable, intent(out) :: text
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    type(guard_t) :: guard
+
+    call check_is_result(file_name, reason)
+    if (allocated(reason)) then
+      reason = 'it is no result of this program, or damaged: give a result file'
+      return
+    end if
+    call guard%begin()
+    if (guard%in_child) call guard%reply(description(file_name))
+    call guard%await(text)
+    if (.not. allocated(text)) text = ''
+    if (text == '') reason = 'it cannot be read: the file is damaged'
+  end subroutine describe_result
+
+  function description(file_name) result(text)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: text, model, method, created, version, revision, ending
+    integer(hid_t) :: file
+    integer :: status, complete
+
+    call open_existing(file_name, file, status)
+    call get_attribute(file, 'model', model, status)
+    call get_attribute(file, 'method', method, status)
+    call get_attribute(file, 'created', created, status)
+    call get_attribute(file, 'version', version, status)
+    call get_attribute(file, 'git_revision', revision, status)
+    call get_attribute(file, 'complete', complete, status)
+    call get_attribute(file, 'result_text', ending, status)
+    text = ''
+    if (status < 0) return
+    text = 'run'
+    if (has('trade')) text = 'comparison of methods'
+    if (has('sweep')) text = 'sweep'
+    text = printable(text//' of model '//model//', method '//method//', '//created//', dynstiction '//version//' ('// &
+      revision//'): '//trim(merge('complete    ', 'not complete', complete == 1))//', '//ending)
+
+  contains
+
+    logical function has(group)
+      character(*), intent(in) :: group
+      integer :: ignored
+
+      call h5lexists_f(file, group, has, ignored)
+    end function has
+  end function description
 
   !> Read the header of the result of a run that is to go on.
   subroutine read_origin(file_name, shown_name, origin, error)

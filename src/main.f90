@@ -18,6 +18,7 @@ module dst_main
   use dst_sweep_file, only: is_of_unfinished_sweep
   use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
+  use dst_show, only: show_result
   use dst_signals, only: listen_to_signals
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
@@ -88,6 +89,8 @@ contains
       call run_decks()
     case ('resume')
       call resume_runs()
+    case ('show')
+      call show_results()
     end select
   end subroutine execute
 
@@ -281,6 +284,19 @@ contains
       if (error%code == stopped_early) exit
     end do
   end subroutine resume_runs
+
+  !> Print what each file is.
+  subroutine show_results()
+    type(error_t), allocatable :: error
+    character(:), allocatable :: text
+    integer :: i
+
+    do i = 1, command%operand_count
+      call show_result(command%operands(i)%text, text, error)
+      call complain(error)
+      if (.not. allocated(error)) call print_text(text)
+    end do
+  end subroutine show_results
 
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.
   function output_of(deck) result(file_name)

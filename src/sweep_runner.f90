@@ -10,7 +10,7 @@ module dst_sweep_runner
   use dst_deck_sweep, only: varied_key
   use dst_deck_values, only: set_default
   use dst_disk, only: identity_of, identity_t, path_t, wait_seconds
-  use dst_division, only: division_t, share_wish_t, settle_division
+  use dst_division, only: share_wish_t, settle_division
   use dst_errors, only: error_t, raise, usage_error, file_error, some_failed, out_of_memory, stopped_early
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, int64, real64
@@ -24,8 +24,8 @@ module dst_sweep_runner
   use dst_simulation, only: wall_clock
   use dst_sweep, only: sweep_t, case_t, watch_t, worker_t, new_worker, series_quantities
   use dst_sweep_file, only: merge_shards, look_at_result
-  use dst_sweep_shard, only: shard_t, head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, scan_shard, &
-    empty_shard, delete_shard
+  use dst_sweep_shard, only: shard_t, head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &
+    scan_shard, empty_shard, delete_shard
   use dst_text, only: integer_text
   use dst_threads, only: task_t, run_in_threads
   implicit none
@@ -298,26 +298,6 @@ contains
     files = pack(files, is_ours)
     heads = pack(heads, is_ours)
   end subroutine read_heads
-
-  !> The divisions that shards are of, the newest last; of one moment that with the longer name, which came later.
-  function divisions_of(heads, files) result(divisions)
-    type(head_t), intent(in) :: heads(:)
-    type(path_t), intent(in) :: files(:)
-    type(division_t), allocatable :: divisions(:)
-    integer, allocatable :: order(:)
-    integer :: i, n
-
-    allocate (order(0))
-    do i = 1, size(heads)
-      if (heads(i)%division%shares == 0) cycle
-      do n = size(order), 1, -1
-        if (heads(order(n))%begun < heads(i)%begun) exit
-        if (heads(order(n))%begun == heads(i)%begun .and. len(files(order(n))%text) <= len(files(i)%text)) exit
-      end do
-      order = [order(:n), i, order(n + 1:)]
-    end do
-    divisions = heads(order)%division
-  end function divisions_of
 
   !> Shards of another build are left alone, but not silently.
   subroutine tell_of_others(sweep, index, options)

@@ -21,6 +21,7 @@ module dst_sweep_shard
   private
 
   public :: shard_t, head_t, index_t, layout_t, layout_of, shards_of, open_shard, empty_shard, delete_shard
+  public :: divisions_of, is_being_written
   public :: inspect_shard, check_sweep, scan_shard, reader_t, open_records, read_record
 
   !> A shard, open to append finished cases.
@@ -283,6 +284,18 @@ contains
     call reader%close()
   end subroutine delete_shard
 
+  !> Whether a process has a shard open to append. Others may ask at the same time.
+  logical function is_being_written(file_name)
+    character(*), intent(in) :: file_name
+    type(error_t), allocatable :: error
+    type(reader_t) :: reader
+
+    call open_records(file_name, reader, error)
+    is_being_written = .false.
+    if (.not. allocated(error)) is_being_written = is_locked_elsewhere(reader%descriptor, shared=.true.)
+    call reader%close()
+  end function is_being_written
+
   pure function words_of(head, time) result(words)
     type(head_t), intent(in) :: head
     integer(int64), intent(in) :: time        !! s since 1970
@@ -322,6 +335,7 @@ contains
     head%cases = low(8)
     head%begun = shiftr(words(8), 32)
     head%division = division_t(share=low(9), shares=high(9), first=low(10), last=high(10), step=low(11), inner=high(11))
+    is_possible = head%cases > 0 .and. head%division%is_possible()
 
   contains
 
@@ -511,6 +525,26 @@ contains
         reader%file_name//': is no shard of a sweep, or its head is damaged: remove it')
     end if
   end subroutine read_head
+
+  !> The divisions that shards are of, the newest last; of one moment that with the longer name, which came later.
+  function divisions_of(heads, files) result(divisions)
+    type(head_t), intent(in) :: heads(:)
+    type(path_t), intent(in) :: files(:)
+    type(division_t), allocatable :: divisions(:)
+    integer, allocatable :: order(:)
+    integer :: i, n
+
+    allocate (order(0))
+    do i = 1, size(heads)
+      if (heads(i)%division%shares == 0) cycle
+      do n = size(order), 1, -1
+        if (heads(order(n))%begun < heads(i)%begun) exit
+        if (heads(order(n))%begun == heads(i)%begun .and. len(files(order(n))%text) <= len(files(i)%text)) exit
+      end do
+      order = [order(:n), i, order(n + 1:)]
+    end do
+    divisions = heads(order)%division
+  end function divisions_of
 
   !> Refuse a shard of another sweep.
   subroutine check_sweep(file_name, found, head, error)
