@@ -488,17 +488,24 @@ contains
     end do
   end subroutine open_for_appending
 
-  !> Lock an open file until it is closed; true if another process has the lock. A file system without locks is trusted.
+  !> Lock an open file until it is closed; true if another process has the lock, and not only for a moment to look whether
+  !> anybody has. A file system without locks is trusted.
   logical function is_locked_elsewhere(descriptor, shared)
     integer(c_int), intent(in) :: descriptor
     logical, intent(in), optional :: shared            !! with others that lock it so
     integer(c_int), parameter :: shared_or_fail = 1 + 4, exclusive_or_fail = 2 + 4, would_block = 11
+    integer, parameter :: most_tries = 5
     integer(c_int) :: operation
+    integer :: i
 
     operation = exclusive_or_fail
     if (present(shared)) operation = merge(shared_or_fail, exclusive_or_fail, shared)
-    is_locked_elsewhere = .false.
-    if (c_flock(descriptor, operation) /= 0) is_locked_elsewhere = system_error() == would_block
+    do i = 1, most_tries
+      is_locked_elsewhere = .false.
+      if (c_flock(descriptor, operation) /= 0) is_locked_elsewhere = system_error() == would_block
+      if (.not. is_locked_elsewhere .or. operation == shared_or_fail) exit
+      call wait_seconds(0.005_wp)
+    end do
   end function is_locked_elsewhere
 
   !> The process of this machine that has locked a file, as Linux lists them; 0 if it lists none.

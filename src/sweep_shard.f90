@@ -206,14 +206,14 @@ contains
     call shard%close()
   end subroutine open_own
 
-  !> Open and lock a shard. Who has it may be of another division, have just created it, or only be looking whether anybody has.
+  !> Open and lock a shard. Who has it may be of another division, or have just created it.
   subroutine open_reader(file_name, head, reader, is_others, error)
     character(*), intent(in) :: file_name
     type(head_t), intent(in) :: head
     type(reader_t), intent(inout) :: reader
     logical, intent(out) :: is_others
     type(error_t), allocatable, intent(out) :: error
-    integer, parameter :: most_tries = 25
+    integer, parameter :: most_tries = 10
     real(wp), parameter :: pause = 0.02_wp
     character(:), allocatable :: reason
     type(head_t) :: found
@@ -243,9 +243,15 @@ contains
     type(reader_t) :: reader
     type(head_t) :: found
     character(:), allocatable :: reason
-    logical :: ignored
+    logical :: is_elsewhere
 
-    call open_for_appending(file_name, reader%descriptor, reader%bytes, ignored, reason)
+    call open_for_appending(file_name, reader%descriptor, reader%bytes, is_elsewhere, reason)
+    if (is_elsewhere) then
+      ! Who has it may have emptied it, and begun.
+      call inspect_shard(file_name, found, error)
+      if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
+      if (.not. allocated(error) .and. found%is_of_build(head)) return
+    end if
     if (allocated(reason)) then
       call raise(error, file_error, file_name//': '//reason)
       return
@@ -521,8 +527,12 @@ contains
         words(i) = reader%word(i - 1_int64)
       end do
       call take_words(words, head, is_possible)
-      if (words(header_words) /= checksum(words(:header_words - 1)) .or. .not. is_possible) call raise(error, file_error, &
-        reader%file_name//': is no shard of a sweep, or its head is damaged: remove it')
+      if (words(header_words) /= checksum(words(:header_words - 1))) then
+        call raise(error, file_error, reader%file_name//': is no shard of a sweep, or its head is damaged: remove it')
+      else if (.not. is_possible) then
+        call raise(error, file_error, reader%file_name//': is of another sweep, or of another version of deck or program: '// &
+          'remove it, or use --overwrite')
+      end if
     end if
   end subroutine read_head
 

@@ -363,6 +363,35 @@ def test_divisions_that_begin_at_once_get_files_of_their_own(sweep, tmp_path):
                 end_group(process)
 
 
+def test_tasks_that_overwrite_another_sweep_at_once_do_not_stop_each_other(sweep, tmp_path):
+    """Each finds shards of the other sweep that a third one empties and takes in this moment."""
+    for _ in range(3):
+        for i in range(1, 7):
+            assert sweep.run("a.h5", "--shard", f"{i}/6", "--redivide", "--overwrite", threads=1).returncode == 0
+        arguments = (*ENDLESS, "--overwrite", "--redivide", "--set", "output.wall_limit=1.5")
+        started = [
+            sweep.start("a.h5", *arguments, "--shard", f"{i}/6", stderr=subprocess.PIPE, text=True)
+            for i in range(1, 7)
+        ]
+        try:
+            for process in started:
+                assert process.wait(60) == 75, process.stderr.read()
+        finally:
+            for process in started:
+                end_group(process)
+        assert len(every_file(tmp_path)) == 6
+
+
+def test_shards_of_an_older_program_are_refused_as_such(sweep, tmp_path):
+    """Their heads held 64 characters of the identity."""
+    words = [int.from_bytes(b"KRAHSTSD", "little"), *struct.unpack("<8Q", b"0123456789abcdef" * 4), 16, 0]
+    path = tmp_path / "a.h5.shard-000000"
+    path.write_bytes(struct.pack("<12Q", *words, checksum(words)))
+    done = sweep.run("a.h5")
+    assert done.returncode == 3 and "another version of deck or program" in done.stderr
+    assert sweep.run("a.h5", "--overwrite").returncode == 0
+
+
 # --- what is told
 
 
@@ -432,6 +461,7 @@ def test_nobody_is_refused_because_somebody_looks(sweep, tmp_path):
         for _ in range(8):
             done = sweep.run("a.h5", "--shard", "1/2")
             assert done.returncode == 0, done.stderr
+        assert sweep.run("a.h5").returncode == 0 and not every_file(tmp_path)
     finally:
         os.killpg(looking.pid, signal.SIGKILL)
         looking.wait(30)
