@@ -137,20 +137,19 @@ contains
     text = ''
     if (status < 0) return
     text = 'run'
-    if (has('trade')) text = 'comparison of methods'
-    if (has('sweep')) text = 'sweep'
+    if (has(file, 'trade')) text = 'comparison of methods'
+    if (has(file, 'sweep')) text = 'sweep'
     text = printable(text//' of model '//model//', method '//method//', '//created//', dynstiction '//version//' ('// &
       revision//'): '//trim(merge('complete    ', 'not complete', complete == 1))//', '//ending)
-
-  contains
-
-    logical function has(group)
-      character(*), intent(in) :: group
-      integer :: ignored
-
-      call h5lexists_f(file, group, has, ignored)
-    end function has
   end function description
+
+  logical function has(file, group)
+    integer(hid_t), intent(in) :: file
+    character(*), intent(in) :: group
+    integer :: ignored
+
+    call h5lexists_f(file, group, has, ignored)
+  end function has
 
   !> Read the header of the result of a run that is to go on.
   subroutine read_origin(file_name, shown_name, origin, error)

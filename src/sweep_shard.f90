@@ -488,11 +488,13 @@ contains
 
   !> Whether a file is empty or begins with the magic word, or with what a process wrote of it that was killed.
   logical function is_shard(reader)
-    type(reader_t), intent(inout) :: reader
+    type(reader_t), intent(in) :: reader
+    integer(int64) :: first(1)
     character(word_bytes) :: beginning, expected
     integer :: there
 
-    beginning = transfer(reader%word(0_int64), beginning)
+    call read_words(reader%descriptor, 0_int64, first)
+    beginning = transfer(first, beginning)
     expected = transfer(magic, expected)
     there = int(min(reader%bytes, int(word_bytes, int64)))
     is_shard = beginning(:there) == expected(:there)
@@ -510,22 +512,20 @@ contains
     call reader%close()
   end subroutine inspect_shard
 
+  !> Of thousands of shards nothing but the heads may be wanted: no more is read.
   subroutine read_head(reader, head, error)
-    type(reader_t), intent(inout) :: reader
+    type(reader_t), intent(in) :: reader
     type(head_t), intent(out) :: head
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: words(header_words)
     logical :: is_possible
-    integer :: i
 
     head%is_whole = reader%bytes >= word_bytes*header_words
     if (.not. is_shard(reader)) then
       call raise(error, file_error, reader%file_name//': has the name of a shard of a sweep, but is none, or its head is '// &
         'damaged: move it away, or use another output file')
     else if (head%is_whole) then
-      do i = 1, header_words
-        words(i) = reader%word(i - 1_int64)
-      end do
+      call read_words(reader%descriptor, 0_int64, words)
       call take_words(words, head, is_possible)
       if (words(header_words) /= checksum(words(:header_words - 1))) then
         call raise(error, file_error, reader%file_name//': is no shard of a sweep, or its head is damaged: remove it')
