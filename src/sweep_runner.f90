@@ -651,7 +651,8 @@ contains
     end if
     if (index%done == sweep%cases .and. .not. options%keep_shards) then
       do i = 1, size(files)
-        call delete_shard(files(i)%text, head)
+        call delete_shard(files(i)%text, head, error)
+        if (allocated(error)) return
       end do
     end if
     if (index%done < sweep%cases) then
