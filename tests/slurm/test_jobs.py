@@ -7,7 +7,6 @@ and one message, and the next start must go on to the bits of one process.
 from __future__ import annotations
 
 import contextlib
-import itertools
 import os
 import re
 import signal
@@ -202,12 +201,12 @@ def test_a_failed_index_is_run_again_by_its_number(tmp_path):
 
 def test_what_no_array_can_divide_is_refused(tmp_path):
     sweep = Sweep(tmp_path, deck())
-    irregular = array(sweep, "2,3", "m.h5")
+    irregular = array(sweep, "2,3,7", "m.h5")
     script = ROOT / "jobs" / "slurm_array.sbatch"
     single = Job.submit(tmp_path, script, sweep.deck, "m.h5")
     irregular.wait()
     single.wait()
-    assert irregular.facts("ExitCode") == ["1:0"] * 2
+    assert irregular.facts("ExitCode") == ["1:0"] * 3, irregular.text()
     assert "--array" in irregular.text() and "not requeued" in irregular.text()
     assert single.facts("JobState") == ["FAILED"] and "this is no job array: sbatch --array=" in single.text()
     assert not list(tmp_path.glob("m.h5*"))
@@ -245,7 +244,7 @@ def test_a_full_disk_ends_a_job(tmp_path, kind):
 @pytest.mark.parametrize("kind", ["array", *MPI])
 def test_a_look_while_a_job_runs(tmp_path, cpu_seconds, kind):
     """A merge, then the signal before the limit; the job is requeued and goes on. Its log says what a support desk asks for."""
-    sweep = Sweep(tmp_path, cpu_seconds(8.0))
+    sweep = Sweep(tmp_path, cpu_seconds(8.0), exe=None if kind == "array" else mpi_program(kind))
     job = array(sweep, "1-2", "m.h5") if kind == "array" else mpi_job(sweep, kind, "m.h5")
     wait_until(lambda: finished(sweep, "m.h5") > 5)
     look = sweep.run("m.h5", command="merge")
@@ -262,6 +261,24 @@ def test_a_look_while_a_job_runs(tmp_path, cpu_seconds, kind):
     assert is_result_of_one_process(sweep, "m.h5")
 
 
+@pytest.mark.parametrize("kind", ["array", *(pytest.param(name, marks=pytest.mark.full) for name in MPI)])
+def test_a_job_that_is_cancelled(tmp_path, cpu_seconds, kind):
+    """It is not requeued; started again it goes on."""
+    sweep = Sweep(tmp_path, cpu_seconds(6.0))
+    start = (lambda: array(sweep, "1", "m.h5")) if kind == "array" else (lambda: mpi_job(sweep, kind, "m.h5"))
+    job = start()
+    wait_until(lambda: finished(sweep, "m.h5") > 5)
+    done = finished(sweep, "m.h5")
+    subprocess.run(["scancel", job.number], check=True)
+    job.wait(AT_ONCE)
+    assert job.facts("JobState") == ["CANCELLED"] and job.facts("Restarts") == ["0"], job.text()
+    assert "stopped by SIGTERM" in job.text() and finished(sweep, "m.h5") >= done
+    assert start().wait().facts("JobState") == ["COMPLETED"]
+    if kind == "array":
+        assert sweep.run("m.h5", command="merge").returncode == 0
+    assert is_result_of_one_process(sweep, "m.h5")
+
+
 # Steps: srun
 
 
@@ -273,6 +290,7 @@ class Step:
     flavour: str
     ranks: int = 3
     output: str = "m.h5"
+    in_own_folder: bool = False  # each rank finds the output from its own working folder
     process: subprocess.Popen = field(init=False)
 
     def start(self, *arguments: str, fault: str = "", faulty=(), command: str = "run", program: str = "") -> Step:
@@ -280,7 +298,8 @@ class Step:
             pid.unlink()
         self.process = subprocess.Popen(
             ["srun", f"--mpi={self.flavour}", f"--ntasks={self.ranks}", "--kill-on-bad-exit=0", "--wait=5", RANK,
-             program or mpi_program(self.flavour), command, self.sweep.deck.name, "-o", self.output, "--quiet", *arguments],
+             program or mpi_program(self.flavour), command, self.sweep.deck.name,
+             "-o", self.output if self.in_own_folder else self.sweep.folder / self.output, "--quiet", *arguments],
             cwd=self.sweep.folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
             env=os.environ | {"OMP_NUM_THREADS": "1", "FAULT": fault, "FAULT_RANKS": " ".join(map(str, faulty))},
         )  # fmt: skip
@@ -342,7 +361,7 @@ def test_a_folder_that_a_rank_does_not_see(step, faulty):
     (step.sweep.folder / "elsewhere").mkdir()
     (step.sweep.folder / "results").mkdir()
     (step.sweep.folder / "elsewhere" / step.sweep.deck.name).write_text(step.sweep.deck.read_text())
-    step.output = "results/m.h5"
+    step.output, step.in_own_folder = "results/m.h5", True
     status, said = step.start(fault="cd elsewhere", faulty=faulty).end()
     assert status == 3 and len(messages(said)) == 1, said
     step.goes_on()
@@ -353,7 +372,6 @@ def test_a_bad_deck(step, faulty):
     """The first rank alone reads it."""
     (step.sweep.folder / "elsewhere").mkdir()
     (step.sweep.folder / "elsewhere" / step.sweep.deck.name).write_text("&scene t_ent = 1.0 /\n")
-    step.output = str(step.sweep.folder / "m.h5")
     status, said = step.start(fault="cd elsewhere", faulty=faulty).end()
     if 0 in faulty:
         assert status == 2 and len(messages(said)) >= 1 and len(messages(said)) == len(set(messages(said))), said
@@ -395,14 +413,23 @@ def test_a_signal_to_a_running_rank(step, cpu_seconds, faulty, number, status):
 
 
 @pytest.mark.parametrize("name", ["TERM", pytest.param("USR1", marks=pytest.mark.full)])
-def test_a_signal_to_the_whole_step(step, cpu_seconds, name):
-    """As `scancel` and the time limit send it; SIGKILL follows after KillWait, here 5 s."""
+def test_a_signal_to_all_ranks(step, cpu_seconds, name):
+    """As the time limit sends it."""
     step.sweep.deck.write_text(cpu_seconds(6.0))
     step.start().until_running()
-    step.process.send_signal(getattr(signal, f"SIG{name}"))
+    subprocess.run(["scancel", f"--signal={name}", "--user=root", "--name=rank.sh"], check=True)
     status, said = step.end()
-    assert status in (75, 143), said
-    assert len(messages(said)) == 1, said
+    assert status == 75 and len(messages(said)) == 1, said
+    step.goes_on()
+
+
+@pytest.mark.full
+def test_a_signal_to_srun(step, cpu_seconds):
+    """Of SIGTERM it makes SIGKILL."""
+    step.sweep.deck.write_text(cpu_seconds(6.0))
+    step.start().until_running().process.terminate()
+    status, said = step.end()
+    assert status == 137 and not messages(said), said
     step.goes_on()
 
 
