@@ -19,7 +19,9 @@ import h5py
 import pytest
 from sweeps import GRID, SCENE, Sweep, cases_in, executable, same, values, wait_until
 
-pytestmark = pytest.mark.skipif("SLURM_TEST_FOLDER" not in os.environ, reason="tests/slurm/run.sh starts the Slurm")
+pytestmark = pytest.mark.skipif(
+    "SLURM_TEST_FOLDER" not in os.environ, reason="tests/slurm/run.sh starts the Slurm"
+)
 
 ROOT = Path(__file__).parents[2]
 RANK = Path(__file__).with_name("rank.sh")
@@ -68,7 +70,9 @@ def messages(text: str) -> list[str]:
 def small_disk(folder: Path):
     """A file system with room for a few cases, at `folder`."""
     folder.mkdir()
-    done = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8k", "tmpfs", folder], capture_output=True, check=False)
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=8k", "tmpfs", folder], capture_output=True, check=False
+    )
     if done.returncode:
         pytest.skip("no file system can be mounted here")
     try:
@@ -101,7 +105,11 @@ class Job:
         return cls(done.stdout.strip(), log)
 
     def queued(self) -> bool:
-        return bool(subprocess.run(["squeue", "-h", "-j", self.number], capture_output=True, text=True, check=False).stdout)
+        return bool(
+            subprocess.run(
+                ["squeue", "-h", "-j", self.number], capture_output=True, text=True, check=False
+            ).stdout
+        )
 
     def wait(self, seconds: float = 60.0) -> Job:
         end = time.monotonic() + seconds
@@ -126,15 +134,36 @@ class Job:
 
 def array(sweep: Sweep, indices: str, output: str, *options: str, arguments=(), env=None) -> Job:
     script = ROOT / "jobs" / "slurm_array.sbatch"
-    return Job.submit(sweep.folder, f"--array={indices}", *options, script, sweep.deck, output, *arguments, env=env)
+    return Job.submit(
+        sweep.folder, f"--array={indices}", *options, script, sweep.deck, output, *arguments, env=env
+    )
 
 
 def mpi_job(sweep: Sweep, flavour: str, output: str, *options: str, arguments=()) -> Job:
     script = ROOT / "jobs" / "slurm_mpi.sbatch"
     env = {"DYNSTICTION": mpi_program(flavour), "SLURM_MPI_TYPE": flavour}
     return Job.submit(
-        sweep.folder, "--ntasks-per-node=3", *options, script, sweep.deck, output, "--quiet", *arguments, env=env
+        sweep.folder,
+        "--ntasks-per-node=3",
+        *options,
+        script,
+        sweep.deck,
+        output,
+        "--quiet",
+        *arguments,
+        env=env,
     )
+
+
+def start_job(kind: str, sweep: Sweep, output: str) -> Job:
+    """A job over MPI, or an array of two tasks."""
+    return array(sweep, "1-2", output) if kind == "array" else mpi_job(sweep, kind, output)
+
+
+def check_result(kind: str, sweep: Sweep, output: str) -> None:
+    if kind == "array":
+        assert sweep.run(output, command="merge").returncode == 0
+    assert is_result_of_one_process(sweep, output)
 
 
 def mpi_program(flavour: str) -> str:
@@ -180,7 +209,9 @@ def test_a_failed_index_is_run_again_by_its_number(tmp_path):
     """And so is an irregular list of them; a merge that waits for the array by afterany shows what is missing meanwhile."""
     sweep = Sweep(tmp_path, deck())
     dying = tmp_path / "dying.sh"
-    dying.write_text('#!/bin/sh\ncase $SLURM_ARRAY_TASK_ID/$1 in [236]/run) kill -KILL $$ ;; esac\nexec "$REAL" "$@"\n')
+    dying.write_text(
+        '#!/bin/sh\ncase $SLURM_ARRAY_TASK_ID/$1 in [236]/run) kill -KILL $$ ;; esac\nexec "$REAL" "$@"\n'
+    )
     dying.chmod(0o755)
     first = array(sweep, "1-6", "m.h5", env={"DYNSTICTION": str(dying), "REAL": executable()})
     merge = f"{executable()} merge {sweep.deck} -o m.h5"
@@ -194,7 +225,9 @@ def test_a_failed_index_is_run_again_by_its_number(tmp_path):
         again = array(sweep, indices, "m.h5").wait()
         assert again.facts("JobState") == ["COMPLETED"] * count, again.text()
     assert len(sweep.shards("m.h5")) == 6
-    assert sorted(case for shard in sweep.shards("m.h5") for case in cases_in(shard)) == list(range(1, CASES + 1))
+    assert sorted(case for shard in sweep.shards("m.h5") for case in cases_in(shard)) == list(
+        range(1, CASES + 1)
+    )
     assert sweep.run("m.h5", command="merge").returncode == 0
     assert is_result_of_one_process(sweep, "m.h5")
 
@@ -227,25 +260,21 @@ def test_a_full_disk_ends_a_job(tmp_path, kind):
     """And room lets the same command go on."""
     sweep = Sweep(tmp_path, deck())
     with small_disk(tmp_path / "disk") as grow:
-        start = (
-            (lambda: array(sweep, "1", "disk/m.h5")) if kind == "array" else (lambda: mpi_job(sweep, kind, "disk/m.h5"))
-        )
-        job = start().wait()
-        assert job.facts("ExitCode") == ["3:0"] and job.facts("Restarts") == ["0"], job.text()
-        assert len(messages(job.text())) == 1 and "disk" in messages(job.text())[0]
+        job = start_job(kind, sweep, "disk/m.h5").wait()
+        assert set(job.facts("ExitCode")) == {"3:0"} and set(job.facts("Restarts")) == {"0"}, job.text()
+        said = messages(job.text())
+        assert len(said) == len(job.facts("ExitCode")) and all("disk" in line for line in said), said
         assert "not requeued" in job.text()
         grow()
-        assert start().wait().facts("JobState") == ["COMPLETED"]
-        if kind == "array":
-            assert sweep.run("disk/m.h5", command="merge").returncode == 0
-        assert is_result_of_one_process(sweep, "disk/m.h5")
+        assert set(start_job(kind, sweep, "disk/m.h5").wait().facts("JobState")) == {"COMPLETED"}
+        check_result(kind, sweep, "disk/m.h5")
 
 
 @pytest.mark.parametrize("kind", ["array", *MPI])
 def test_a_look_while_a_job_runs(tmp_path, cpu_seconds, kind):
     """A merge, then the signal before the limit; the job is requeued and goes on. Its log says what a support desk asks for."""
     sweep = Sweep(tmp_path, cpu_seconds(8.0), exe=None if kind == "array" else mpi_program(kind))
-    job = array(sweep, "1-2", "m.h5") if kind == "array" else mpi_job(sweep, kind, "m.h5")
+    job = start_job(kind, sweep, "m.h5")
     wait_until(lambda: finished(sweep, "m.h5") > 5)
     look = sweep.run("m.h5", command="merge")
     assert look.returncode == 75, look.stderr
@@ -254,29 +283,31 @@ def test_a_look_while_a_job_runs(tmp_path, cpu_seconds, kind):
     text = job.text()
     assert set(job.facts("JobState")) == {"COMPLETED"}, text
     assert "requeued" in text and "not requeued" not in text and "start 2" in text
-    for fact in (f"on {os.uname().nodename}", f"job {job.number}", "start 1", "dynstiction 0", "MPI", "thread"):
+    for fact in (
+        f"on {os.uname().nodename}",
+        f"job {job.number}",
+        "start 1",
+        "dynstiction 0",
+        "MPI",
+        "thread",
+    ):
         assert fact in text, fact
-    if kind == "array":
-        assert sweep.run("m.h5", command="merge").returncode == 0
-    assert is_result_of_one_process(sweep, "m.h5")
+    check_result(kind, sweep, "m.h5")
 
 
 @pytest.mark.parametrize("kind", ["array", *(pytest.param(name, marks=pytest.mark.full) for name in MPI)])
 def test_a_job_that_is_cancelled(tmp_path, cpu_seconds, kind):
     """It is not requeued; started again it goes on."""
     sweep = Sweep(tmp_path, cpu_seconds(6.0))
-    start = (lambda: array(sweep, "1", "m.h5")) if kind == "array" else (lambda: mpi_job(sweep, kind, "m.h5"))
-    job = start()
+    job = start_job(kind, sweep, "m.h5")
     wait_until(lambda: finished(sweep, "m.h5") > 5)
     done = finished(sweep, "m.h5")
     subprocess.run(["scancel", job.number], check=True)
     job.wait(AT_ONCE)
-    assert job.facts("JobState") == ["CANCELLED"] and job.facts("Restarts") == ["0"], job.text()
+    assert set(job.facts("JobState")) == {"CANCELLED"} and set(job.facts("Restarts")) == {"0"}, job.text()
     assert "stopped by SIGTERM" in job.text() and finished(sweep, "m.h5") >= done
-    assert start().wait().facts("JobState") == ["COMPLETED"]
-    if kind == "array":
-        assert sweep.run("m.h5", command="merge").returncode == 0
-    assert is_result_of_one_process(sweep, "m.h5")
+    assert set(start_job(kind, sweep, "m.h5").wait().facts("JobState")) == {"COMPLETED"}
+    check_result(kind, sweep, "m.h5")
 
 
 # Steps: srun
@@ -293,7 +324,9 @@ class Step:
     in_own_folder: bool = False  # each rank finds the output from its own working folder
     process: subprocess.Popen = field(init=False)
 
-    def start(self, *arguments: str, fault: str = "", faulty=(), command: str = "run", program: str = "") -> Step:
+    def start(
+        self, *arguments: str, fault: str = "", faulty=(), command: str = "run", program: str = ""
+    ) -> Step:
         for pid in self.sweep.folder.glob("pid.*"):
             pid.unlink()
         self.process = subprocess.Popen(
@@ -312,7 +345,9 @@ class Step:
         except subprocess.TimeoutExpired:
             subprocess.run(["scancel", "--signal=KILL", "--user=root", "--name=rank.sh"], check=False)
             self.process.kill()
-            pytest.fail(f"it has not ended {seconds} s after its cause:\n{''.join(self.process.communicate())}")
+            pytest.fail(
+                f"it has not ended {seconds} s after its cause:\n{''.join(self.process.communicate())}"
+            )
         return self.process.returncode, said
 
     def until_running(self) -> Step:
@@ -338,7 +373,10 @@ def step(request, tmp_path) -> Step:
 
 WHO = {"rank 0": (0,), "another": (1,), "all": (0, 1, 2)}
 SOME = [("rank 0", True), ("another", False), ("all", True)]
-who = pytest.mark.parametrize("faulty", [pytest.param(WHO[name], id=name, marks=pytest.mark.full if full else ()) for name, full in SOME])
+who = pytest.mark.parametrize(
+    "faulty",
+    [pytest.param(WHO[name], id=name, marks=pytest.mark.full if full else ()) for name, full in SOME],
+)
 every_who = pytest.mark.parametrize("faulty", WHO.values(), ids=list(WHO))
 
 
@@ -374,7 +412,7 @@ def test_a_bad_deck(step, faulty):
     (step.sweep.folder / "elsewhere" / step.sweep.deck.name).write_text("&scene t_ent = 1.0 /\n")
     status, said = step.start(fault="cd elsewhere", faulty=faulty).end()
     if 0 in faulty:
-        assert status == 2 and len(messages(said)) >= 1 and len(messages(said)) == len(set(messages(said))), said
+        assert status == 2 and len(messages(said)) == 1, said
         step.goes_on()
     else:
         assert status == 0, said
@@ -477,7 +515,9 @@ def test_a_signal_while_all_stop(step, cpu_seconds, faulty, number):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGUSR1])
 def test_a_signal_while_the_shards_are_merged(step, faulty, number):
     """200 000 cases, so that it takes a while."""
-    step.sweep.deck.write_text(deck(0.01).replace("count = 12, 5", "count = 400, 500").replace("'radau9'", "'rodas4p'"))
+    step.sweep.deck.write_text(
+        deck(0.01).replace("count = 12, 5", "count = 400, 500").replace("'radau9'", "'rodas4p'")
+    )
     before = set(step.sweep.folder.iterdir())
 
     def merging() -> bool:
