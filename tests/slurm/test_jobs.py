@@ -471,11 +471,11 @@ def test_a_signal_to_srun(step, cpu_seconds):
     step.goes_on()
 
 
-@who
+@pytest.mark.parametrize(
+    "faulty", [pytest.param((0,), id="rank 0", marks=pytest.mark.full), pytest.param((1,), id="another")]
+)
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGUSR1, marks=pytest.mark.full)])
 def test_a_rank_that_stands_still_while_the_others_stop(step, cpu_seconds, faulty, number):
-    if len(faulty) == step.ranks:
-        pytest.skip("then nobody is left to notice")
     step.sweep.deck.write_text(cpu_seconds(6.0))
     step.start().until_running().send(signal.SIGSTOP, faulty)
     step.send(number, set(range(step.ranks)) - set(faulty))
