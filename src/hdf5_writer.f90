@@ -39,6 +39,10 @@ module dst_hdf5_writer
     character(:), allocatable :: created         !! ISO 8601, UTC
     character(:), allocatable :: model, method
     character(:), allocatable :: model_choice    !! why 'auto' is this model; '' if it was not asked
+    character(:), allocatable :: build_flags     !! of the compiler
+    character(:), allocatable :: host, job       !! where it was written, and in which job of a scheduler; '' in none
+    character(:), allocatable :: mpi             !! the library; '' if the program has none
+    integer :: processes = 1, threads = 1        !! that shared the work; threads of each process
     character(:), allocatable :: deck_text       !! the deck as read
     character(:), allocatable :: deck_resolved   !! every key as used
     character(:), allocatable :: deck_sha256
@@ -530,6 +534,12 @@ contains
     call put_attribute(file, 'git_revision', metadata%git_revision, status)
     call put_attribute(file, 'compiler', metadata%compiler, status)
     call put_attribute(file, 'created', metadata%created, status)
+    call put_attribute(file, 'build_flags', metadata%build_flags, status)
+    call put_attribute(file, 'host', metadata%host, status)
+    call put_attribute(file, 'job', metadata%job, status)
+    call put_attribute(file, 'mpi', metadata%mpi, status)
+    call put_attribute(file, 'processes', metadata%processes, status)
+    call put_attribute(file, 'threads', metadata%threads, status)
     call put_attribute(file, 'deck_sha256', metadata%deck_sha256, status)
     call put_attribute(file, 'model', metadata%model, status)
     call put_attribute(file, 'method', metadata%method, status)

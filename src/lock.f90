@@ -5,11 +5,12 @@
 !> Where a file system has no locks the text decides: the process it names must be of this machine and have ended.
 !> POSIX; numbers are Linux's.
 module dst_lock
-  use, intrinsic :: iso_c_binding, only: c_int, c_size_t, c_char, c_null_char
+  use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp, int64
   use dst_disk, only: identity_t, identity_of, operator(==), path_t, create_file, open_own_file, close_descriptor, delete_file, &
     delete_own_file, folder_of, is_folder, lock_attempt, locked, held, without_locks, matching_files, read_bytes, set_file_size, &
     system_error, unique_word, wait_seconds, write_bytes
+  use dst_machine, only: host_name
   use dst_text, only: integer_text
   implicit none
   private
@@ -49,12 +50,6 @@ module dst_lock
     integer(c_int) function c_getpid() bind(c, name='getpid')
       import :: c_int
     end function c_getpid
-
-    integer(c_int) function c_gethostname(name, length) bind(c, name='gethostname')
-      import :: c_int, c_char, c_size_t
-      character(c_char), intent(out) :: name(*)
-      integer(c_size_t), value :: length
-    end function c_gethostname
   end interface
 
 contains
@@ -252,17 +247,4 @@ contains
     text = ''
     if (holder%process > 0) text = ' (process '//integer_text(holder%process)//' on '//holder%host//')'
   end function named
-
-  function host_name() result(name)
-    character(:), allocatable :: name
-    character(c_char) :: bytes(256)
-    integer :: i
-
-    name = ''
-    if (c_gethostname(bytes, size(bytes, kind=c_size_t)) /= 0) return
-    do i = 1, size(bytes)
-      if (bytes(i) == c_null_char) exit
-      name = name//bytes(i)
-    end do
-  end function host_name
 end module dst_lock

@@ -11,7 +11,7 @@ module dst_main
   use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
   use dst_division, only: processes_here
-  use dst_processes, only: processes_t
+  use dst_processes, only: processes_t, mpi_library
   use dst_result_file, only: check_target
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
@@ -131,7 +131,7 @@ contains
     end if
     select case (command%name)
     case ('version')
-      call print_text(program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts)
+      call print_version()
     case ('template')
       call print_template()
     case ('keys')
@@ -165,6 +165,15 @@ contains
       call show_results()
     end select
   end subroutine work_alone
+
+  subroutine print_version()
+    character(:), allocatable :: library
+
+    library = mpi_library()
+    if (library == '') library = 'no'
+    call print_text(program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts// &
+      'MPI:       '//library//new_line('a'))
+  end subroutine print_version
 
   subroutine print_template()
     type(error_t), allocatable :: error

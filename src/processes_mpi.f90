@@ -16,6 +16,7 @@ module dst_processes
   use dst_signals, only: stop_signal, signal_name, no_signal, stop_listening
   use dst_simulation, only: wall_clock
   use dst_standard_streams, only: put_error
+  use dst_text, only: printable
   use dst_threads, only: allowed_cores, most_cores
   implicit none
   private
@@ -258,6 +259,6 @@ contains
     integer :: length
 
     call mpi_get_library_version(version, length)
-    text = version(:scan(version(:length)//new_line('a'), ','//new_line('a')//achar(0)) - 1)
+    text = printable(version(:scan(version(:length)//new_line('a'), ','//new_line('a')//achar(0)) - 1))
   end function mpi_library
 end module dst_processes

@@ -6,7 +6,8 @@
 !> success, otherwise a code of dst_errors.
 module dst_python_api
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
-  use dst_build_info, only: version, git_revision, compiler
+  use dst_build_info, only: version, git_revision, compiler, build_flags
+  use dst_machine, only: host_name, job_name
   use dst_kinds, only: wp, pi
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
@@ -814,18 +815,24 @@ contains
     end select
   end function text_of_comparison
 
-  !> What the extension was built from: 1 version, 2 revision, 3 compiler.
+  !> What the extension was built from, 1 version, 2 revision, 3 compiler, 4 its flags, and where it runs: 5 host, 6 job.
   subroutine build_text(which, text)
     integer(c_int), intent(in) :: which
-    integer(c_int), intent(out) :: text(64)
+    integer(c_int), intent(out) :: text(512)
 
     select case (which)
     case (1)
       call put_text(version, text)
     case (2)
       call put_text(git_revision, text)
-    case default
+    case (3)
       call put_text(compiler, text)
+    case (4)
+      call put_text(build_flags, text)
+    case (5)
+      call put_text(host_name(), text)
+    case default
+      call put_text(job_name(), text)
     end select
   end subroutine build_text
 

@@ -1,8 +1,10 @@
 !> Run a deck into a result file, or go on with a run that was stopped: what `dynstiction run` and `resume` do.
 module dst_run
+  use dst_machine, only: host_name, job_name
+  use dst_processes, only: mpi_library
   use dst_kinds, only: wp, int64
   use dst_archive, only: archive_t, archive_of
-  use dst_build_info, only: program_name, version, git_revision, compiler
+  use dst_build_info, only: program_name, version, git_revision, compiler, build_flags
   use dst_checkpoint, only: checkpoint_t
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_disk, only: utc_now
@@ -427,6 +429,10 @@ contains
     metadata%version = version
     metadata%git_revision = git_revision
     metadata%compiler = compiler
+    metadata%build_flags = build_flags
+    metadata%host = host_name()
+    metadata%job = job_name()
+    metadata%mpi = mpi_library()
     metadata%created = utc_now()
     metadata%model = model
     metadata%model_choice = model_choice

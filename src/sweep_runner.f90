@@ -113,30 +113,50 @@ contains
     type(state_t), target :: state
     type(head_t) :: head
     integer, allocatable :: pending(:)
+    integer :: to_do(1)
 
     state%processes = processes
     if (processes%is_first()) call prepare(deck, result_file, options, sweep, head, state, pending, error)
     ! Nobody opens a shard before the first has looked at all.
     call processes%agree(error)
     if (allocated(error)) return
-    call share_sweep(processes, deck, sweep, head, error)
-    if (.not. allocated(error)) call open_shard(state%shard, result_file, &
-      merge(head%division%share, processes%rank, options%share%is_given), head, layout_of(sweep), error)
-    call processes%agree(error)
-    if (.not. allocated(error)) then
-      call run_cases(sweep, state, pending, options%quiet .or. .not. processes%is_first())
-      if (allocated(state%error)) then
-        call move_alloc(state%error, error)
-      else if (state%stop /= 0) then
-        call raise(error, stopped_early, stop_text(state))
-      end if
+    to_do = [state%to_do]
+    call processes%sum_up(to_do)
+    if (to_do(1) > 0 .or. options%share%is_given) then
+      call share_sweep(processes, deck, sweep, head, error)
+      call run_pending(sweep, head, result_file, options, state, pending, error)
+      if (allocated(error)) return
     end if
-    call state%shard%close()
-    call processes%agree(error)
-    if (allocated(error)) return
     if (processes%is_first()) call present_result(sweep, head, result_file, options, state, error)
     call processes%agree(error)
   end subroutine run_sweep
+
+  !> Run the cases, each process into its own shard.
+  subroutine run_pending(sweep, head, result_file, options, state, pending, error)
+    type(sweep_t), intent(in) :: sweep
+    type(head_t), intent(in) :: head
+    character(*), intent(in) :: result_file
+    type(sweep_options_t), intent(in) :: options
+    type(state_t), intent(inout), target :: state
+    integer, allocatable, intent(inout) :: pending(:)
+    type(error_t), allocatable, intent(inout) :: error
+
+    associate (processes => state%processes)
+      if (.not. allocated(error)) call open_shard(state%shard, result_file, &
+        merge(head%division%share, processes%rank, options%share%is_given), head, layout_of(sweep), error)
+      call processes%agree(error)
+      if (.not. allocated(error)) then
+        call run_cases(sweep, state, pending, options%quiet .or. .not. processes%is_first())
+        if (allocated(state%error)) then
+          call move_alloc(state%error, error)
+        else if (state%stop /= 0) then
+          call raise(error, stopped_early, stop_text(state))
+        end if
+      end if
+      call state%shard%close()
+      call processes%agree(error)
+    end associate
+  end subroutine run_pending
 
   !> What one process finds out for all: the sweep, and which of its cases are to be run.
   subroutine prepare(deck, result_file, options, sweep, head, state, pending, error)
@@ -207,6 +227,7 @@ contains
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
     type(error_t), allocatable, intent(out) :: error
+    type(processes_t) :: alone
     type(sweep_t) :: sweep
     type(head_t) :: head
     type(index_t) :: index
@@ -221,7 +242,7 @@ contains
     if (index%done == 0) then
       call raise(error, file_error, result_file//': there is no finished case to merge: run the deck first')
     else
-      call write_result(sweep, head, result_file, index, files, options, error)
+      call write_result(sweep, head, result_file, index, files, options, alone, error)
     end if
   end subroutine merge_sweep
 
@@ -626,18 +647,19 @@ contains
     else
       again = head
       call look_at_shards(sweep, again, result_file, options, .false., index, files, error)
-      if (.not. allocated(error)) call write_result(sweep, head, result_file, index, files, options, error)
+      if (.not. allocated(error)) call write_result(sweep, head, result_file, index, files, options, state%processes, error)
     end if
   end subroutine present_result
 
   !> Merge the shards, unless that has been done, and remove them if they hold all cases.
-  subroutine write_result(sweep, head, result_file, index, files, options, error)
+  subroutine write_result(sweep, head, result_file, index, files, options, processes, error)
     type(sweep_t), intent(in) :: sweep
     type(head_t), intent(in) :: head
     character(*), intent(in) :: result_file
     type(index_t), intent(in) :: index
     type(path_t), intent(in) :: files(:)
     type(sweep_options_t), intent(in) :: options
+    type(processes_t), intent(in) :: processes
     type(error_t), allocatable, intent(out) :: error
     type(run_metadata_t) :: metadata
     type(scene_t) :: scene
@@ -646,6 +668,8 @@ contains
     if (.not. index%is_in_result) then
       call scene_from_deck(sweep%deck, scene)
       call describe_run(sweep%deck, scene%model, scene%method_name(), '', metadata)
+      metadata%processes = processes%count
+      metadata%threads = thread_count(processes, sweep%cases)
       call merge_shards(sweep, head, files, index, metadata, result_file, options%overwrite, error)
       if (allocated(error)) return
     end if

@@ -36,6 +36,7 @@ __all__ = [
     "critical",
     "eigenvalues",
     "jacobian",
+    "machine_info",
     "rhs",
     "schema",
     "slow_damping",
@@ -117,6 +118,14 @@ class BuildInfo(NamedTuple):
     version: str
     git_revision: str
     compiler: str
+    build_flags: str
+
+
+class MachineInfo(NamedTuple):
+    """Where a process runs: the host, and the scheduler's name of the job, empty without one."""
+
+    host: str
+    job: str
 
 
 class _Memory:
@@ -400,7 +409,12 @@ class Sweep(Session):
 @cache
 def build_info() -> BuildInfo:
     """Version, revision and compiler of the core."""
-    return BuildInfo(*(_text(_core.build_text(which)) for which in (1, 2, 3)))
+    return BuildInfo(*(_text(_core.build_text(which)) for which in (1, 2, 3, 4)))
+
+
+def machine_info() -> MachineInfo:
+    """Where this process runs."""
+    return MachineInfo(*(_text(_core.build_text(which)) for which in (5, 6)))
 
 
 KINDS = ("real", "integer", "text", "choice", "reals", "texts")

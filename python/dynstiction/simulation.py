@@ -295,6 +295,10 @@ class Simulation(Closing):
         return {
             "program": "dynstiction",
             **_native.build_info()._asdict(),
+            **_native.machine_info()._asdict(),
+            "mpi": "",
+            "processes": 1,
+            "threads": 1,
             "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
             "deck_sha256": hashlib.sha256(self._scene.text.encode("utf-8", "surrogateescape")).hexdigest(),
             "model": self._core.model,
