@@ -24,7 +24,7 @@ TONES = {
 ROOMS = {
     "executable": ("the executable", 20, 66, 570, 130,
                    "ground deck simulation comparison sweeps writers slider stability",
-                   "program main command_line completion handover copies deck_check standard_streams threads run trade_run sweep_runner ranks show "
+                   "program main command_line completion handover deck_check standard_streams threads run trade_run sweep_runner processes dealer show "
                    "progress signals stability_report"),
     "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison sweeps writers", "python_api"),
     "comparison": ("comparing runs of one scene", 20, 220, 560, 110, "ground physics deck simulation writers observables linear_solve",
@@ -44,7 +44,7 @@ ROOMS = {
                  "interpolation stepper"),
     "deck": ("the deck", 680, 352, 300, 550, "ground",
              "scene parameters deck deck_sweep deck_text deck_values schema namelist faults sha256"),
-    "ground": ("ground", 20, 926, 960, 72, "", "kinds errors text plain_numbers archive writer"),
+    "ground": ("ground", 20, 926, 960, 72, "", "kinds errors text machine plain_numbers archive writer"),
 }
 
 SAY = {
@@ -57,8 +57,8 @@ SAY = {
     "trajectory_summary": "of a run",
     "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
     "sweep": "what a case is", "lanes": "cases side by side", "sweep_shard": "finished cases", "sweep_points": "lists in CSV", "sweep_list": "lists of cases", "sweep_file": "one file of all",
-    "sweep_runner": "all cases, all cores", "division": "who has which cases", "show": "how far it is", "copies": "of a launcher", "deck_check": "will it run?", "threads": "with stacks",
-    "standard_streams": "output, errors", "disk_space": "is there room?", "output_size": "how many samples", "plain_numbers": "for people", "ranks": "MPI, or none", "deck_sweep": "&sweep",
+    "sweep_runner": "all cases, all cores", "division": "who has which cases", "show": "how far it is", "deck_check": "will it run?", "threads": "with stacks",
+    "standard_streams": "output, errors", "disk_space": "is there room?", "output_size": "how many samples", "plain_numbers": "for people", "processes": "MPI, or none", "dealer": "cases to processes", "machine": "host, job", "deck_sweep": "&sweep",
     "model_choice": "what auto is", "model_columns": "who gives what", "trade": "compares", "trade_plan": "what to try", "trade_quantities": "errors",
     "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
     "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
@@ -92,8 +92,8 @@ def main() -> None:
 
 
 def module_of(file: Path) -> str:
-    """The file's stem; ranks_mpi and ranks_serial are two ways to build one module."""
-    return "ranks" if file.stem.startswith("ranks_") else file.stem
+    """The file's stem; processes_mpi and processes_serial are two ways to build one module."""
+    return "processes" if file.stem.startswith("processes_") else file.stem
 
 
 def complaints(room_of: dict[str, str]) -> list[str]:

@@ -256,9 +256,13 @@ contains
   function mpi_library() result(text)
     character(:), allocatable :: text
     character(mpi_max_library_version_string) :: version
-    integer :: length
+    integer :: length, i
 
     call mpi_get_library_version(version, length)
-    text = printable(version(:scan(version(:length)//new_line('a'), ','//new_line('a')//achar(0)) - 1))
+    length = scan(version(:length)//new_line('a'), ','//new_line('a')//achar(0)) - 1
+    do i = 1, length
+      if (version(i:i) == achar(9)) version(i:i) = ' '
+    end do
+    text = printable(version(:length))
   end function mpi_library
 end module dst_processes
