@@ -43,7 +43,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("parts", nargs="*", default=["simulate", "maps"])
+    parser.add_argument("parts", nargs="*", default=["simulate", "maps", "real"])
     parser.add_argument("--exe", default="dynstiction")
     parser.add_argument("--mpi", help="program built with MPI, for `real`")
     parser.add_argument("--launcher", default="mpirun.openmpi --oversubscribe --bind-to none")
@@ -155,7 +155,7 @@ KINDS = ("equal", "log-uniform", "expensive last", "in step")
 
 
 def simulate(short: bool) -> None:
-    print("simulated loss [%]: deal, stride, shuffled (nan: too many to simulate, less than in the line before)")
+    print("simulated loss [%]: deal, stride, shuffled (nan: too many to simulate)")
     for kind in KINDS:
         for ranks in (2, 16) if short else (2, 8, 64, 1000, 10_000):
             for each in (10, 100) if short else (10, 100, 1000, 10_000, 100_000):
@@ -169,8 +169,11 @@ def simulate(short: bool) -> None:
                 show(f"{kind:>14} {ranks:6} x {each:6}", losses)
 
 
-def show(title: str, losses: list[float]) -> None:
-    print(f"{title}: " + " ".join(f"{100 * loss:8.2f}" for loss in losses), flush=True)
+def show(title: str, losses: list[float], ratio: float | None = None) -> None:
+    words = [f"{100 * loss:8.2f}" for loss in losses]
+    if ratio:
+        words.append(f"{ratio:.2f}")
+    print(f"{title}: " + " ".join(words), flush=True)
 
 
 def run(command: list[str], **settings: str) -> None:
@@ -190,8 +193,10 @@ def measured_costs(folder: Path, exe: str, short: bool) -> dict[str, np.ndarray]
             settings = []
             head, *rows = points.read_text().split()
             place = head.split(",").index("scene.t_end")
-            shorter = [",".join(value if i != place else repr(part * float(value)) for i, value in enumerate(row.split(","))) for row in rows]
-            (folder / points.name).write_text("\n".join([head, *shorter]))
+            table = [row.split(",") for row in rows]
+            for row in table:
+                row[place] = repr(part * float(row[place]))
+            (folder / points.name).write_text("\n".join([head, *map(",".join, table)]))
         copy.write_text(text)
         output = folder / "costs.h5"
         run([exe, "run", str(copy), "-o", str(output), "--quiet", "--overwrite", *settings])
@@ -215,25 +220,25 @@ def print_maps(folder: Path, exe: str, short: bool) -> None:
 def print_real(folder: Path, options: argparse.Namespace) -> None:
     scene = (INPUTS / "low_frequency.nml").read_text()
     share = 20 if options.short else 1
-    print("real processes: largest sum of wall times over the mean, minus 1 [%]; the same of solo times; processor time over one process")
+    print(
+        "real processes: largest sum of wall times over the mean, minus 1 [%]; the same of solo times; "
+        "processor time of all over that of one process"
+    )
     for kind in ("equal", "log-uniform", "expensive last"):
-        costs = costs_of(kind, 60 // share, 40)
+        costs = costs_of(kind, 64 // share, 10)
         deck, points = folder / "real.nml", folder / "points.csv"
         deck.write_text(scene + "&sweep points = 'points.csv' /\n")
-        for order in ("stride", "shuffled"):
-            # Durations are proportional to costs; 300 s of slow sliding take some milliseconds.
-            ends = costs if order == "stride" else np.random.default_rng(1).permutation(costs)
-            points.write_text("\n".join(["scene.t_end", *(f"{300.0 * end / MEAN:.6g}" for end in ends)]))
-            single, solo_sums = processes(folder, deck, [[options.exe, "run"]], None)
-            solo = solo_of(folder)
-            for count in (2, 4) if options.short else (2, 4, 8, 16, 32, 64):
-                shards = [[options.exe, "run", "--shard", f"{i + 1}/{count}"] for i in range(count)]
-                used, sums = processes(folder, deck, shards, solo)
-                show(f"{kind:>14} {count:3} {order:>9}", [*sums, used / single])
-                if order == "stride" and options.mpi:
-                    command = [*shlex.split(options.launcher), "-n", str(count), options.mpi, "run"]
-                    used, sums = processes(folder, deck, [command], solo)
-                    show(f"{kind:>14} {count:3}      deal", [*sums, used / single])
+        # Costs are proportional to durations; 100 s of sliding take some milliseconds.
+        points.write_text("\n".join(["scene.t_end", *(f"{100.0 * cost / MEAN:.6g}" for cost in costs)]))
+        single, _ = processes(folder, deck, [[options.exe, "run"]], None)
+        solo = solo_of(folder)
+        for count in (2, 4) if options.short else (2, 8, 64):
+            ways = {"shards": [[options.exe, "run", "--shard", f"{i + 1}/{count}"] for i in range(count)]}
+            if options.mpi:
+                ways["deal"] = [[*shlex.split(options.launcher), "-n", str(count), options.mpi, "run"]]
+            for way, commands in ways.items():
+                used, sums = processes(folder, deck, commands, solo)
+                show(f"{kind:>14} {count:3} {way:>7}", sums, used / single)
 
 
 def processes(
