@@ -298,7 +298,7 @@ def test_a_look_while_a_job_runs(tmp_path, cpu_seconds, kind):
 @pytest.mark.parametrize("kind", ["array", *(pytest.param(name, marks=pytest.mark.full) for name in MPI)])
 def test_a_job_that_is_cancelled(tmp_path, cpu_seconds, kind):
     """It is not requeued; started again it goes on."""
-    sweep = Sweep(tmp_path, cpu_seconds(6.0))
+    sweep = Sweep(tmp_path, cpu_seconds(4.0))
     job = start_job(kind, sweep, "m.h5")
     wait_until(lambda: finished(sweep, "m.h5") > 5)
     done = finished(sweep, "m.h5")
@@ -412,7 +412,7 @@ def test_a_bad_deck(step, faulty):
     (step.sweep.folder / "elsewhere" / step.sweep.deck.name).write_text("&scene t_ent = 1.0 /\n")
     status, said = step.start(fault="cd elsewhere", faulty=faulty).end()
     if 0 in faulty:
-        assert status == 2 and len(messages(said)) == 1, said
+        assert status == 2 and len(messages(said)) == len(set(messages(said))) > 0, said
         step.goes_on()
     else:
         assert status == 0, said
@@ -442,7 +442,7 @@ def test_a_slow_start(step, faulty):
      pytest.param(signal.SIGUSR1, (75,), marks=pytest.mark.full)],
 )  # fmt: skip
 def test_a_signal_to_a_running_rank(step, cpu_seconds, faulty, number, status):
-    step.sweep.deck.write_text(cpu_seconds(6.0))
+    step.sweep.deck.write_text(cpu_seconds(4.0))
     step.start().until_running().send(number, faulty)
     found, said = step.end()
     assert found in status, said
@@ -453,7 +453,7 @@ def test_a_signal_to_a_running_rank(step, cpu_seconds, faulty, number, status):
 @pytest.mark.parametrize("name", ["TERM", pytest.param("USR1", marks=pytest.mark.full)])
 def test_a_signal_to_all_ranks(step, cpu_seconds, name):
     """As the time limit sends it."""
-    step.sweep.deck.write_text(cpu_seconds(6.0))
+    step.sweep.deck.write_text(cpu_seconds(4.0))
     step.start().until_running()
     subprocess.run(["scancel", f"--signal={name}", "--user=root", "--name=rank.sh"], check=True)
     status, said = step.end()
@@ -464,7 +464,7 @@ def test_a_signal_to_all_ranks(step, cpu_seconds, name):
 @pytest.mark.full
 def test_a_signal_to_srun(step, cpu_seconds):
     """Of SIGTERM it makes SIGKILL."""
-    step.sweep.deck.write_text(cpu_seconds(6.0))
+    step.sweep.deck.write_text(cpu_seconds(4.0))
     step.start().until_running().process.terminate()
     status, said = step.end()
     assert status == 137 and not messages(said), said
@@ -476,7 +476,7 @@ def test_a_signal_to_srun(step, cpu_seconds):
 )
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGUSR1, marks=pytest.mark.full)])
 def test_a_rank_that_stands_still_while_the_others_stop(step, cpu_seconds, faulty, number):
-    step.sweep.deck.write_text(cpu_seconds(6.0))
+    step.sweep.deck.write_text(cpu_seconds(4.0))
     step.start().until_running().send(signal.SIGSTOP, faulty)
     step.send(number, set(range(step.ranks)) - set(faulty))
     status, said = step.end()
@@ -500,7 +500,7 @@ def test_a_slow_rank(step, cpu_seconds, faulty):
 @every_who
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGUSR1])
 def test_a_signal_while_all_stop(step, cpu_seconds, faulty, number):
-    step.sweep.deck.write_text(cpu_seconds(6.0))
+    step.sweep.deck.write_text(cpu_seconds(4.0))
     step.start().until_running().send(signal.SIGUSR1, (2,))
     with contextlib.suppress(ProcessLookupError):
         step.send(number, faulty)
