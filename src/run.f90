@@ -19,7 +19,7 @@ module dst_run
   use dst_result_file, only: result_file_t
   use dst_scene, only: scene_t, scene_from_deck
   use dst_sha256, only: sha256
-  use dst_signals, only: stop_signal
+  use dst_signals, only: stop_signal, signal_name, no_signal
   use dst_simulation, only: simulation_t
   use dst_writer, only: outcome_t
   implicit none
@@ -320,7 +320,7 @@ contains
     character(:), allocatable :: text
 
     text = 'stopped at output.wall_limit'
-    if (stop_signal() /= '') text = 'stopped by '//stop_signal()
+    if (stop_signal() /= no_signal) text = 'stopped by '//signal_name(stop_signal())
     text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%file%name
   end function stop_text
 
@@ -353,7 +353,7 @@ contains
       do
         call simulation%proceed(slice, run%writer, error)
         if (simulation%finished .or. allocated(error)) exit
-        if (stop_signal() /= '') then
+        if (stop_signal() /= no_signal) then
           call raise(error, stopped_early, stop_text(run))
           exit
         end if
