@@ -140,6 +140,9 @@ contains
         call run_decks()
       else if (processes%is_first()) then
         call work_alone()
+      else
+        ! A signal to all leaves the end to the first process.
+        call listen_to_signals()
       end if
     end select
   end subroutine execute
