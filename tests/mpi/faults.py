@@ -565,17 +565,13 @@ def fill(folder: Path) -> None:
             file.write(bytes(4096))
 
 
-@contextlib.contextmanager
-def laboratory() -> Iterator[Laboratory]:
-    """A folder with what all cases need."""
-    with tempfile.TemporaryDirectory(prefix="mpi-faults-", ignore_cleanup_errors=True) as name:
-        folder = Path(name)
-        other = Sweep(folder, DECK.replace("count = 12, 5", "count = 2, 2"))
-        assert other.run("other.h5").returncode == DONE
-        assert Sweep(folder, DECK).run("reference.h5").returncode == DONE
-        yield Laboratory(
-            folder, compiled_shim(folder), values(folder / "reference.h5"), (folder / "other.h5").read_bytes(), itertools.count()
-        )
+def laboratory(folder: Path) -> Laboratory:
+    """What all cases need, in a folder."""
+    other = Sweep(folder, DECK.replace("count = 12, 5", "count = 2, 2"))
+    assert other.run("other.h5").returncode == DONE
+    assert Sweep(folder, DECK).run("reference.h5").returncode == DONE
+    reference = values(folder / "reference.h5")
+    return Laboratory(folder, compiled_shim(folder), reference, (folder / "other.h5").read_bytes(), itertools.count())
 
 
 @cache
@@ -600,7 +596,8 @@ def main() -> int:
         print(*cases, sep="\n")
         return 0
     failed = 0
-    with laboratory() as lab:
+    with tempfile.TemporaryDirectory(prefix="mpi-faults-", ignore_cleanup_errors=True) as folder:
+        lab = laboratory(Path(folder))
         for case in cases:
             begun = time.monotonic()
             wrong = lab.try_case(case)
