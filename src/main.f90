@@ -170,6 +170,7 @@ contains
     model = 'full'
     if (command%operand_count == 1) model = command%operands(1)%text
     call template(model, text, error)
+    call processes%agree(error)
     call complain(error)
     if (.not. allocated(error)) call print_text(text)
   end subroutine print_template
