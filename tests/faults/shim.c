@@ -296,6 +296,16 @@ int pipe2(int ends[2], int flags) { return armed && look("pipe", FORK, "-") ? -1
 
 pid_t getpid(void) { return pretended && self() == first ? pretended : self(); }
 
+/* MPI, as a Fortran program calls it. */
+void mpi_init_thread_f08_(int *required, int *provided, int *error) {
+  if (armed) look("init", 0, "-");
+  REAL(mpi_init_thread_f08_)(required, provided, error);
+}
+void mpi_finalize_f08_(int *error) {
+  if (armed) look("finalize", 0, "-");
+  REAL(mpi_finalize_f08_)(error);
+}
+
 /* The clock. */
 static long looks, waited; /* microseconds */
 int clock_gettime(clockid_t which, struct timespec *now) {

@@ -9,7 +9,7 @@ Needs the programs that run.sh builds, named by DYNSTICTION_OPENMPI_EXE and DYNS
 reference of one process, mpirun of each, a C compiler, and for what fills the disk of all ranks the right to mount.
 
 A case is a fault of something at a moment of a sweep of three ranks, which two cores share. Moments are not a matter of luck: a
-rank is held there by its wrapper (rank.sh) or in a call of the system (tests/faults/shim.c). Checked is that the command, and with
+rank is held there in a call of MPI or of the system (tests/faults/shim.c). Checked is that the command, and with
 it every process, ends within ten seconds of the fault; its status, and that of each rank; that there is one message at most; that no
 complete file holds anything but the bits of one process, and no file of others is touched. Then the sweep is started again
 with another number of ranks: it must end, repeat no finished case, and give the same bits.
@@ -31,7 +31,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -50,15 +50,22 @@ SOON = 10.0  # seconds
 DONE, USAGE_ERROR, DECK_ERROR, FILE_ERROR, STOPPED = 0, 1, 2, 3, 75
 LIBC = ctypes.CDLL(None, use_errno=True)
 
-# Who waits at each moment, and where: a wrapper before the program, or the program at a call of the system.
-MOMENTS = ("launch", "init", "running", "stopping", "merging", "ending")
-WAIT = 'touch "$room/here.$rank"; until [ -e "$room/gate0" ]; do sleep 0.02; done'
+# Before MPI is started, while all but one start it, ..., while all but one end it; and the call at which a rank is held there.
+MOMENTS = ("launch", "init", "running", "stopping", "merging", "ending", "finalizing")
+CALLS = {
+    "launch": "init@1",
+    "init": "init@1",
+    "stopping": "write@4",
+    "merging": "pwrite@20",
+    "ending": "unlink@3",
+    "finalizing": "finalize@1",
+}
 SLOWLY = "pause+:all:write@1"  # 20 ms a finished case
-CALLS = {"stopping": "write@4", "merging": "pwrite@20", "ending": "unlink@3"}
 
 SIGNALS = {"SIGKILL": signal.SIGKILL, "SIGTERM": signal.SIGTERM, "SIGUSR1": signal.SIGUSR1}
 ONE, ANY = ("rank 0", "another"), ("rank 0", "another", "mpirun", "all")
 BEFORE, UNDER_WAY = ("launch",), ("running", "stopping", "merging", "ending")
+ABSENT = ("exit 7", "missing program")
 # Fault: whom it may befall, and when. What a file system does to one rank is a matter of its folder, so of its start.
 MATRIX = [
     *((name, ANY, MOMENTS) for name in SIGNALS),
@@ -91,7 +98,7 @@ class Case:
         """The rank it befalls: of the others the one that has most to do with the moment."""
         if self.who == "rank 0":
             return 0
-        # Who waits for nobody in `init` has not begun; a disk that is full matters to the rank that is held while it writes.
+        # A disk that is full matters to the rank that is held while it writes.
         return LAST if self.moment == "stopping" and self.fault == "full disk" else 1
 
     @property
@@ -123,6 +130,8 @@ class Allowed:
 def allowed(case: Case) -> Allowed:
     """What the documentation says of a case; of mpirun it is its own documentation."""
     right = allowed_by_program(case)
+    if may_fail_itself(case):
+        right = Allowed(right.status | {-signal.SIGSEGV, -signal.SIGKILL}, right.ranks, right.messages)
     if case.flavour == "openmpi" and right.status != {DONE}:
         # When the first rank has ended with an error, mpirun ends the others, which may be about to.
         return Allowed(right.status, right.ranks | {None}, right.messages)
@@ -132,12 +141,15 @@ def allowed(case: Case) -> Allowed:
 def allowed_by_program(case: Case) -> Allowed:
     """How the program is to end."""
     stopping = case.moment == "stopping"
+    # A result that is all but there is finished, or is not.
+    finished = {DONE} if case.moment in ("merging", "ending", "finalizing") else set()
     if case.fault in SIGNALS:
-        return after_signal(case)
+        return after_signal(case, finished)
     if case.fault == "slow, then SIGTERM":
         # mpirun may have to kill the rank, or lose patience.
-        return Allowed(killed_by(signal.SIGTERM) | killed_by(signal.SIGKILL) | ended_mpirun(case), {STOPPED, None}, {0, 1})
-    if case.fault in ("exit 7", "missing program"):
+        status = killed_by(signal.SIGTERM) | killed_by(signal.SIGKILL) | ended_mpirun(case)
+        return Allowed(status | finished, {STOPPED, None} | finished, {0, 1})
+    if case.fault in ABSENT:
         status = {7} if case.fault == "exit 7" else {127, 1, 255}
         return Allowed(status | killed_by(signal.SIGTERM) | ended_mpirun(case), {None}, {0})
     goes_on = Allowed({STOPPED}, {STOPPED}, {1}) if stopping else Allowed({DONE}, {DONE}, {0})
@@ -169,26 +181,26 @@ def ended_mpirun(case: Case) -> set[int]:
     return {1, STOPPED, 143} if case.flavour == "openmpi" else {0, STOPPED, 143, 15}
 
 
-def after_signal(case: Case) -> Allowed:
+def may_fail_itself(case: Case) -> bool:
+    """Whether mpirun may crash, or hang alone: that of Open MPI 4.1.4, when a rank dies, or is slow, while others end MPI."""
+    return case.flavour == "openmpi" and case.moment == "finalizing" and case.fault != "SIGUSR1"
+
+
+def after_signal(case: Case, finished: set[int]) -> Allowed:
     """How a signal ends a sweep."""
-    number = SIGNALS[case.fault]
+    number, to_rank = SIGNALS[case.fault], case.who in ONE
     if number == signal.SIGKILL:
-        if case.who in ("mpirun", "all"):
-            # The other statuses are those of the MPI library, whose server is gone.
-            return Allowed({-number}, {None, STOPPED, 1, 15, 255} if case.who == "mpirun" else {None}, {0, 1})
-        return Allowed(killed_by(number), {None, STOPPED}, {0, 1})
-    early = case.moment in ("launch", "init")
-    if case.who in ("mpirun", "all"):
-        status = ended_mpirun(case) | (killed_by(number) | {-number} if early else set())
-        messages = {0, 1}
-    else:
-        status = {STOPPED} | (killed_by(number) if early else set())
-        messages = {0, 1} if early else {1}
-    ranks = {STOPPED} if case.who not in ("mpirun", "all") and not early else {STOPPED, None}
-    # A result that is all but there is finished, or is not.
-    if case.moment in ("merging", "ending"):
-        status, ranks, messages = status | {DONE}, ranks | {DONE}, messages | {0}
-    return Allowed(status, ranks, messages)
+        # When mpirun is gone the MPI library ends the ranks, with statuses of its own.
+        ranks = {None, STOPPED, 1, 15, 255} if case.who == "mpirun" else {None, STOPPED}
+        return Allowed(killed_by(number) if to_rank else {-number}, ranks | finished, {0, 1})
+    # Before and after the sweep a signal may have its usual effect.
+    killed = case.moment in ("launch", "init", "finalizing")
+    status = {STOPPED} if to_rank else ended_mpirun(case)
+    if killed:
+        status = status | killed_by(number) | {-number}
+    ranks = {STOPPED, None} if killed or not to_rank else {STOPPED}
+    messages = {1} if to_rank and not killed and not finished else {0, 1}
+    return Allowed(status | finished, ranks | finished, messages)
 
 
 class Launch:
@@ -206,7 +218,6 @@ class Launch:
             deck = "map.nml"
         if case.fault in ("missing folder", "file exists"):
             output = "res/x.h5"
-        self.begun = time.monotonic()
         with (room / "said").open("wb") as said:
             self.process = subprocess.Popen(
                 [f"mpirun.{case.flavour}", "-n", str(RANKS), TESTS / "mpi" / "rank.sh", room, self.exe,
@@ -258,13 +269,10 @@ class Launch:
 
     def has_come(self, moment: str) -> bool:
         """Whether it has come to this moment."""
-        if moment == "launch":
-            return all((self.room / f"here.{rank}").exists() for rank in range(RANKS))
-        if moment == "init":
-            return (self.room / f"here.{LAST}").exists() and all((self.room / f"log.{rank}").exists() for rank in range(LAST))
         if moment == "running":
             return len(self.finished()) > 5
-        return self.is_held(holder(self.case))
+        started = moment != "init" or all((self.room / f"log.{rank}").exists() for rank in range(RANKS))
+        return started and all(map(self.is_held, held(self.case)))
 
     def open_gates(self) -> None:
         """Let go on who is held."""
@@ -274,6 +282,13 @@ class Launch:
     def has_ended(self) -> bool:
         """Whether nothing is left."""
         return self.process.poll() is not None and not self.processes()
+
+    def has_left_mpirun(self) -> bool:
+        """Whether mpirun alone is left; it is ended."""
+        if set(self.processes()) != {self.process.pid}:
+            return False
+        self.end()
+        return True
 
     def end(self) -> None:
         """Kill what is left."""
@@ -302,11 +317,13 @@ def parent(pid: int) -> int:
     return 0
 
 
-def holder(case: Case) -> int:
-    """The rank that is held at the case's moment: one that is alive if the struck one dies, but for what only rank 0 does."""
+def held(case: Case) -> list[int]:
+    """The ranks that are held at the case's moment: such as live on when others die, but for what only rank 0 does."""
+    if case.moment == "launch":
+        return list(range(RANKS)) if case.fault in SIGNALS or case.fault == "slow, then SIGTERM" else []
     if case.moment in ("merging", "ending") or (case.fault == "full disk" and case.who == "rank 0"):
-        return 0
-    return LAST
+        return [0]
+    return [LAST]
 
 
 def orders(case: Case) -> dict[int, list[str]]:
@@ -316,13 +333,12 @@ def orders(case: Case) -> dict[int, list[str]]:
     for rank in range(RANKS):
         if case.moment in ("running", "stopping"):
             faults[rank].append(SLOWLY)
-        if case.moment == "launch" or (case.moment == "init" and rank == LAST):
-            found[rank].append(WAIT)
-    if case.moment in CALLS:
-        faults[holder(case)].append(f"hold:all:{CALLS[case.moment]}")
+        if case.moment in CALLS and rank in held(case):
+            faults[rank].append(f"hold:all:{CALLS[case.moment]}")
     for rank in case.ranks:
         if case.fault == "full disk" and case.who != "all":
-            faults[rank].append(f"ENOSPC+:all:{CALLS.get(case.moment, 'write@4' if case.moment == 'running' else 'write@1')}")
+            call = {"launch": "write@1", "running": "write@4"}.get(case.moment) or CALLS[case.moment]
+            faults[rank].append(f"ENOSPC+:all:{call}")
         if case.fault == "slow" and case.moment == "launch":
             found[rank].append("sleep 3")
         if case.fault == "exit 7":
@@ -343,8 +359,8 @@ class Laboratory:
 
     folder: Path
     shim: Path
-    reference: dict
-    foreign: bytes  # a result of another deck
+    reference: dict = field(repr=False)
+    foreign: bytes = field(repr=False)  # a result of another deck
     numbers: Iterator[int]
 
     def try_case(self, case: Case) -> list[str]:
@@ -406,16 +422,16 @@ class Laboratory:
             os.kill(launch.rank(1), signal.SIGUSR1)
             time.sleep(0.1)
         lasting = self.strike_now(launch)
-        cause = time.monotonic()
-        # A rank that is missing for ever hinders no signal that is to end all; one that asks to stop waits for it.
-        for_ever = case.moment == "init" and case.fault in ("SIGKILL", "SIGTERM") and case.who != "mpirun"
+        # A rank that is missing for ever hinders no signal that ends all. SIGUSR1 asks to stop, which is for all to do; and a
+        # rank that is held here does not see mpirun die.
+        ends_all = case.fault in ("SIGKILL", "SIGTERM") and case.who != "mpirun"
+        for_ever = case.moment in ("init", "finalizing") and ends_all
         if not for_ever and case.fault != "slow, then SIGTERM":
             time.sleep(0.2)
             launch.open_gates()
-        if not until(launch.has_ended, SOON + lasting):
+        if not until(launch.has_ended, SOON + lasting) and not (may_fail_itself(case) and launch.has_left_mpirun()):
             left = {pid: name_of(pid) for pid in launch.processes()}
             return [f"hangs: {', '.join(sorted(left.values())) or 'mpirun'}"]
-        self.took = time.monotonic() - cause
         return []
 
     def strike_now(self, launch: Launch) -> float:
@@ -438,7 +454,7 @@ class Laboratory:
             launch.send(case.who, signal.SIGSTOP)
             time.sleep(0.5)
             launch.send("mpirun", signal.SIGTERM)
-        elif case.fault in ("exit 7", "missing program") and case.flavour == "mpich":
+        elif case.fault in ABSENT and case.flavour == "mpich":
             # MPICH's mpirun lets a rank go that has not begun with MPI, whatever its status is: the user has to end the others.
             launch.open_gates()
             time.sleep(2.0)

@@ -371,8 +371,9 @@ def test_copies_that_know_nothing_of_each_other_are_refused(strangers, decks, tm
 
 
 @pytest.mark.parametrize("strangers", ["serial", "other MPI"], indirect=True)
-@pytest.mark.parametrize("command", PRINT_ONLY)
-def test_the_first_of_such_copies_prints(strangers, command):
+@pytest.mark.parametrize("command", [*PRINT_ONLY, "", "no_command", "template none", "run --no-option"])
+def test_the_first_of_such_copies_speaks_for_all(strangers, command):
+    expected = alone(strangers, *command.split())
     ended = Ended(strangers, *command.split())
-    assert ended.statuses == [0, 0] and not ended.messages
-    assert ended.output == alone(strangers, *command.split()).stdout
+    assert ended.statuses == [expected.returncode] * 2
+    assert (ended.output, ended.messages) == (expected.stdout, messages(expected.stderr))
