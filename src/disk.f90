@@ -19,7 +19,7 @@ module dst_disk
 
   !> HDF5's lock is not to be had.
   character(*), parameter :: locked_by_a_reader = &
-    'locked by another process, or the file system has no locks: close the other program, or set HDF5_USE_FILE_LOCKING=FALSE'
+    'locked by another process, or the file system has no locks: close the other program, or use a disk that has locks'
 
   ! Error numbers that mean "no room" on Linux.
   integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122

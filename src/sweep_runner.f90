@@ -182,7 +182,7 @@ contains
     if (processes%is_first()) then
       axes = sweep%axes
       do i = 1, size(axes)
-        names = names//' '//trim(axes(i)%name)
+        names = trim(adjustl(names//' '//axes(i)%name))
       end do
     end if
     call processes%share_text(names)
