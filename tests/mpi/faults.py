@@ -35,8 +35,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-TESTS = Path(__file__).parents[1]
-sys.path[:0] = [str(TESTS / "python"), str(TESTS / "faults")]
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "faults"))
 
 import h5py
 from program import compiled_shim
@@ -129,46 +129,51 @@ class Allowed:
 
 def allowed(case: Case) -> Allowed:
     """What the documentation says of a case; of mpirun it is its own documentation."""
-    right = allowed_by_program(case)
+    # A result that is all but there is finished, or is not.
+    finished = {DONE} if case.moment in ("merging", "ending", "finalizing") else set()
+    if case.fault in SIGNALS:
+        right = after_signal(case, finished)
+    elif case.fault == "slow, then SIGTERM":
+        # mpirun may have to kill the rank, or lose patience.
+        status = killed_by(signal.SIGTERM) | killed_by(signal.SIGKILL) | ended_mpirun(case)
+        right = Allowed(status | finished, {STOPPED, None} | finished, {0, 1})
+    elif case.fault in ABSENT:
+        status = {7} if case.fault == "exit 7" else {127, 1, 255}
+        right = Allowed(status | killed_by(signal.SIGTERM) | ended_mpirun(case), {None}, {0})
+    elif is_harmless(case):
+        status = {STOPPED if case.moment == "stopping" else DONE}
+        right = Allowed(status, status, {int(case.moment == "stopping")})
+    else:
+        right = after_fault_of_files(case)
     if may_fail_itself(case):
         right = Allowed(right.status | {-signal.SIGSEGV, -signal.SIGKILL}, right.ranks, right.messages)
     if case.flavour == "openmpi" and right.status != {DONE}:
         # When the first rank has ended with an error, mpirun ends the others, which may be about to.
-        return Allowed(right.status, right.ranks | {None}, right.messages)
+        right = Allowed(right.status, right.ranks | {None}, right.messages)
     return right
 
 
-def allowed_by_program(case: Case) -> Allowed:
-    """How the program is to end."""
-    stopping = case.moment == "stopping"
-    # A result that is all but there is finished, or is not.
-    finished = {DONE} if case.moment in ("merging", "ending", "finalizing") else set()
-    if case.fault in SIGNALS:
-        return after_signal(case, finished)
-    if case.fault == "slow, then SIGTERM":
-        # mpirun may have to kill the rank, or lose patience.
-        status = killed_by(signal.SIGTERM) | killed_by(signal.SIGKILL) | ended_mpirun(case)
-        return Allowed(status | finished, {STOPPED, None} | finished, {0, 1})
-    if case.fault in ABSENT:
-        status = {7} if case.fault == "exit 7" else {127, 1, 255}
-        return Allowed(status | killed_by(signal.SIGTERM) | ended_mpirun(case), {None}, {0})
-    goes_on = Allowed({STOPPED}, {STOPPED}, {1}) if stopping else Allowed({DONE}, {DONE}, {0})
-    if case.fault == "slow" or (case.fault == "bad deck" and (case.moment != "launch" or case.who == "another")):
-        return goes_on
-    if case.fault == "bad deck":
-        return Allowed({DECK_ERROR}, {DECK_ERROR}, {1})
-    if stopping and case.fault == "full disk" and case.who == "all":
+def is_harmless(case: Case) -> bool:
+    """Whether the sweep goes on, or stops if it has been asked to, as if nothing had happened."""
+    if case.fault == "bad deck" and (case.moment != "launch" or case.who == "another"):
+        # Rank 0 reads the deck, at the beginning.
+        return True
+    # A sweep that stops ends before it looks at files again.
+    return case.fault == "slow" or (case.moment == "stopping" and case.fault != "full disk")
+
+
+def after_fault_of_files(case: Case) -> Allowed:
+    """How a deck, folder or disk ends a sweep."""
+    codes = {DECK_ERROR if case.fault == "bad deck" else FILE_ERROR}
+    if case.who == "all" and case.moment == "stopping":
         # What rank 2 still writes may have room.
-        return Allowed({FILE_ERROR, STOPPED}, {FILE_ERROR, STOPPED}, {1})
-    if stopping and case.fault != "full disk":
-        # It ends before it looks at the file again.
-        return goes_on
-    if case.moment == "ending":
-        return Allowed({DONE, FILE_ERROR}, {DONE, FILE_ERROR}, {0, 1})
-    if case.fault == "file exists" and case.moment == "launch" and case.who == "another":
+        codes.add(STOPPED)
+    if case.who == "another" and case.fault == "file exists":
         # Rank 1 is in a folder of its own: its shard stands there, and the others cannot know it.
-        return Allowed({FILE_ERROR, STOPPED}, {FILE_ERROR, STOPPED}, {1})
-    return Allowed({FILE_ERROR}, {FILE_ERROR}, {1})
+        codes.add(STOPPED)
+    if case.moment == "ending":
+        codes.add(DONE)
+    return Allowed(codes, codes, {0, 1} if DONE in codes else {1})
 
 
 def killed_by(number: int) -> set[int]:
@@ -212,7 +217,9 @@ class Launch:
         self.mark = f"FAULT_CASE={room}".encode()
         self.exe = Path(os.environ[MPI[case.flavour]]).resolve()
         self.result = self.work / "res" / "x.h5"
-        environment = os.environ | ALLOWED | {"OMP_NUM_THREADS": "1", "FAULT_CASE": str(room), "FAULT_SHIM": str(shim)}
+        environment = (
+            os.environ | ALLOWED | {"OMP_NUM_THREADS": "1", "FAULT_CASE": str(room), "FAULT_SHIM": str(shim)}
+        )
         deck, output = str(self.work / "map.nml"), str(self.result)
         if case.fault == "bad deck":
             deck = "map.nml"
@@ -220,7 +227,7 @@ class Launch:
             output = "res/x.h5"
         with (room / "said").open("wb") as said:
             self.process = subprocess.Popen(
-                [f"mpirun.{case.flavour}", "-n", str(RANKS), TESTS / "mpi" / "rank.sh", room, self.exe,
+                [f"mpirun.{case.flavour}", "-n", str(RANKS), Path(__file__).with_name("rank.sh"), room, self.exe,
                  "run", deck, "-o", output, "--quiet"],
                 cwd=self.work, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
             )  # fmt: skip
@@ -265,7 +272,9 @@ class Launch:
     def is_held(self, rank: int) -> bool:
         """Whether the program of a rank is held in a call of the system."""
         log = self.room / f"log.{rank}"
-        return log.exists() and any(line.startswith("hit ") and " hold " in line for line in log.read_text().splitlines())
+        return log.exists() and any(
+            line.startswith("hit ") and " hold " in line for line in log.read_text().splitlines()
+        )
 
     def has_come(self, moment: str) -> bool:
         """Whether it has come to this moment."""
@@ -345,7 +354,11 @@ def orders(case: Case) -> dict[int, list[str]]:
             found[rank].append("exit 7")
         if case.fault == "missing program":
             found[rank].append('exec "$room/no such program"')
-        if case.moment == "launch" and case.who != "all" and case.fault in ("missing folder", "file exists", "bad deck"):
+        if (
+            case.moment == "launch"
+            and case.who != "all"
+            and case.fault in ("missing folder", "file exists", "bad deck")
+        ):
             found[rank].append('cd "$room/elsewhere"')
     for rank, what in faults.items():
         if what:
@@ -371,7 +384,8 @@ class Laboratory:
         (room / "work" / "map.nml").write_text(DECK)
         for rank, lines in orders(case).items():
             (room / f"rank.{rank}").write_text("\n".join(lines) + "\n")
-        with disk(room / "work" / "res") if case.fault == "full disk" and case.who == "all" else contextlib.nullcontext():
+        on_a_disk = case.fault == "full disk" and case.who == "all"
+        with disk(room / "work" / "res") if on_a_disk else contextlib.nullcontext():
             self.prepare(case, room)
             launch = Launch(room, case, self.shim)
             try:
@@ -429,7 +443,9 @@ class Laboratory:
         if not for_ever and case.fault != "slow, then SIGTERM":
             time.sleep(0.2)
             launch.open_gates()
-        if not until(launch.has_ended, SOON + lasting) and not (may_fail_itself(case) and launch.has_left_mpirun()):
+        if not until(launch.has_ended, SOON + lasting) and not (
+            may_fail_itself(case) and launch.has_left_mpirun()
+        ):
             left = {pid: name_of(pid) for pid in launch.processes()}
             return [f"hangs: {', '.join(sorted(left.values())) or 'mpirun'}"]
         return []
@@ -518,7 +534,10 @@ class Laboratory:
             env=os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"}, capture_output=True, text=True, check=False, timeout=60,
         )  # fmt: skip
         if again.returncode != DONE:
-            return [*wrong, f"started again it ends with {again.returncode}: {' '.join(again.stderr.split())[:300]}"]
+            return [
+                *wrong,
+                f"started again it ends with {again.returncode}: {' '.join(again.stderr.split())[:300]}",
+            ]
         if keep:
             now = launch.finished()
             if not set(before) <= set(now):
@@ -587,17 +606,23 @@ def laboratory(folder: Path) -> Laboratory:
     assert other.run("other.h5").returncode == DONE
     assert Sweep(folder, DECK).run("reference.h5").returncode == DONE
     reference = values(folder / "reference.h5")
-    return Laboratory(folder, compiled_shim(folder), reference, (folder / "other.h5").read_bytes(), itertools.count())
+    return Laboratory(
+        folder, compiled_shim(folder), reference, (folder / "other.h5").read_bytes(), itertools.count()
+    )
 
 
 @cache
 def flavours() -> list[str]:
     """The MPIs whose mpirun and build are there."""
-    return [name for name, variable in MPI.items() if os.environ.get(variable) and shutil.which(f"mpirun.{name}")]
+    return [
+        name for name, variable in MPI.items() if os.environ.get(variable) and shutil.which(f"mpirun.{name}")
+    ]
 
 
 def main() -> int:
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     options.add_argument("--flavour", action="append", choices=list(MPI))
     options.add_argument("--only", default="", help="cases whose name has this in it")
     options.add_argument("--every", type=int, default=1, help="try every so manieth case")
@@ -605,7 +630,9 @@ def main() -> int:
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--list", action="store_true", help="print the names of the cases")
     given = options.parse_args()
-    cases = [case for case in every_case(given.flavour or flavours()) if given.only in str(case)][:: given.every]
+    cases = [case for case in every_case(given.flavour or flavours()) if given.only in str(case)][
+        :: given.every
+    ]
     if given.count is not None:
         cases = random.Random(given.seed).sample(cases, min(given.count, len(cases)))
     if given.list:

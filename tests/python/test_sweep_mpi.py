@@ -12,7 +12,19 @@ from pathlib import Path
 
 import h5py
 import pytest
-from sweeps import GRID, HEADER_BYTES, INPUTS, SCENE, Sweep, cases_in, end_group, executable, same, values, wait_until
+from sweeps import (
+    GRID,
+    HEADER_BYTES,
+    INPUTS,
+    SCENE,
+    Sweep,
+    cases_in,
+    end_group,
+    executable,
+    same,
+    values,
+    wait_until,
+)
 from test_sweep_kills import ALLOWED, MPI, Ranks, skip_without
 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
@@ -140,7 +152,17 @@ class Ended:
     def __init__(self, launched, *command, ranks=2):
         script = 'rank=${OMPI_COMM_WORLD_RANK:-$PMI_RANK}; "$@"; echo $? > "status.$rank"'
         done = subprocess.run(
-            [f"mpirun.{launched.flavour}", "-n", str(ranks), "sh", "-c", script, "sh", launched.exe, *command],
+            [
+                f"mpirun.{launched.flavour}",
+                "-n",
+                str(ranks),
+                "sh",
+                "-c",
+                script,
+                "sh",
+                launched.exe,
+                *command,
+            ],
             cwd=launched.folder,
             env=os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"},
             capture_output=True,
@@ -163,7 +185,12 @@ def messages(text):
 def alone(launched, *command):
     """The same command without mpirun."""
     return subprocess.run(
-        [launched.exe, *command], cwd=launched.folder, capture_output=True, text=True, check=False, timeout=120
+        [launched.exe, *command],
+        cwd=launched.folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
     )
 
 
