@@ -24,13 +24,13 @@ TONES = {
 ROOMS = {
     "executable": ("the executable", 20, 66, 570, 130,
                    "ground deck simulation comparison sweeps writers slider stability",
-                   "program main command_line completion handover copies deck_check standard_streams threads run trade_run sweep_runner ranks "
+                   "program main command_line completion handover copies deck_check standard_streams threads run trade_run sweep_runner ranks show "
                    "progress signals stability_report"),
     "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison sweeps writers", "python_api"),
     "comparison": ("comparing runs of one scene", 20, 220, 560, 110, "ground physics deck simulation writers observables linear_solve",
                    "trade trade_plan trade_quantities trade_advice trade_report trade_table"),
     "sweeps": ("many cases of one scene", 600, 220, 380, 110, "ground deck simulation writers observables summary slider friction",
-               "sweep lanes sweep_shard sweep_points sweep_list sweep_file"),
+               "sweep lanes division sweep_shard sweep_points sweep_list sweep_file"),
     "simulation": ("the one run routine", 20, 352, 300, 150,
                    "ground physics numerics scene meeting memory_writer",
                    "simulation model_choice model_columns output_size"),
@@ -57,7 +57,7 @@ SAY = {
     "trajectory_summary": "of a run",
     "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
     "sweep": "what a case is", "lanes": "cases side by side", "sweep_shard": "finished cases", "sweep_points": "lists in CSV", "sweep_list": "lists of cases", "sweep_file": "one file of all",
-    "sweep_runner": "all cases, all cores", "copies": "of a launcher", "deck_check": "will it run?", "threads": "with stacks",
+    "sweep_runner": "all cases, all cores", "division": "who has which cases", "show": "how far it is", "copies": "of a launcher", "deck_check": "will it run?", "threads": "with stacks",
     "standard_streams": "output, errors", "disk_space": "is there room?", "output_size": "how many samples", "plain_numbers": "for people", "ranks": "MPI, or none", "deck_sweep": "&sweep",
     "model_choice": "what auto is", "model_columns": "who gives what", "trade": "compares", "trade_plan": "what to try", "trade_quantities": "errors",
     "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",

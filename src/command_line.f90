@@ -1,5 +1,6 @@
 !> The command line: its words, its help. What the commands do is the main program's matter.
 module dst_command_line
+  use dst_division, only: share_wish_t, take_share_wish
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
   use dst_schema, only: schema, find_key, names_file
@@ -26,17 +27,17 @@ module dst_command_line
     real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
     real(wp) :: budget = 10.0_wp                   !! of --budget, s
     logical :: overwrite = .false., quiet = .false., keep_shards = .false.
-    integer :: shard = 0, shards = 0               !! of --shard I/N
+    type(share_wish_t) :: share                    !! of --shard and --redivide
     logical :: help = .false.                      !! help on the command is wanted, not the command
   end type command_t
 
   !> All commands, in the order of the help.
-  character(*), parameter :: commands = 'run resume merge check template keys stability trade'
-  character(*), parameter :: commands_on_files = 'run resume merge check stability trade'
+  character(*), parameter :: commands = 'run resume merge show check template keys stability trade'
+  character(*), parameter :: commands_on_files = 'run resume merge show check stability trade'
   !> Commands of the Python package, to which the executable hands over.
   character(*), parameter :: python_commands = 'plot report export animate paper validate-creep'
   character(*), parameter :: options_with_value = '-o --set --shard --accuracy --budget --quantity'
-  character(*), parameter :: all_options = options_with_value//' --overwrite --quiet --keep-shards --help --version'
+  character(*), parameter :: all_options = options_with_value//' --overwrite --quiet --keep-shards --redivide --help --version'
   character(*), parameter :: see_help = ', see dynstiction --help'
 
 contains
@@ -134,7 +135,7 @@ contains
         if (has_word(options, '-o')) call raise(error, usage_error, '-o given twice: give one output file')
         command%output = value
       else if (option == '--shard') then
-        call take_shard(value, command, error)
+        call take_share_wish(value, command%share, error)
       else
         call check_named_file(value, error)
         command%setting_count = command%setting_count + 1
@@ -150,6 +151,8 @@ contains
       command%quiet = .true.
     case ('--keep-shards')
       command%keep_shards = .true.
+    case ('--redivide')
+      command%share%redivide = .true.
     case ('--version')
       version = .true.
     case ('--help', '-h')
@@ -203,7 +206,7 @@ contains
     if (option == '-o') then
       call raise(error, usage_error, '-o without a file name: write -o FILE')
     else if (option == '--shard') then
-      call raise(error, usage_error, '--shard without its number: write --shard I/N')
+      call raise(error, usage_error, '--shard without its number: write --shard I/N or --shard auto')
     else if (option /= '--set') then
       call raise(error, usage_error, option//' without a value: see dynstiction trade --help')
     else
@@ -232,23 +235,6 @@ contains
     if (k == 0 .or. len(setting) == equals) return
     if (names_file(schema(k))) call check_file_name(setting(equals + 1:), error)
   end subroutine check_named_file
-
-  !> 'I/N': of N processes that share a sweep, the I-th.
-  subroutine take_shard(value, command, error)
-    character(*), intent(in) :: value
-    type(command_t), intent(inout) :: command
-    type(error_t), allocatable, intent(out) :: error
-    integer, parameter :: most = 999999
-    integer :: slash, status
-
-    slash = index(value, '/')
-    status = 1
-    if (slash > 1 .and. slash < len(value) .and. verify(value, '0123456789/') == 0 .and. len(value) < 16 &
-        .and. slash == index(value, '/', back=.true.)) read (value(:slash - 1), *, iostat=status) command%shard
-    if (status == 0) read (value(slash + 1:), *, iostat=status) command%shards
-    if (status /= 0 .or. command%shard < 1 .or. command%shard > command%shards .or. command%shards > most) &
-      call raise(error, usage_error, "--shard '"//excerpt(value)//"': write --shard I/N with 1 <= I <= N, like --shard 3/16")
-  end subroutine take_shard
 
   function unknown_text(what, given, valid) result(text)
     character(*), intent(in) :: what, given, valid
@@ -289,7 +275,7 @@ contains
 
     select case (name)
     case ('run')
-      options = '-o --set --overwrite --quiet --shard --keep-shards'
+      options = '-o --set --overwrite --quiet --shard --redivide --keep-shards'
     case ('merge')
       options = '-o --set --overwrite --quiet --keep-shards'
     case ('resume')
@@ -346,10 +332,14 @@ contains
         call raise(error, usage_error, "'template' takes one model: '"//excerpt(command%operands(2)%text)//"' is too many")
     else if (command%name == 'resume' .and. command%operand_count == 0) then
       call raise(error, usage_error, "'resume' without a file: write dynstiction resume FILE.h5")
+    else if (command%name == 'show' .and. command%operand_count == 0) then
+      call raise(error, usage_error, "'show' without a file: write dynstiction show FILE.h5")
     else if (command%operand_count == 0) then
       call raise(error, usage_error, "'"//command%name//"' without a deck: write dynstiction "//command%name//' DECK')
     else if (command%operand_count > 1 .and. command%name == 'trade') then
       call raise(error, usage_error, "'trade' takes one deck: '"//excerpt(command%operands(2)%text)//"' is too many")
+    else if (command%share%redivide .and. .not. command%share%is_given) then
+      call raise(error, usage_error, '--redivide without --shard: give the new division, like --shard 3/16')
     else if (command%quantity /= '' .and. .not. command%accuracy > 0.0_wp) then
       call raise(error, usage_error, '--quantity without --accuracy: give the accuracy that it shall have')
     else if (command%operand_count > 1 .and. command%output /= '') then
@@ -391,7 +381,10 @@ contains
         '  --set GROUP.KEY=       as if the deck did not set the key'//n// &
         '  --overwrite            replace an existing output file'//n// &
         '  --quiet                no progress'//n// &
-        '  --shard I/N            of a sweep: every N-th case from the I-th on; dynstiction merge joins the shards'//n// &
+        '  --shard I/N            of a sweep: the I-th of N equal parts of its cases; dynstiction merge joins the shards'//n// &
+        '  --shard I              the same where the shards that there are say N'//n// &
+        '  --shard auto           I and N from the job array, or from the launcher of several processes'//n// &
+        '  --redivide             with --shard: another N than that of the shards; what is done stays done'//n// &
         '  --keep-shards          of a sweep: do not remove the shards when the result file is whole'//n//n// &
         'A deck with &sweep runs all its cases, on all cores; started again after a stop or a kill, it goes on.'//n//n// &
         'Examples:'//n// &
@@ -402,11 +395,20 @@ contains
     case ('merge')
       text = 'Usage: dynstiction merge DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--keep-shards]'//n//n// &
         'Write the finished cases of a sweep from its shards FILE.shard-* to FILE. Deck, -o and --set are those of the run.'//n// &
-        'Cases that have not been run are rows of NaN with result_code -1; the shards are then kept.'//n//n// &
+        'Cases that have not been run are rows of NaN with result_code -1; the shards are then kept, and the next'//n// &
+        'merge or run of the same sweep replaces the file.'//n//n// &
         '  --overwrite            replace an existing result file'//n// &
         '  --keep-shards          do not remove the shards when all cases are there'//n//n// &
         'Example:'//n// &
         '  dynstiction merge inputs/map_lambda.nml -o map_lambda.h5'//n//n// &
+        exit_codes(n)
+    case ('show')
+      text = 'Usage: dynstiction show FILE.h5...'//n//n// &
+        'Print what each result file is: model, method, whether it is complete. Of a sweep that is not at its end, print'//n// &
+        'from its shards FILE.h5.shard-* how many cases are done, and of each shard its part, its times, and whether a'//n// &
+        'process is writing it; FILE.h5 itself need not be there yet. Nothing is changed, and nobody is disturbed.'//n//n// &
+        'Example:'//n// &
+        '  dynstiction show map_lambda.h5'//n//n// &
         exit_codes(n)
     case ('resume')
       text = 'Usage: dynstiction resume FILE.h5... [--quiet]'//n//n// &
@@ -477,6 +479,7 @@ contains
         '  dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n// &
         '  dynstiction resume FILE.h5... [--quiet]                go on with a run that was stopped or killed'//n// &
         '  dynstiction merge DECK... [-o FILE]                    join the shards of a sweep'//n// &
+        '  dynstiction show FILE.h5...                            what a result is, how far a sweep has come'//n// &
         '  dynstiction check DECK... [--set GROUP.KEY=VALUE]...   print the deck as used, run nothing'//n// &
         '  dynstiction template [MODEL]                           print a deck with every key explained'//n// &
         '  dynstiction keys                                       print every key of a deck, a line each'//n// &

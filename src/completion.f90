@@ -106,7 +106,7 @@ contains
     select case (command)
     case ('run', 'merge', 'check', 'stability', 'trade')
       call builder%line('*.nml')
-    case ('resume')
+    case ('resume', 'show')
       call builder%line('*.h5')
     case ('template')
       call offer(builder, schema(find_name('model'))%choices, typed)

@@ -10,16 +10,20 @@ module dst_disk
 
   public :: identity_t, identity_of, operator(==)
   public :: reserve_space, set_file_size, move_file, place_file, delete_file, delete_own_file
-  public :: read_bytes, read_at, write_bytes, put_text, create_file, open_own_file, make_durable, make_name_durable
-  public :: lock_file, unlock_file, is_in_use, wait_seconds
-  public :: open_for_appending, open_for_reading, is_locked_elsewhere, append_words, read_words, close_descriptor
+  public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
+  public :: lock_attempt, locked, held, without_locks, lock_file, unlock_file, is_in_use, wait_seconds
+  public :: open_for_appending, open_for_reading, is_locked_elsewhere, process_with_lock, append_words, read_words, close_descriptor
   public :: matching_files, path_t
   public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
-  public :: system_error, system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal, utc_now, utc_of
+  public :: system_error, system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal
+  public :: utc_now, utc_of, utc_at, seconds_now
 
   !> HDF5's lock is not to be had.
   character(*), parameter :: locked_by_a_reader = &
     'locked by another process, or the file system has no locks: close the other program, or use a disk that has locks'
+
+  !> What became of an attempt to lock.
+  integer, parameter :: locked = 0, held = 1, without_locks = 2
 
   ! Error numbers that mean "no room" on Linux.
   integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122
@@ -35,6 +39,7 @@ module dst_disk
     logical :: exists = .false.
     logical :: is_regular = .false.       !! not a folder, a link, a device, a pipe
     integer(int64) :: bytes = 0
+    integer(int64) :: changed = 0         !! its bytes, last time [s since 1970]
     integer(int64), private :: inode = 0
     integer(c_int32_t), private :: device(2) = 0
   end type identity_t
@@ -206,6 +211,11 @@ module dst_disk
       type(c_ptr), value :: address
     end subroutine c_free
 
+    integer(c_intptr_t) function c_time(moment) bind(c, name='time')
+      import :: c_intptr_t, c_ptr
+      type(c_ptr), value :: moment
+    end function c_time
+
     integer(c_int) function c_getpid() bind(c, name='getpid')
       import :: c_int
     end function c_getpid
@@ -245,6 +255,7 @@ contains
     if (.not. identity%exists) return
     identity%is_regular = iand(int(found%mode, c_int), kind_of_file) == regular_file
     identity%bytes = found%bytes
+    identity%changed = found%times(7)
     identity%inode = found%inode
     identity%device = found%device
   end function looked_up
@@ -377,30 +388,18 @@ contains
     end do
   end function opened
 
-  !> Write a text from byte `place` (0 is the first) of an open file.
-  subroutine write_bytes(descriptor, place, text, reason)
+  !> Write all of `text`, from byte `place` of a file on, counted from 0, or where the descriptor stands.
+  subroutine write_bytes(descriptor, text, reason, place)
     integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in) :: place
     character(*), intent(in), target :: text
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(int64), intent(in), optional :: place
     character(c_char), pointer, contiguous :: bytes(:)
 
     if (len(text) == 0) return
     call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
     call write_all(descriptor, bytes, reason, place)
   end subroutine write_bytes
-
-  !> Write a text where the open file stands, or into a pipe.
-  subroutine put_text(descriptor, text, reason)
-    integer(c_int), intent(in) :: descriptor
-    character(*), intent(in), target :: text
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    character(c_char), pointer, contiguous :: bytes(:)
-
-    if (len(text) == 0) return
-    call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
-    call write_all(descriptor, bytes, reason)
-  end subroutine put_text
 
   !> Write all bytes in one call of the system, more only if that writes a part: from byte `place`, or where the file stands.
   subroutine write_all(descriptor, bytes, reason, place)
@@ -455,18 +454,21 @@ contains
   end subroutine read_at
 
   !> Open a regular file, created if need be, to append to it and nothing else; another process that has it open so is refused.
-  subroutine open_for_appending(file_name, descriptor, bytes, reason)
+  subroutine open_for_appending(file_name, descriptor, bytes, is_elsewhere, reason)
     character(*), intent(in) :: file_name
     integer(c_int), intent(out) :: descriptor
     integer(int64), intent(out) :: bytes               !! of the file
+    logical, intent(out) :: is_elsewhere               !! another process is the reason
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     integer(c_int), parameter :: read_write_create_append = 2 + 64 + 1024
 
     call ignore_size_limit_signal()
+    is_elsewhere = .false.
     do
       call open_regular(file_name, read_write_create_append, descriptor, bytes, reason)
       if (allocated(reason)) return
-      if (is_locked_elsewhere(descriptor)) then
+      is_elsewhere = is_locked_elsewhere(descriptor)
+      if (is_elsewhere) then
         reason = 'another process is writing it: wait until it ends'
         call close_descriptor(descriptor)
         return
@@ -477,14 +479,60 @@ contains
     end do
   end subroutine open_for_appending
 
-  !> Lock an open file until it is closed; true if another process has the lock. A file system without locks is trusted.
+  !> Lock a file; `held` by another process, or `without_locks` if its file system has none.
+  integer function lock_attempt(descriptor, shared) result(outcome)
+    integer(c_int), intent(in) :: descriptor
+    logical, intent(in), optional :: shared            !! with others that lock it so
+    integer(c_int), parameter :: share = 1, exclude = 2, or_fail = 4, would_block = 11
+    integer(c_int) :: operation
+
+    operation = exclude
+    if (present(shared)) operation = merge(share, exclude, shared)
+    outcome = locked
+    if (c_flock(descriptor, operation + or_fail) == 0) return
+    outcome = without_locks
+    if (system_error() == would_block) outcome = held
+  end function lock_attempt
+
+  !> Lock an open file until it is closed; true if another process has the lock, and not only for a moment to look whether
+  !> anybody has. A file system without locks is trusted.
   logical function is_locked_elsewhere(descriptor)
     integer(c_int), intent(in) :: descriptor
-    integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11
+    integer, parameter :: most_tries = 5
+    integer :: i
 
-    is_locked_elsewhere = .false.
-    if (c_flock(descriptor, exclusive_or_fail) /= 0) is_locked_elsewhere = system_error() == would_block
+    do i = 1, most_tries
+      is_locked_elsewhere = lock_attempt(descriptor) == held
+      if (.not. is_locked_elsewhere) exit
+      call wait_seconds(0.005_wp)
+    end do
   end function is_locked_elsewhere
+
+  !> The process of this machine that has locked a file, as Linux lists them; 0 if it lists none.
+  integer function process_with_lock(file_name) result(process)
+    character(*), intent(in) :: file_name
+    character(160) :: line
+    character(16) :: words(4)
+    character(64) :: place
+    character(20) :: inode
+    type(identity_t) :: file
+    integer :: unit, status, number
+
+    process = 0
+    file = identity_of(file_name)
+    write (inode, '(i0)') file%inode
+    open (newunit=unit, file='/proc/locks', status='old', action='read', iostat=status)
+    if (status /= 0) return
+    do
+      read (unit, '(a)', iostat=status) line
+      if (status /= 0) exit
+      ! '1: FLOCK  ADVISORY  WRITE 1234 08:01:5678 0 EOF': process, device and inode.
+      read (line, *, iostat=status) words, number, place
+      if (status /= 0) cycle
+      if (words(2) == 'FLOCK' .and. place(index(place, ':', back=.true.) + 1:) == inode) process = max(0, number)
+    end do
+    close (unit)
+  end function process_with_lock
 
   !> Open a regular file to read it.
   subroutine open_for_reading(file_name, descriptor, bytes, reason)
@@ -658,10 +706,9 @@ contains
   !> Take HDF5's lock again; if a reader has come in between, go on without it.
   subroutine lock_file(descriptor)
     integer(c_int), intent(in) :: descriptor
-    integer(c_int), parameter :: exclusive_or_fail = 2 + 4
-    integer(c_int) :: ignored
+    integer :: ignored
 
-    if (are_files_locked()) ignored = c_flock(descriptor, exclusive_or_fail)
+    if (are_files_locked()) ignored = lock_attempt(descriptor)
   end subroutine lock_file
 
   !> Whether another process has HDF5's lock of a file: for writing, or at all.
@@ -881,6 +928,30 @@ contains
     minutes = modulo(minutes, 1440)
     write (moment, '(i4.4, 2("-", i2.2), "T", i2.2, 2(":", i2.2), "Z")') year, month, day, minutes/60, modulo(minutes, 60), clock(7)
   end function utc_of
+
+  !> The same of a moment in seconds since 1970.
+  pure function utc_at(seconds) result(moment)
+    integer(int64), intent(in) :: seconds   !! not negative
+    character(20) :: moment
+    integer, parameter :: day = 86400
+    integer :: clock(8), second
+
+    second = int(modulo(seconds, int(day, int64)))
+    clock = [1970, 1, int(seconds/day) + 1, 0, second/3600, modulo(second, 3600)/60, modulo(second, 60), 0]
+    do while (clock(3) > month_length(clock(1), clock(2)))
+      clock(3) = clock(3) - month_length(clock(1), clock(2))
+      clock(2) = clock(2) + 1
+      if (clock(2) <= 12) cycle
+      clock(2) = 1
+      clock(1) = clock(1) + 1
+    end do
+    moment = utc_of(clock)
+  end function utc_at
+
+  !> Seconds since the beginning of 1970, UTC.
+  integer(int64) function seconds_now()
+    seconds_now = c_time(c_null_ptr)
+  end function seconds_now
 
   !> Days of a month of the Gregorian calendar.
   pure integer function month_length(year, month)

@@ -1,14 +1,15 @@
 !> What a result file says about the run that wrote it, and whether that run can be gone on with.
 module dst_hdf5_origin
-  use hdf5, only: hid_t, h5fclose_f
+  use hdf5, only: hid_t, h5fclose_f, h5lexists_f
   use dst_disk, only: file_size
   use dst_errors, only: error_t, raise, file_error
   use dst_process, only: guard_t
   use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, refusal_t
+  use dst_text, only: printable
   implicit none
   private
 
-  public :: origin_t, read_origin, check_is_result, is_hdf5
+  public :: origin_t, read_origin, check_is_result, is_hdf5, sweep_state_t, state_of_sweep, describe_result
 
   !> What the header of a result file says of the run.
   type :: origin_t
@@ -18,6 +19,12 @@ module dst_hdf5_origin
     character(:), allocatable :: deck_text       !! the deck as read
     character(:), allocatable :: deck_resolved   !! every key as used
   end type origin_t
+
+  !> What the result file of a sweep says of it.
+  type :: sweep_state_t
+    character(24) :: identity = ''               !! of the sweep; '' of what is no such file
+    integer :: complete = 0, done = 0, failed = 0
+  end type sweep_state_t
 
   !> What the attribute `program` of a result says.
   character(*), parameter :: this_program = 'dynstiction'
@@ -65,6 +72,84 @@ contains
     is_hdf5 = io_status == 0 .and. beginning == signature
     close (unit)
   end function is_hdf5
+
+  !> What a file says of its sweep. HDF5 may meet anything in it, so a child process looks.
+  type(sweep_state_t) function state_of_sweep(file_name) result(state)
+    character(*), intent(in) :: file_name
+    type(guard_t) :: guard
+    type(sweep_state_t) :: found
+    character(:), allocatable :: identity, text
+    character(80) :: answer
+    integer(hid_t) :: file
+    integer :: status
+
+    if (.not. is_hdf5(file_name)) return
+    call guard%begin()
+    if (guard%in_child) then
+      call open_existing(file_name, file, status)
+      call get_attribute(file, 'sweep_identity', identity, status)
+      call get_attribute(file, 'complete', found%complete, status)
+      call get_attribute(file, 'cases_done', found%done, status)
+      call get_attribute(file, 'cases_failed', found%failed, status)
+      if (status < 0 .or. len(identity) /= len(found%identity)) call guard%reply('')
+      write (answer, '(3(i0, 1x), a)') found%complete, found%done, found%failed, identity
+      call guard%reply(trim(answer))
+    end if
+    call guard%await(text)
+    status = 1
+    if (allocated(text)) read (text, *, iostat=status) found%complete, found%done, found%failed, found%identity
+    if (status == 0) state = found
+  end function state_of_sweep
+
+  !> What a result file is, in one line. A child process reads it.
+  subroutine describe_result(file_name, text, reason)
+    character(*), intent(in) :: file_name
+    character(:), allocatable, intent(out) :: text
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    type(guard_t) :: guard
+
+    call check_is_result(file_name, reason)
+    if (allocated(reason)) then
+      reason = 'it is no result of this program, or damaged: give a result file'
+      return
+    end if
+    call guard%begin()
+    if (guard%in_child) call guard%reply(description(file_name))
+    call guard%await(text)
+    if (.not. allocated(text)) text = ''
+    if (text == '') reason = 'it cannot be read: the file is damaged'
+  end subroutine describe_result
+
+  function description(file_name) result(text)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: text, model, method, created, version, revision, ending
+    integer(hid_t) :: file
+    integer :: status, complete
+
+    call open_existing(file_name, file, status)
+    call get_attribute(file, 'model', model, status)
+    call get_attribute(file, 'method', method, status)
+    call get_attribute(file, 'created', created, status)
+    call get_attribute(file, 'version', version, status)
+    call get_attribute(file, 'git_revision', revision, status)
+    call get_attribute(file, 'complete', complete, status)
+    call get_attribute(file, 'result_text', ending, status)
+    text = ''
+    if (status < 0) return
+    text = 'run'
+    if (has(file, 'trade')) text = 'comparison of methods'
+    if (has(file, 'sweep')) text = 'sweep'
+    text = printable(text//' of model '//model//', method '//method//', '//created//', dynstiction '//version//' ('// &
+      revision//'): '//trim(merge('complete    ', 'not complete', complete == 1))//', '//ending)
+  end function description
+
+  logical function has(file, group)
+    integer(hid_t), intent(in) :: file
+    character(*), intent(in) :: group
+    integer :: ignored
+
+    call h5lexists_f(file, group, has, ignored)
+  end function has
 
   !> Read the header of the result of a run that is to go on.
   subroutine read_origin(file_name, shown_name, origin, error)

@@ -3,7 +3,6 @@ module dst_main
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable
-  use dst_copies, only: copies_t, copies_in_environment
   use dst_disk, only: place_of
   use dst_deck, only: deck_t, read_deck, parse_deck, resolved, template, key_table
   use dst_deck_check, only: check_deck
@@ -11,13 +10,16 @@ module dst_main
     setting_list, help_text
   use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
+  use dst_division, only: processes_here
   use dst_processes, only: processes_t
   use dst_result_file, only: check_target
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: sweep_group
+  use dst_sweep_file, only: is_of_unfinished_sweep
   use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
+  use dst_show, only: show_result
   use dst_signals, only: listen_to_requests, listen_to_signals
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
@@ -40,7 +42,9 @@ module dst_main
 
   type(command_t) :: command
   type(processes_t) :: processes
-  type(copies_t) :: copies
+  !> Of this program, that a launcher has started together, and the number of this one; and who says so.
+  integer :: copies = 0, copy = 0
+  character(:), allocatable :: copies_variable
   !> Of the program: that of the first error.
   integer, public, protected :: status = result_done
 
@@ -61,7 +65,7 @@ contains
       call print_text(completions(arguments))
       return
     end if
-    copies = copies_in_environment()
+    call processes_here(copies, copy, copies_variable)
     if (is_python_command(arguments)) then
       call check_alone(error)
       if (.not. allocated(error)) call hand_over(arguments, error)
@@ -82,7 +86,7 @@ contains
     type(argument_t), intent(in) :: arguments(:)
     type(error_t), allocatable, intent(out) :: error
 
-    if (copies%count > 1 .and. .not. takes_own_share(arguments)) call processes%start(error)
+    if (copies > 1 .and. .not. takes_own_share(arguments)) call processes%start(error)
   end subroutine start_processes
 
   !> Whether '--shard auto' is given.
@@ -107,14 +111,14 @@ contains
 
   !> Whether this is one of several copies of which none knows that there are others.
   pure logical function is_lost()
-    is_lost = copies%count > 1 .and. processes%count == 1 .and. command%shards == 0
+    is_lost = copies > 1 .and. processes%count == 1 .and. .not. command%share%is_given
   end function is_lost
 
   !> Refuse several copies, each of which would write the same files.
   subroutine check_alone(error)
     type(error_t), allocatable, intent(out) :: error
 
-    if (is_lost()) call raise(error, usage_error, 'this is one of '//integer_text(copies%count)//' copies ('//copies%variable// &
+    if (is_lost()) call raise(error, usage_error, 'this is one of '//integer_text(copies)//' copies ('//copies_variable// &
       '), and they know nothing of each other: start the program once, build it with -Dmpi=enabled for this MPI, or use --shard')
   end subroutine check_alone
 
@@ -160,6 +164,8 @@ contains
       call merge_decks()
     case ('resume')
       call resume_runs()
+    case ('show')
+      call show_results()
     end select
   end subroutine work_alone
 
@@ -202,7 +208,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     call read_deck(command%operands(i)%text, setting_list(command), deck, error)
-    if (.not. allocated(error)) call check_deck(deck, output_of(deck), command%shards, remark, error)
+    if (.not. allocated(error)) call check_deck(deck, output_of(deck), command%share%least_shares(), remark, error)
   end subroutine read_sound_deck
 
   !> Print the linear theory of every deck that is sound, and all faults of the others.
@@ -243,7 +249,7 @@ contains
     if (.not. allocated(error)) then
       output(1)%text = command%output
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
-      call check_output(output, 1, command%operands(:1), error)
+      call check_output(output, 1, command%operands(:1), command%overwrite, error)
     end if
     call listen_to_signals()
     if (.not. allocated(error)) &
@@ -305,6 +311,7 @@ contains
     type(argument_t), intent(inout) :: outputs(:)
     type(error_t), allocatable :: error
     character(:), allocatable :: remark
+    logical :: may_replace
     integer :: i
 
     do i = 1, size(decks)
@@ -318,7 +325,9 @@ contains
     end do
     if (status /= result_done) return
     do i = 1, size(decks)
-      call check_output(outputs, i, inputs_of(decks), error)
+      may_replace = command%overwrite
+      if (decks(i)%is_sweep() .and. .not. may_replace) may_replace = is_of_unfinished_sweep(outputs(i)%text)
+      call check_output(outputs, i, inputs_of(decks), may_replace, error)
       call complain(error)
     end do
   end subroutine prepare
@@ -350,7 +359,7 @@ contains
 
     if (deck%is_sweep()) then
       call run_sweep(deck, output, sweep_options(), processes, error)
-    else if (command%shards > 0) then
+    else if (command%share%is_given) then
       call raise(error, usage_error, 'has no &sweep: run it without --shard')
     else if (processes%is_first()) then
       call run_deck(deck, output, command%overwrite, command%quiet, error)
@@ -361,8 +370,7 @@ contains
     options%overwrite = command%overwrite
     options%quiet = command%quiet
     options%keep_shards = command%keep_shards
-    options%shard = command%shard
-    options%shards = command%shards
+    options%share = command%share
   end function sweep_options
 
   !> Complain of an error that a deck has led to; that of a file names the file.
@@ -396,6 +404,19 @@ contains
       if (error%code == stopped_early) exit
     end do
   end subroutine resume_runs
+
+  !> Print what each file is.
+  subroutine show_results()
+    type(error_t), allocatable :: error
+    character(:), allocatable :: text
+    integer :: i
+
+    do i = 1, command%operand_count
+      call show_result(command%operands(i)%text, text, error)
+      call complain(error)
+      if (.not. allocated(error)) call print_text(text)
+    end do
+  end subroutine show_results
 
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.
   function output_of(deck) result(file_name)
@@ -435,9 +456,10 @@ contains
   end function inputs_of
 
   !> Whether output `i` may be created, is that of no other deck, and nothing that is read.
-  subroutine check_output(outputs, i, inputs, error)
+  subroutine check_output(outputs, i, inputs, may_replace, error)
     type(argument_t), intent(in) :: outputs(:), inputs(:)
     integer, intent(in) :: i
+    logical, intent(in) :: may_replace
     type(error_t), allocatable, intent(out) :: error
     integer :: other
 
@@ -447,7 +469,7 @@ contains
         if (place_of(inputs(other)%text) == place_of(file_name)) call raise(error, file_error, file_name// &
           ': this is a deck, or a list of points, of the command: use another name for the result')
       end do
-      if (.not. allocated(error)) call check_target(file_name, command%overwrite, error)
+      if (.not. allocated(error)) call check_target(file_name, may_replace, error)
       do other = 1, i - 1
         if (allocated(error)) return
         if (place_of(outputs(other)%text) == place_of(file_name)) &
@@ -468,7 +490,7 @@ contains
 
   !> Of copies that know nothing of each other the first one speaks for all.
   pure logical function is_mute()
-    is_mute = is_lost() .and. copies%number > 0
+    is_mute = is_lost() .and. copy > 0
   end function is_mute
 
   subroutine print_text(text)

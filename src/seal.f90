@@ -5,12 +5,13 @@
 module dst_seal
   use, intrinsic :: iso_c_binding, only: c_int, c_char, c_f_pointer, c_loc
   use dst_crc32, only: crc32_t
-  use dst_disk, only: identity_of, identity_t, read_at, set_file_size, system_reason, write_bytes
+  use dst_disk, only: close_descriptor, identity_of, identity_t, open_for_reading, read_at, set_file_size, system_reason, &
+    write_bytes
   use dst_kinds, only: int64
   implicit none
   private
 
-  public :: seal, break_seal, checksum_of
+  public :: seal, break_seal, has_sound_seal, checksum_of
 
   character(*), parameter :: mark = 'dynstiction CRC-32 '
   integer(int64), parameter :: seal_bytes = len(mark) + 8 + 1
@@ -35,7 +36,7 @@ contains
       return
     end if
     line = mark//crc%text()//achar(10)
-    call write_bytes(descriptor, file%bytes, line, reason)
+    call write_bytes(descriptor, line, reason, file%bytes)
     if (allocated(reason)) then
       call set_file_size(descriptor, file%bytes)
       return
@@ -58,6 +59,24 @@ contains
     call read_at(descriptor, file%bytes - seal_bytes, beginning, complete)
     if (complete .and. transfer(beginning, mark) == mark) call set_file_size(descriptor, file%bytes - seal_bytes)
   end subroutine break_seal
+
+  !> Whether a file is as it was when it was sealed.
+  logical function has_sound_seal(file_name)
+    character(*), intent(in) :: file_name
+    character(c_char) :: ending(seal_bytes)
+    character(seal_bytes) :: line
+    character(:), allocatable :: reason
+    type(crc32_t) :: crc
+    integer(c_int) :: descriptor
+    integer(int64) :: bytes
+
+    call open_for_reading(file_name, descriptor, bytes, reason)
+    has_sound_seal = bytes > seal_bytes .and. .not. allocated(reason)
+    if (has_sound_seal) call read_at(descriptor, bytes - seal_bytes, ending, has_sound_seal)
+    if (has_sound_seal) has_sound_seal = covers(descriptor, bytes - seal_bytes, crc)
+    if (has_sound_seal) has_sound_seal = transfer(ending, line) == mark//crc%text()//achar(10)
+    call close_descriptor(descriptor)
+  end function has_sound_seal
 
   !> CRC-32 of an open file's bytes as 8 hexadecimal digits; '-' if it cannot be read, or is empty.
   function checksum_of(descriptor) result(text)

@@ -4,22 +4,24 @@
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use hdf5, only: hid_t, h5fclose_f, h5f_acc_excl_f, h5t_ieee_f64le, h5t_std_i32le
-  use dst_disk, only: path_t, with_remedy, ignore_size_limit_signal
+  use dst_disk, only: path_t, place_of, utc_at, with_remedy, ignore_size_limit_signal
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
   use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
     make_scale, attach_scale, table_t, create_table, append_rows, message_list_t, create_messages, append_messages
+  use dst_hdf5_origin, only: sweep_state_t, state_of_sweep
   use dst_hdf5_writer, only: run_metadata_t, write_metadata
   use dst_kinds, only: real64
-  use dst_result_file, only: result_file_t
+  use dst_result_file, only: result_file_t, check_target
   use dst_schema, only: schema
   use dst_sweep, only: sweep_t, case_t, value_count, value_quantities, wall_time_value, series_quantities
-  use dst_sweep_shard, only: index_t, layout_t, layout_of, reader_t, open_records, read_record
+  use dst_seal, only: has_sound_seal
+  use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, reader_t, open_records, read_record, shards_of
   use dst_text, only: integer_text
   use dst_writer, only: quantity_t
   implicit none
   private
 
-  public :: merge_shards
+  public :: merge_shards, look_at_result, is_of_unfinished_sweep
 
   !> Cases held in memory; values of the series held in memory.
   integer, parameter :: usual_block = 32768, most_series_values = 4000000
@@ -44,9 +46,47 @@ module dst_sweep_file
 
 contains
 
+  !> Whether a file is of a sweep that is not at its end: cases are missing, or shards are still beside it.
+  logical function is_of_unfinished_sweep(result_file)
+    character(*), intent(in) :: result_file
+    type(sweep_state_t) :: state
+    type(path_t), allocatable :: files(:)
+
+    state = state_of_sweep(place_of(result_file))
+    call shards_of(result_file, files)
+    is_of_unfinished_sweep = state%identity /= '' .and. (state%complete == 0 .or. size(files) > 0)
+  end function is_of_unfinished_sweep
+
+  !> Refuse to replace what has the name of the result, but for a partial result of this sweep. Of a whole one beside which there
+  !> are still shards `index` says that all is done; not so for one of several processes, which `is_shared`.
+  subroutine look_at_result(result_file, head, is_shared, files, index, error)
+    character(*), intent(in) :: result_file
+    type(head_t), intent(in) :: head
+    logical, intent(in) :: is_shared
+    type(path_t), intent(in) :: files(:)
+    type(index_t), intent(inout) :: index
+    type(error_t), allocatable, intent(out) :: error
+    type(sweep_state_t) :: state
+
+    call check_target(result_file, .false., error)
+    if (.not. allocated(error)) return
+    state = state_of_sweep(place_of(result_file))
+    if (state%identity /= head%identity) return
+    if (state%complete == 1) then
+      if (is_shared .or. size(files) == 0) return
+      if (.not. has_sound_seal(place_of(result_file))) return
+      index%is_in_result = .true.
+      index%shard = -1
+      index%done = state%done
+      index%failed = state%failed
+    end if
+    deallocate (error)
+  end subroutine look_at_result
+
   !> Write what the shards hold to `result_file`.
-  subroutine merge_shards(sweep, files, index, metadata, result_file, overwrite, error)
+  subroutine merge_shards(sweep, head, files, index, metadata, result_file, overwrite, error)
     type(sweep_t), intent(in) :: sweep
+    type(head_t), intent(in) :: head
     type(path_t), intent(in) :: files(:)
     type(index_t), intent(in) :: index
     type(run_metadata_t), intent(in) :: metadata
@@ -58,15 +98,20 @@ contains
     character(:), allocatable :: checksum
     integer :: status
 
-    call file%claim(result_file, overwrite, error)
+    call file%claim(result_file, .true., error)
     if (allocated(error)) return
+    if (.not. overwrite) call check_replaceable(result_file, head, index, error)
+    if (allocated(error)) then
+      call file%release()
+      return
+    end if
     call ignore_size_limit_signal()
     call start_hdf5(status)
     call open_file(file%path(), h5f_acc_excl_f, output%file, status)
     call file%adopt()
     call create_columns(output, sweep, metadata, status)
     call copy_cases(output, sweep, files, index, status, error)
-    call put_ending(output, sweep, index, status)
+    call put_ending(output, sweep, head, index, status)
     if (status < 0) call raise_cannot_write(result_file, error)
     if (output%file >= 0) call h5fclose_f(output%file, status)
     if (status < 0) call raise_cannot_write(result_file, error)
@@ -78,6 +123,23 @@ contains
       call file%release()
     end if
   end subroutine merge_shards
+
+  !> Only a partial result of the same sweep is, and none that holds more cases. Nobody else writes it meanwhile.
+  subroutine check_replaceable(result_file, head, index, error)
+    character(*), intent(in) :: result_file
+    type(head_t), intent(in) :: head
+    type(index_t), intent(in) :: index
+    type(error_t), allocatable, intent(out) :: error
+    type(sweep_state_t) :: state
+
+    call check_target(result_file, .false., error)
+    if (.not. allocated(error)) return
+    state = state_of_sweep(place_of(result_file))
+    if (state%identity /= head%identity .or. state%complete == 1) return
+    deallocate (error)
+    if (state%done > index%done) call raise(error, file_error, result_file//': the file holds '//integer_text(state%done)// &
+      ' cases, the shards '//integer_text(index%done)//': use --overwrite or another name')
+  end subroutine check_replaceable
 
   !> The first error counts.
   subroutine raise_cannot_write(result_file, error)
@@ -330,9 +392,10 @@ contains
     call append_messages(output%failure, messages, status)
   end subroutine write_block
 
-  subroutine put_ending(output, sweep, index, status)
+  subroutine put_ending(output, sweep, head, index, status)
     type(output_t), intent(in) :: output
     type(sweep_t), intent(in) :: sweep
+    type(head_t), intent(in) :: head
     type(index_t), intent(in) :: index
     integer, intent(inout) :: status
     character(:), allocatable :: text
@@ -349,6 +412,11 @@ contains
       text = integer_text(sweep%cases - index%done)//' of '//integer_text(sweep%cases)// &
         ' cases have not been run'
     end if
+    call put_attribute(output%file, 'sweep_identity', head%identity, status)
+    call put_attribute(output%file, 'cases_done', index%done, status)
+    call put_attribute(output%file, 'cases_failed', index%failed, status)
+    call put_attribute(output%file, 'begun', utc_at(index%begun), status)
+    call put_attribute(output%file, 'ended', utc_at(index%ended), status)
     call put_attribute(output%file, 'result_code', code, status)
     call put_attribute(output%file, 'result_text', text, status)
     call put_attribute(output%file, 'complete', merge(1, 0, index%done == sweep%cases), status)

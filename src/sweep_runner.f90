@@ -9,7 +9,8 @@ module dst_sweep_runner
   use dst_deck_check, only: sweep_of_deck
   use dst_deck_sweep, only: varied_key
   use dst_deck_values, only: set_default
-  use dst_disk, only: path_t, wait_seconds
+  use dst_disk, only: identity_of, identity_t, path_t, wait_seconds
+  use dst_division, only: share_wish_t, settle_division
   use dst_errors, only: error_t, raise, usage_error, file_error, some_failed, out_of_memory, stopped_early
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, int64, real64
@@ -21,10 +22,10 @@ module dst_sweep_runner
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal, signal_name, no_signal
   use dst_simulation, only: wall_clock
-  use dst_sweep, only: sweep_t, axis_t, new_sweep, case_t, watch_t, worker_t, new_worker
-  use dst_sweep_file, only: merge_shards
-  use dst_sweep_shard, only: shard_t, index_t, layout_t, layout_of, shard_name, shards_of, open_shard, scan_shard, empty_shard, &
-    delete_shard
+  use dst_sweep, only: sweep_t, axis_t, new_sweep, case_t, watch_t, worker_t, new_worker, series_quantities
+  use dst_sweep_file, only: merge_shards, look_at_result
+  use dst_sweep_shard, only: shard_t, head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &
+    scan_shard, empty_shard, delete_shard
   use dst_text, only: integer_text, word, word_count
   use dst_threads, only: task_t, run_in_threads
   implicit none
@@ -35,7 +36,7 @@ module dst_sweep_runner
   !> Options of the command line.
   type :: sweep_options_t
     logical :: overwrite = .false., quiet = .false., keep_shards = .false.
-    integer :: shard = 0, shards = 0     !! this process does every `shards`-th case from `shard` on; 0 = all
+    type(share_wish_t) :: share          !! this process has a part of the cases, and knows of no other
   end type sweep_options_t
 
   !> How fast the cases of this process are of late, to ask for as many as it needs.
@@ -110,88 +111,88 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
     type(state_t), target :: state
+    type(head_t) :: head
     integer, allocatable :: pending(:)
-    character(:), allocatable :: identity
 
     state%processes = processes
-    if (processes%is_first()) call prepare(deck, result_file, options, sweep, identity, state, pending, error)
+    if (processes%is_first()) call prepare(deck, result_file, options, sweep, head, state, pending, error)
     ! Nobody opens a shard before the first has looked at all.
     call processes%agree(error)
     if (allocated(error)) return
-    call share_sweep(processes, deck, sweep, identity, error)
-    if (.not. allocated(error)) call open_shard(state%shard, &
-      shard_name(result_file, merge(options%shard, processes%rank, options%shards > 0)), identity, layout_of(sweep), error)
+    call share_sweep(processes, deck, sweep, head, error)
+    if (.not. allocated(error)) call open_shard(state%shard, result_file, &
+      merge(head%division%share, processes%rank, options%share%is_given), head, layout_of(sweep), error)
     call processes%agree(error)
     if (.not. allocated(error)) then
       call run_cases(sweep, state, pending, options%quiet .or. .not. processes%is_first())
       if (allocated(state%error)) then
         call move_alloc(state%error, error)
       else if (state%stop /= 0) then
-        call raise(error, stopped_early, stop_text(sweep, state))
+        call raise(error, stopped_early, stop_text(state))
       end if
     end if
     call state%shard%close()
     call processes%agree(error)
     if (allocated(error)) return
-    if (processes%is_first()) call present_result(sweep, identity, result_file, options, state, error)
+    if (processes%is_first()) call present_result(sweep, head, result_file, options, state, error)
     call processes%agree(error)
   end subroutine run_sweep
 
   !> What one process finds out for all: the sweep, and which of its cases are to be run.
-  subroutine prepare(deck, result_file, options, sweep, identity, state, pending, error)
+  subroutine prepare(deck, result_file, options, sweep, head, state, pending, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
     type(sweep_t), intent(out) :: sweep
-    character(:), allocatable, intent(out) :: identity
+    type(head_t), intent(out) :: head
     type(state_t), intent(inout) :: state
     integer, allocatable, intent(out) :: pending(:)
     type(error_t), allocatable, intent(out) :: error
     type(index_t) :: index
     type(path_t), allocatable :: files(:)
 
-    if (state%processes%count > 1 .and. options%shards > 0) then
+    if (state%processes%count > 1 .and. options%share%is_given) then
       call raise(error, usage_error, '--shard is for processes that know nothing of each other, these do: leave it out')
       return
     end if
     call sweep_of_deck(deck, sweep, error)
     if (allocated(error)) return
-    identity = identity_of(sweep)
-    call look_at_shards(sweep, identity, result_file, options%overwrite, index, files, error)
+    head = head_of(sweep)
+    call look_at_shards(sweep, head, result_file, options, options%overwrite, index, files, error)
     if (.not. allocated(error)) call choose_cases(sweep, index, options, state, pending, error)
   end subroutine prepare
 
   !> The first process has read the points of a sweep; the others get them from it.
-  subroutine share_sweep(processes, deck, sweep, identity, error)
+  subroutine share_sweep(processes, deck, sweep, head, error)
     type(processes_t), intent(in) :: processes
     type(deck_t), intent(in) :: deck
     type(sweep_t), intent(inout) :: sweep
-    character(:), allocatable, intent(inout) :: identity
+    type(head_t), intent(inout) :: head
     type(error_t), allocatable, intent(out) :: error
     type(axis_t), allocatable :: axes(:)
     character(:), allocatable :: names
     integer :: i
 
     if (processes%count == 1) return
-    call processes%share_text(identity)
     if (deck%text_of(sweep_group, 'points') == '') then
       if (.not. processes%is_first()) call new_sweep(deck, sweep, error)
-      return
-    end if
-    names = ''
-    if (processes%is_first()) then
-      axes = sweep%axes
+    else
+      names = ''
+      if (processes%is_first()) then
+        axes = sweep%axes
+        do i = 1, size(axes)
+          names = trim(adjustl(names//' '//axes(i)%name))
+        end do
+      end if
+      call processes%share_text(names)
+      if (.not. processes%is_first()) allocate (axes(word_count(names)))
       do i = 1, size(axes)
-        names = trim(adjustl(names//' '//axes(i)%name))
+        axes(i)%name = word(names, i)
+        call processes%share_numbers(axes(i)%values)
       end do
+      if (.not. processes%is_first()) call new_sweep(deck, sweep, error, axes, .true.)
     end if
-    call processes%share_text(names)
-    if (.not. processes%is_first()) allocate (axes(word_count(names)))
-    do i = 1, size(axes)
-      axes(i)%name = word(names, i)
-      call processes%share_numbers(axes(i)%values)
-    end do
-    if (.not. processes%is_first()) call new_sweep(deck, sweep, error, axes, .true.)
+    if (.not. (processes%is_first() .or. allocated(error))) head = head_of(sweep)
   end subroutine share_sweep
 
   !> Write what the shards hold so far to the result file.
@@ -201,21 +202,39 @@ contains
     type(sweep_options_t), intent(in) :: options
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
+    type(head_t) :: head
     type(index_t) :: index
     type(path_t), allocatable :: files(:)
 
     call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) call look_at_shards(sweep, identity_of(sweep), result_file, .false., index, files, error)
     if (allocated(error)) return
+    head = head_of(sweep)
+    call look_at_shards(sweep, head, result_file, options, .false., index, files, error)
+    if (allocated(error)) return
+    call tell_of_others(sweep, index, options)
     if (index%done == 0) then
       call raise(error, file_error, result_file//': there is no finished case to merge: run the deck first')
     else
-      call write_result(sweep, result_file, index, files, options, error)
+      call write_result(sweep, head, result_file, index, files, options, error)
     end if
   end subroutine merge_sweep
 
-  !> What a shard must be of: every key that has an effect on a result, the names and values of a list, the program.
-  function identity_of(sweep) result(identity)
+  !> Of which sweep and build a shard must be.
+  function head_of(sweep) result(head)
+    type(sweep_t), intent(in) :: sweep
+    type(head_t) :: head
+    character(64) :: digest
+
+    digest = identity_of_sweep(sweep)
+    head%identity = digest(:len(head%identity))
+    digest = sha256(version//git_revision)
+    head%build = digest(:len(head%build))
+    head%columns = size(series_quantities(sweep))
+    head%cases = sweep%cases
+  end function head_of
+
+  !> Every key that has an effect on a result, the names and values of a list.
+  function identity_of_sweep(sweep) result(identity)
     type(sweep_t), intent(in) :: sweep
     character(64) :: identity
     type(deck_t) :: deck
@@ -226,13 +245,13 @@ contains
       k = varied_key(trim(changeable(i)))
       call set_default(schema(k), deck%value(k))
     end do
-    identity = sha256(resolved(deck)//version//git_revision)
+    identity = sha256(resolved(deck))
     if (.not. sweep%is_list) return
     do i = 1, size(sweep%axes)
       identity = sha256(identity//trim(sweep%axes(i)%name))
       call add_values(sweep%axes(i)%values, identity)
     end do
-  end function identity_of
+  end function identity_of_sweep
 
   !> Block by block, so that the text of many values is not long.
   subroutine add_values(values, digest)
@@ -250,18 +269,20 @@ contains
     end do
   end subroutine add_values
 
-  !> Which cases the shards beside `result_file` hold. Shards of another sweep are emptied with `overwrite`, else refused.
-  subroutine look_at_shards(sweep, identity, result_file, overwrite, index, files, error)
+  !> Which cases the shards beside `result_file` hold, and what has the result's name. Shards of another sweep or build are emptied
+  !> with `empties`; else those of another sweep are refused, those of another build passed over. A process that has a part of the
+  !> cases gets its division into `head`, and reads neither what the others of it have nor cases that are not its own.
+  subroutine look_at_shards(sweep, head, result_file, options, empties, index, files, error)
     type(sweep_t), intent(in) :: sweep
-    character(64), intent(in) :: identity
+    type(head_t), intent(inout) :: head
     character(*), intent(in) :: result_file
-    logical, intent(in) :: overwrite
+    type(sweep_options_t), intent(in) :: options
+    logical, intent(in) :: empties
     type(index_t), intent(out) :: index
-    type(path_t), allocatable, intent(out) :: files(:)
+    type(path_t), allocatable, intent(out) :: files(:)   !! shards of this sweep and build
     type(error_t), allocatable, intent(out) :: error
-    type(layout_t) :: layout
-    integer(int64) :: words
-    integer :: i, status
+    type(head_t), allocatable :: heads(:)
+    integer :: i, status, ignored
 
     allocate (index%shard(sweep%cases), index%place(sweep%cases), stat=status)
     if (status /= 0) then
@@ -270,14 +291,69 @@ contains
     end if
     index%shard = 0
     index%place = 0
-    layout = layout_of(sweep)
     call shards_of(result_file, files)
+    call read_heads(head, empties, files, heads, index, error)
+    if (.not. allocated(error)) call settle_division(options%share, divisions_of(heads, files), head%division, error)
+    if (.not. (allocated(error) .or. options%overwrite)) &
+      call look_at_result(result_file, head, options%share%is_given, files, index, error)
+    if (allocated(error) .or. index%is_in_result) return
+    do i = 1, sweep%cases
+      if (.not. head%division%has(i, sweep%cases)) index%shard(i) = -1
+    end do
     do i = 1, size(files)
-      call scan_shard(files(i)%text, identity, layout, i, index, words, error)
-      if (allocated(error) .and. overwrite) call empty_shard(files(i)%text, identity, layout, error)
+      associate (theirs => heads(i)%division, ours => head%division)
+        if (ours%shares > 0 .and. theirs%shares == ours%shares .and. theirs%share /= ours%share) cycle
+      end associate
+      call scan_shard(files(i)%text, layout_of(sweep), i, index, ignored, error)
       if (allocated(error)) return
     end do
   end subroutine look_at_shards
+
+  !> The heads of all shards; `files` and `heads` come back without those of other builds.
+  subroutine read_heads(head, empties, files, heads, index, error)
+    type(head_t), intent(in) :: head
+    logical, intent(in) :: empties
+    type(path_t), allocatable, intent(inout) :: files(:)
+    type(head_t), allocatable, intent(out) :: heads(:)
+    type(index_t), intent(inout) :: index
+    type(error_t), allocatable, intent(out) :: error
+    logical :: is_ours(size(files))
+    type(identity_t) :: file
+    integer :: i
+
+    allocate (heads(size(files)))
+    do i = 1, size(files)
+      call inspect_shard(files(i)%text, heads(i), error)
+      if (.not. allocated(error)) call check_sweep(files(i)%text, heads(i), head, error)
+      is_ours(i) = heads(i)%is_of_build(head)
+      if (empties .and. (allocated(error) .or. .not. is_ours(i))) then
+        call empty_shard(files(i)%text, head, error)
+        heads(i) = head_t(is_whole=.false.)
+        is_ours(i) = .true.
+      end if
+      if (allocated(error)) return
+      if (.not. (heads(i)%is_whole .and. is_ours(i))) cycle
+      file = identity_of(files(i)%text)
+      index%begun = min(heads(i)%begun, merge(index%begun, heads(i)%begun, index%begun > 0))
+      index%ended = max(index%ended, file%changed)
+    end do
+    index%of_other_builds = count(.not. is_ours)
+    files = pack(files, is_ours)
+    heads = pack(heads, is_ours)
+  end subroutine read_heads
+
+  !> Shards of another build are left alone, but not silently.
+  subroutine tell_of_others(sweep, index, options)
+    type(sweep_t), intent(in) :: sweep
+    type(index_t), intent(in) :: index
+    type(sweep_options_t), intent(in) :: options
+    type(progress_t) :: progress
+
+    if (index%of_other_builds == 0) return
+    progress = new_progress(sweep%deck%name, options%quiet)
+    call progress%remark(integer_text(index%of_other_builds)//' shards are of another build of the program: they are left '// &
+      'alone, and their cases run again (--overwrite empties them)')
+  end subroutine tell_of_others
 
   subroutine raise_no_memory(cases, error)
     integer, intent(in) :: cases
@@ -300,10 +376,7 @@ contains
     do pass = 1, 2
       n = 0
       do i = 1, sweep%cases
-        if (index%shard(i) > 0) cycle
-        if (options%shards > 0) then
-          if (modulo(i - 1, options%shards) /= options%shard - 1) cycle
-        end if
+        if (index%shard(i) /= 0) cycle
         n = n + 1
         if (pass == 2) pending(n) = i
       end do
@@ -313,6 +386,7 @@ contains
       call raise_no_memory(n, error)
       return
     end do
+    call tell_of_others(sweep, index, options)
     state%to_do = n
     state%done_before = index%done
     state%failed_before = index%failed
@@ -527,26 +601,33 @@ contains
   end subroutine measure
 
   !> The result file; or, of a part of the cases, how to get it.
-  subroutine present_result(sweep, identity, result_file, options, state, error)
+  subroutine present_result(sweep, head, result_file, options, state, error)
     type(sweep_t), intent(in) :: sweep
-    character(64), intent(in) :: identity
+    type(head_t), intent(in) :: head
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
     type(state_t), intent(in) :: state
     type(error_t), allocatable, intent(out) :: error
+    type(head_t) :: again
     type(index_t) :: index
     type(path_t), allocatable :: files(:)
+    integer :: failed
 
-    if (options%shards > 0) then
-      if (state%failed > 0) call raise(error, some_failed, integer_text(state%failed)//' cases failed')
+    if (options%share%is_given) then
+      failed = state%failed_before + state%failed
+      if (failed > 0) call raise(error, some_failed, integer_text(failed)//' of '// &
+        integer_text(head%division%size(sweep%cases))//' cases of shard '//head%division%text()//' failed')
     else
-      call look_at_shards(sweep, identity, result_file, .false., index, files, error)
-      if (.not. allocated(error)) call write_result(sweep, result_file, index, files, options, error)
+      again = head
+      call look_at_shards(sweep, again, result_file, options, .false., index, files, error)
+      if (.not. allocated(error)) call write_result(sweep, head, result_file, index, files, options, error)
     end if
   end subroutine present_result
 
-  subroutine write_result(sweep, result_file, index, files, options, error)
+  !> Merge the shards, unless that has been done, and remove them if they hold all cases.
+  subroutine write_result(sweep, head, result_file, index, files, options, error)
     type(sweep_t), intent(in) :: sweep
+    type(head_t), intent(in) :: head
     character(*), intent(in) :: result_file
     type(index_t), intent(in) :: index
     type(path_t), intent(in) :: files(:)
@@ -556,13 +637,15 @@ contains
     type(scene_t) :: scene
     integer :: i
 
-    call scene_from_deck(sweep%deck, scene)
-    call describe_run(sweep%deck, scene%model, scene%method_name(), '', metadata)
-    call merge_shards(sweep, files, index, metadata, result_file, options%overwrite, error)
-    if (allocated(error)) return
+    if (.not. index%is_in_result) then
+      call scene_from_deck(sweep%deck, scene)
+      call describe_run(sweep%deck, scene%model, scene%method_name(), '', metadata)
+      call merge_shards(sweep, head, files, index, metadata, result_file, options%overwrite, error)
+      if (allocated(error)) return
+    end if
     if (index%done == sweep%cases .and. .not. options%keep_shards) then
       do i = 1, size(files)
-        call delete_shard(files(i)%text)
+        call delete_shard(files(i)%text, head)
       end do
     end if
     if (index%done < sweep%cases) then
@@ -574,14 +657,13 @@ contains
     end if
   end subroutine write_result
 
-  function stop_text(sweep, state) result(text)
-    type(sweep_t), intent(in) :: sweep
+  function stop_text(state) result(text)
     type(state_t), intent(in) :: state
     character(:), allocatable :: text
 
     text = 'stopped at output.wall_limit'
     if (state%stop > no_signal) text = 'stopped by '//signal_name(state%stop)
     text = text//' after '//integer_text(state%done_before + state%dealer%finished)//' of '// &
-      integer_text(sweep%cases)//' cases: start it again to go on'
+      integer_text(state%done_before + state%to_do)//' cases: start it again to go on'
   end function stop_text
 end module dst_sweep_runner

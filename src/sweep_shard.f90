@@ -5,19 +5,24 @@
 !> case and result code, length and bytes of the message, the values, the message, the series, the checksum.
 !> Anybody may have written a file of that name: it is emptied or removed only if it begins with the magic word, and what a
 !> record says of itself is believed only as far as this sweep allows.
+!>
+!> The head names the sweep, the build of the program, and the division of which this is a part. A process that finds its name
+!> taken by a shard of another build or division uses the name with .1, .2, ... behind it.
 module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
-  use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, append_words, read_words, close_descriptor, &
-    set_file_size, delete_file, matching_files, path_t
+  use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, lock_attempt, held, append_words, read_words, &
+    close_descriptor, set_file_size, delete_file, matching_files, path_t, seconds_now, wait_seconds
+  use dst_division, only: division_t
   use dst_errors, only: error_t, raise, file_error, out_of_memory, stopped_early
   use dst_kinds, only: wp, int64, real64
   use dst_sweep, only: sweep_t, case_t, value_count, series_quantities
-  use dst_text, only: printable
+  use dst_text, only: integer_text, printable
   implicit none
   private
 
-  public :: shard_t, index_t, layout_t, layout_of, shard_name, shards_of, open_shard, empty_shard, delete_shard, scan_shard
-  public :: reader_t, open_records, read_record
+  public :: shard_t, head_t, index_t, layout_t, layout_of, shards_of, open_shard, empty_shard, delete_shard
+  public :: divisions_of, is_being_written
+  public :: inspect_shard, check_sweep, scan_shard, reader_t, open_records, read_record
 
   !> A shard, open to append finished cases.
   type :: shard_t
@@ -58,16 +63,34 @@ module dst_sweep_shard
 
   !> Where the cases are: number of the shard, 0 if a case is in none, and word of the record in it.
   type :: index_t
-    integer, allocatable :: shard(:)
-    integer(int64), allocatable :: place(:)
+    integer, allocatable :: shard(:)             !! negative: the case does not matter
+    integer(int64), allocatable :: place(:)      !! unallocated: nobody asks
     integer :: done = 0
     integer :: failed = 0
+    integer :: of_other_builds = 0               !! shards that were passed over
+    logical :: is_in_result = .false.            !! all cases are in the result file, only shards are left to be removed
+    integer(int64) :: begun = 0, ended = 0       !! first head and last change of the shards [s since 1970]
   end type index_t
+
+  !> What the head of a shard says.
+  type :: head_t
+    character(24) :: identity = ''               !! of the sweep: deck as used, list
+    character(16) :: build = ''                  !! of the program: version, revision
+    integer :: values = value_count, columns = 0 !! of a case, of its series
+    integer :: cases = 0
+    integer(int64) :: begun = 0                  !! s since 1970
+    type(division_t) :: division
+    logical :: is_whole = .true.                 !! false: of a process that was killed before it had written it, or has not yet
+  contains
+    procedure :: is_of_build
+    procedure, private :: is_part_of
+  end type head_t
 
   integer(int64), parameter :: magic = int(z'445354534841524B', int64)
   integer(int64), parameter :: half = 2_int64**32
   integer, parameter :: word_bytes = 8
-  !> Of the header: magic word, 64 characters of the sweep's identity, values of a case, columns of its series, checksum.
+  !> Of the header: magic word, identity of the sweep (3) and the build (2), values and columns, cases and time, I and N, first and
+  !> last index of the array, its step and the processes of a task, checksum.
   integer, parameter :: header_words = 12
   !> Of a record without message and series.
   integer, parameter :: shortest_record = 2 + value_count + 1
@@ -79,15 +102,16 @@ module dst_sweep_shard
 
 contains
 
-  !> The shard of worker `number` of the sweep into `result_file`.
-  function shard_name(result_file, number) result(name)
+  !> The shard of worker `number` of the sweep into `result_file`; `others` that have this number came before.
+  function shard_name(result_file, number, others) result(name)
     character(*), intent(in) :: result_file
-    integer, intent(in) :: number
+    integer, intent(in) :: number, others
     character(:), allocatable :: name
     character(digits) :: text
 
     write (text, '(i6.6)') number
     name = result_file//extension//text
+    if (others > 0) name = name//'.'//integer_text(others)
   end function shard_name
 
   !> The shards of a result file.
@@ -102,12 +126,22 @@ contains
     call matching_files(result_file//extension, found)
     allocate (is_shard(size(found)))
     do i = 1, size(found)
-      associate (number => found(i)%text(len(result_file//extension) + 1:))
-        is_shard(i) = len(number) == digits .and. verify(number, '0123456789') == 0
-      end associate
+      is_shard(i) = is_number(found(i)%text(len(result_file//extension) + 1:))
     end do
     files = pack(found, is_shard)
   end subroutine shards_of
+
+  !> 'NNNNNN' or 'NNNNNN.M'
+  pure logical function is_number(text)
+    character(*), intent(in) :: text
+    character(*), parameter :: figures = '0123456789'
+
+    is_number = .false.
+    if (len(text) < digits) return
+    is_number = verify(text(:digits), figures) == 0
+    if (len(text) == digits .or. .not. is_number) return
+    is_number = text(digits + 1:digits + 1) == '.' .and. len(text) > digits + 1 .and. verify(text(digits + 2:), figures) == 0
+  end function is_number
 
   !> What the records of a sweep may hold.
   function layout_of(sweep) result(layout)
@@ -117,102 +151,229 @@ contains
     layout = layout_t(size(series_quantities(sweep)), sweep%series_rows())
   end function layout_of
 
-  !> Open the shard to append; what a killed process left unfinished at its end is cut off.
-  subroutine open_shard(shard, file_name, identity, layout, error)
+  !> Open a shard of worker `number` to append; what a killed process left unfinished at its end is cut off. Shards of another
+  !> build or division that have the name are passed over.
+  subroutine open_shard(shard, result_file, number, head, layout, error)
     type(shard_t), intent(out) :: shard
-    character(*), intent(in) :: file_name
-    character(64), intent(in) :: identity
+    character(*), intent(in) :: result_file
+    integer, intent(in) :: number
+    type(head_t), intent(in) :: head
     type(layout_t), intent(in) :: layout
     type(error_t), allocatable, intent(out) :: error
-    type(index_t) :: index
-    type(reader_t) :: reader
-    character(:), allocatable :: reason
-    integer(int64) :: words
+    logical :: is_others
+    integer :: others
 
-    call open_for_appending(file_name, shard%descriptor, reader%bytes, reason)
-    if (allocated(reason)) then
-      call raise(error, file_error, file_name//': '//reason)
+    others = 0
+    do
+      call open_own(shard, shard_name(result_file, number, others), head, layout, is_others, error)
+      if (.not. is_others) exit
+      others = others + 1
+    end do
+  end subroutine open_shard
+
+  !> Open the shard `file_name`, new or one that this process is to go on with, unless it is of others.
+  subroutine open_own(shard, file_name, head, layout, is_others, error)
+    type(shard_t), intent(inout) :: shard
+    character(*), intent(in) :: file_name
+    type(head_t), intent(in) :: head
+    type(layout_t), intent(in) :: layout
+    logical, intent(out) :: is_others
+    type(error_t), allocatable, intent(out) :: error
+    type(reader_t) :: reader
+    type(index_t) :: index
+    type(head_t) :: found
+    integer(int64) :: words
+    character(:), allocatable :: reason
+
+    call open_reader(file_name, head, reader, is_others, error)
+    if (allocated(error) .or. is_others) return
+    call read_head(reader, found, error)
+    if (.not. allocated(error)) is_others = .not. found%is_part_of(head)
+    if (.not. (allocated(error) .or. is_others)) call check_sweep(file_name, found, head, error)
+    if (allocated(error) .or. is_others) then
+      call reader%close()
       return
     end if
     shard%file_name = file_name
-    reader%file_name = file_name
-    reader%descriptor = shard%descriptor
-    allocate (index%shard(0), index%place(0))
-    call scan(reader, identity, layout, 1, index, words, error)
-    if (allocated(error)) then
-      call shard%close()
-      return
-    end if
+    shard%descriptor = reader%descriptor
+    allocate (index%shard(0))
+    call scan(reader, found, layout, 1, index, words)
     call set_file_size(shard%descriptor, word_bytes*words)
     if (words > 0) return
-    call append_words(shard%descriptor, header(identity, layout%columns), reason)
-    if (allocated(reason)) call raise(error, file_error, file_name//': '//reason)
-  end subroutine open_shard
+    call append_words(shard%descriptor, words_of(head, seconds_now()), reason)
+    if (.not. allocated(reason)) return
+    call raise(error, file_error, file_name//': '//reason)
+    call shard%close()
+  end subroutine open_own
 
-  !> Empty a shard of another sweep, unless a process is writing it. The file stays, since another process may be about to open
-  !> it. What is no shard is refused.
-  subroutine empty_shard(file_name, identity, layout, error)
+  !> Open and lock a shard. Who has it may be of another division, or have just created it.
+  subroutine open_reader(file_name, head, reader, is_others, error)
     character(*), intent(in) :: file_name
-    character(64), intent(in) :: identity
-    type(layout_t), intent(in) :: layout
+    type(head_t), intent(in) :: head
+    type(reader_t), intent(inout) :: reader
+    logical, intent(out) :: is_others
     type(error_t), allocatable, intent(out) :: error
-    type(index_t) :: index
-    type(reader_t) :: reader
+    integer, parameter :: most_tries = 10
+    real(wp), parameter :: pause = 0.02_wp
     character(:), allocatable :: reason
-    integer(int64) :: words
+    type(head_t) :: found
+    logical :: is_elsewhere
+    integer :: i
 
-    call open_for_appending(file_name, reader%descriptor, reader%bytes, reason)
+    reader%file_name = file_name
+    is_others = .false.
+    do i = 1, most_tries
+      call open_for_appending(file_name, reader%descriptor, reader%bytes, is_elsewhere, reason)
+      if (.not. is_elsewhere) exit
+      call inspect_shard(file_name, found, error)
+      if (.not. allocated(error)) is_others = .not. found%is_part_of(head)
+      if (is_others) return
+      call wait_seconds(pause)
+    end do
+    if (allocated(error)) deallocate (error)
+    if (allocated(reason)) call raise(error, file_error, file_name//': '//reason)
+  end subroutine open_reader
+
+  !> Empty a shard of another sweep or build, unless a process is writing it. The file stays, since another process may be about to
+  !> open it. What is no shard is refused.
+  subroutine empty_shard(file_name, head, error)
+    character(*), intent(in) :: file_name
+    type(head_t), intent(in) :: head
+    type(error_t), allocatable, intent(out) :: error
+    type(reader_t) :: reader
+    type(head_t) :: found
+    character(:), allocatable :: reason
+    logical :: is_elsewhere
+
+    call open_for_appending(file_name, reader%descriptor, reader%bytes, is_elsewhere, reason)
+    if (is_elsewhere) then
+      ! Who has it may have emptied it, and begun.
+      call inspect_shard(file_name, found, error)
+      if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
+      if (.not. allocated(error) .and. found%is_of_build(head)) return
+    end if
     if (allocated(reason)) then
       call raise(error, file_error, file_name//': '//reason)
       return
     end if
     reader%file_name = file_name
-    ! Another process may have done this meanwhile, and begun.
-    allocate (index%shard(0), index%place(0))
-    call scan(reader, identity, layout, 1, index, words, error)
+    call read_head(reader, found, error)
+    if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
     if (allocated(error)) then
+      ! Not so if another process has done this meanwhile, and begun.
       if (is_shard(reader)) then
         call set_file_size(reader%descriptor, 0_int64)
         deallocate (error)
       end if
+    else if (found%is_whole .and. .not. found%is_of_build(head)) then
+      call set_file_size(reader%descriptor, 0_int64)
     end if
     call reader%close()
   end subroutine empty_shard
 
   !> Remove a shard whose cases are in the result file.
-  subroutine delete_shard(file_name)
+  subroutine delete_shard(file_name, head)
     character(*), intent(in) :: file_name
+    type(head_t), intent(in) :: head
     type(error_t), allocatable :: error
     type(reader_t) :: reader
+    type(head_t) :: found
 
     call open_records(file_name, reader, error)
     if (allocated(error)) return
     ! A process that has opened it meanwhile goes on with it.
     if (.not. is_locked_elsewhere(reader%descriptor)) then
-      if (is_shard(reader)) call delete_file(file_name)
+      call read_head(reader, found, error)
+      if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
+      if (.not. allocated(error) .and. found%is_of_build(head)) call delete_file(file_name)
     end if
     call reader%close()
   end subroutine delete_shard
 
-  pure function header(identity, columns) result(words)
-    character(64), intent(in) :: identity
-    integer, intent(in) :: columns
+  !> Whether a process has a shard open to append. Others may ask at the same time.
+  logical function is_being_written(file_name)
+    character(*), intent(in) :: file_name
+    type(error_t), allocatable :: error
+    type(reader_t) :: reader
+
+    call open_records(file_name, reader, error)
+    is_being_written = .false.
+    if (.not. allocated(error)) is_being_written = lock_attempt(reader%descriptor, shared=.true.) == held
+    call reader%close()
+  end function is_being_written
+
+  pure function words_of(head, time) result(words)
+    type(head_t), intent(in) :: head
+    integer(int64), intent(in) :: time        !! s since 1970
     integer(int64) :: words(header_words)
 
     words(1) = magic
-    words(2:9) = transfer(identity, words(2:9))
-    words(10) = value_count
-    words(11) = columns
+    words(2:4) = transfer(head%identity, words(2:4))
+    words(5:6) = transfer(head%build, words(5:6))
+    words(7) = two(head%values, head%columns)
+    words(8) = head%cases + shiftl(time, 32)
+    words(9) = two(head%division%share, head%division%shares)
+    words(10) = two(head%division%first, head%division%last)
+    words(11) = two(head%division%step, head%division%inner)
     words(12) = checksum(words(:11))
-  end function header
 
-  !> The beginning of the identity in a header.
-  pure function identity_in(words) result(text)
+  contains
+
+    pure integer(int64) function two(low, high)
+      integer, intent(in) :: low, high
+
+      two = low + half*high
+    end function two
+  end function words_of
+
+  !> The head in its words, if all its numbers are possible.
+  pure subroutine take_words(words, head, is_possible)
     integer(int64), intent(in) :: words(header_words)
-    character(shown) :: text
+    type(head_t), intent(out) :: head
+    logical, intent(out) :: is_possible
 
-    text = transfer(words(2:9), text)
-  end function identity_in
+    is_possible = all([words(7), words(9:11)] >= 0) .and. all(modulo(words(7:11), half) <= huge(1))
+    if (.not. is_possible) return
+    head%identity = transfer(words(2:4), head%identity)
+    head%build = transfer(words(5:6), head%build)
+    head%values = low(7)
+    head%columns = high(7)
+    head%cases = low(8)
+    head%begun = shiftr(words(8), 32)
+    head%division = division_t(share=low(9), shares=high(9), first=low(10), last=high(10), step=low(11), inner=high(11))
+    is_possible = head%cases > 0 .and. head%division%is_possible()
+
+  contains
+
+    pure integer function low(place)
+      integer, intent(in) :: place
+
+      low = int(modulo(words(place), half))
+    end function low
+
+    pure integer function high(place)
+      integer, intent(in) :: place
+
+      high = int(words(place)/half)
+    end function high
+  end subroutine take_words
+
+  !> Whether this is of the same build; a head that is not whole is of any.
+  pure logical function is_of_build(self, head)
+    class(head_t), intent(in) :: self
+    type(head_t), intent(in) :: head
+
+    is_of_build = self%build == head%build .or. .not. self%is_whole
+  end function is_of_build
+
+  !> Whether a process with this head goes on with a shard of that one; of another sweep it does not pass it over either.
+  pure logical function is_part_of(self, head)
+    class(head_t), intent(in) :: self
+    type(head_t), intent(in) :: head
+
+    is_part_of = .not. self%is_whole .or. self%identity /= head%identity .or. &
+      (self%is_of_build(head) .and. self%division%share == head%division%share .and. self%division%shares == head%division%shares)
+  end function is_part_of
 
   !> Rotate and add without carry: no damage to a single word goes unnoticed.
   pure integer(int64) function checksum(words)
@@ -327,88 +488,151 @@ contains
 
   !> Whether a file is empty or begins with the magic word, or with what a process wrote of it that was killed.
   logical function is_shard(reader)
-    type(reader_t), intent(inout) :: reader
+    type(reader_t), intent(in) :: reader
+    integer(int64) :: first(1)
     character(word_bytes) :: beginning, expected
     integer :: there
 
-    beginning = transfer(reader%word(0_int64), beginning)
+    call read_words(reader%descriptor, 0_int64, first)
+    beginning = transfer(first, beginning)
     expected = transfer(magic, expected)
     there = int(min(reader%bytes, int(word_bytes, int64)))
     is_shard = beginning(:there) == expected(:there)
   end function is_shard
 
-  !> Note in `index` the cases that shard `number` holds and no other before it; `words` is the length of what is sound.
-  !> Cases beyond the index's size are passed over.
-  subroutine scan_shard(file_name, identity, layout, number, index, words, error)
+  !> Read the head of a shard. What is none, or damaged, is refused.
+  subroutine inspect_shard(file_name, head, error)
     character(*), intent(in) :: file_name
-    character(64), intent(in) :: identity
-    type(layout_t), intent(in) :: layout
-    integer, intent(in) :: number
-    type(index_t), intent(inout) :: index
-    integer(int64), intent(out) :: words
+    type(head_t), intent(out) :: head
     type(error_t), allocatable, intent(out) :: error
     type(reader_t) :: reader
 
-    words = 0
     call open_records(file_name, reader, error)
-    if (.not. allocated(error)) call scan(reader, identity, layout, number, index, words, error)
+    if (.not. allocated(error)) call read_head(reader, head, error)
+    call reader%close()
+  end subroutine inspect_shard
+
+  !> Of thousands of shards nothing but the heads may be wanted: no more is read.
+  subroutine read_head(reader, head, error)
+    type(reader_t), intent(in) :: reader
+    type(head_t), intent(out) :: head
+    type(error_t), allocatable, intent(out) :: error
+    integer(int64) :: words(header_words)
+    logical :: is_possible
+
+    head%is_whole = reader%bytes >= word_bytes*header_words
+    if (.not. is_shard(reader)) then
+      call raise(error, file_error, reader%file_name//': has the name of a shard of a sweep, but is none, or its head is '// &
+        'damaged: move it away, or use another output file')
+    else if (head%is_whole) then
+      call read_words(reader%descriptor, 0_int64, words)
+      call take_words(words, head, is_possible)
+      if (words(header_words) /= checksum(words(:header_words - 1))) then
+        call raise(error, file_error, reader%file_name//': is no shard of a sweep, or its head is damaged: remove it')
+      else if (.not. is_possible) then
+        call raise(error, file_error, reader%file_name//': is of another sweep, or of another version of deck or program: '// &
+          'remove it, or use --overwrite')
+      end if
+    end if
+  end subroutine read_head
+
+  !> The divisions that shards are of, the newest last; of one moment that with the longer name, which came later.
+  function divisions_of(heads, files) result(divisions)
+    type(head_t), intent(in) :: heads(:)
+    type(path_t), intent(in) :: files(:)
+    type(division_t), allocatable :: divisions(:)
+    integer, allocatable :: order(:)
+    integer :: i, n
+
+    allocate (order(0))
+    do i = 1, size(heads)
+      if (heads(i)%division%shares == 0) cycle
+      do n = size(order), 1, -1
+        if (heads(order(n))%begun < heads(i)%begun) exit
+        if (heads(order(n))%begun == heads(i)%begun .and. len(files(order(n))%text) <= len(files(i)%text)) exit
+      end do
+      order = [order(:n), i, order(n + 1:)]
+    end do
+    divisions = heads(order)%division
+  end function divisions_of
+
+  !> Refuse a shard of another sweep.
+  subroutine check_sweep(file_name, found, head, error)
+    character(*), intent(in) :: file_name
+    type(head_t), intent(in) :: found, head
+    type(error_t), allocatable, intent(out) :: error
+    logical :: is_same
+
+    if (.not. found%is_whole) return
+    is_same = found%identity == head%identity
+    if (is_same .and. found%is_of_build(head)) &
+      is_same = found%values == head%values .and. found%columns == head%columns .and. found%cases == head%cases
+    if (.not. is_same) call raise(error, file_error, file_name//': is of another sweep, or of another version of deck or '// &
+      'program: it has the identity '//found%identity(:shown)//', this sweep '//head%identity(:shown)// &
+      ': remove it, or use --overwrite')
+  end subroutine check_sweep
+
+  !> Note in `index` the cases that shard `number` holds and no other before it; `records` of it are sound.
+  !> Cases beyond the index's size are passed over.
+  subroutine scan_shard(file_name, layout, number, index, records, error)
+    character(*), intent(in) :: file_name
+    type(layout_t), intent(in) :: layout
+    integer, intent(in) :: number
+    type(index_t), intent(inout) :: index
+    integer, intent(out) :: records
+    type(error_t), allocatable, intent(out) :: error
+    type(reader_t) :: reader
+    type(head_t) :: head
+    integer(int64) :: ignored
+
+    records = 0
+    call open_records(file_name, reader, error)
+    if (.not. allocated(error)) call read_head(reader, head, error)
+    if (.not. allocated(error)) call scan(reader, head, layout, number, index, ignored, records)
     call reader%close()
   end subroutine scan_shard
 
-  subroutine scan(reader, identity, layout, number, index, words, error)
+  !> The same of an open shard; `words` is the length of what is sound.
+  subroutine scan(reader, head, layout, number, index, words, records)
     type(reader_t), intent(inout) :: reader
-    character(64), intent(in) :: identity
+    type(head_t), intent(in) :: head
     type(layout_t), intent(in) :: layout
     integer, intent(in) :: number
     type(index_t), intent(inout) :: index
     integer(int64), intent(out) :: words
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(out), optional :: records
     type(record_t) :: record
+    integer :: count
 
     words = 0
-    call check_head(reader, identity, layout%columns, error)
-    if (allocated(error) .or. reader%bytes < word_bytes*header_words) return
-    words = header_words
-    do
-      record = record_at(reader, words, layout)
-      if (.not. record%is_possible) exit
-      if (.not. is_sound(reader, words, record%length)) exit
-      if (record%case <= size(index%shard)) then
-        if (index%shard(record%case) == 0) then
-          index%shard(record%case) = number
-          index%place(record%case) = words
-          index%done = index%done + 1
-          if (record%result_code > 0) index%failed = index%failed + 1
-        end if
-      end if
-      words = words + record%length
-    end do
+    count = 0
+    if (head%is_whole) then
+      words = header_words
+      do
+        record = record_at(reader, words, layout)
+        if (.not. record%is_possible) exit
+        if (.not. is_sound(reader, words, record%length)) exit
+        call note(index, record, number, words)
+        words = words + record%length
+        count = count + 1
+      end do
+    end if
+    if (present(records)) records = count
   end subroutine scan
 
-  !> Refuse what is no shard of this sweep. A head that is not whole is that of a process which was killed.
-  subroutine check_head(reader, identity, columns, error)
-    type(reader_t), intent(inout) :: reader
-    character(64), intent(in) :: identity
-    integer, intent(in) :: columns
-    type(error_t), allocatable, intent(out) :: error
-    integer(int64) :: start(header_words)
-    integer :: i
+  pure subroutine note(index, record, number, place)
+    type(index_t), intent(inout) :: index
+    type(record_t), intent(in) :: record
+    integer, intent(in) :: number
+    integer(int64), intent(in) :: place
 
-    if (.not. is_shard(reader)) then
-      call raise(error, file_error, reader%file_name//': has the name of a shard of a sweep, but is none, or its head is '// &
-        'damaged: move it away, or use another output file')
-    end if
-    if (allocated(error) .or. reader%bytes < word_bytes*header_words) return
-    do i = 1, header_words
-      start(i) = reader%word(i - 1_int64)
-    end do
-    if (start(header_words) /= checksum(start(:header_words - 1))) then
-      call raise(error, file_error, reader%file_name//': is no shard of a sweep, or its head is damaged: remove it')
-    else if (any(start /= header(identity, columns))) then
-      call raise(error, file_error, reader%file_name//': is of another sweep, or of another version of deck or program: '// &
-        'it has the identity '//identity_in(start)//', this sweep '//identity(:shown)//': remove it, or use --overwrite')
-    end if
-  end subroutine check_head
+    if (record%case > size(index%shard)) return
+    if (index%shard(record%case) /= 0) return
+    index%shard(record%case) = number
+    if (allocated(index%place)) index%place(record%case) = place
+    index%done = index%done + 1
+    if (record%result_code > 0) index%failed = index%failed + 1
+  end subroutine note
 
   !> What the record at `place` says of itself, and whether this sweep can have written that.
   function record_at(reader, place, layout) result(record)

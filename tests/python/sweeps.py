@@ -95,6 +95,15 @@ def wait_until(condition, seconds=60.0):
 
 
 HEADER_BYTES = 12 * 8
+MAGIC = int.from_bytes(b"KRAHSTSD", "little")
+
+
+def checksum(words):
+    """Of the words of a head or a record."""
+    total = MAGIC
+    for word in words:
+        total = (total << 5 | total >> 59) & (2**64 - 1) ^ word
+    return total
 
 
 def cases_in(shard):

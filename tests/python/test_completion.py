@@ -47,7 +47,7 @@ def test_commands_are_those_of_the_help(executable):
 
 
 @pytest.mark.parametrize(
-    "command", ["run", "resume", "merge", "check", "template", "keys", "stability", "trade"]
+    "command", ["run", "resume", "merge", "show", "check", "template", "keys", "stability", "trade"]
 )
 def test_every_option_in_the_help_is_offered_and_taken(executable, command):
     options = set(offered(executable, f"dynstiction {command} -")) - {"--help"}

@@ -13,14 +13,13 @@ from functools import partial
 import h5py
 import numpy as np
 import pytest
-from sweeps import HEADER_BYTES, INPUTS, SCENE, Sweep, same, values
+from sweeps import HEADER_BYTES, INPUTS, SCENE, Sweep, checksum, same, values
 
 pytestmark = pytest.mark.deck
 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 0.2")
 GRID = "\n&sweep parameter = 'system.misalignment_deg' first = 1.0 last = 2.0 count = 3{} /\n"
 SERIES = " keep = 'series'"
-MAGIC = int.from_bytes(b"KRAHSTSD", "little")
 
 
 # --- series of any length
@@ -60,13 +59,6 @@ def test_a_long_series_needs_no_stack(tmp_path, main_kb, threads):
 
 
 # --- forged records
-
-
-def checksum(words):
-    total = MAGIC
-    for word in words:
-        total = (total << 5 | total >> 59) & (2**64 - 1) ^ word
-    return total
 
 
 def records(words):

@@ -144,7 +144,7 @@ def test_nothing_to_do(sweep, tmp_path):
     assert sweep.run("a.h5", "--keep-shards").returncode == 0
     shard = sweep.shards("a.h5")[0]
     before, first = shard.read_bytes(), values(tmp_path / "a.h5")
-    refused = sweep.run("a.h5")
+    refused = sweep.run("a.h5", "--shard", "1/2")
     assert refused.returncode == 3 and "the file exists" in refused.stderr
     assert sweep.run("a.h5", "--overwrite", "--keep-shards").returncode == 0
     assert shard.read_bytes() == before and same(first, values(tmp_path / "a.h5"))
@@ -175,11 +175,11 @@ def test_merge_of_nothing_and_of_a_part(sweep, tmp_path):
         assert sweep.run("a.h5", "--shard", shard).returncode == 0
     part = sweep.run("a.h5", command="merge")
     assert part.returncode == 75 and "4 of 12 cases have not been run" in part.stderr
-    assert list(values(tmp_path / "a.h5")["result_code"]) == [0, 0, -1] * 4
+    assert sorted(values(tmp_path / "a.h5")["result_code"]) == [-1] * 4 + [0] * 8
     with h5py.File(tmp_path / "a.h5") as file:
         assert file.attrs["complete"] == 0 and file.attrs["result_code"] == 75
     # What is missing can be run in any way.
-    assert sweep.run("a.h5", "--overwrite").returncode == 0
+    assert sweep.run("a.h5").returncode == 0
     assert set(values(tmp_path / "a.h5")["result_code"]) == {0}
 
 
@@ -259,8 +259,10 @@ def test_a_cut_shard_loses_what_was_cut_only(sweep, tmp_path):
         shard.write_bytes(whole[:length])
         assert sweep.run("a.h5", "--overwrite", "--keep-shards").returncode == 0
         assert sorted(cases_in(shard)) == list(range(1, 13))
-        kept = max(0, (length - HEADER_BYTES) // record)
-        assert shard.read_bytes()[: HEADER_BYTES + kept * record] == whole[: HEADER_BYTES + kept * record]
+        # A head that is written anew has another time.
+        first = HEADER_BYTES if length < HEADER_BYTES else 0
+        last = HEADER_BYTES + max(0, (length - HEADER_BYTES) // record) * record
+        assert shard.read_bytes()[first:last] == whole[first:last]
         assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
 
 

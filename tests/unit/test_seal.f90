@@ -5,7 +5,7 @@ program test_seal
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_disk, only: close_descriptor, delete_file, file_size, identity_of, open_own_file
   use dst_kinds, only: int64
-  use dst_seal, only: seal, break_seal, checksum_of
+  use dst_seal, only: seal, break_seal, has_sound_seal, checksum_of
   implicit none
 
   character(*), parameter :: file_name = 'test_seal.bin'
@@ -54,6 +54,7 @@ contains
     call open_own_file(file_name, identity_of(file_name), descriptor, reason)
     call check('checksum of a file', checksum_of(descriptor) == 'B93B6C3E')
     call seal(descriptor, checksum, reason)
+    call check('it is sound', has_sound_seal(file_name))
     call check('the seal is 28 bytes', file_size(file_name) == 8*70000 + 3 + 28)
     call check('the checksum with the seal', checksum == checksum_of(descriptor))
     call check('is another one', checksum /= 'B93B6C3E')
@@ -61,7 +62,16 @@ contains
     read (unit, pos=8*70000 + 4) last
     close (unit)
     call check('the seal', last == 'dynstiction CRC-32 B93B6C3E'//achar(10))
+    open (newunit=unit, file=file_name, access='stream', form='unformatted', status='old')
+    write (unit, pos=400001) 'x'
+    close (unit)
+    call check('not so of a file that was changed', .not. has_sound_seal(file_name))
+    open (newunit=unit, file=file_name, access='stream', form='unformatted', status='old')
+    write (unit, pos=400001) achar(80)
+    close (unit)
+    call check('and again of the file as it was', has_sound_seal(file_name))
     call break_seal(descriptor)
+    call check('without a seal none is sound', .not. has_sound_seal(file_name))
     call check('the seal is gone', checksum_of(descriptor) == 'B93B6C3E')
     call break_seal(descriptor)
     call check('what is no seal stays', checksum_of(descriptor) == 'B93B6C3E')

@@ -1,0 +1,384 @@
+!> How the cases of a sweep are divided among processes that know nothing of each other, and what the environment says of them.
+!>
+!> Share I of N has the cases whose place in a fixed shuffle of all is I modulo N: shares differ by at most one case, and no
+!> grid is in step with them. The shuffle is a bijection that needs no table, a Feistel network over the smallest grid that holds
+!> all cases: M. Luby and C. Rackoff, SIAM J. Comput. 17, 373 (1988); J. Black and P. Rogaway, CT-RSA 2002, LNCS 2271, 114.
+module dst_division
+  use dst_errors, only: error_t, raise, usage_error
+  use dst_kinds, only: wp, int64
+  use dst_text, only: excerpt, integer_text, read_integer
+  implicit none
+  private
+
+  public :: division_t, share_wish_t, take_share_wish, settle_division, processes_here, place_in_shuffle
+
+  !> One process's part of a sweep. `shares` = 0: the cases are dealt out, not divided.
+  type :: division_t
+    integer :: share = 0, shares = 0           !! I of N
+    integer :: first = 0, last = 0, step = 0   !! indices of the job array that began the division; step 0: none
+    integer :: inner = 1                       !! processes of each task of the array
+  contains
+    procedure :: is_possible
+    procedure :: share_of
+    procedure :: has
+    procedure :: size => share_size
+    procedure :: text => share_text
+  end type division_t
+
+  !> What --shard asks for: I/N, I of the N that is kept, or what the environment says.
+  type :: share_wish_t
+    logical :: is_given = .false.
+    logical :: is_auto = .false.
+    logical :: redivide = .false.              !! of --redivide
+    integer :: share = 0, shares = 0           !! shares = 0: as kept
+  contains
+    procedure :: least_shares
+  end type share_wish_t
+
+  !> The job array that this process is of.
+  type :: array_t
+    logical :: is_there = .false.
+    integer :: index = 0, first = 0, last = 0, step = 1, count = 0
+  end type array_t
+
+  integer, parameter :: most_shares = 999999
+  character(*), parameter :: usage = 'write --shard I/N with 1 <= I <= N, like --shard 3/16'
+
+  !> Of Open MPI, of MPICH and its kin, and of Slurm: how many processes there are, and which this one is, counted from 0.
+  character(20), parameter :: sizes(3) = [character(20) :: 'OMPI_COMM_WORLD_SIZE', 'PMI_SIZE', 'SLURM_STEP_NUM_TASKS']
+  character(20), parameter :: numbers(3) = [character(20) :: 'OMPI_COMM_WORLD_RANK', 'PMI_RANK', 'SLURM_PROCID']
+
+contains
+
+  !> Whether this program could have made it.
+  pure logical function is_possible(self)
+    class(division_t), intent(in) :: self
+
+    is_possible = min(self%share, self%shares) == 0 .and. max(self%share, self%shares) == 0
+    if (.not. is_possible) is_possible = self%share >= 1 .and. self%share <= self%shares .and. self%shares <= most_shares
+    if (self%step > 0 .and. is_possible) is_possible = self%first <= self%last .and. &
+      self%shares == (int(self%last - self%first, int64)/self%step + 1)*self%inner
+  end function is_possible
+
+  !> The share that has a case.
+  pure integer function share_of(self, case, cases)
+    class(division_t), intent(in) :: self
+    integer, intent(in) :: case, cases
+
+    share_of = modulo(place_in_shuffle(case, cases) - 1, self%shares) + 1
+  end function share_of
+
+  !> Whether a case is of this share; all are if nothing is divided.
+  pure logical function has(self, case, cases)
+    class(division_t), intent(in) :: self
+    integer, intent(in) :: case, cases
+
+    has = .true.
+    if (self%shares > 0) has = self%share_of(case, cases) == self%share
+  end function has
+
+  !> Cases of this share.
+  pure integer function share_size(self, cases)
+    class(division_t), intent(in) :: self
+    integer, intent(in) :: cases
+
+    share_size = cases
+    if (self%shares > 0) share_size = (cases - self%share + self%shares)/self%shares
+  end function share_size
+
+  !> 'I/N'
+  function share_text(self) result(text)
+    class(division_t), intent(in) :: self
+    character(:), allocatable :: text
+
+    text = integer_text(self%share)//'/'//integer_text(self%shares)
+  end function share_text
+
+  !> The place of a case in the shuffle: a bijection of 1..cases.
+  pure integer function place_in_shuffle(case, cases) result(place)
+    integer, intent(in) :: case, cases
+    integer, parameter :: rounds = 4
+    integer :: rows, columns, row, column, i
+
+    rows = max(1, ceiling(sqrt(real(cases, wp))))
+    columns = (cases - 1)/rows + 1
+    place = case - 1
+    do
+      row = place/columns
+      column = modulo(place, columns)
+      do i = 1, rounds
+        row = int(modulo(row + mixed(column, 2*i), int(rows, int64)))
+        column = int(modulo(column + mixed(row, 2*i + 1), int(columns, int64)))
+      end do
+      ! A place that is no case's is on the way to one that is.
+      if (int(row, int64)*columns + column < cases) exit
+      place = row*columns + column
+    end do
+    place = row*columns + column + 1
+  end function place_in_shuffle
+
+  !> A number that looks like chance, below 2^31.
+  pure integer(int64) function mixed(number, round)
+    integer, intent(in) :: number, round
+    integer(int64), parameter :: prime = 2147483647_int64
+    integer :: i
+
+    mixed = number + 65537_int64*round
+    do i = 1, 3
+      mixed = modulo(mixed*mixed + 48271_int64*mixed + round, prime)
+    end do
+  end function mixed
+
+  !> Processes that surely share the sweep, with this one; 0 if it has all cases.
+  pure integer function least_shares(self)
+    class(share_wish_t), intent(in) :: self
+
+    least_shares = 0
+    if (self%is_given) least_shares = max(1, self%shares)
+  end function least_shares
+
+  !> Understand the value of --shard; whether there is such a share is asked when the shards have been looked at.
+  subroutine take_share_wish(value, wish, error)
+    character(*), intent(in) :: value
+    type(share_wish_t), intent(inout) :: wish
+    type(error_t), allocatable, intent(out) :: error
+    integer :: slash
+    logical :: is_understood
+
+    wish%is_given = .true.
+    wish%is_auto = value == 'auto'
+    if (wish%is_auto) return
+    slash = index(value//'/', '/')
+    wish%share = number_in(value(:slash - 1))
+    is_understood = wish%share >= 0
+    if (slash <= len(value)) then
+      wish%shares = number_in(value(slash + 1:))
+      is_understood = is_understood .and. wish%shares >= 0
+      ! N = 0 is no share of any division, not the one that is kept.
+      if (wish%shares == 0) wish%shares = -1
+    end if
+    if (.not. is_understood) call raise(error, usage_error, "--shard '"//excerpt(value)//"': "//usage//', or --shard auto')
+  end subroutine take_share_wish
+
+  !> Digits as a number of a share; -1 if they are none.
+  pure integer function number_in(text)
+    character(*), intent(in) :: text
+    character(:), allocatable :: problem
+    integer(int64) :: number
+
+    number_in = -1
+    if (verify(text, '0123456789') > 0) return
+    call read_integer(text, number, problem)
+    if (problem == '' .and. number <= most_shares) number_in = int(number)
+  end function number_in
+
+  !> The share of this process. `kept`: the divisions of the shards that there are, the newest last; it is said once.
+  subroutine settle_division(wish, kept, division, error)
+    type(share_wish_t), intent(in) :: wish
+    type(division_t), intent(in) :: kept(:)
+    type(division_t), intent(out) :: division
+    type(error_t), allocatable, intent(out) :: error
+    type(division_t) :: last
+    integer :: i
+
+    if (.not. wish%is_given) return
+    do i = 1, size(kept)
+      ! A share that was named by hand knows of no array.
+      if (kept(i)%step > 0 .or. kept(i)%shares /= last%shares) last = kept(i)
+    end do
+    if (wish%is_auto) then
+      call divide_by_environment(wish%redivide, kept, last, division, error)
+    else
+      call divide_as_told(wish, kept, last, division, error)
+    end if
+  end subroutine settle_division
+
+  subroutine divide_as_told(wish, kept, last, division, error)
+    type(share_wish_t), intent(in) :: wish
+    type(division_t), intent(in) :: kept(:), last
+    type(division_t), intent(out) :: division
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: given, right
+
+    given = '--shard '//integer_text(wish%share)
+    if (wish%shares /= 0) given = given//'/'//integer_text(max(0, wish%shares))
+    right = '1 <= I <= N, like --shard 3/16'
+    if (wish%shares == 0 .and. (last%shares == 0 .or. wish%redivide)) then
+      call raise(error, usage_error, given//': of how many shards is not said yet: write --shard I/N, like --shard 3/16')
+      return
+    end if
+    division%share = wish%share
+    division%shares = merge(last%shares, wish%shares, wish%shares == 0)
+    if (last%shares > 0 .and. .not. wish%redivide .and. .not. any(kept%shares == division%shares)) then
+      call raise(error, usage_error, given//': '//kept_text(last)//': write --shard '//right_share(wish%share, last)// &
+        ', or divide it anew with --redivide')
+    else if (division%share < 1 .or. division%share > division%shares) then
+      if (last%shares > 0 .and. .not. wish%redivide) right = '1 <= I <= '//integer_text(division%shares)
+      call raise(error, usage_error, given//': there is no such shard: write --shard I/N with '//right)
+    end if
+  end subroutine divide_as_told
+
+  !> 'I/N' of the kept division.
+  function right_share(share, kept) result(text)
+    integer, intent(in) :: share
+    type(division_t), intent(in) :: kept
+    character(:), allocatable :: text
+
+    text = 'I/'//integer_text(kept%shares)//' with 1 <= I <= '//integer_text(kept%shares)
+    if (share >= 1 .and. share <= kept%shares) text = integer_text(share)//'/'//integer_text(kept%shares)
+  end function right_share
+
+  function kept_text(kept) result(text)
+    type(division_t), intent(in) :: kept
+    character(:), allocatable :: text
+
+    text = 'this sweep is divided by '//integer_text(kept%shares)
+    if (kept%step > 0) text = text//' ('//range_text(kept%first, kept%last, kept%step)//processes_text(kept%inner)//')'
+  end function kept_text
+
+  !> An array's index, or the number of a process, or both: a task of an array may have several processes.
+  subroutine divide_by_environment(redivide, kept, last, division, error)
+    logical, intent(in) :: redivide
+    type(division_t), intent(in) :: kept(:), last
+    type(division_t), intent(out) :: division
+    type(error_t), allocatable, intent(out) :: error
+    type(array_t) :: array
+    character(:), allocatable :: ignored
+    integer :: count, number
+
+    call read_array(array, error)
+    if (allocated(error)) return
+    call processes_here(count, number, ignored)
+    if (array%is_there .and. last%step > 0 .and. .not. redivide) then
+      call continue_array(array, max(1, count), last, division, error)
+    else if (array%is_there) then
+      call begin_array(array, max(1, count), last, redivide, division, error)
+    else if (count > 0) then
+      division%shares = count
+    else
+      call raise(error, usage_error, '--shard auto: there is no job array, and no launcher has started several processes: '// &
+        'write --shard I/N')
+    end if
+    if (allocated(error)) return
+    division%share = division%share + number + 1
+    if (division%shares > most_shares) then
+      call raise(error, usage_error, '--shard auto: more than '//integer_text(most_shares)//' shares: start fewer processes')
+    else if (last%shares > 0 .and. .not. redivide .and. .not. any(kept%shares == division%shares)) then
+      call raise(error, usage_error, '--shard auto is --shard '//division%text()//' here, but '//kept_text(last)// &
+        ': write --shard I/'//integer_text(last%shares)//', start as many tasks, or divide it anew with --redivide')
+    end if
+  end subroutine divide_by_environment
+
+  !> A part of the array that began the division, or all of it again. `share`: before the first process of the task.
+  subroutine continue_array(array, processes, kept, division, error)
+    type(array_t), intent(in) :: array
+    integer, intent(in) :: processes
+    type(division_t), intent(in) :: kept
+    type(division_t), intent(inout) :: division
+    type(error_t), allocatable, intent(out) :: error
+
+    division = kept
+    division%share = (array%index - kept%first)/kept%step*kept%inner
+    if (processes /= kept%inner) then
+      call raise(error, usage_error, '--shard auto: '//kept_text(kept)//', here a task has '//integer_text(processes)// &
+        ': start '//integer_text(kept%inner)//' in each, or divide it anew with --redivide')
+    else if (array%first < kept%first .or. array%last > kept%last .or. modulo(array%index - kept%first, kept%step) /= 0) then
+      call raise(error, usage_error, '--shard auto: index '//integer_text(array%index)//' of '// &
+        range_text(array%first, array%last, 1)//' is not of the array that began, '//kept_text(kept)// &
+        ': start indices of that, or divide it anew with --redivide')
+    end if
+  end subroutine continue_array
+
+  !> The array as it is begins the division, or is one of as many shares. `share`: before the first process of the task.
+  subroutine begin_array(array, processes, kept, redivide, division, error)
+    type(array_t), intent(in) :: array
+    integer, intent(in) :: processes
+    type(division_t), intent(in) :: kept
+    logical, intent(in) :: redivide
+    type(division_t), intent(inout) :: division
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: remedy
+
+    if ((array%last - array%first)/array%step + 1 == array%count .and. modulo(array%index - array%first, array%step) == 0) then
+      division%share = (array%index - array%first)/array%step*processes
+      division%shares = int(min(most_shares + 1_int64, int(array%count, int64)*processes))
+      division%first = array%first
+      division%last = array%last
+      division%step = array%step
+      division%inner = processes
+    else
+      remedy = 'start the whole array first, like '//range_text(array%first, array%last, 1)
+      if (kept%shares > 0 .and. .not. redivide) remedy = kept_text(kept)//': write --shard I/'//integer_text(kept%shares)
+      call raise(error, usage_error, '--shard auto: the array of '//integer_text(array%count)//' tasks from '// &
+        integer_text(array%first)//' to '//integer_text(array%last)//' has gaps: '//remedy)
+    end if
+  end subroutine begin_array
+
+  !> '--array=1-7:2'
+  function range_text(first, last, step) result(text)
+    integer, intent(in) :: first, last, step
+    character(:), allocatable :: text
+
+    text = '--array='//integer_text(first)
+    if (last > first) text = text//'-'//integer_text(last)
+    if (step > 1) text = text//':'//integer_text(step)
+  end function range_text
+
+  function processes_text(count) result(text)
+    integer, intent(in) :: count
+    character(:), allocatable :: text
+
+    text = ''
+    if (count > 1) text = ' with '//integer_text(count)//' processes a task'
+  end function processes_text
+
+  !> What Slurm says of a job array.
+  subroutine read_array(array, error)
+    type(array_t), intent(out) :: array
+    type(error_t), allocatable, intent(out) :: error
+
+    array%index = environment_number('SLURM_ARRAY_TASK_ID')
+    array%first = environment_number('SLURM_ARRAY_TASK_MIN')
+    array%last = environment_number('SLURM_ARRAY_TASK_MAX')
+    array%step = max(1, environment_number('SLURM_ARRAY_TASK_STEP'))
+    array%count = environment_number('SLURM_ARRAY_TASK_COUNT')
+    array%is_there = array%index >= 0
+    if (.not. array%is_there) return
+    if (array%first < 0 .or. array%first > array%index .or. array%last < array%index .or. array%count < 1) &
+      call raise(error, usage_error, '--shard auto: SLURM_ARRAY_TASK_ID is not between SLURM_ARRAY_TASK_MIN and _MAX, '// &
+                 'or there is no SLURM_ARRAY_TASK_COUNT: write --shard I/N')
+  end subroutine read_array
+
+  !> The processes that a launcher started together: how many, which of them this is, counted from 0, and the variable that
+  !> says so; none: 0.
+  subroutine processes_here(count, number, variable)
+    integer, intent(out) :: count, number
+    character(:), allocatable, intent(out) :: variable
+    integer :: i
+
+    do i = 1, size(sizes)
+      variable = trim(sizes(i))
+      count = environment_number(sizes(i))
+      number = environment_number(numbers(i))
+      if (count > 0 .and. number >= 0 .and. number < count) return
+    end do
+    count = 0
+    number = 0
+    variable = ''
+  end subroutine processes_here
+
+  !> A number in the environment; -1 if there is none.
+  integer function environment_number(variable) result(number)
+    character(*), intent(in) :: variable
+    character(16) :: value
+    character(:), allocatable :: problem
+    integer(int64) :: found
+    integer :: length, status
+
+    number = -1
+    call get_environment_variable(trim(variable), value, length, status)
+    if (status /= 0 .or. length == 0) return
+    call read_integer(value(:length), found, problem)
+    if (problem == '' .and. found >= 0 .and. found <= huge(number)) number = int(found)
+  end function environment_number
+end module dst_division

@@ -1,0 +1,510 @@
+"""How a sweep is divided, and that every share can be run again: job arrays and launchers of all forms, wrong divisions refused with
+the right one, shards of other builds and divisions, partial results, and what `show` tells of all this."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import struct
+import subprocess
+import time
+
+import h5py
+import pytest
+from sweeps import GRID, HEADER_BYTES, SCENE, Sweep, cases_in, checksum, end_group, same, values, wait_until
+
+SHORT = SCENE.replace("t_end = 10.0", "t_end = 0.2")
+SMALL = GRID.replace("count = 12, 5", "count = 4, 3")
+ENDLESS = ("--set", "scene.t_end=2000000")
+ALL = list(range(1, 13))
+
+
+@pytest.fixture
+def sweep(tmp_path):
+    return Sweep(tmp_path, SHORT + SMALL)
+
+
+def array(index, indices, step=1):
+    """What Slurm says to a task of the array `indices`."""
+    told = {"ID": index, "MIN": min(indices), "MAX": max(indices), "STEP": step, "COUNT": len(indices)}
+    return {f"SLURM_ARRAY_TASK_{name}": str(value) for name, value in told.items()}
+
+
+LAUNCHERS = {
+    "Open MPI": ("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"),
+    "PMI": ("PMI_SIZE", "PMI_RANK"),
+    "Slurm": ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID"),
+}
+
+
+def process(launcher, number, count):
+    size, rank = LAUNCHERS[launcher]
+    return {size: str(count), rank: str(number)}
+
+
+def every_file(folder, output="a.h5"):
+    return sorted(folder.glob(f"{output}.shard-*"))
+
+
+def done_once(folder, output="a.h5"):
+    """Whether the shards have every case once."""
+    return sorted(case for file in every_file(folder, output) for case in cases_in(file)) == ALL
+
+
+def reforge(path, build=None, share=None):
+    """Change the head of a shard, with a right checksum."""
+    data = path.read_bytes()
+    words = list(struct.unpack("<12Q", data[:HEADER_BYTES]))
+    if build:
+        words[4:6] = struct.unpack("<2Q", build.encode())
+    if share:
+        words[8] = share[0] | share[1] << 32
+    words[11] = checksum(words[:11])
+    path.write_bytes(struct.pack("<12Q", *words) + data[HEADER_BYTES:])
+
+
+# --- every form of an array, and of processes
+
+FORMS = {
+    "1-4": (range(1, 5), 1),
+    "0-3": (range(4), 1),
+    "1-7:2": (range(1, 8, 2), 2),
+    "single": ([7], 1),
+    "more than cases": (range(100, 114), 1),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_an_array_of_any_range_runs_every_case_once(sweep, tmp_path, form):
+    indices, step = FORMS[form]
+    for index in indices:
+        done = sweep.run("a.h5", "--shard", "auto", env=array(index, indices, step), threads=1)
+        assert done.returncode == 0, done.stderr
+    assert done_once(tmp_path) and len(every_file(tmp_path)) == len(indices)
+    assert sweep.run("a.h5", command="merge").returncode == 0 and not every_file(tmp_path)
+    assert sweep.run("b.h5").returncode == 0
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+
+
+@pytest.mark.parametrize(
+    ("failed", "again"),
+    [([2], [2]), ([1, 2], [1, 2]), ([0, 1, 3], [0, 1, 3]), ([3], [0, 1, 2, 3]), ([0, 2], [0, 2])],
+    ids=["an index", "a part", "a list", "all again", "two"],
+)
+def test_a_failed_index_is_started_again(sweep, tmp_path, failed, again):
+    for index in set(range(4)) - set(failed):
+        assert sweep.run("a.h5", "--shard", "auto", env=array(index, range(4)), threads=1).returncode == 0
+    assert sweep.run("a.h5", command="merge").returncode == 75
+    for index in again:
+        done = sweep.run("a.h5", "--shard", "auto", env=array(index, again), threads=1)
+        assert done.returncode == 0, done.stderr
+    assert done_once(tmp_path)
+    names = [f"a.h5.shard-00000{i}" for i in (1, 2, 3, 4)]
+    assert [file.name for file in every_file(tmp_path)] == names
+
+
+@pytest.mark.parametrize("launcher", LAUNCHERS)
+def test_processes_of_a_launcher_share_the_cases(sweep, tmp_path, launcher):
+    for number in range(3):
+        done = sweep.run("a.h5", "--shard", "auto", env=process(launcher, number, 3), threads=1)
+        assert done.returncode == 0, done.stderr
+    assert done_once(tmp_path) and len(every_file(tmp_path)) == 3
+
+
+def test_tasks_of_an_array_may_have_several_processes(sweep, tmp_path):
+    for index in (1, 2):
+        for number in range(2):
+            env = array(index, [1, 2]) | process("PMI", number, 2)
+            assert sweep.run("a.h5", "--shard", "auto", env=env, threads=1).returncode == 0
+    assert done_once(tmp_path) and len(every_file(tmp_path)) == 4
+    again = sweep.run("a.h5", "--shard", "auto", env=array(2, [2]) | process("PMI", 1, 2))
+    assert again.returncode == 0 and len(every_file(tmp_path)) == 4
+    alone = sweep.run("a.h5", "--shard", "auto", env=array(2, [2]))
+    assert alone.returncode == 1 and "2 processes a task), here a task has 1" in alone.stderr
+
+
+# --- what is refused, and with what words
+
+FOUR = [("--shard", "2/4")]
+BEGUN = [array(index, range(4)) for index in (0, 1)]
+REFUSED = {
+    "of no division": ([], ("--shard", "3"), {}, "of how many shards is not said yet: write --shard I/N"),
+    "nothing around": ([], ("--shard", "auto"), {}, "there is no job array"),
+    "share beyond": ([], ("--shard", "3/1"), {}, "no such shard: write --shard I/N with 1 <= I <= N"),
+    "share 0": ([], ("--shard", "0/4"), {}, "no such shard"),
+    "share 0 of four": (FOUR, ("--shard", "0/4"), {}, "with 1 <= I <= 4"),
+    "share 5 of four": (FOUR, ("--shard", "5"), {}, "with 1 <= I <= 4"),
+    "the count of a task": (FOUR, ("--shard", "3/1"), {}, "divided by 4: write --shard 3/4"),
+    "another division": (FOUR, ("--shard", "2/3"), {}, "divided by 4: write --shard 2/4"),
+    "beyond both": (FOUR, ("--shard", "6/8"), {}, "divided by 4: write --shard I/4 with 1 <= I <= 4"),
+    "other processes": (FOUR, ("--shard", "auto"), process("Slurm", 1, 3), "divided by 4: write --shard I/4"),
+    "other array": (FOUR, ("--shard", "auto"), array(3, [3]), "divided by 4: write --shard I/4"),
+    "list first": ([], ("--shard", "auto"), array(5, [1, 2, 5]), "like --array=1-5"),
+    "list, no array": (FOUR, ("--shard", "auto"), array(5, [1, 2, 5]), "write --shard I/4"),
+    "index outside": (BEGUN, ("--shard", "auto"), array(4, [4]), "divided by 4 (--array=0-3)"),
+    "range outside": (BEGUN, ("--shard", "auto"), array(1, [1, 2, 3, 4]), "divided by 4 (--array=0-3)"),
+    "no COUNT": ([], ("--shard", "auto"), {"SLURM_ARRAY_TASK_ID": "3"}, "no SLURM_ARRAY_TASK_COUNT"),
+    "redivide alone": ([], ("--redivide",), {}, "--redivide without --shard"),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_a_wrong_division_is_refused_with_the_right_one(sweep, tmp_path, kind):
+    before, arguments, env, words = REFUSED[kind]
+    for start in before:
+        given = ("--shard", "auto") if isinstance(start, dict) else start
+        told = start if isinstance(start, dict) else {}
+        assert sweep.run("a.h5", *given, env=told, threads=1).returncode == 0
+    files = {file: file.read_bytes() for file in every_file(tmp_path)}
+    done = sweep.run("a.h5", *arguments, env=env)
+    assert done.returncode == 1 and words in done.stderr, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert {file: file.read_bytes() for file in every_file(tmp_path)} == files
+
+
+def test_a_number_alone_goes_on_with_the_division(sweep, tmp_path):
+    assert sweep.run("a.h5", "--shard", "2/3").returncode == 0
+    assert sweep.run("a.h5", "--shard", "1").returncode == 0
+    assert sweep.run("a.h5", "--shard", "3").returncode == 0
+    assert done_once(tmp_path)
+
+
+def test_another_division_is_begun_on_purpose_only(sweep, tmp_path):
+    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    first = tmp_path / "a.h5.shard-000001"
+    kept = first.read_bytes()
+    assert sweep.run("a.h5", "--shard", "1/3").returncode == 1
+    assert sweep.run("a.h5", "--shard", "1/3", "--redivide").returncode == 0
+    assert len(every_file(tmp_path)) == 2 and (tmp_path / "a.h5.shard-000001.1").exists()
+    # Now both are known, and the new one counts.
+    assert sweep.run("a.h5", "--shard", "2/3").returncode == 0
+    assert sweep.run("a.h5", "--shard", "3").returncode == 0
+    assert done_once(tmp_path) and first.read_bytes() == kept
+    assert sweep.run("a.h5", "--shard", "2/2").returncode == 0
+    assert done_once(tmp_path)
+    assert sweep.run("a.h5").returncode == 0 and not every_file(tmp_path)
+    assert sweep.run("b.h5").returncode == 0
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+
+
+@pytest.mark.parametrize("share", [(2, 2), (1, 1)], ids=["own division", "another division"])
+def test_of_its_own_division_a_process_reads_heads_only(sweep, tmp_path, share):
+    """A shard with all cases is used only if it is of another division: none of the same can have a case of this share."""
+    assert sweep.run("a.h5", "--shard", "1/1").returncode == 0
+    whole = tmp_path / "a.h5.shard-000001"
+    reforge(whole, share=share)
+    whole.rename(tmp_path / "a.h5.shard-000002")
+    assert sweep.run("a.h5", "--shard", "1/2", "--redivide").returncode == 0
+    assert len(cases_in(tmp_path / "a.h5.shard-000001")) == (6 if share == (2, 2) else 0)
+
+
+# --- shards of another build
+
+
+def test_shards_of_another_build_are_left_alone_and_used_never(sweep, tmp_path):
+    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    theirs = tmp_path / "a.h5.shard-000001"
+    reforge(theirs, build="0123456789abcdef")
+    before = theirs.read_bytes()
+    # Of another division too: it counts for nothing.
+    done = subprocess.run(
+        [word for word in sweep.command("a.h5", "--shard", "1/3") if word != "--quiet"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 0 and done.stderr.count("of another build") == 1, done.stderr
+    assert len(cases_in(tmp_path / "a.h5.shard-000001.1")) == 4
+    whole = sweep.run("a.h5")
+    assert whole.returncode == 0 and whole.stderr == ""
+    assert every_file(tmp_path) == [theirs] and theirs.read_bytes() == before
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert file.attrs["complete"] == 1
+    nothing = sweep.run("c.h5", command="merge")
+    assert nothing.returncode == 3
+    assert sweep.run("a.h5", "--overwrite").returncode == 0 and not every_file(tmp_path)
+
+
+def test_a_merge_of_another_build_s_shards_alone_finds_nothing(sweep, tmp_path):
+    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    reforge(tmp_path / "a.h5.shard-000001", build="0123456789abcdef")
+    done = sweep.run("a.h5", command="merge")
+    assert done.returncode == 3 and "no finished case to merge" in done.stderr
+
+
+# --- partial results
+
+
+def attributes(path):
+    with h5py.File(path) as file:
+        return dict(file.attrs)
+
+
+def test_a_look_with_merge_stops_nothing(sweep, tmp_path):
+    assert sweep.run("b.h5").returncode == 0
+    for index in range(4):
+        assert sweep.run("a.h5", "--shard", "auto", env=array(index, range(4)), threads=1).returncode == 0
+        for _ in range(2):
+            merged = sweep.run("a.h5", "--keep-shards", command="merge")
+            assert merged.returncode == (75 if index < 3 else 0), merged.stderr
+        said = attributes(tmp_path / "a.h5")
+        assert said["cases_done"] == 3 * (index + 1) and said["complete"] == (index == 3)
+        assert said["begun"] <= said["ended"]
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+
+
+def test_a_run_replaces_the_partial_result(sweep, tmp_path):
+    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    assert sweep.run("a.h5", command="merge").returncode == 75
+    assert sweep.run("a.h5").returncode == 0
+    assert attributes(tmp_path / "a.h5")["complete"] == 1 and not every_file(tmp_path)
+
+
+def test_a_partial_result_with_more_cases_is_kept(sweep, tmp_path):
+    for share in ("1/3", "2/3"):
+        assert sweep.run("a.h5", "--shard", share).returncode == 0
+    assert sweep.run("a.h5", command="merge").returncode == 75
+    before = (tmp_path / "a.h5").read_bytes()
+    (tmp_path / "a.h5.shard-000001").unlink()
+    done = sweep.run("a.h5", command="merge")
+    assert done.returncode == 3 and "the file holds 8 cases, the shards 4" in done.stderr
+    assert (tmp_path / "a.h5").read_bytes() == before
+    assert sweep.run("a.h5", "--overwrite", command="merge").returncode == 75
+
+
+def test_a_partial_result_of_another_sweep_is_refused_before_anything_runs(sweep, tmp_path):
+    other = ("--set", "integrator.rtol=1e-5")
+    assert sweep.run("a.h5", "--shard", "1/2", *other).returncode == 0
+    assert sweep.run("a.h5", *other, command="merge").returncode == 75
+    (tmp_path / "a.h5.shard-000001").unlink()
+    before = (tmp_path / "a.h5").read_bytes()
+    for arguments in ((), ("--shard", "1/2")):
+        done = sweep.run("a.h5", *arguments)
+        assert done.returncode == 3 and "the file exists" in done.stderr
+    assert not every_file(tmp_path) and (tmp_path / "a.h5").read_bytes() == before
+
+
+def test_a_single_run_does_not_take_the_name_of_a_partial_sweep(sweep, tmp_path):
+    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    assert sweep.run("a.h5", command="merge").returncode == 75
+    single = tmp_path / "single.nml"
+    single.write_text(SHORT)
+    done = subprocess.run([sweep.exe, "run", single, "-o", tmp_path / "a.h5"], capture_output=True, text=True, check=False)
+    assert done.returncode == 3 and "the file exists" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["run", "merge"])
+@pytest.mark.parametrize("limit", ["integrator.max_steps=0", "integrator.max_steps=3"])
+@pytest.mark.parametrize("lost", [0, 1])
+def test_what_was_killed_while_it_removed_shards_is_ended(sweep, tmp_path, command, limit, lost):
+    status = 5 if limit.endswith("=3") else 0
+    for share in ("1/2", "2/2"):
+        assert sweep.run("a.h5", "--shard", share, "--set", limit).returncode == status
+    assert sweep.run("a.h5", "--set", limit, "--keep-shards", command="merge").returncode == status
+    before = (tmp_path / "a.h5").read_bytes()
+    for file in every_file(tmp_path)[:lost]:
+        file.unlink()
+    done = sweep.run("a.h5", "--set", limit, command=command)
+    assert done.returncode == status and not every_file(tmp_path), done.stderr
+    assert (tmp_path / "a.h5").read_bytes() == before
+    # Now it is a result as any other.
+    again = sweep.run("a.h5", "--set", limit, command=command)
+    assert again.returncode == 3
+
+
+def test_a_complete_result_without_a_sound_seal_is_not_trusted(sweep, tmp_path):
+    assert sweep.run("a.h5", "--keep-shards").returncode == 0
+    with open(tmp_path / "a.h5", "ab") as file:
+        file.write(b"x")
+    done = sweep.run("a.h5")
+    assert done.returncode == 3 and "the file exists" in done.stderr and every_file(tmp_path)
+
+
+# --- processes at once
+
+
+def test_of_many_that_want_one_shard_one_gets_it(sweep, tmp_path):
+    started = [
+        sweep.start("a.h5", *ENDLESS, "--shard", "1/2", stderr=subprocess.PIPE, text=True) for _ in range(6)
+    ]
+    try:
+        wait_until(lambda: sum(process.poll() is None for process in started) == 1)
+        (writer,) = [process for process in started if process.poll() is None]
+        for process in started:
+            if process is not writer:
+                assert process.returncode == 3 and "another process is writing it" in process.stderr.read()
+        assert [file.name for file in every_file(tmp_path)] == ["a.h5.shard-000001"]
+    finally:
+        for process in started:
+            end_group(process)
+
+
+def test_divisions_that_begin_at_once_get_files_of_their_own(sweep, tmp_path):
+    for attempt in range(3):
+        output = f"{attempt}.h5"
+        started = [
+            sweep.start(output, *ENDLESS, "--redivide", "--shard", f"1/{n}", stderr=subprocess.DEVNULL)
+            for n in (2, 3, 4)
+        ]
+        try:
+            wait_until(
+                lambda output=output: [
+                    file.stat().st_size >= HEADER_BYTES for file in every_file(tmp_path, output)
+                ]
+                == [True] * 3
+            )
+            assert all(process.poll() is None for process in started)
+            heads = [struct.unpack("<12Q", file.read_bytes()[:HEADER_BYTES]) for file in every_file(tmp_path, output)]
+            assert sorted(head[8] >> 32 for head in heads) == [2, 3, 4]
+        finally:
+            for process in started:
+                end_group(process)
+
+
+def test_tasks_that_overwrite_another_sweep_at_once_do_not_stop_each_other(sweep, tmp_path):
+    """Each finds shards of the other sweep that a third one empties and takes in this moment."""
+    for _ in range(3):
+        for i in range(1, 7):
+            assert sweep.run("a.h5", "--shard", f"{i}/6", "--redivide", "--overwrite", threads=1).returncode == 0
+        arguments = (*ENDLESS, "--overwrite", "--redivide", "--set", "output.wall_limit=1.5")
+        started = [
+            sweep.start("a.h5", *arguments, "--shard", f"{i}/6", stderr=subprocess.PIPE, text=True)
+            for i in range(1, 7)
+        ]
+        try:
+            for process in started:
+                assert process.wait(60) == 75, process.stderr.read()
+        finally:
+            for process in started:
+                end_group(process)
+        assert len(every_file(tmp_path)) == 6
+
+
+def test_shards_of_an_older_program_are_refused_as_such(sweep, tmp_path):
+    """Their heads held 64 characters of the identity."""
+    words = [int.from_bytes(b"KRAHSTSD", "little"), *struct.unpack("<8Q", b"0123456789abcdef" * 4), 16, 0]
+    path = tmp_path / "a.h5.shard-000000"
+    path.write_bytes(struct.pack("<12Q", *words, checksum(words)))
+    done = sweep.run("a.h5")
+    assert done.returncode == 3 and "another version of deck or program" in done.stderr
+    assert sweep.run("a.h5", "--overwrite").returncode == 0
+
+
+# --- what is told
+
+
+def show(sweep, *outputs):
+    return subprocess.run(
+        [sweep.exe, "show", *[sweep.folder / output for output in outputs]],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+
+
+def test_a_stopped_share_speaks_of_its_own_cases(sweep):
+    done = sweep.run("a.h5", *ENDLESS, "--shard", "1/3", "--set", "output.wall_limit=0.05")
+    assert done.returncode == 75 and "after 0 of 4 cases" in done.stderr, done.stderr
+
+
+def test_failed_cases_of_a_share_are_told_every_time(sweep):
+    for _ in range(2):
+        done = sweep.run("a.h5", "--shard", "1/3", "--set", "integrator.max_steps=3")
+        assert done.returncode == 5 and "4 of 4 cases of shard 1/3 failed" in done.stderr
+
+
+def test_show_of_nothing_and_of_no_result(sweep, tmp_path):
+    done = show(sweep, "none.h5")
+    assert done.returncode == 3 and "no such file" in done.stderr and done.stdout == ""
+    (tmp_path / "text.h5").write_text("no result")
+    done = show(sweep, "text.h5")
+    assert done.returncode == 3 and "no result of this program" in done.stderr
+    (tmp_path / "b.h5.shard-000000").write_text("notes, which are no shard")
+    done = show(sweep, "b.h5")
+    assert done.returncode == 3 and "move it away" in done.stderr
+
+
+def test_show_of_a_sweep_that_is_running(sweep, tmp_path):
+    assert sweep.run("a.h5", *ENDLESS, "--shard", "2/4", "--set", "output.wall_limit=0.05").returncode == 75
+    process = sweep.start("a.h5", *ENDLESS, "--shard", "4/4", stderr=subprocess.DEVNULL)
+    try:
+        shard = tmp_path / "a.h5.shard-000004"
+        wait_until(lambda: shard.exists() and shard.stat().st_size >= HEADER_BYTES)
+        for _ in range(5):
+            done = show(sweep, "a.h5")
+            assert done.returncode == 0, done.stderr
+        assert "0 of 12 cases done, 0 failed" in done.stdout
+        (second,) = [line for line in done.stdout.splitlines() if line.startswith("  2/4 ")]
+        (fourth,) = [line for line in done.stdout.splitlines() if line.startswith("  4/4 ")]
+        assert "0 of 3" in second and "being written" not in second
+        assert fourth.endswith(f"being written by process {process.pid}") or fourth.endswith("being written")
+        assert re.search(r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\dZ", second)
+        assert "not begun: 1, 3 of 4" in done.stdout
+        # A file of another sweep beside it: the heads tell them apart.
+        assert process.poll() is None
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 75
+        assert "being written" not in show(sweep, "a.h5").stdout
+    finally:
+        end_group(process)
+
+
+def test_nobody_is_refused_because_somebody_looks(sweep, tmp_path):
+    """A shard that is looked at all the time can be opened to write."""
+    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    loop = f"while :; do {sweep.exe} show {tmp_path}/a.h5 > /dev/null; done"
+    looking = subprocess.Popen(["bash", "-c", loop], start_new_session=True)
+    try:
+        for _ in range(8):
+            done = sweep.run("a.h5", "--shard", "1/2")
+            assert done.returncode == 0, done.stderr
+        assert sweep.run("a.h5").returncode == 0 and not every_file(tmp_path)
+    finally:
+        os.killpg(looking.pid, signal.SIGKILL)
+        looking.wait(30)
+
+
+def test_show_of_divisions_builds_and_results(sweep, tmp_path):
+    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    time.sleep(1.1)
+    assert sweep.run("a.h5", "--shard", "2/3", "--redivide").returncode == 0
+    said = show(sweep, "a.h5").stdout
+    # What the older division has done counts for the shares of the newer one.
+    done = len(cases_in(tmp_path / "a.h5.shard-000001")) + len(cases_in(tmp_path / "a.h5.shard-000002"))
+    assert f"{done} of 12 cases done" in said and re.search(r"^  2/3 +4 of 4 ", said, re.MULTILINE)
+    assert re.search(r"^  1/2 +6 of 6 ", said, re.MULTILINE) and "not begun: 1, 3 of 3" in said
+    reforge(tmp_path / "a.h5.shard-000001", build="0123456789abcdef")
+    said = show(sweep, "a.h5").stdout
+    assert said.count("shards of a sweep") == 2 and "build 0123456789ab)" in said
+    (tmp_path / "a.h5.shard-000001").unlink()
+    assert sweep.run("a.h5", command="merge").returncode == 75
+    left = 12 - len(cases_in(tmp_path / "a.h5.shard-000002"))
+    assert f"not complete, {left} of 12 cases have not been run" in show(sweep, "a.h5").stdout
+    assert sweep.run("a.h5").returncode == 0
+    single = tmp_path / "single.nml"
+    single.write_text(SHORT)
+    subprocess.run([sweep.exe, "run", single, "-o", tmp_path / "r.h5", "--quiet"], check=True, timeout=60)
+    done = show(sweep, "a.h5", "r.h5")
+    first, second = done.stdout.splitlines()
+    assert "a.h5: sweep of model low_frequency" in first and first.endswith("complete, done")
+    assert "r.h5: run of model low_frequency" in second and done.returncode == 0
+
+
+def test_show_of_shards_with_absurd_heads(sweep, tmp_path):
+    assert sweep.run("a.h5", "--shard", "1/1").returncode == 0
+    shard = tmp_path / "a.h5.shard-000001"
+    good = shard.read_bytes()
+    for place in range(6, 11):
+        for value in (0, 1, 2**31 - 1, 2**31, 2**32 - 1, 2**62 + 2**31 - 1, 2**64 - 1, 2**33 + 1):
+            words = list(struct.unpack("<12Q", good[:HEADER_BYTES]))
+            words[place] = value
+            words[11] = checksum(words[:11])
+            shard.write_bytes(struct.pack("<12Q", *words) + good[HEADER_BYTES:])
+            if place == 7 and value % 2**32 > 10**6:
+                continue
+            done = show(sweep, "a.h5")
+            assert done.returncode in (0, 3), (place, value, done)
+            assert all(line.startswith("dynstiction: ") for line in done.stderr.splitlines()), (place, value, done)
