@@ -144,6 +144,9 @@ contains
         call run_decks()
       else if (processes%is_first()) then
         call work_alone()
+      else
+        ! A signal to all leaves the end to the first process.
+        call listen_to_signals()
       end if
     end select
   end subroutine execute
@@ -182,6 +185,7 @@ contains
     model = 'full'
     if (command%operand_count == 1) model = command%operands(1)%text
     call template(model, text, error)
+    call processes%agree(error)
     call complain(error)
     if (.not. allocated(error)) call print_text(text)
   end subroutine print_template

@@ -105,6 +105,8 @@ contains
       weight = 3
       if (error%code == some_failed) weight = 2
       if (error%code == stopped_early) weight = 1
+      ! Who has the words has not lost them to an earlier verdict.
+      weight = 2*weight + merge(1, 0, error%text /= '')
       verdict = (weight*ranks + (ranks - 1 - self%rank))*codes + error%code
     end if
     call reduce(self, verdict)

@@ -37,9 +37,9 @@ contains
     call listen(sigterm)
   end subroutine listen_to_signals
 
-  !> From now on signals have their usual effect.
+  !> From now on signals that end a program have their usual effect. What is done need not be asked to stop.
   subroutine stop_listening()
-    integer(c_int), parameter :: all(4) = [sighup, sigint, sigterm, sigusr1]
+    integer(c_int), parameter :: all(3) = [sighup, sigint, sigterm]
     type(c_funptr) :: previous
     integer :: i
 

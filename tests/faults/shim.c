@@ -8,14 +8,17 @@
      orphan                  SIGKILL to the parent of the child that calls
      TERM, HUP, INT, USR1    this signal, then the call goes on
      hold                    the call waits until the file FAULT_GATE exists, with the fault's place in the list (0, 1 ...) after it
+     pause                   the call waits 20 ms
      short                   a write takes half of its bytes
      ENOSPC, EIO, ...        the call fails so, if a call of its kind can
 
    FAULT_LOG gets a line for each call: who, number of the process' and of all calls, name, kind of the call, file; and a line
    'hit ...' for each fault. With FAULT_CLOCK=S each look at the monotonic clock finds it S seconds later, and waiting takes
    no time: what depends on it depends on the number of looks only. FAULT_FSIZE limits the size of files; FAULT_CLOSE=012 closes
-   descriptors; FAULT_PID is what getpid tells the program. With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request from descriptor R;
-   W gets its process id and, when it and all its children have ended, its wait status. That saves loading the libraries. */
+   descriptors; FAULT_PID is what getpid tells the program. With FAULT_STATUS=FILE the exit status is written there, and pipes are
+   not counted (MPI has some of its own). With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request
+   from descriptor R; W gets its process id and, when it and all its children have ended, its wait status. That saves loading the
+   libraries. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -60,6 +63,7 @@ static int fault_count, log_file = -1, armed;
 static pid_t first, pretended;
 static char folder[4096];
 static double clock_step;
+static const char *status_file;
 static struct { long count[3], seen[MOST_FAULTS]; pid_t process[MOST_PROCESSES]; } *shared; /* by all processes of the run */
 
 #define REAL(name) ({ static __typeof__(&name) real_; if (!real_) real_ = dlsym(RTLD_NEXT, #name); real_; })
@@ -118,6 +122,7 @@ static int look(const char *name, int calls, const char *path) {
     else if (!strcmp(what, "everyone")) kill_everyone();
     else if (!strcmp(what, "orphan")) kill(getppid(), SIGKILL);
     else if (!strcmp(what, "hold")) wait_for_gate(i);
+    else if (!strcmp(what, "pause")) syscall(SYS_nanosleep, &(struct timespec){0, 20000000}, NULL);
     else if (!strcmp(what, "short")) result = HALF;
     else if (faults[i].signal) kill(self(), faults[i].signal);
     else if (faults[i].error) { before = faults[i].error; result = FAIL; }
@@ -136,7 +141,7 @@ static const char *name_of(int file, char *path) {
   long length = file == log_file ? -1 : syscall(SYS_readlinkat, AT_FDCWD, link, path, 4095L);
   if (length < 0) return NULL;
   path[length] = 0;
-  return !strncmp(path, "pipe:", 5) || (path[0] == '/' && is_ours(path)) ? path : NULL;
+  return (!status_file && !strncmp(path, "pipe:", 5)) || (path[0] == '/' && is_ours(path)) ? path : NULL;
 }
 
 static int look_at(const char *name, int calls, const char *path) { return is_ours(path) ? look(name, calls, path) : GO_ON; }
@@ -291,6 +296,16 @@ int pipe2(int ends[2], int flags) { return armed && look("pipe", FORK, "-") ? -1
 
 pid_t getpid(void) { return pretended && self() == first ? pretended : self(); }
 
+/* MPI, as a Fortran program calls it. */
+void mpi_init_thread_f08_(int *required, int *provided, int *error) {
+  if (armed) look("init", 0, "-");
+  REAL(mpi_init_thread_f08_)(required, provided, error);
+}
+void mpi_finalize_f08_(int *error) {
+  if (armed) look("finalize", 0, "-");
+  REAL(mpi_finalize_f08_)(error);
+}
+
 /* The clock. */
 static long looks, waited; /* microseconds */
 int clock_gettime(clockid_t which, struct timespec *now) {
@@ -307,10 +322,20 @@ int usleep(useconds_t time) {
   return sched_yield();
 }
 
+static void write_status(int status, void *unused) {
+  char text[16];
+  (void)unused;
+  if (self() != first) return;
+  int file = (int)syscall(SYS_openat, AT_FDCWD, status_file, O_WRONLY | O_CREAT | O_TRUNC, 0644);
+  syscall(SYS_write, file, text, (size_t)snprintf(text, sizeof text, "%d\n", status));
+  syscall(SYS_close, file);
+}
+
 static void arm(void) {
   const char *text = getenv("FAULT_DIR"), *log = getenv("FAULT_LOG"), *step = getenv("FAULT_CLOCK"), *list = getenv("FAULT");
   const char *size = getenv("FAULT_FSIZE"), *closed = getenv("FAULT_CLOSE"), *number = getenv("FAULT_PID");
   if (!text) return;
+  status_file = getenv("FAULT_STATUS");
   snprintf(folder, sizeof folder, "%s", text);
   first = self();
   pretended = number ? atoi(number) : 0;
@@ -340,6 +365,7 @@ static void arm(void) {
   }
   if (size) setrlimit(RLIMIT_FSIZE, &(struct rlimit){(rlim_t)atol(size), (rlim_t)atol(size)});
   for (; closed && *closed; closed++) syscall(SYS_close, *closed - '0');
+  if (status_file) on_exit(write_status, NULL);
   armed = 1;
 }
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # tests/mpi/run.sh BUILD_FOLDER [PYTEST OPTION]...: builds the program with Open MPI and with MPICH below BUILD_FOLDER and runs the
-# tests of sweeps over MPI with both. What is not installed is skipped, with a line that says so. Needs meson, ninja and pytest on
+# tests of sweeps and of faults over MPI with both (faults.py has the whole matrix). What is not installed is skipped, with a line that says so. Needs meson, ninja and pytest on
 # PATH, and the package dynstiction and DYNSTICTION_EXE, its program, as for tests/python. Debian packages: libopenmpi-dev,
 # openmpi-bin, libmpich-dev, mpich.
 set -euo pipefail
@@ -31,5 +31,4 @@ unset DYNSTICTION_OPENMPI_EXE DYNSTICTION_MPICH_EXE
 build openmpi DYNSTICTION_OPENMPI_EXE
 build mpich DYNSTICTION_MPICH_EXE
 if [[ -z ${DYNSTICTION_OPENMPI_EXE:-}${DYNSTICTION_MPICH_EXE:-} ]]; then exit 0; fi
-exec python -m pytest -m 'not full' "$checkout/tests/python/test_sweep_mpi.py" "$checkout/tests/python/test_sweep_kills.py" \
-  -k 'not Threads and not Array' "$@"
+exec python -m pytest -m 'not full' "$checkout"/tests/python/test_{sweep_mpi,sweep_kills,mpi_faults}.py -k 'not Threads and not Array' "$@"

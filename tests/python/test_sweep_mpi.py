@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import struct
 import subprocess
+import time
+from pathlib import Path
 
+import h5py
 import pytest
-from sweeps import GRID, HEADER_BYTES, SCENE, Sweep, cases_in, end_group, executable, same, values, wait_until
+from sweeps import (
+    GRID,
+    HEADER_BYTES,
+    INPUTS,
+    SCENE,
+    Sweep,
+    cases_in,
+    end_group,
+    executable,
+    same,
+    values,
+    wait_until,
+)
 from test_sweep_kills import ALLOWED, MPI, Ranks, skip_without
 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
@@ -130,52 +146,261 @@ def test_shards_are_not_for_ranks(launched):
     assert done.returncode == 1 and "--shard is for processes that know nothing of each other" in done.stderr
 
 
-@pytest.mark.parametrize("other", ["serial", "other MPI"])
-def test_copies_of_rank_0_of_1_are_refused(launched, tmp_path, other):
-    """A program without MPI, or with another MPI, under mpirun."""
-    launched.exe = executable()
-    if other != "serial":
-        launched.exe = skip_without(next(flavour for flavour in MPI if flavour != launched.flavour))
-    done = launched.run("m.h5")
-    assert done.returncode == 1 and done.stderr.count("this is one of 2 copies") == 1
-    assert "they know nothing of each other" in done.stderr
-    assert not (tmp_path / "m.h5").exists() and not launched.shards("m.h5")
+class Ended:
+    """How a command of some ranks ended: the status of each, what they printed, and the messages of the program."""
+
+    def __init__(self, launched, *command, ranks=2):
+        script = 'rank=${OMPI_COMM_WORLD_RANK:-$PMI_RANK}; "$@"; echo $? > "status.$rank"'
+        done = subprocess.run(
+            [
+                f"mpirun.{launched.flavour}",
+                "-n",
+                str(ranks),
+                "sh",
+                "-c",
+                script,
+                "sh",
+                launched.exe,
+                *command,
+            ],
+            cwd=launched.folder,
+            env=os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"},
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+        files = [launched.folder / f"status.{rank}" for rank in range(ranks)]
+        self.statuses = [int(file.read_text()) for file in files]
+        self.output, self.messages = done.stdout, messages(done.stderr)
+        for file in files:
+            file.unlink()
 
 
-def statuses(launched, *command):
-    """Exit status of each of two ranks, and what they say."""
-    script = 'rank=${OMPI_COMM_WORLD_RANK:-$PMI_RANK}; "$@"; echo $? > "status.$rank"'
-    done = subprocess.run(
-        [f"mpirun.{launched.flavour}", "-n", "2", "sh", "-c", script, "sh", launched.exe, *command],
+def messages(text):
+    """What the program says, without what mpirun adds."""
+    return [line for line in text.splitlines() if line.startswith("dynstiction:")]
+
+
+def alone(launched, *command):
+    """The same command without mpirun."""
+    return subprocess.run(
+        [launched.exe, *command],
         cwd=launched.folder,
-        env=os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
         check=False,
         timeout=120,
     )
-    return [int((launched.folder / f"status.{rank}").read_text()) for rank in (0, 1)], done.stderr
 
 
-def test_all_ranks_end_with_one_status(launched, tmp_path):
+UNNAMED = re.sub("file = '.*'", "", SHORT)
+# A run of some tenths of a second.
+ONE = UNNAMED.replace("t_end = 1.0", "t_end = 2000.0").replace("interval = 1.0e-3", "interval = 1.0e-2")
+DECKS = {
+    "one.nml": ONE,
+    "map.nml": UNNAMED + GRID,
+    "other.nml": UNNAMED.replace("normal_load = 10.0", "normal_load = 9.0") + GRID,
+    "failing.nml": UNNAMED.replace("&integrator", "&integrator\n  max_steps = 5") + GRID,
+    "full.nml": (INPUTS / "fig3.nml").read_text().replace("t_end = 10.0", "t_end = 0.1"),
+    "bad.nml": UNNAMED.replace("t_end = 1.0", "t_end = 'late'"),
+}
+
+
+@pytest.fixture
+def decks(launched, tmp_path):
+    for name, text in DECKS.items():
+        (tmp_path / name).write_text(text)
+
+
+def columns(path):
+    """The columns of a run."""
+    with h5py.File(path) as file:
+        return {name: item[()] for name, item in file.items() if isinstance(item, h5py.Dataset)}
+
+
+def results(folder):
+    return sorted(path.name for path in folder.glob("*.h5*"))
+
+
+def test_all_ranks_end_with_one_status(launched, decks):
     """Also when the cases that failed were run before, by others."""
-    deck = tmp_path / "failing.nml"
-    deck.write_text(SHORT.replace("&integrator", "&integrator\n  max_steps = 5") + GRID)
-    command = ("run", "failing.nml", "-o", "f.h5", "--keep-shards", "--quiet", "--overwrite")
     for _ in range(2):
-        status, words = statuses(launched, *command)
-        assert status == [5, 5]
-        assert words.count("60 of 60 cases failed") == 1
+        ended = Ended(launched, "run", "failing.nml", "-o", "f.h5", "--keep-shards", "--quiet", "--overwrite")
+        assert ended.statuses == [5, 5]
+        assert len(ended.messages) == 1 and "60 of 60 cases failed" in ended.messages[0]
 
 
+PRINT_ONLY = ["--version", "--help", "run --help", "keys", "template", "template creep"]
+REFUSED = [
+    "",
+    "no_command",
+    "template none",
+    "run",
+    "run --no-option",
+    "run bad.nml map.nml",
+    "run map.nml no.nml",
+    "run one.nml --shard 1/2",
+    "run one.nml -o no/folder.h5",
+    "run map.nml -o no/folder.h5",
+    "run one.nml map.nml -o x.h5",
+    "check bad.nml",
+    "check no.nml map.nml",
+    "stability map.nml",
+    "resume no.h5",
+    "merge map.nml",
+    "merge one.nml",
+    "trade bad.nml",
+]
+
+
+@pytest.mark.parametrize("command", [*PRINT_ONLY, "check map.nml", "stability full.nml", *REFUSED])
+def test_ranks_say_what_one_process_says(launched, decks, tmp_path, command):
+    expected = alone(launched, *command.split())
+    assert (expected.returncode != 0) == (command in REFUSED)
+    ended = Ended(launched, *command.split())
+    assert ended.statuses == [expected.returncode] * 2
+    assert ended.output == expected.stdout
+    assert ended.messages == messages(expected.stderr)
+    assert not results(tmp_path)
+
+
+def test_several_decks(launched, decks, tmp_path):
+    names = ("map", "failing", "one", "other")
+    ended = Ended(launched, "run", *(f"{name}.nml" for name in names), "--quiet", ranks=3)
+    assert ended.statuses == [5, 5, 5] and len(ended.messages) == 1
+    assert results(tmp_path) == sorted(f"{name}.h5" for name in names)
+    for name in names:
+        done = alone(launched, "run", f"{name}.nml", "-o", "alone.h5", "--quiet", "--overwrite")
+        assert done.returncode == (5 if name == "failing" else 0)
+        contents = columns if name == "one" else values
+        assert same(contents(tmp_path / f"{name}.h5"), contents(tmp_path / "alone.h5"))
+
+
+def test_a_run_is_stopped_resumed_and_complete(launched, decks, tmp_path):
+    """Rank 0 does what is for one process; all end with its status."""
+    stopped = Ended(launched, "run", "one.nml", "--set", "output.wall_limit=0.05", "--quiet", ranks=3)
+    assert stopped.statuses == [75, 75, 75] and len(stopped.messages) == 1
+    assert results(tmp_path) == ["one.h5", "one.h5.checkpoint"]
+    exists = Ended(launched, "run", "one.nml", "--quiet")
+    assert exists.statuses == [3, 3]
+    assert len(exists.messages) == 1 and "the file exists" in exists.messages[0]
+    # The limit of the deck stops it again.
+    for _ in range(100):
+        resumed = Ended(launched, "resume", "one.h5", "--quiet", ranks=3)
+        if resumed.statuses != [75, 75, 75]:
+            break
+    assert resumed.statuses == [0, 0, 0] and not resumed.messages
+    assert alone(launched, "run", "one.nml", "-o", "alone.h5", "--quiet").returncode == 0
+    assert same(columns(tmp_path / "one.h5"), columns(tmp_path / "alone.h5"))
+
+
+def test_merge_works_once(launched, decks, tmp_path):
+    for shard, status in (("1/2", 75), ("2/2", 0)):
+        assert alone(launched, "run", "map.nml", "--shard", shard, "--quiet").returncode == 0
+        merged = Ended(launched, "merge", "map.nml", "--keep-shards", ranks=3)
+        assert merged.statuses == [status] * 3 and len(merged.messages) == (status != 0)
+        found = values((tmp_path / "map.h5").rename(tmp_path / "seen.h5"))
+    assert alone(launched, "run", "map.nml", "-o", "alone.h5", "--quiet").returncode == 0
+    assert same(found, values(tmp_path / "alone.h5"))
+
+
+def test_trade_works_once(launched, decks, tmp_path):
+    ended = Ended(launched, "trade", "full.nml", "--budget", "1", "-o", "t.h5", ranks=3)
+    assert ended.statuses == [ended.statuses[0]] * 3 and ended.statuses[0] in (0, 75)
+    assert len(ended.messages) == (ended.statuses[0] != 0)
+    lines = [line for line in ended.output.splitlines() if line.strip()]
+    assert lines and len(lines) == len(set(lines))
+    assert results(tmp_path) == ["t.h5"]
+
+
+def ranks_in(folder):
+    """Processes of the ranks that work in a folder, by rank."""
+    found = {}
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            settings = (process / "environ").read_bytes().split(b"\0")
+            here = (process / "cwd").resolve() == folder.resolve()
+        except OSError:
+            continue
+        for name in (b"OMPI_COMM_WORLD_RANK=", b"PMI_RANK="):
+            found |= {int(text[len(name) :]): process for text in settings if here and text.startswith(name)}
+    return found
+
+
+def processor_seconds(process):
+    """Processor time of a process, of a folder in /proc [s]."""
+    user, system = (process / "stat").read_text().rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+LONG = ("run", "one.nml", "--set", "scene.t_end=1e6", "--set", "output.interval=1", "--quiet")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1])
+@pytest.mark.parametrize("command", ["run", "resume"])
+def test_a_signal_stops_what_rank_0_does(launched, decks, tmp_path, command, number):
+    """Over mpirun: it ends with a checkpoint. Meanwhile the others have used no core."""
+    start = {"cwd": tmp_path, "start_new_session": True, "stderr": subprocess.PIPE, "text": True}
+    arguments = LONG
+    if command == "resume":
+        process = subprocess.Popen([launched.exe, *LONG], **start)
+        wait_until((tmp_path / "one.h5").exists)
+        time.sleep(0.3)
+        process.send_signal(signal.SIGUSR1)
+        assert process.wait(30) == 75
+        arguments = ("resume", "one.h5", "--quiet")
+    process = subprocess.Popen(
+        [f"mpirun.{launched.flavour}", "-n", "3", launched.exe, *arguments],
+        env=os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"},
+        **start,
+    )
+    try:
+        wait_until(lambda: len(ranks_in(tmp_path)) == 3 and (tmp_path / "one.h5").exists())
+        rank = ranks_in(tmp_path)
+        before = [processor_seconds(rank[i]) for i in range(3)]
+        time.sleep(2.0)
+        spent = [processor_seconds(rank[i]) - before[i] for i in range(3)]
+        assert max(spent[1:]) < 0.25 * spent[0]
+        # Open MPI's own answer to SIGTERM is to kill the ranks after a while.
+        process.send_signal(number)
+        assert process.wait(10) in {*STOPPED[launched.flavour], *({1} if number == signal.SIGTERM else set())}
+    finally:
+        end_group(process)
+    assert len(messages(process.stderr.read())) <= 1
+    # The checkpoint is that of the stop: the run goes on from it.
+    assert (tmp_path / "one.h5.checkpoint").exists()
+    with h5py.File(tmp_path / "one.h5") as file:
+        assert file.attrs["result_code"] == 75
+
+
+@pytest.fixture
+def strangers(launched, request):
+    """A program without MPI, or with another MPI, under mpirun: copies that know nothing of each other."""
+    launched.exe = executable()
+    if request.param != "serial":
+        launched.exe = skip_without(next(flavour for flavour in MPI if flavour != launched.flavour))
+    return launched
+
+
+@pytest.mark.parametrize("strangers", ["serial", "other MPI"], indirect=True)
 @pytest.mark.parametrize(
     "command",
-    [("run", "one.nml"), ("run", "map.nml", "failing.nml"), ("resume", "x.h5"), ("merge", "map.nml"), ("trade", "one.nml")],
-)
-def test_what_is_for_one_process_is_refused_to_ranks(launched, tmp_path, command):
-    for name, text in (("one.nml", SHORT), ("map.nml", SHORT + GRID), ("failing.nml", SHORT + GRID)):
-        (tmp_path / name).write_text(text)
-    status, words = statuses(launched, *command)
-    assert status == [1, 1]
-    assert words.count("is for one process") == 1
-    assert not list(tmp_path.glob("*.h5*"))
+    ["run map.nml", "run one.nml", "run map.nml other.nml", "resume one.h5", "merge map.nml", "check map.nml",
+     "stability full.nml", "trade full.nml"],
+)  # fmt: skip
+def test_copies_that_know_nothing_of_each_other_are_refused(strangers, decks, tmp_path, command):
+    ended = Ended(strangers, *command.split())
+    assert ended.statuses == [1, 1] and not ended.output
+    assert len(ended.messages) == 1 and "this is one of 2 copies" in ended.messages[0]
+    assert "they know nothing of each other" in ended.messages[0]
+    assert not results(tmp_path)
+
+
+@pytest.mark.parametrize("strangers", ["serial", "other MPI"], indirect=True)
+@pytest.mark.parametrize("command", [*PRINT_ONLY, "", "no_command", "template none", "run --no-option"])
+def test_the_first_of_such_copies_speaks_for_all(strangers, command):
+    expected = alone(strangers, *command.split())
+    ended = Ended(strangers, *command.split())
+    assert ended.statuses == [expected.returncode] * 2
+    assert (ended.output, ended.messages) == (expected.stdout, messages(expected.stderr))
