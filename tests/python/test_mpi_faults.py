@@ -16,7 +16,7 @@ SPECIFICATION = importlib.util.spec_from_file_location(
 mpi_faults = sys.modules["mpi_faults"] = importlib.util.module_from_spec(SPECIFICATION)
 SPECIFICATION.loader.exec_module(mpi_faults)
 
-# Every moment, every fault and everyone it befalls.
+# Every moment, and everyone it befalls.
 SHARE = (
     "launch/rank 0/missing folder",
     "launch/another/bad deck",
@@ -34,6 +34,7 @@ SHARE = (
     "merging/all/full disk",
     "merging/rank 0/slow, then SIGTERM",
     "ending/all/SIGKILL",
+    "finalizing/another/SIGTERM",
 )
 CASES = mpi_faults.every_case(list(MPI))
 QUICK = [case for case in CASES if str(case).partition("/")[2] in SHARE]
