@@ -580,15 +580,17 @@ contains
     status = min(status, 0)
   end subroutine delete_link
 
-  !> An empty column of `file_type` in chunks of `chunk_rows`, with room for one chunk in the cache. Each chunk has a checksum,
-  !> so that damage is found when it is read.
-  subroutine create_column(group, quantity, file_type, chunk_rows, column, status)
+  !> An empty column of `file_type` in chunks of `chunk_rows`, with room for one chunk in the cache, or for none if whole chunks
+  !> are appended. Each chunk has a checksum, so that damage is found when it is read.
+  subroutine create_column(group, quantity, file_type, chunk_rows, column, status, whole_chunks)
     integer(hid_t), intent(in) :: group, file_type
     type(quantity_t), intent(in) :: quantity
     integer, intent(in) :: chunk_rows
     type(column_t), intent(out) :: column
     integer, intent(inout) :: status
+    logical, intent(in), optional :: whole_chunks
     integer(hid_t) :: space, creation, access
+    integer :: cached_rows
     integer :: ignored
 
     if (status < 0) return
@@ -600,7 +602,9 @@ contains
     if (status < 0) return
     call h5pset_fletcher32_f(creation, status)
     if (status < 0) return
-    call create_access(chunk_rows, access, status)
+    cached_rows = chunk_rows
+    if (present(whole_chunks)) cached_rows = merge(0, chunk_rows, whole_chunks)
+    call create_access(cached_rows, access, status)
     if (status < 0) return
     call h5dcreate_f(group, trim(quantity%name), file_type, space, column%dataset, status, creation, dapl_id=access)
     if (status < 0) return
@@ -746,8 +750,8 @@ contains
     if (points > min(stored, int(file_bytes, hsize_t))/value_bytes) call refuse(name, 'claims more than it has', status, refusal)
   end subroutine check_size
 
-  subroutine create_access(chunk_rows, access, status)
-    integer, intent(in) :: chunk_rows
+  subroutine create_access(cached_rows, access, status)
+    integer, intent(in) :: cached_rows
     integer(hid_t), intent(out) :: access
     integer, intent(inout) :: status
     integer(size_t), parameter :: slots = 7
@@ -756,7 +760,7 @@ contains
     if (status < 0) return
     call h5pcreate_f(h5p_dataset_access_f, access, status)
     if (status < 0) return
-    call h5pset_chunk_cache_f(access, slots, int(8*chunk_rows, size_t), 1.0, status)
+    call h5pset_chunk_cache_f(access, slots, int(8*cached_rows, size_t), 1.0, status)
   end subroutine create_access
 
   !> Append values to a column.

@@ -24,7 +24,7 @@ module dst_sweep_file
   public :: merge_shards, look_at_result, is_of_unfinished_sweep
 
   !> Cases held in memory; values of the series held in memory.
-  integer, parameter :: usual_block = 32768, most_series_values = 4000000
+  integer, parameter :: usual_block = 16384, most_series_values = 4000000
   !> result_code of a case that has not been run.
   integer, parameter :: not_run = -1
 
@@ -173,28 +173,29 @@ contains
     call create_group(group, 'summary', summary, status)
     call put_attribute(group, 'grid', grid_text(sweep), status)
     call put_attribute(group, 'parameters', names_text(sweep), status)
-    call create_column(group, quantity_t('case', '1', 'number of the case'), h5t_std_i32le, block, output%case_number, status)
+    call create_column(group, quantity_t('case', '1', 'number of the case'), h5t_std_i32le, block, output%case_number, status, &
+      whole_chunks=.true.)
     call make_scale(output%case_number, 'case', status)
     allocate (output%coordinates(size(sweep%axes)), output%values(value_count), output%series(0))
     do i = 1, size(sweep%axes)
       associate (key => schema(sweep%axes(i)%key))
         parameter = quantity_t(sweep%axes(i)%name, key%unit, key%meaning)
         if (key%unit == '') parameter%units = '1'
-        call create_column(group, parameter, h5t_ieee_f64le, block, output%coordinates(i), status)
+        call create_column(group, parameter, h5t_ieee_f64le, block, output%coordinates(i), status, whole_chunks=.true.)
         call attach_scale(output%coordinates(i)%dataset, output%case_number, status)
       end associate
     end do
     quantities = value_quantities()
     do i = 1, value_count
       if (i == wall_time_value) then
-        call create_column(group, quantities(i), h5t_ieee_f64le, block, output%values(i), status)
+        call create_column(group, quantities(i), h5t_ieee_f64le, block, output%values(i), status, whole_chunks=.true.)
       else
-        call create_column(summary, quantities(i), h5t_ieee_f64le, block, output%values(i), status)
+        call create_column(summary, quantities(i), h5t_ieee_f64le, block, output%values(i), status, whole_chunks=.true.)
       end if
       call attach_scale(output%values(i)%dataset, output%case_number, status)
     end do
     call create_column(group, quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see docs/errors.md'), &
-      h5t_std_i32le, block, output%result_code, status)
+      h5t_std_i32le, block, output%result_code, status, whole_chunks=.true.)
     call attach_scale(output%result_code%dataset, output%case_number, status)
     call create_group(group, 'failures', failures, status)
     call create_column(failures, quantity_t('case', '1', 'number of a case that failed'), h5t_std_i32le, 1024, output%failed, &
