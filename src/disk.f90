@@ -10,8 +10,8 @@ module dst_disk
 
   public :: identity_t, identity_of, operator(==)
   public :: reserve_space, set_file_size, move_file, place_file, delete_file, delete_own_file
-  public :: read_bytes, read_at, write_bytes, put_text, create_file, open_own_file, make_durable, make_name_durable
-  public :: lock_file, unlock_file, is_in_use, wait_seconds
+  public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
+  public :: lock_attempt, locked, held, without_locks, lock_file, unlock_file, is_in_use, wait_seconds
   public :: open_for_appending, open_for_reading, is_locked_elsewhere, process_with_lock, append_words, read_words, close_descriptor
   public :: matching_files, path_t
   public :: file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
@@ -20,7 +20,10 @@ module dst_disk
 
   !> HDF5's lock is not to be had.
   character(*), parameter :: locked_by_a_reader = &
-    'locked by another process, or the file system has no locks: close the other program, or set HDF5_USE_FILE_LOCKING=FALSE'
+    'locked by another process, or the file system has no locks: close the other program, or use a disk that has locks'
+
+  !> What became of an attempt to lock.
+  integer, parameter :: locked = 0, held = 1, without_locks = 2
 
   ! Error numbers that mean "no room" on Linux.
   integer(c_int), parameter :: efbig = 27, enospc = 28, edquot = 122
@@ -385,30 +388,18 @@ contains
     end do
   end function opened
 
-  !> Write a text from byte `place` (0 is the first) of an open file.
-  subroutine write_bytes(descriptor, place, text, reason)
+  !> Write all of `text`, from byte `place` of a file on, counted from 0, or where the descriptor stands.
+  subroutine write_bytes(descriptor, text, reason, place)
     integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in) :: place
     character(*), intent(in), target :: text
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(int64), intent(in), optional :: place
     character(c_char), pointer, contiguous :: bytes(:)
 
     if (len(text) == 0) return
     call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
     call write_all(descriptor, bytes, reason, place)
   end subroutine write_bytes
-
-  !> Write a text where the open file stands, or into a pipe.
-  subroutine put_text(descriptor, text, reason)
-    integer(c_int), intent(in) :: descriptor
-    character(*), intent(in), target :: text
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    character(c_char), pointer, contiguous :: bytes(:)
-
-    if (len(text) == 0) return
-    call c_f_pointer(c_loc(text(1:1)), bytes, [len(text)])
-    call write_all(descriptor, bytes, reason)
-  end subroutine put_text
 
   !> Write all bytes in one call of the system, more only if that writes a part: from byte `place`, or where the file stands.
   subroutine write_all(descriptor, bytes, reason, place)
@@ -488,22 +479,31 @@ contains
     end do
   end subroutine open_for_appending
 
-  !> Lock an open file until it is closed; true if another process has the lock, and not only for a moment to look whether
-  !> anybody has. A file system without locks is trusted.
-  logical function is_locked_elsewhere(descriptor, shared)
+  !> Lock a file; `held` by another process, or `without_locks` if its file system has none.
+  integer function lock_attempt(descriptor, shared) result(outcome)
     integer(c_int), intent(in) :: descriptor
     logical, intent(in), optional :: shared            !! with others that lock it so
-    integer(c_int), parameter :: shared_or_fail = 1 + 4, exclusive_or_fail = 2 + 4, would_block = 11
-    integer, parameter :: most_tries = 5
+    integer(c_int), parameter :: share = 1, exclude = 2, or_fail = 4, would_block = 11
     integer(c_int) :: operation
+
+    operation = exclude
+    if (present(shared)) operation = merge(share, exclude, shared)
+    outcome = locked
+    if (c_flock(descriptor, operation + or_fail) == 0) return
+    outcome = without_locks
+    if (system_error() == would_block) outcome = held
+  end function lock_attempt
+
+  !> Lock an open file until it is closed; true if another process has the lock, and not only for a moment to look whether
+  !> anybody has. A file system without locks is trusted.
+  logical function is_locked_elsewhere(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    integer, parameter :: most_tries = 5
     integer :: i
 
-    operation = exclusive_or_fail
-    if (present(shared)) operation = merge(shared_or_fail, exclusive_or_fail, shared)
     do i = 1, most_tries
-      is_locked_elsewhere = .false.
-      if (c_flock(descriptor, operation) /= 0) is_locked_elsewhere = system_error() == would_block
-      if (.not. is_locked_elsewhere .or. operation == shared_or_fail) exit
+      is_locked_elsewhere = lock_attempt(descriptor) == held
+      if (.not. is_locked_elsewhere) exit
       call wait_seconds(0.005_wp)
     end do
   end function is_locked_elsewhere
@@ -706,10 +706,9 @@ contains
   !> Take HDF5's lock again; if a reader has come in between, go on without it.
   subroutine lock_file(descriptor)
     integer(c_int), intent(in) :: descriptor
-    integer(c_int), parameter :: exclusive_or_fail = 2 + 4
-    integer(c_int) :: ignored
+    integer :: ignored
 
-    if (are_files_locked()) ignored = c_flock(descriptor, exclusive_or_fail)
+    if (are_files_locked()) ignored = lock_attempt(descriptor)
   end subroutine lock_file
 
   !> Whether another process has HDF5's lock of a file: for writing, or at all.

@@ -8,8 +8,8 @@ module dst_lock
   use, intrinsic :: iso_c_binding, only: c_int, c_size_t, c_char, c_null_char
   use dst_kinds, only: wp, int64
   use dst_disk, only: identity_t, identity_of, operator(==), path_t, create_file, open_own_file, close_descriptor, delete_file, &
-    delete_own_file, folder_of, is_folder, matching_files, read_bytes, set_file_size, system_error, unique_word, wait_seconds, &
-    write_bytes
+    delete_own_file, folder_of, is_folder, lock_attempt, locked, held, without_locks, matching_files, read_bytes, set_file_size, &
+    system_error, unique_word, wait_seconds, write_bytes
   use dst_text, only: integer_text
   implicit none
   private
@@ -41,11 +41,6 @@ module dst_lock
   integer, parameter :: longest_text = 1024
 
   interface
-    integer(c_int) function c_flock(descriptor, operation) bind(c, name='flock')
-      import :: c_int
-      integer(c_int), value :: descriptor, operation
-    end function c_flock
-
     integer(c_int) function c_kill(process, signal) bind(c, name='kill')
       import :: c_int
       integer(c_int), value :: process, signal
@@ -113,7 +108,7 @@ contains
     type(holder_t), intent(out) :: before              !! who had the lock, and has ended
     logical, intent(out) :: again
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    integer(c_int), parameter :: exclusive_or_fail = 2 + 4, would_block = 11, exists_already = 17
+    integer(c_int), parameter :: exists_already = 17
     type(identity_t) :: identity
     logical :: is_new
 
@@ -124,9 +119,11 @@ contains
       identity = identity_of(self%descriptor)
       before = holder_in('')
     else
-      if (.not. is_folder(folder_of(self%file_name))) reason = 'the folder '//folder_of(self%file_name)// &
-        ' does not exist: create it first'
-      if (system_error() /= exists_already) return
+      if (system_error() /= exists_already) then
+        if (.not. is_folder(folder_of(self%file_name))) reason = 'the folder '//folder_of(self%file_name)// &
+          ' does not exist: create it first'
+        return
+      end if
       identity = identity_of(self%file_name)
       call read_holder(self%file_name, identity, before, reason)
       if (allocated(reason)) return
@@ -134,22 +131,23 @@ contains
       ! Who had it may have removed it meanwhile.
       if (allocated(reason)) again = .not. identity_of(self%file_name) == identity
       if (allocated(reason)) return
-
     end if
-
-    if (c_flock(self%descriptor, exclusive_or_fail) == 0) then
+    select case (lock_attempt(self%descriptor))
+    case (locked)
       again = .not. identity_of(self%file_name) == identity
       if (again) reason = 'the lock changes hands: try again'
-    else if (system_error() == would_block) then
+    case (held)
       ! A child of a process that has ended, or one that has not written its name yet.
       again = has_ended(before) .or. before%process == 0
       reason = 'locked: another process is writing this file'//named(before)//': wait until it ends, or use another name'
-    else if (.not. is_new) then
-      again = has_ended(before)
-      if (again) call delete_own_file(self%file_name, identity)
-      reason = 'locked: another process is writing this file'//named(before)//', and this file system cannot tell whether '// &
-        'it still does: if it has ended, remove '//self%file_name
-    end if
+    case (without_locks)
+      if (.not. is_new) then
+        again = has_ended(before)
+        if (again) call delete_own_file(self%file_name, identity)
+        reason = 'locked: another process is writing this file'//named(before)//', and this file system cannot tell whether '// &
+          'it still does: if it has ended, remove '//self%file_name
+      end if
+    end select
     if (allocated(reason)) call close_descriptor(self%descriptor)
   end subroutine try
 
@@ -220,8 +218,8 @@ contains
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
 
     call set_file_size(self%descriptor, 0_int64)
-    call write_bytes(self%descriptor, 0_int64, signature//n//'process '//integer_text(int(c_getpid()))//n//'host '//host_name()// &
-      n//'tag '//self%tag//n, reason)
+    call write_bytes(self%descriptor, signature//n//'process '//integer_text(int(c_getpid()))//n//'host '//host_name()// &
+      n//'tag '//self%tag//n, reason, 0_int64)
   end subroutine write_text
 
   !> Whether the process surely has ended.

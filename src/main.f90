@@ -2,15 +2,16 @@
 module dst_main
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
-  use dst_text, only: one_per_line, printable
-  use dst_copies, only: check_alone
+  use dst_text, only: integer_text, one_per_line, printable
   use dst_disk, only: place_of
-  use dst_deck, only: deck_t, read_deck, resolved, template, key_table
+  use dst_deck, only: deck_t, read_deck, parse_deck, resolved, template, key_table
   use dst_deck_check, only: check_deck
   use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
     setting_list, help_text
   use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
+  use dst_division, only: processes_here
+  use dst_processes, only: processes_t
   use dst_result_file, only: check_target
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
@@ -19,7 +20,7 @@ module dst_main
   use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
   use dst_show, only: show_result
-  use dst_signals, only: listen_to_signals
+  use dst_signals, only: listen_to_requests, listen_to_signals
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
   use dst_threads, only: task_t
@@ -40,6 +41,10 @@ module dst_main
   end type program_t
 
   type(command_t) :: command
+  type(processes_t) :: processes
+  !> Of this program, that a launcher has started together, and the number of this one; and who says so.
+  integer :: copies = 0, copy = 0
+  character(:), allocatable :: copies_variable
   !> Of the program: that of the first error.
   integer, public, protected :: status = result_done
 
@@ -54,20 +59,72 @@ contains
 
     associate (unused => self, also_unused => number)
     end associate
+    call listen_to_requests()
     allocate (arguments, source=program_arguments())
     if (is_completion(arguments)) then
       call print_text(completions(arguments))
       return
-    else if (is_python_command(arguments)) then
-      call hand_over(arguments, error)
-    else
-      call parse_arguments(arguments, command, error)
     end if
+    call processes_here(copies, copy, copies_variable)
+    if (is_python_command(arguments)) then
+      call check_alone(error)
+      if (.not. allocated(error)) call hand_over(arguments, error)
+      call complain(error)
+      return
+    end if
+    call start_processes(arguments, error)
+    if (.not. allocated(error)) call parse_arguments(arguments, command, error)
+    call processes%agree(error)
     call complain(error)
-    if (status == result_done) call execute()
+    if (.not. allocated(error)) call execute()
+    call agree_on_status()
+    call processes%end()
   end subroutine follow_arguments
 
+  !> Before anything can fail. Processes that take their shares from the environment do without.
+  subroutine start_processes(arguments, error)
+    type(argument_t), intent(in) :: arguments(:)
+    type(error_t), allocatable, intent(out) :: error
+
+    if (copies > 1 .and. .not. takes_own_share(arguments)) call processes%start(error)
+  end subroutine start_processes
+
+  !> Whether '--shard auto' is given.
+  pure logical function takes_own_share(arguments)
+    type(argument_t), intent(in) :: arguments(:)
+    integer :: i
+
+    takes_own_share = .false.
+    do i = 1, size(arguments) - 1
+      if (arguments(i)%text == '--shard' .and. arguments(i + 1)%text == 'auto') takes_own_share = .true.
+    end do
+  end function takes_own_share
+
+  !> Processes that know each other end with one status.
+  subroutine agree_on_status()
+    type(error_t), allocatable :: verdict
+
+    if (status /= result_done) verdict = error_t(status, '')
+    call processes%agree(verdict)
+    if (allocated(verdict)) status = exit_status(verdict%code)
+  end subroutine agree_on_status
+
+  !> Whether this is one of several copies of which none knows that there are others.
+  pure logical function is_lost()
+    is_lost = copies > 1 .and. processes%count == 1 .and. .not. command%share%is_given
+  end function is_lost
+
+  !> Refuse several copies, each of which would write the same files.
+  subroutine check_alone(error)
+    type(error_t), allocatable, intent(out) :: error
+
+    if (is_lost()) call raise(error, usage_error, 'this is one of '//integer_text(copies)//' copies ('//copies_variable// &
+      '), and they know nothing of each other: start the program once, build it with -Dmpi=enabled for this MPI, or use --shard')
+  end subroutine check_alone
+
   subroutine execute()
+    type(error_t), allocatable :: error
+
     if (command%help) then
       call print_text(help_text(command%name))
       return
@@ -79,20 +136,35 @@ contains
       call print_template()
     case ('keys')
       call print_text(key_table())
+    case default
+      call check_alone(error)
+      call complain(error)
+      if (allocated(error)) return
+      if (command%name == 'run') then
+        call run_decks()
+      else if (processes%is_first()) then
+        call work_alone()
+      end if
+    end select
+  end subroutine execute
+
+  !> What one process does, while the others wait for its status.
+  subroutine work_alone()
+    select case (command%name)
     case ('check')
       call check_decks()
     case ('stability')
       call report_stability()
     case ('trade')
       call compare_settings()
-    case ('run', 'merge')
-      call run_decks()
+    case ('merge')
+      call merge_decks()
     case ('resume')
       call resume_runs()
     case ('show')
       call show_results()
     end select
-  end subroutine execute
+  end subroutine work_alone
 
   subroutine print_template()
     type(error_t), allocatable :: error
@@ -165,8 +237,7 @@ contains
     type(error_t), allocatable :: error
     integer :: best
 
-    call check_alone("'trade'", error)
-    if (.not. allocated(error) .and. command%accuracy > 0.0_wp) call check_wish(command%accuracy, command%quantity, error)
+    if (command%accuracy > 0.0_wp) call check_wish(command%accuracy, command%quantity, error)
     if (.not. allocated(error)) then
       allocate (deck, trade)
       call read_deck(command%operands(1)%text, setting_list(command), deck, error)
@@ -193,11 +264,52 @@ contains
     type(deck_t), allocatable :: decks(:)
     type(argument_t), allocatable :: outputs(:)
     type(error_t), allocatable :: error
+    integer :: i
+
+    allocate (decks(command%operand_count), outputs(command%operand_count))
+    if (processes%is_first()) call prepare(decks, outputs)
+    call agree_on_status()
+    if (status /= result_done) return
+    call listen_to_signals()
+    do i = 1, size(decks)
+      call share_deck(decks(i), outputs(i)%text, error)
+      if (.not. allocated(error)) call carry_out(decks(i), outputs(i)%text, error)
+      call processes%agree(error)
+      call complain_of(decks(i), error)
+      if (stopped(error)) exit
+    end do
+  end subroutine run_decks
+
+  !> Write what the shards of every deck hold.
+  subroutine merge_decks()
+    type(deck_t), allocatable :: decks(:)
+    type(argument_t), allocatable :: outputs(:)
+    type(error_t), allocatable :: error
+    integer :: i
+
+    allocate (decks(command%operand_count), outputs(command%operand_count))
+    call prepare(decks, outputs)
+    if (status /= result_done) return
+    call listen_to_signals()
+    do i = 1, size(decks)
+      if (decks(i)%is_sweep()) then
+        call merge_sweep(decks(i), outputs(i)%text, sweep_options(), error)
+      else
+        call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
+      end if
+      call complain_of(decks(i), error)
+    end do
+  end subroutine merge_decks
+
+  !> Read the decks, and check them, and the files that they will write.
+  subroutine prepare(decks, outputs)
+    type(deck_t), intent(inout) :: decks(:)
+    type(argument_t), intent(inout) :: outputs(:)
+    type(error_t), allocatable :: error
     character(:), allocatable :: remark
     logical :: may_replace
     integer :: i
 
-    allocate (decks(command%operand_count), outputs(command%operand_count))
     do i = 1, size(decks)
       if (command%name == 'merge') then
         call read_deck(command%operands(i)%text, setting_list(command), decks(i), error)
@@ -207,7 +319,6 @@ contains
       call complain(error)
       if (.not. allocated(error)) outputs(i)%text = output_of(decks(i))
     end do
-    if (status == result_done) call check_copies(decks)
     if (status /= result_done) return
     do i = 1, size(decks)
       may_replace = command%overwrite
@@ -215,66 +326,71 @@ contains
       call check_output(outputs, i, inputs_of(decks), may_replace, error)
       call complain(error)
     end do
-    if (status /= result_done) return
-    call listen_to_signals()
-    do i = 1, size(decks)
-      call carry_out(decks(i), outputs(i)%text, error)
-      if (.not. allocated(error)) cycle
-      if (error%code /= file_error .and. error%text /= '') error%text = printable(decks(i)%name)//': '//error%text
-      call complain(error)
-      if (error%code == stopped_early) exit
-    end do
-  end subroutine run_decks
+  end subroutine prepare
 
-  !> Only one sweep is for several processes: who would else write the same file.
-  subroutine check_copies(decks)
-    type(deck_t), intent(in) :: decks(:)
-    type(error_t), allocatable :: error
+  !> Give the deck that the first process has read to all.
+  subroutine share_deck(deck, output, error)
+    type(deck_t), intent(inout) :: deck
+    character(:), allocatable, intent(inout) :: output
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: name, text
+    character(1) :: no_settings(0)
 
-    if (command%name == 'merge') then
-      call check_alone("'merge'", error)
-    else if (size(decks) > 1) then
-      call check_alone('a command with several decks', error)
-    else if (.not. decks(1)%is_sweep()) then
-      call check_alone('a run', error)
+    if (processes%count == 1) return
+    if (processes%is_first()) then
+      name = deck%name
+      text = resolved(deck)
     end if
-    call complain(error)
-  end subroutine check_copies
+    call processes%share_text(name)
+    call processes%share_text(text)
+    call processes%share_text(output)
+    if (.not. processes%is_first()) call parse_deck(text, name, no_settings, deck, error)
+  end subroutine share_deck
 
-  !> One run, or a sweep of many.
+  !> One run, which is for one process, or a sweep of many.
   subroutine carry_out(deck, output, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
     type(error_t), allocatable, intent(out) :: error
-    type(sweep_options_t) :: options
 
+    if (deck%is_sweep()) then
+      call run_sweep(deck, output, sweep_options(), processes, error)
+    else if (command%share%is_given) then
+      call raise(error, usage_error, 'has no &sweep: run it without --shard')
+    else if (processes%is_first()) then
+      call run_deck(deck, output, command%overwrite, command%quiet, error)
+    end if
+  end subroutine carry_out
+
+  type(sweep_options_t) function sweep_options() result(options)
     options%overwrite = command%overwrite
     options%quiet = command%quiet
     options%keep_shards = command%keep_shards
     options%share = command%share
-    if (command%name == 'merge') then
-      if (deck%is_sweep()) then
-        call merge_sweep(deck, output, options, error)
-      else
-        call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
-      end if
-    else if (deck%is_sweep()) then
-      call run_sweep(deck, output, options, error)
-    else if (options%share%is_given) then
-      call raise(error, usage_error, 'has no &sweep: run it without --shard')
-    else
-      call run_deck(deck, output, options%overwrite, options%quiet, error)
-    end if
-  end subroutine carry_out
+  end function sweep_options
+
+  !> Complain of an error that a deck has led to; that of a file names the file.
+  subroutine complain_of(deck, error)
+    type(deck_t), intent(in) :: deck
+    type(error_t), allocatable, intent(inout) :: error
+
+    if (.not. allocated(error)) return
+    if (error%code /= file_error .and. error%text /= '') error%text = printable(deck%name)//': '//error%text
+    call complain(error)
+  end subroutine complain_of
+
+  pure logical function stopped(error)
+    type(error_t), allocatable, intent(in) :: error
+
+    stopped = .false.
+    if (allocated(error)) stopped = error%code == stopped_early
+  end function stopped
 
   !> Go on with each run in turn.
   subroutine resume_runs()
     type(error_t), allocatable :: error
     integer :: i
 
-    call check_alone("'resume'", error)
-    call complain(error)
-    if (allocated(error)) return
     call listen_to_signals()
     do i = 1, command%operand_count
       call resume_run(command%operands(i)%text, command%quiet, error)
@@ -364,15 +480,21 @@ contains
 
     if (.not. allocated(error)) return
     ! Of a process that leaves the words to another one, only the status counts.
-    if (error%text /= '') call put_error(one_per_line(error%text, 'dynstiction: '))
+    if (error%text /= '' .and. .not. is_mute()) call put_error(one_per_line(error%text, 'dynstiction: '))
     if (status == result_done) status = exit_status(error%code)
   end subroutine complain
+
+  !> Of copies that know nothing of each other the first one speaks for all.
+  pure logical function is_mute()
+    is_mute = is_lost() .and. copy > 0
+  end function is_mute
 
   subroutine print_text(text)
     character(*), intent(in) :: text
     type(error_t), allocatable :: error
     logical :: failed
 
+    if (is_mute() .or. .not. processes%is_first()) return
     call put_output(text, failed)
     if (.not. failed) return
     call raise(error, file_error, 'cannot write to the standard output: it is closed, or the disk is full')

@@ -4,7 +4,7 @@
 module dst_process
   use, intrinsic :: iso_c_binding, only: c_int, c_long, c_intptr_t, c_size_t, c_ptr, c_funptr, c_char, c_null_char, c_null_ptr, &
     c_null_funptr, c_loc
-  use dst_disk, only: put_text, system_error
+  use dst_disk, only: write_bytes, system_error
   implicit none
   private
 
@@ -187,7 +187,7 @@ contains
     character(:), allocatable :: ignored
 
     if (.not. self%in_child) return
-    call put_text(self%ends(2), reply_mark//text, ignored)
+    call write_bytes(self%ends(2), reply_mark//text, ignored)
     call c_exit(0_c_int)
   end subroutine reply
 

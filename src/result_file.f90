@@ -233,7 +233,7 @@ contains
     place = checkpoint_name(self%place)
     unfinished = self%lock%scratch_name(place)
     call create_file(unfinished, descriptor, reason)
-    if (.not. allocated(reason)) call write_bytes(descriptor, 0_int64, encoded(checkpoint), reason)
+    if (.not. allocated(reason)) call write_bytes(descriptor, encoded(checkpoint), reason, 0_int64)
     if (durable .and. .not. allocated(reason)) call make_durable(descriptor, reason)
     if (.not. allocated(reason)) then
       call move_file(unfinished, place, moved)

@@ -19,7 +19,7 @@ module dst_run
   use dst_result_file, only: result_file_t
   use dst_scene, only: scene_t, scene_from_deck
   use dst_sha256, only: sha256
-  use dst_signals, only: stop_signal
+  use dst_signals, only: stop_signal, signal_name, no_signal
   use dst_simulation, only: simulation_t
   use dst_writer, only: outcome_t
   implicit none
@@ -170,6 +170,7 @@ contains
     character(*), parameter :: at_its_end = 'at its end'
     type(guard_t) :: guard
     type(origin_t) :: origin
+    character(:), allocatable :: answer
 
     call guard%begin()
     if (guard%in_child) then
@@ -180,10 +181,9 @@ contains
       if (is_at_its_end .and. .not. allocated(error)) call guard%reply(at_its_end)
       call reply(guard, error)
     end if
-    call await(guard, run%file%name, error)
-    is_at_its_end = .false.
-    if (allocated(error)) is_at_its_end = error%text == at_its_end
-    if (is_at_its_end) deallocate (error)
+    answer = answer_of(guard, run%file%name)
+    is_at_its_end = answer == at_its_end
+    if (answer /= '' .and. .not. is_at_its_end) call raise(error, file_error, answer)
   end subroutine check_origin
 
   !> Put a new file in the place of that of a killed run: nothing but its columns' numbers is taken from the old one.
@@ -196,7 +196,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(run_metadata_t) :: metadata
     type(guard_t) :: guard
-    character(:), allocatable :: old_name, new_name
+    character(:), allocatable :: old_name, new_name, answer
 
     call describe_run(deck, run%simulation%scene%model, run%simulation%scene%method_name(), model_choice, metadata)
     metadata%git_revision = run%checkpoint%git_revision
@@ -213,7 +213,8 @@ contains
       call rebuild_hdf5(old_name, new_name, run%file%name, bookmark, metadata, run%simulation%output_columns(), guard, error, rows)
       call reply(guard, error)
     end if
-    call await(guard, run%file%name, error)
+    answer = answer_of(guard, run%file%name)
+    if (answer /= '') call raise(error, file_error, answer)
     call run%file%adopt()
     if (.not. allocated(error)) call run%file%put_in_place(error)
     if (allocated(error)) call run%file%discard()
@@ -228,17 +229,15 @@ contains
     call guard%reply('')
   end subroutine reply
 
-  !> The error of the child process.
-  subroutine await(guard, result_file, error)
+  !> The answer of the child process, '' if all is well.
+  function answer_of(guard, result_file) result(answer)
     type(guard_t), intent(inout) :: guard
     character(*), intent(in) :: result_file
-    type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: answer
 
     call guard%await(answer)
     if (.not. allocated(answer)) answer = result_file//': cannot resume: it is so damaged that HDF5 fails on it: run the deck again'
-    if (answer /= '') call raise(error, file_error, answer)
-  end subroutine await
+  end function answer_of
 
   !> A run that ended by itself has nothing to go on with.
   subroutine check_unfinished(result_file, origin, error)
@@ -320,7 +319,7 @@ contains
     character(:), allocatable :: text
 
     text = 'stopped at output.wall_limit'
-    if (stop_signal() /= '') text = 'stopped by '//stop_signal()
+    if (stop_signal() /= no_signal) text = 'stopped by '//signal_name(stop_signal())
     text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%file%name
   end function stop_text
 
@@ -353,7 +352,7 @@ contains
       do
         call simulation%proceed(slice, run%writer, error)
         if (simulation%finished .or. allocated(error)) exit
-        if (stop_signal() /= '') then
+        if (stop_signal() /= no_signal) then
           call raise(error, stopped_early, stop_text(run))
           exit
         end if

@@ -36,7 +36,7 @@ contains
       return
     end if
     line = mark//crc%text()//achar(10)
-    call write_bytes(descriptor, file%bytes, line, reason)
+    call write_bytes(descriptor, line, reason, file%bytes)
     if (allocated(reason)) then
       call set_file_size(descriptor, file%bytes)
       return

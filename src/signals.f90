@@ -7,12 +7,13 @@ module dst_signals
   implicit none
   private
 
-  public :: listen_to_signals, stop_signal
+  public :: listen_to_requests, listen_to_signals, stop_listening, stop_signal, signal_name, no_signal
 
   integer(c_int), parameter :: sighup = 1, sigint = 2, sigusr1 = 10, sigterm = 15
   integer(c_intptr_t), parameter :: default_action = 0, ignore = 1
 
-  integer(c_int), volatile :: received = 0
+  integer, parameter :: no_signal = 0
+  integer(c_int), volatile :: received = no_signal
 
   interface
     type(c_funptr) function c_signal(number, handler) bind(c, name='signal')
@@ -24,13 +25,29 @@ module dst_signals
 
 contains
 
-  !> From now on SIGHUP (the terminal is gone), SIGINT, SIGTERM and SIGUSR1 are remembered. A second SIGINT ends the program at once.
+  !> From now on SIGUSR1, which asks to stop and nothing else, is remembered: a scheduler may send it before there is a run.
+  subroutine listen_to_requests()
+    call listen(sigusr1)
+  end subroutine listen_to_requests
+
+  !> From now on SIGHUP (the terminal is gone), SIGINT and SIGTERM are remembered too. A second SIGINT ends the program at once.
   subroutine listen_to_signals()
     call listen(sighup)
     call listen(sigint)
     call listen(sigterm)
-    call listen(sigusr1)
   end subroutine listen_to_signals
+
+  !> From now on signals have their usual effect.
+  subroutine stop_listening()
+    integer(c_int), parameter :: all(4) = [sighup, sigint, sigterm, sigusr1]
+    type(c_funptr) :: previous
+    integer :: i
+
+    do i = 1, size(all)
+      previous = c_signal(all(i), c_null_funptr)
+      if (transfer(previous, ignore) == ignore) previous = c_signal(all(i), previous)
+    end do
+  end subroutine stop_listening
 
   !> The shell lets a job in the background ignore SIGINT: what is ignored stays so.
   subroutine listen(number)
@@ -49,11 +66,16 @@ contains
     if (number == sigint) previous = c_signal(number, transfer(default_action, c_null_funptr))
   end subroutine remember
 
-  !> The name of the signal that asked to stop; '' if none did.
-  function stop_signal() result(name)
+  !> The number of the signal that asked to stop, or `no_signal`.
+  integer function stop_signal()
+    stop_signal = received
+  end function stop_signal
+
+  pure function signal_name(number) result(name)
+    integer, intent(in) :: number
     character(:), allocatable :: name
 
-    select case (received)
+    select case (number)
     case (sighup)
       name = 'SIGHUP'
     case (sigint)
@@ -63,7 +85,7 @@ contains
     case (sigusr1)
       name = 'SIGUSR1'
     case default
-      name = ''
+      name = 'a signal'
     end select
-  end function stop_signal
+  end function signal_name
 end module dst_signals

@@ -2,7 +2,7 @@
 !> of a full disk. POSIX.
 module dst_standard_streams
   use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t, c_char, c_funptr, c_null_char, c_null_funptr
-  use dst_disk, only: put_text
+  use dst_disk, only: write_bytes
   implicit none
   private
 
@@ -76,7 +76,7 @@ contains
     logical, intent(out) :: failed
     character(:), allocatable :: reason
 
-    call put_text(descriptor, text, reason)
+    call write_bytes(descriptor, text, reason)
     failed = allocated(reason)
   end subroutine put
 end module dst_standard_streams

@@ -4,7 +4,7 @@
 !> signals, limits, progress and the other processes, between two slices of its case.
 module dst_sweep_runner
   use dst_build_info, only: version, git_revision
-  use dst_copies, only: check_knowledge
+  use dst_dealer, only: dealer_t
   use dst_deck, only: deck_t, resolved
   use dst_deck_check, only: sweep_of_deck
   use dst_deck_sweep, only: varied_key
@@ -15,18 +15,18 @@ module dst_sweep_runner
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, int64, real64
   use dst_progress, only: progress_t, new_progress
-  use dst_ranks, only: ranks_t, start_ranks
+  use dst_processes, only: processes_t, patience_t
   use dst_run, only: describe_run
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema
+  use dst_schema, only: schema, sweep_group
   use dst_sha256, only: sha256
-  use dst_signals, only: stop_signal
+  use dst_signals, only: stop_signal, signal_name, no_signal
   use dst_simulation, only: wall_clock
-  use dst_sweep, only: sweep_t, case_t, watch_t, worker_t, new_worker, series_quantities
+  use dst_sweep, only: sweep_t, axis_t, new_sweep, case_t, watch_t, worker_t, new_worker, series_quantities
   use dst_sweep_file, only: block_of, merge_shards, look_at_result
   use dst_sweep_shard, only: shard_t, head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &
     missing, without_concern, scan_shard, empty_shard, delete_shard
-  use dst_text, only: integer_text
+  use dst_text, only: integer_text, word, word_count
   use dst_threads, only: task_t, run_in_threads
   implicit none
   private
@@ -54,7 +54,7 @@ module dst_sweep_runner
     integer, allocatable :: given(:)     !! cases dealt out to this process
     integer :: next = 1                  !! the first of them that has not begun
     logical :: none_left = .false.       !! no more will be dealt out to this process
-    logical :: stop = .false.            !! cases under way are given up
+    integer :: stop = 0                  !! why cases under way are given up: number of a signal, or one of those below; 0 = they go on
     integer :: at_work = 0               !! threads
     integer :: finished = 0, failed = 0  !! of this process
     integer :: to_do = 0                 !! cases, of all processes
@@ -63,9 +63,13 @@ module dst_sweep_runner
     type(pace_t) :: pace
     type(shard_t) :: shard
     type(error_t), allocatable :: error  !! the first one of the shard
-    type(ranks_t) :: ranks
+    type(processes_t) :: processes
+    type(dealer_t) :: dealer
     type(progress_t) :: progress
   end type state_t
+
+  !> Why a process stops, if not by a signal.
+  integer, parameter :: at_limit = -1, by_error = -2
 
   type, extends(watch_t) :: sweep_watch_t
     type(state_t), pointer :: state => null()
@@ -97,60 +101,99 @@ module dst_sweep_runner
 
 contains
 
-  !> Run all cases that no shard has yet, and merge the shards when all are done.
-  subroutine run_sweep(deck, result_file, options, error)
+  !> Run all cases that no shard has yet, and merge the shards when all are done. All processes end with the same error, of which
+  !> one has the text.
+  subroutine run_sweep(deck, result_file, options, processes, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
+    type(processes_t), intent(in) :: processes
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
     type(state_t), target :: state
-    type(index_t) :: index
-    type(path_t), allocatable :: files(:)
-    integer, allocatable :: pending(:)
     type(head_t) :: head
-    integer :: code
+    integer, allocatable :: pending(:)
 
-    call start_ranks(state%ranks, error)
-    if (.not. allocated(error) .and. state%ranks%count > 1 .and. options%share%is_given) call raise(error, usage_error, &
-      '--shard is for processes that know nothing of each other, these do: leave it out')
-    ! A process with a shard of its own is alone.
-    if (.not. allocated(error) .and. .not. options%share%is_given) call check_knowledge(state%ranks%count, error)
-    if (.not. allocated(error)) call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) head = head_of(sweep)
-    if (state%ranks%rank == 0) then
-      if (.not. allocated(error)) call look_at_shards(sweep, head, result_file, options, options%overwrite, index, files, error)
-      if (.not. allocated(error)) call choose_cases(sweep, index, options, state, pending, error)
-    end if
-    code = 0
-    if (allocated(error)) code = error%code
-    ! Nobody opens a shard before rank 0 has looked at all.
-    call state%ranks%stop_all(code)
-    if (code == 0) then
-      call open_shard(state%shard, result_file, merge(head%division%share, state%ranks%rank, options%share%is_given), head, &
-        layout_of(sweep), error)
-      if (allocated(error)) code = error%code
-      call state%ranks%stop_all(code)
-    end if
-    if (code == 0) then
-      call run_cases(sweep, state, pending, options%quiet .or. state%ranks%rank > 0)
-      if (allocated(state%error)) call move_alloc(state%error, error)
-      if (allocated(error)) code = error%code
-      if (code == 0 .and. state%stop) code = stopped_early
-      call state%shard%close()
-      call state%ranks%stop_all(code)
-      if (code == 0) then
-        call present_result(sweep, head, result_file, options, state, error)
-        if (allocated(error)) code = error%code
-        call state%ranks%stop_all(code)
-      else if (code == stopped_early .and. state%ranks%rank == 0) then
+    state%processes = processes
+    if (processes%is_first()) call prepare(deck, result_file, options, sweep, head, state, pending, error)
+    ! Nobody opens a shard before the first has looked at all.
+    call processes%agree(error)
+    if (allocated(error)) return
+    call share_sweep(processes, deck, sweep, head, error)
+    if (.not. allocated(error)) call open_shard(state%shard, result_file, &
+      merge(head%division%share, processes%rank, options%share%is_given), head, layout_of(sweep), error)
+    call processes%agree(error)
+    if (.not. allocated(error)) then
+      call run_cases(sweep, state, pending, options%quiet .or. .not. processes%is_first())
+      if (allocated(state%error)) then
+        call move_alloc(state%error, error)
+      else if (state%stop /= 0) then
         call raise(error, stopped_early, stop_text(state))
       end if
     end if
-    ! All processes end with the same status; one has said why.
-    if (code /= 0 .and. .not. allocated(error)) error = error_t(code, '')
-    call state%ranks%end()
+    call state%shard%close()
+    call processes%agree(error)
+    if (allocated(error)) return
+    if (processes%is_first()) call present_result(sweep, head, result_file, options, state, error)
+    call processes%agree(error)
   end subroutine run_sweep
+
+  !> What one process finds out for all: the sweep, and which of its cases are to be run.
+  subroutine prepare(deck, result_file, options, sweep, head, state, pending, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: result_file
+    type(sweep_options_t), intent(in) :: options
+    type(sweep_t), intent(out) :: sweep
+    type(head_t), intent(out) :: head
+    type(state_t), intent(inout) :: state
+    integer, allocatable, intent(out) :: pending(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(index_t) :: index
+    type(path_t), allocatable :: files(:)
+
+    if (state%processes%count > 1 .and. options%share%is_given) then
+      call raise(error, usage_error, '--shard is for processes that know nothing of each other, these do: leave it out')
+      return
+    end if
+    call sweep_of_deck(deck, sweep, error)
+    if (allocated(error)) return
+    head = head_of(sweep)
+    call look_at_shards(sweep, head, result_file, options, options%overwrite, index, files, error)
+    if (.not. allocated(error)) call choose_cases(sweep, index, options, state, pending, error)
+  end subroutine prepare
+
+  !> The first process has read the points of a sweep; the others get them from it.
+  subroutine share_sweep(processes, deck, sweep, head, error)
+    type(processes_t), intent(in) :: processes
+    type(deck_t), intent(in) :: deck
+    type(sweep_t), intent(inout) :: sweep
+    type(head_t), intent(inout) :: head
+    type(error_t), allocatable, intent(out) :: error
+    type(axis_t), allocatable :: axes(:)
+    character(:), allocatable :: names
+    integer :: i
+
+    if (processes%count == 1) return
+    if (deck%text_of(sweep_group, 'points') == '') then
+      if (.not. processes%is_first()) call new_sweep(deck, sweep, error)
+    else
+      names = ''
+      if (processes%is_first()) then
+        axes = sweep%axes
+        do i = 1, size(axes)
+          names = trim(adjustl(names//' '//axes(i)%name))
+        end do
+      end if
+      call processes%share_text(names)
+      if (.not. processes%is_first()) allocate (axes(word_count(names)))
+      do i = 1, size(axes)
+        axes(i)%name = word(names, i)
+        call processes%share_numbers(axes(i)%values)
+      end do
+      if (.not. processes%is_first()) call new_sweep(deck, sweep, error, axes, .true.)
+    end if
+    if (.not. (processes%is_first() .or. allocated(error))) head = head_of(sweep)
+  end subroutine share_sweep
 
   !> Write what the shards hold so far to the result file.
   subroutine merge_sweep(deck, result_file, options, error)
@@ -347,9 +390,8 @@ contains
     state%failed_before = index%failed
   end subroutine choose_cases
 
-  !> All threads of the process: as many as OpenMP counts processors, but not more than cases.
+  !> All threads of the process.
   subroutine run_cases(sweep, state, pending, quiet)
-    !$ use omp_lib, only: omp_get_max_threads
     type(sweep_t), intent(in), target :: sweep
     type(state_t), intent(inout), target :: state
     integer, allocatable, intent(inout) :: pending(:)
@@ -361,18 +403,32 @@ contains
     state%begun = wall_clock()
     state%progress = new_progress(sweep%deck%name, quiet)
     allocate (state%given(0))
-    call state%ranks%open_list(pending)
-    threads = 1
-    !$ threads = min(omp_get_max_threads(), most_threads, sweep%cases)
+    call state%dealer%open(state%processes, pending)
+    threads = thread_count(state%processes, sweep%cases)
     ! At first a case for each thread.
     state%pace%rate = threads/piece
     cases%sweep => sweep
     cases%state => state
     call new_worker(sweep, cases%first_worker)
     call run_in_threads(cases, threads)
-    call state%ranks%close_list(state%finished, state%failed, state%stop)
+    call state%dealer%close(state%processes, state%finished, state%failed, state%stop)
+    deallocate (state%given)
     call state%progress%close()
   end subroutine run_cases
+
+  !> As many threads as OpenMP counts processors or is told to take; of processors that several processes may use, a share.
+  integer function thread_count(processes, cases) result(threads)
+    !$ use omp_lib, only: omp_get_max_threads
+    type(processes_t), intent(in) :: processes
+    integer, intent(in) :: cases
+    integer :: length
+
+    threads = 1
+    !$ threads = omp_get_max_threads()
+    call get_environment_variable('OMP_NUM_THREADS', length=length)
+    if (length == 0 .and. processes%cores > 0) threads = min(threads, processes%cores)
+    threads = min(threads, most_threads, cases)
+  end function thread_count
 
   !> One thread: case after case.
   subroutine work(self, number)
@@ -416,13 +472,15 @@ contains
   !> The first thread, without work itself, still looks around for the others, and rank 0 for other processes.
   subroutine wait_for_others(state)
     type(state_t), intent(inout) :: state
+    type(patience_t) :: patience
     integer :: at_work
 
     do
       call look_around(state)
       !$omp atomic read
       at_work = state%at_work
-      if (at_work <= 1 .and. state%ranks%others_are_done()) exit
+      if (at_work <= 1 .and. state%dealer%others_are_done(state%processes)) exit
+      call patience%check(state%processes)
       call wait_seconds(look)
     end do
   end subroutine wait_for_others
@@ -454,7 +512,7 @@ contains
       if (allocated(error)) then
         call move_alloc(error, state%error)
         !$omp atomic write
-        state%stop = .true.
+        state%stop = by_error
       else
         state%finished = state%finished + 1
         if (case%result_code /= 0) state%failed = state%failed + 1
@@ -466,18 +524,20 @@ contains
   !> The first thread looks around.
   logical function asked_to_stop(self)
     class(sweep_watch_t), intent(inout) :: self
+    integer :: stop
 
     if (self%is_first) call look_around(self%state)
     !$omp atomic read
-    asked_to_stop = self%state%stop
+    stop = self%state%stop
+    asked_to_stop = stop /= 0
   end function asked_to_stop
 
   !> New work, signals, the limit, progress.
   subroutine look_around(state)
     type(state_t), intent(inout) :: state
     integer, allocatable :: numbers(:)
-    integer :: finished, failed, left, wanted
-    logical :: none_left, stop
+    integer :: finished, failed, left, wanted, stop
+    logical :: none_left
     real(wp) :: passed
 
     passed = wall_clock() - state%begun
@@ -493,13 +553,14 @@ contains
     !$omp end critical (keeping)
     !$omp atomic read
     stop = state%stop
-    stop = stop .or. stop_signal() /= '' .or. (state%limit > 0.0_wp .and. passed > state%limit)
+    if (stop == 0) stop = stop_signal()
+    if (stop == 0 .and. state%limit > 0.0_wp .and. passed > state%limit) stop = at_limit
     wanted = 0
-    if (.not. (none_left .or. stop)) wanted = state%pace%wanted(left, finished, state%ranks%count)
-    call state%ranks%deal(wanted, finished, failed, numbers, none_left, stop)
-    if (stop) then
+    if (.not. none_left .and. stop == 0) wanted = state%pace%wanted(left, finished, state%processes%count)
+    call state%dealer%deal(state%processes, wanted, finished, failed, numbers, none_left, stop)
+    if (stop /= 0) then
       !$omp atomic write
-      state%stop = .true.
+      state%stop = stop
     end if
     if (allocated(numbers)) then
       call state%pace%measure(passed, finished)
@@ -510,8 +571,8 @@ contains
       state%none_left = none_left
       !$omp end critical (dealing)
     end if
-    call state%progress%show_cases(state%done_before, state%ranks%finished, state%to_do, &
-      state%failed_before + state%ranks%failed, passed)
+    call state%progress%show_cases(state%done_before, state%dealer%finished, state%to_do, &
+      state%failed_before + state%dealer%failed, passed)
   end subroutine look_around
 
   !> Cases to ask for while `left` have not begun. The pace may have changed: nothing is asked ahead before one of the
@@ -555,7 +616,7 @@ contains
       failed = state%failed_before + state%failed
       if (failed > 0) call raise(error, some_failed, integer_text(failed)//' of '// &
         integer_text(head%division%size(sweep%cases))//' cases of shard '//head%division%text()//' failed')
-    else if (state%ranks%rank == 0) then
+    else
       again = head
       call look_at_shards(sweep, again, result_file, options, .false., index, files, error)
       if (.not. allocated(error)) call write_result(sweep, head, result_file, index, files, options, error)
@@ -600,8 +661,8 @@ contains
     character(:), allocatable :: text
 
     text = 'stopped at output.wall_limit'
-    if (stop_signal() /= '') text = 'stopped by '//stop_signal()
-    text = text//' after '//integer_text(state%done_before + state%ranks%finished)//' of '// &
+    if (state%stop > no_signal) text = 'stopped by '//signal_name(state%stop)
+    text = text//' after '//integer_text(state%done_before + state%dealer%finished)//' of '// &
       integer_text(state%done_before + state%to_do)//' cases: start it again to go on'
   end function stop_text
 end module dst_sweep_runner

@@ -11,8 +11,8 @@
 module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
   use, intrinsic :: iso_fortran_env, only: int8
-  use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, append_words, read_words, close_descriptor, &
-    set_file_size, delete_file, matching_files, path_t, seconds_now, wait_seconds
+  use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, lock_attempt, held, append_words, read_words, &
+    close_descriptor, set_file_size, delete_file, matching_files, path_t, seconds_now, wait_seconds
   use dst_division, only: division_t
   use dst_errors, only: error_t, raise, file_error, out_of_memory, stopped_early
   use dst_kinds, only: wp, int64, real64
@@ -315,7 +315,7 @@ contains
 
     call open_records(file_name, reader, error)
     is_being_written = .false.
-    if (.not. allocated(error)) is_being_written = is_locked_elsewhere(reader%descriptor, shared=.true.)
+    if (.not. allocated(error)) is_being_written = lock_attempt(reader%descriptor, shared=.true.) == held
     call reader%close()
   end function is_being_written
 

@@ -8,7 +8,7 @@ module dst_threads
   implicit none
   private
 
-  public :: task_t, run_in_threads, run_with_room
+  public :: task_t, run_in_threads, run_with_room, allowed_cores, most_cores
 
   !> What threads do together.
   type, abstract :: task_t
@@ -34,6 +34,8 @@ module dst_threads
 
   !> Bytes of a stack: what Linux gives a program unasked, and what suffices.
   integer(c_size_t), parameter :: stack_bytes = 8_c_size_t*1024_c_size_t**2, least_stack_bytes = 1024_c_size_t**2
+  !> That a machine can have here.
+  integer, parameter :: most_cores = 1024
   !> pthread_attr_t is shorter everywhere.
   integer, parameter :: attribute_words = 16
 
@@ -62,6 +64,13 @@ module dst_threads
       integer(c_long), value :: thread
       type(c_ptr), value :: value
     end function pthread_join
+
+    integer(c_int) function c_sched_getaffinity(process, bytes, mask) bind(c, name='sched_getaffinity')
+      import :: c_int, c_int64_t, c_size_t
+      integer(c_int), value :: process
+      integer(c_size_t), value :: bytes
+      integer(c_int64_t), intent(out) :: mask(*)
+    end function c_sched_getaffinity
 
     integer(c_int) function c_getrlimit(resource, limits) bind(c, name='getrlimit')
       import :: c_int, c_long
@@ -130,6 +139,23 @@ contains
 
     if (member%begun) ignored = pthread_join(member%thread, c_null_ptr)
   end subroutine await
+
+  !> The cores of the machine that this process may use, by number.
+  function allowed_cores() result(allowed)
+    logical :: allowed(0:most_cores - 1)
+    integer, parameter :: bits = bit_size(0_c_int64_t)
+    integer(c_int64_t) :: mask(0:most_cores/bits - 1)
+    integer(c_int) :: ignored
+    integer :: i, bit
+
+    mask = 0
+    ignored = c_sched_getaffinity(0_c_int, int(most_cores/8, c_size_t), mask)
+    do i = 0, size(mask) - 1
+      do bit = 0, bits - 1
+        allowed(bits*i + bit) = btest(mask(i), bit)
+      end do
+    end do
+  end function allowed_cores
 
   !> Where a thread begins.
   type(c_ptr) function follow(argument) bind(c)

@@ -756,7 +756,7 @@ def test_a_locked_file_is_refused(program, copied):
     before = copied.read_bytes()
     with copied.open("rb") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        assert_refused(program.resume(copied), "locked", "HDF5_USE_FILE_LOCKING")
+        assert_refused(program.resume(copied), "locked", "close the other program")
     assert copied.read_bytes() == before
 
 

@@ -51,8 +51,8 @@ contains
     call check('a regular file', one%is_regular)
     call create_file(first, other, reason)
     call check('a name that is taken', allocated(reason) .and. other < 0)
-    call write_bytes(descriptor, 2_int64, 'abc', reason)
-    call write_bytes(descriptor, 0_int64, 'xy', reason)
+    call write_bytes(descriptor, 'abc', reason, 2_int64)
+    call write_bytes(descriptor, 'xy', reason, 0_int64)
     call read_at(descriptor, 1_int64, bytes, complete)
     call check('bytes at a place', complete .and. all(bytes == ['y', 'a', 'b']))
     call read_at(descriptor, 3_int64, bytes, complete)
@@ -105,9 +105,9 @@ contains
     call check('disk full', index(with_remedy('No space left on device'), 'free some space') > 0)
     call check('quota', index(with_remedy('Disk quota exceeded'), 'quota') > 0)
     call check('limit', index(with_remedy('File too large'), 'ulimit') > 0)
-    call check('lock', index(with_remedy('Resource temporarily unavailable'), 'HDF5_USE_FILE_LOCKING=FALSE') > 0)
-    call check('no locks', index(with_remedy('No locks available'), 'HDF5_USE_FILE_LOCKING=FALSE') > 0)
-    call check('a block is no lock', index(with_remedy('bad local heap block'), 'HDF5_USE_FILE_LOCKING') == 0)
+    call check('lock', index(with_remedy('Resource temporarily unavailable'), 'locked by another process') > 0)
+    call check('no locks', index(with_remedy('No locks available'), 'locked by another process') > 0)
+    call check('a block is no lock', index(with_remedy('bad local heap block'), 'locked') == 0)
     call check('unknown', with_remedy('Input/output error') == 'Input/output error')
   end subroutine test_reasons
 

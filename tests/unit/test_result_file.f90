@@ -211,7 +211,7 @@ contains
     integer(c_int) :: descriptor
 
     call create_file(file_name, descriptor, reason)
-    if (.not. allocated(reason)) call write_bytes(descriptor, 0_int64, text, reason)
+    if (.not. allocated(reason)) call write_bytes(descriptor, text, reason, 0_int64)
     call check('written '//file_name, .not. allocated(reason))
     call close_descriptor(descriptor)
   end subroutine write_file

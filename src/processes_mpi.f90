@@ -1,0 +1,263 @@
+!> The processes that a launcher started together, over MPI: how they agree, tell each other, and end.
+!>
+!> MPI is started once, before anything can fail, and ended once. Nobody waits inside MPI: what several processes do together is begun,
+!> and looked at again and again with a pause between, so that a process which waits leaves its core to others and still hears
+!> signals. Only the first thread of a process calls anything here. Source: MPI 3.1 standard, chapters 3, 5, 8 and 12.
+!> `processes_serial.f90` is the same module for one process.
+module dst_processes
+  use mpi_f08, only: mpi_comm, mpi_comm_world, mpi_info_null, mpi_comm_type_shared, mpi_init_thread, mpi_thread_funneled, &
+    mpi_comm_rank, mpi_comm_size, mpi_comm_split_type, mpi_comm_free, mpi_iprobe, mpi_recv, mpi_send, mpi_get_count, &
+    mpi_allreduce, mpi_iallreduce, mpi_ibcast, mpi_test, mpi_abort, mpi_finalize, mpi_get_library_version, mpi_request, &
+    mpi_status, mpi_status_ignore, mpi_any_source, mpi_any_tag, mpi_integer, mpi_integer8, mpi_double_precision, &
+    mpi_character, mpi_sum, mpi_max, mpi_max_library_version_string
+  use dst_errors, only: error_t, raise, usage_error, some_failed, stopped_early
+  use dst_disk, only: wait_seconds
+  use dst_kinds, only: wp, int64
+  use dst_signals, only: stop_signal, signal_name, no_signal, stop_listening
+  use dst_simulation, only: wall_clock
+  use dst_standard_streams, only: put_error
+  use dst_threads, only: allowed_cores, most_cores
+  implicit none
+  private
+
+  public :: processes_t, patience_t, mpi_library
+
+  !> All processes, as seen by one of them.
+  type :: processes_t
+    integer :: rank = 0, count = 1
+    integer :: cores = 0                  !! that are this process's share of what it may use of its machine; 0 = all of them
+    logical, private :: started = .false.
+  contains
+    procedure :: start
+    procedure :: is_first
+    procedure :: agree
+    procedure :: share_text
+    procedure :: share_numbers
+    procedure :: sum_up
+    procedure :: send
+    procedure :: look_for_message
+    procedure :: end
+    procedure, private :: wait_for
+  end type processes_t
+
+  !> Waiting for other processes. It ends in vain some time after a signal has asked this one to stop.
+  type :: patience_t
+    private
+    real(wp) :: since = -1.0_wp           !! wall time at which the signal was seen [s]
+  contains
+    procedure :: check
+  end type patience_t
+
+  !> So long a process that has been asked to stop still waits for others [s]. The first ones say so before the others do.
+  real(wp), parameter :: longest_wait = 7.0_wp, stagger = 0.02_wp
+  integer, parameter :: most_staggered = 50
+  !> Between two looks at what is under way [s].
+  real(wp), parameter :: shortest_pause = 1.0e-4_wp, longest_pause = 5.0e-3_wp
+
+contains
+
+  !> Start MPI.
+  subroutine start(self, error)
+    class(processes_t), intent(out) :: self
+    type(error_t), allocatable, intent(out) :: error
+    integer :: provided
+
+    call mpi_init_thread(mpi_thread_funneled, provided)
+    self%started = .true.
+    call mpi_comm_rank(mpi_comm_world, self%rank)
+    call mpi_comm_size(mpi_comm_world, self%count)
+    self%cores = own_cores()
+    if (provided < mpi_thread_funneled) call raise(error, usage_error, &
+      'this MPI cannot be used with threads: build with -Dopenmp=disabled, or install another MPI')
+  end subroutine start
+
+  !> The cores that a process may use, each divided by the processes that may use it.
+  integer function own_cores()
+    type(mpi_comm) :: machine
+    integer :: allowed(most_cores), users(most_cores)
+
+    allowed = merge(1, 0, allowed_cores())
+    call mpi_comm_split_type(mpi_comm_world, mpi_comm_type_shared, 0, mpi_info_null, machine)
+    call mpi_allreduce(allowed, users, most_cores, mpi_integer, mpi_sum, machine)
+    call mpi_comm_free(machine)
+    own_cores = max(1, int(sum(real(allowed, wp)/max(1, users)) + epsilon(1.0)))
+  end function own_cores
+
+  !> Whether this process does what only one does.
+  pure logical function is_first(self)
+    class(processes_t), intent(in) :: self
+
+    is_first = self%rank == 0
+  end function is_first
+
+  !> Give all processes one verdict: the gravest of their errors, without its text but in the first process that has it. Being
+  !> stopped is less than cases that failed, and these are less than any other error.
+  subroutine agree(self, error)
+    class(processes_t), intent(in) :: self
+    type(error_t), allocatable, intent(inout) :: error
+    integer(int64), parameter :: codes = 2_int64**8, ranks = 2_int64**32
+    integer(int64) :: verdict, weight
+
+    if (self%count == 1) return
+    verdict = 0
+    if (allocated(error)) then
+      weight = 3
+      if (error%code == some_failed) weight = 2
+      if (error%code == stopped_early) weight = 1
+      verdict = (weight*ranks + (ranks - 1 - self%rank))*codes + error%code
+    end if
+    call reduce(self, verdict)
+    if (verdict == 0) return
+    if (self%rank == ranks - 1 - modulo(verdict/codes, ranks)) return
+    error = error_t(int(modulo(verdict, codes)), '')
+  end subroutine agree
+
+  !> The largest `number` of all.
+  subroutine reduce(self, number)
+    class(processes_t), intent(in) :: self
+    integer(int64), intent(inout) :: number
+    integer(int64), asynchronous :: own, largest
+    type(mpi_request) :: request
+
+    own = number
+    call mpi_iallreduce(own, largest, 1, mpi_integer8, mpi_max, mpi_comm_world, request)
+    call self%wait_for(request)
+    number = largest
+  end subroutine reduce
+
+  !> Give the text of the first process to all.
+  subroutine share_text(self, text)
+    class(processes_t), intent(in) :: self
+    character(:), allocatable, intent(inout), asynchronous :: text
+    integer :: length
+    type(mpi_request) :: request
+
+    if (self%count == 1) return
+    length = 0
+    if (self%is_first()) length = len(text)
+    call share_length(self, length)
+    if (.not. self%is_first()) text = repeat(' ', length)
+    call mpi_ibcast(text, length, mpi_character, 0, mpi_comm_world, request)
+    call self%wait_for(request)
+  end subroutine share_text
+
+  !> Give the numbers of the first process to all.
+  subroutine share_numbers(self, numbers)
+    class(processes_t), intent(in) :: self
+    real(wp), allocatable, intent(inout), asynchronous :: numbers(:)
+    integer :: length
+    type(mpi_request) :: request
+
+    if (self%count == 1) return
+    length = 0
+    if (self%is_first()) length = size(numbers)
+    call share_length(self, length)
+    if (.not. self%is_first()) allocate (numbers(length))
+    call mpi_ibcast(numbers, length*(storage_size(1.0_wp)/storage_size(1.0d0)), mpi_double_precision, 0, mpi_comm_world, request)
+    call self%wait_for(request)
+  end subroutine share_numbers
+
+  subroutine share_length(self, length)
+    class(processes_t), intent(in) :: self
+    integer, intent(inout), asynchronous :: length
+    type(mpi_request) :: request
+
+    call mpi_ibcast(length, 1, mpi_integer, 0, mpi_comm_world, request)
+    call self%wait_for(request)
+  end subroutine share_length
+
+  !> The sums of all processes' numbers.
+  subroutine sum_up(self, numbers)
+    class(processes_t), intent(in) :: self
+    integer, intent(inout) :: numbers(:)
+    integer, asynchronous :: own(size(numbers)), sums(size(numbers))
+    type(mpi_request) :: request
+
+    if (self%count == 1) return
+    own = numbers
+    call mpi_iallreduce(own, sums, size(numbers), mpi_integer, mpi_sum, mpi_comm_world, request)
+    call self%wait_for(request)
+    numbers = sums
+  end subroutine sum_up
+
+  !> Send a short message.
+  subroutine send(self, rank, subject, numbers)
+    class(processes_t), intent(in) :: self
+    integer, intent(in) :: rank, subject
+    integer, intent(in) :: numbers(:)
+
+    if (self%count > 1) call mpi_send(numbers, size(numbers), mpi_integer, rank, subject, mpi_comm_world)
+  end subroutine send
+
+  !> A message to this process, if one is there; else `numbers` are unallocated.
+  subroutine look_for_message(self, rank, subject, numbers)
+    class(processes_t), intent(in) :: self
+    integer, intent(out) :: rank, subject
+    integer, allocatable, intent(inout) :: numbers(:)   !! unallocated if there is none
+    type(mpi_status) :: status
+    integer :: length
+    logical :: there
+
+    rank = -1
+    subject = 0
+    if (allocated(numbers)) deallocate (numbers)
+    if (self%count == 1) return
+    call mpi_iprobe(mpi_any_source, mpi_any_tag, mpi_comm_world, there, status)
+    if (.not. there) return
+    rank = status%mpi_source
+    subject = status%mpi_tag
+    call mpi_get_count(status, mpi_integer, length)
+    allocate (numbers(length))
+    call mpi_recv(numbers, length, mpi_integer, rank, subject, mpi_comm_world, mpi_status_ignore)
+  end subroutine look_for_message
+
+  !> End MPI. From here on signals have their usual effect: MPI may wait for a process that is gone.
+  subroutine end(self)
+    class(processes_t), intent(inout) :: self
+
+    if (.not. self%started) return
+    self%started = .false.
+    call stop_listening()
+    call mpi_finalize()
+  end subroutine end
+
+  subroutine wait_for(self, request)
+    class(processes_t), intent(in) :: self
+    type(mpi_request), intent(inout) :: request
+    type(patience_t) :: patience
+    real(wp) :: pause
+    logical :: done
+
+    pause = shortest_pause
+    do
+      call mpi_test(request, done, mpi_status_ignore)
+      if (done) return
+      call patience%check(self)
+      call wait_seconds(pause)
+      pause = min(2.0_wp*pause, longest_pause)
+    end do
+  end subroutine wait_for
+
+  !> If the others keep this process waiting though it has been asked to stop, all are ended: what is finished is in files.
+  subroutine check(self, processes)
+    class(patience_t), intent(inout) :: self
+    class(processes_t), intent(in) :: processes
+
+    if (stop_signal() == no_signal) return
+    if (self%since < 0.0_wp) self%since = wall_clock()
+    if (wall_clock() - self%since < longest_wait + stagger*min(processes%rank, most_staggered)) return
+    call put_error('dynstiction: stopped by '//signal_name(stop_signal())//', and another process does not answer: all '// &
+      'are ended; start it again to go on'//new_line('a'))
+    call mpi_abort(mpi_comm_world, stopped_early)
+  end subroutine check
+
+  !> Name and version of the library.
+  function mpi_library() result(text)
+    character(:), allocatable :: text
+    character(mpi_max_library_version_string) :: version
+    integer :: length
+
+    call mpi_get_library_version(version, length)
+    text = version(:scan(version(:length)//new_line('a'), ','//new_line('a')//achar(0)) - 1)
+  end function mpi_library
+end module dst_processes
