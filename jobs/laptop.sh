@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # A sweep on all cores of this machine. Stopped or killed, start it again: it goes on.
-#   jobs/laptop.sh inputs/map_lambda.nml map_lambda.h5
+#   jobs/laptop.sh inputs/map_lambda.nml map_lambda.h5          # what follows is passed to the program
 set -euo pipefail
 deck=${1:?deck with &sweep} output=${2:?result file}
-exec nice "${DYNSTICTION:-dynstiction}" run "$deck" -o "$output"
+shift 2
+exec nice "${DYNSTICTION:-dynstiction}" run "$deck" -o "$output" "$@"

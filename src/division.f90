@@ -243,13 +243,16 @@ contains
     type(division_t), intent(out) :: division
     type(error_t), allocatable, intent(out) :: error
     type(array_t) :: array
-    character(:), allocatable :: ignored
+    character(:), allocatable :: variable
     integer :: count, number
 
     call read_array(array, error)
     if (allocated(error)) return
-    call processes_here(count, number, ignored)
-    if (array%is_there .and. last%step > 0 .and. .not. redivide) then
+    call processes_here(count, number, variable)
+    if (number < 0) then
+      call raise(error, usage_error, '--shard auto: '//variable//' tells of '//integer_text(count)//' processes, but nothing '// &
+        'tells which this is: write --shard I/N')
+    else if (array%is_there .and. last%step > 0 .and. .not. redivide) then
       call continue_array(array, max(1, count), last, division, error)
     else if (array%is_there) then
       call begin_array(array, max(1, count), last, redivide, division, error)
@@ -349,8 +352,8 @@ contains
                  'or there is no SLURM_ARRAY_TASK_COUNT: write --shard I/N')
   end subroutine read_array
 
-  !> The processes that a launcher started together: how many, which of them this is, counted from 0, and the variable that
-  !> says so; none: 0.
+  !> The processes that a launcher started together: how many, which of them this is, counted from 0 (-1: nobody says), and the
+  !> variable that says so; none: 0.
   subroutine processes_here(count, number, variable)
     integer, intent(out) :: count, number
     character(:), allocatable, intent(out) :: variable
@@ -360,7 +363,8 @@ contains
       variable = trim(sizes(i))
       count = environment_number(sizes(i))
       number = environment_number(numbers(i))
-      if (count > 0 .and. number >= 0 .and. number < count) return
+      if (number >= count) number = -1
+      if (count > 0) return
     end do
     count = 0
     number = 0

@@ -170,7 +170,7 @@ contains
     type(head_t), intent(inout) :: head
     type(error_t), allocatable, intent(out) :: error
     type(axis_t), allocatable :: axes(:)
-    character(:), allocatable :: names
+    character(:), allocatable :: names, identity
     integer :: i
 
     if (processes%count == 1) return
@@ -192,7 +192,13 @@ contains
       end do
       if (.not. processes%is_first()) call new_sweep(deck, sweep, error, axes, .true.)
     end if
-    if (.not. (processes%is_first() .or. allocated(error))) head = head_of(sweep)
+    ! The identity is that of the deck as it was read.
+    identity = head%identity
+    call processes%share_text(identity)
+    if (.not. processes%is_first()) then
+      head = head_of(sweep)
+      head%identity = identity
+    end if
   end subroutine share_sweep
 
   !> Write what the shards hold so far to the result file.
@@ -644,7 +650,8 @@ contains
     end if
     if (index%done == sweep%cases .and. .not. options%keep_shards) then
       do i = 1, size(files)
-        call delete_shard(files(i)%text, head)
+        call delete_shard(files(i)%text, head, error)
+        if (allocated(error)) return
       end do
     end if
     if (index%done < sweep%cases) then

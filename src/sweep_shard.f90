@@ -12,7 +12,7 @@ module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
   use, intrinsic :: iso_fortran_env, only: int8
   use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, lock_attempt, held, append_words, read_words, &
-    close_descriptor, set_file_size, delete_file, matching_files, path_t, seconds_now, wait_seconds
+    close_descriptor, set_file_size, delete_file, file_exists, matching_files, path_t, seconds_now, wait_seconds
   use dst_division, only: division_t
   use dst_errors, only: error_t, raise, file_error, out_of_memory, stopped_early
   use dst_kinds, only: wp, int64, real64
@@ -288,23 +288,29 @@ contains
     call reader%close()
   end subroutine empty_shard
 
-  !> Remove a shard whose cases are in the result file.
-  subroutine delete_shard(file_name, head)
+  !> Remove a shard whose cases are in the result file. What another process has taken or removed meanwhile is its matter.
+  subroutine delete_shard(file_name, head, error)
     character(*), intent(in) :: file_name
     type(head_t), intent(in) :: head
-    type(error_t), allocatable :: error
+    type(error_t), allocatable, intent(out) :: error   !! it is still there
+    type(error_t), allocatable :: others
     type(reader_t) :: reader
     type(head_t) :: found
+    logical :: is_ours
 
     call open_records(file_name, reader, error)
-    if (allocated(error)) return
-    ! A process that has opened it meanwhile goes on with it.
-    if (.not. is_locked_elsewhere(reader%descriptor)) then
-      call read_head(reader, found, error)
-      if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
-      if (.not. allocated(error) .and. found%is_of_build(head)) call delete_file(file_name)
-    end if
+    is_ours = .not. allocated(error)
+    if (is_ours) is_ours = .not. is_locked_elsewhere(reader%descriptor)
+    if (is_ours) call read_head(reader, found, error)
+    is_ours = is_ours .and. .not. allocated(error)
+    if (is_ours) call check_sweep(file_name, found, head, others)
+    is_ours = is_ours .and. .not. allocated(others) .and. found%is_of_build(head)
+    if (is_ours) call delete_file(file_name)
     call reader%close()
+    if (.not. (is_ours .or. allocated(error))) return
+    if (allocated(error)) deallocate (error)
+    if (file_exists(file_name)) call raise(error, file_error, file_name//': the result is whole, but this shard could not be '// &
+      'removed: run the same again, or remove it')
   end subroutine delete_shard
 
   !> Whether a process has a shard open to append. Others may ask at the same time.

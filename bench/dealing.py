@@ -1,0 +1,277 @@
+"""How a sweep is best divided among processes: dealt out by rank 0 while it runs, or divided beforehand. What a reader can rerun.
+
+    python bench/dealing.py [simulate] [maps] [real] [--exe EXE] [--mpi EXE --launcher "mpirun --oversubscribe"] [--short]
+
+Three ways. deal: rank 0 gives pieces of the list in order, as src/ranks_mpi.f90 and src/sweep_runner.f90 do. stride: process I
+of N has every N-th case. shuffled: the same of case numbers in a fixed random order.
+
+The number is the loss: the time at which the last process ends over the mean of the times that all spend in cases, minus 1.
+simulate: 2 to 10^4 processes, 10 to 10^5 cases a process of 10 ms on average: equal; log-uniform, 1000 times apart; one in
+ten 1000 times as expensive as the others, at the end of the list; and a grid with as many columns as processes, the cost
+log-uniform over the columns. maps: the costs measured of the sweeps in inputs/, of shorter duration. real: 2 to 64 processes on
+this machine, and the processor time of all over that of one. There the time of a process is the sum of `wall_time` of its cases,
+which on fewer cores than processes includes what others used: `solo` counts a case with the time that it took alone.
+"""
+
+import argparse
+import heapq
+import os
+import resource
+import shlex
+import struct
+import subprocess
+import tempfile
+import time
+from collections import deque
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+INPUTS = Path(__file__).parents[1] / "inputs"
+ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
+MEAN = 1.0e-2  # s
+# Of src/sweep_runner.f90 and src/ranks_mpi.f90.
+LOOK, AHEAD, PIECE, MESSAGE, MOST, PART = 5.0e-4, 2.0e-3, 5.0e-3, 5.0e-5, 512, 4
+# Processor time of rank 0 for a question [s]: bench_dealer.
+ANSWER = 1.0e-5
+# Cases that a simulation holds, and questions to rank 0.
+MOST_CASES, MOST_QUESTIONS = 10_000_000, 500_000
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("parts", nargs="*", default=["simulate", "maps"])
+    parser.add_argument("--exe", default="dynstiction")
+    parser.add_argument("--mpi", help="program built with MPI, for `real`")
+    parser.add_argument("--launcher", default="mpirun.openmpi --oversubscribe --bind-to none")
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if "simulate" in options.parts:
+            simulate(options.short)
+        if "maps" in options.parts:
+            print_maps(folder, options.exe, options.short)
+        if "real" in options.parts:
+            print_real(folder, options)
+
+
+class Rank:
+    """What rank r has to do: pieces (first case, end, time at which it begins), and how fast it was of late."""
+
+    def __init__(self) -> None:
+        self.pieces: deque[tuple[int, int, float]] = deque()
+        self.free = 0.0
+        self.rate, self.since, self.done, self.done_then = 1.0 / PIECE, 0.0, 0, 0
+
+
+def deal(costs: np.ndarray, ranks: int) -> float:
+    """Loss of dealing: an event is an answer to a rank that asked."""
+    before = np.concatenate([[0.0], np.cumsum(costs)])
+    cases, given, server = len(costs), 0, 0.0
+    all_ranks = [Rank() for _ in range(ranks)]
+    questions = [(0.0, r) for r in range(ranks)]
+    while given < cases:
+        asked, r = heapq.heappop(questions)
+        rank = all_ranks[r]
+        wanted = max(1, round(rank.rate * max(PIECE, ranks * MESSAGE)))
+        now = asked
+        if r > 0:
+            server = now = max(asked + LOOK, server + ANSWER)
+        left = cases - given
+        piece = min(left, wanted, MOST, max(1, left // (PART * ranks)))
+        # What has been finished by now, and the pace.
+        while rank.pieces and end_of(rank.pieces[0], before) <= now:
+            first, last, _ = rank.pieces.popleft()
+            rank.done += last - first
+        done = rank.done
+        if rank.pieces:
+            first, _, begun = rank.pieces[0]
+            done += int(np.searchsorted(before, before[first] + now - begun, "right")) - 1 - first
+        if done > rank.done_then and now > rank.since:
+            rank.rate = (done - rank.done_then) / (now - rank.since)
+            rank.since, rank.done_then = now, done
+        rank.pieces.append((given, given + piece, max(now, rank.free)))
+        given += piece
+        rank.free = end_of(rank.pieces[-1], before)
+        heapq.heappush(questions, (next_question(rank, before, now), r))
+    return max(rank.free for rank in all_ranks) / (before[-1] / ranks) - 1.0
+
+
+def end_of(piece: tuple[int, int, float], before: np.ndarray) -> float:
+    first, last, begun = piece
+    return begun + float(before[last] - before[first])
+
+
+def next_question(rank: Rank, before: np.ndarray, now: float) -> float:
+    """When so few cases have not begun that they last less than `ahead`, and one was finished, or when none is left."""
+    few = int(rank.rate * AHEAD)
+    beginnings = []
+    for first, last, begun in reversed(rank.pieces):
+        count = min(last - first, few + 1 - len(beginnings))
+        beginnings += [begun + float(before[i] - before[first]) for i in range(last - 1, last - 1 - count, -1)]
+        if len(beginnings) > few:
+            break
+    first, _, begun = rank.pieces[0]
+    running = max(first, int(np.searchsorted(before, before[first] + now - begun, "right")) - 1)
+    finished = begun + float(before[running + 1] - before[first])
+    return max(now, beginnings[-1], min(max(finished, now + LOOK), beginnings[0]))
+
+
+def stride(costs: np.ndarray, ranks: int) -> float:
+    padded = np.append(costs, np.zeros(-len(costs) % ranks))
+    return float(padded.reshape(-1, ranks).sum(0).max() * ranks / costs.sum()) - 1.0
+
+
+def shuffled(costs: np.ndarray, ranks: int) -> float:
+    return stride(np.random.default_rng(1).permutation(costs), ranks)
+
+
+def shuffled_many(costs: np.ndarray, ranks: int, each: int) -> float:
+    """Of more cases than fit into memory: sums of many costs like these are normal."""
+    sums = np.random.default_rng(1).normal(each * costs.mean(), np.sqrt(each) * costs.std(), ranks)
+    return float(sums.max() / sums.mean()) - 1.0
+
+
+def costs_of(kind: str, ranks: int, each: int) -> np.ndarray:
+    """Costs [s] of all cases in the order of their numbers."""
+    generator = np.random.default_rng(2)
+    cases = ranks * each
+    if kind == "equal":
+        costs = np.ones(cases)
+    elif kind == "log-uniform":
+        costs = 1000.0 ** generator.random(cases)
+    elif kind == "expensive last":
+        costs = np.where(np.arange(cases) < cases - cases // 10, 1.0, 1000.0)
+    else:
+        costs = np.tile(1000.0 ** generator.random(ranks), each)
+    return costs * (MEAN / costs.mean())
+
+
+KINDS = ("equal", "log-uniform", "expensive last", "in step")
+
+
+def simulate(short: bool) -> None:
+    print("simulated loss [%]: deal, stride, shuffled (nan: too many to simulate, less than in the line before)")
+    for kind in KINDS:
+        for ranks in (2, 16) if short else (2, 8, 64, 1000, 10_000):
+            for each in (10, 100) if short else (10, 100, 1000, 10_000, 100_000):
+                cases = ranks * each
+                costs = costs_of(kind, ranks, min(each, MOST_CASES // ranks))
+                losses = [np.nan, np.nan, shuffled_many(costs, ranks, each)]
+                if cases <= MOST_CASES:
+                    losses = [np.nan, stride(costs, ranks), shuffled(costs, ranks)]
+                if cases / max(1.0, ranks * MESSAGE / MEAN) <= MOST_QUESTIONS:
+                    losses[0] = deal(costs, ranks)
+                show(f"{kind:>14} {ranks:6} x {each:6}", losses)
+
+
+def show(title: str, losses: list[float]) -> None:
+    print(f"{title}: " + " ".join(f"{100 * loss:8.2f}" for loss in losses), flush=True)
+
+
+def run(command: list[str], **settings: str) -> None:
+    subprocess.run(command, check=True, env=os.environ | ALLOWED | settings)
+
+
+def measured_costs(folder: Path, exe: str, short: bool) -> dict[str, np.ndarray]:
+    """Seconds of each case of the maps in inputs/, run by one thread for a part of their duration."""
+    part = 0.002 if short else 0.1
+    found = {}
+    for deck in sorted(INPUTS.glob("map_*.nml")):
+        copy = folder / deck.name
+        text = deck.read_text()
+        points = deck.with_suffix(".csv")
+        settings = ["--set", f"scene.t_end={8.0 * part}"]
+        if points.exists():
+            settings = []
+            head, *rows = points.read_text().split()
+            place = head.split(",").index("scene.t_end")
+            shorter = [",".join(value if i != place else repr(part * float(value)) for i, value in enumerate(row.split(","))) for row in rows]
+            (folder / points.name).write_text("\n".join([head, *shorter]))
+        copy.write_text(text)
+        output = folder / "costs.h5"
+        run([exe, "run", str(copy), "-o", str(output), "--quiet", "--overwrite", *settings])
+        with h5py.File(output) as file:
+            found[deck.stem] = file["sweep/wall_time"][:]
+    return found
+
+
+def print_maps(folder: Path, exe: str, short: bool) -> None:
+    print("loss with measured costs [%]: deal, stride, shuffled")
+    for name, costs in measured_costs(folder, exe, short).items():
+        print(
+            f"{name}: {len(costs)} cases, {costs.mean():.1e} s on average, longest {costs.max() / costs.mean():.1f} times that, "
+            f"standard deviation {costs.std() / costs.mean():.1f} times"
+        )
+        for ranks in (2, 4, 8, 16, 25, 32, 64):
+            losses = [deal(costs, ranks), stride(costs, ranks), shuffled(costs, ranks)]
+            show(f"{name:>18} {ranks:6}", losses)
+
+
+def print_real(folder: Path, options: argparse.Namespace) -> None:
+    scene = (INPUTS / "low_frequency.nml").read_text()
+    share = 20 if options.short else 1
+    print("real processes: largest sum of wall times over the mean, minus 1 [%]; the same of solo times; processor time over one process")
+    for kind in ("equal", "log-uniform", "expensive last"):
+        costs = costs_of(kind, 60 // share, 40)
+        deck, points = folder / "real.nml", folder / "points.csv"
+        deck.write_text(scene + "&sweep points = 'points.csv' /\n")
+        for order in ("stride", "shuffled"):
+            # Durations are proportional to costs; 300 s of slow sliding take some milliseconds.
+            ends = costs if order == "stride" else np.random.default_rng(1).permutation(costs)
+            points.write_text("\n".join(["scene.t_end", *(f"{300.0 * end / MEAN:.6g}" for end in ends)]))
+            single, solo_sums = processes(folder, deck, [[options.exe, "run"]], None)
+            solo = solo_of(folder)
+            for count in (2, 4) if options.short else (2, 4, 8, 16, 32, 64):
+                shards = [[options.exe, "run", "--shard", f"{i + 1}/{count}"] for i in range(count)]
+                used, sums = processes(folder, deck, shards, solo)
+                show(f"{kind:>14} {count:3} {order:>9}", [*sums, used / single])
+                if order == "stride" and options.mpi:
+                    command = [*shlex.split(options.launcher), "-n", str(count), options.mpi, "run"]
+                    used, sums = processes(folder, deck, [command], solo)
+                    show(f"{kind:>14} {count:3}      deal", [*sums, used / single])
+
+
+def processes(
+    folder: Path, deck: Path, commands: list[list[str]], solo: dict[int, float] | None
+) -> tuple[float, list[float]]:
+    """Processor time of all [s], and the losses by wall times and by solo times of what each process did."""
+    for file in folder.glob("real.h5*"):
+        file.unlink()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    rest = [str(deck), "-o", str(folder / "real.h5"), "--quiet", "--keep-shards"]
+    running = [subprocess.Popen([*command, *rest], env=os.environ | ALLOWED) for command in commands]
+    if any([process.wait() for process in running]):
+        raise SystemExit(f"failed: {commands[0]}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    done = [records(file) for file in sorted(folder.glob("real.h5.shard-*"))]
+    sums = [np.array([sum(cases.values()) for cases in done])]
+    if solo:
+        sums.append(np.array([sum(solo[case] for case in cases) for cases in done]))
+    return used, [float(each.max() / each.mean()) - 1.0 for each in sums]
+
+
+def solo_of(folder: Path) -> dict[int, float]:
+    return {case: seconds for file in folder.glob("real.h5.shard-*") for case, seconds in records(file).items()}
+
+
+HEADER_BYTES = 96
+
+
+def records(shard: Path) -> dict[int, float]:
+    """Wall time of each case in a shard [s]: the last value of a record, before its checksum."""
+    data, place, found = shard.read_bytes(), HEADER_BYTES, {}
+    while place < len(data):
+        case, _, length = struct.unpack_from("<iii", data, place)
+        found[case] = struct.unpack_from("<d", data, place + 8 * length - 16)[0]
+        place += 8 * length
+    return found
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""What docs/howto/many_tasks.md shows works, engine by engine, and gives the numbers of one process."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pages import DOCS, run_page
+from sweeps import Sweep, same, values
+
+PAGE = DOCS / "howto" / "many_tasks.md"
+
+
+def has_gnu_parallel() -> bool:
+    """Other packages have programs of this name too."""
+    if shutil.which("parallel") is None:
+        return False
+    done = subprocess.run(
+        ["parallel", "--version"], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+    )
+    return done.stdout.startswith("GNU parallel")
+
+
+ENGINES = {
+    "GNU parallel": has_gnu_parallel,
+    "HyperQueue": lambda: importlib.util.find_spec("hyperqueue") is not None,
+    "dask": lambda: importlib.util.find_spec("distributed") is not None,
+}
+
+
+def sections() -> dict[str, str]:
+    """The text below each heading of the page."""
+    parts = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
+    return {title: text for title, _, text in (part.partition("\n") for part in parts)}
+
+
+def test_each_engine_of_the_page_is_tested() -> None:
+    assert sections().keys() == ENGINES.keys()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_lines_for_an_engine(
+    engine: str, executable: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not ENGINES[engine]():
+        pytest.skip(f"{engine} is not installed")
+    sweep = Sweep(tmp_path, exe=str(executable))
+    assert sweep.run("one.h5").returncode == 0
+    folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
+    monkeypatch.setenv("PATH", ":".join(folders))
+    page = tmp_path / "section.md"
+    page.write_text(sections()[engine], encoding="utf-8")
+    assert run_page(page, tmp_path, {}) >= 1
+    assert same(values(tmp_path / "one.h5"), values(tmp_path / "map.h5"))
+    assert not list(tmp_path.glob("map.h5.shard-*"))
