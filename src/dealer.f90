@@ -187,6 +187,7 @@ contains
     end if
     sums = [finished, failed]
     call processes%sum_up(sums)
+    if (allocated(self%pending)) deallocate (self%pending)
     self%finished = sums(1)
     self%failed = sums(2)
 

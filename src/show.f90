@@ -5,7 +5,7 @@ module dst_show
   use dst_division, only: division_t
   use dst_errors, only: error_t, raise, file_error, out_of_memory
   use dst_hdf5_origin, only: describe_result
-  use dst_sweep_shard, only: head_t, index_t, layout_t, shards_of, inspect_shard, divisions_of, scan_shard, &
+  use dst_sweep_shard, only: head_t, index_t, layout_t, shards_of, inspect_shard, divisions_of, scan_shard, is_done, &
     is_being_written
   use dst_text, only: integer_text, printable, text_builder_t
   implicit none
@@ -76,12 +76,11 @@ contains
     integer, allocatable :: done(:)
     integer :: records(size(files)), i, no_memory
 
-    allocate (index%shard(heads(1)%cases), stat=no_memory)
+    call index%allocate(heads(1)%cases, 0, no_memory)
     if (no_memory /= 0) then
       call raise(error, out_of_memory, result_file//': no memory for the list of '//integer_text(heads(1)%cases)//' cases')
       return
     end if
-    index%shard = 0
     do i = 1, size(files)
       call scan_shard(files(i)%text, layout_t(heads(i)%columns, huge(1)), i, index, records(i), error)
       if (allocated(error)) return
@@ -109,9 +108,9 @@ contains
     allocate (done(division%shares))
     done = 0
     if (division%shares == 0) return
-    do i = 1, size(index%shard)
-      if (index%shard(i) == 0) cycle
-      share = division%share_of(i, size(index%shard))
+    do i = 1, size(index%state)
+      if (index%state(i) /= is_done) cycle
+      share = division%share_of(i, size(index%state))
       done(share) = done(share) + 1
     end do
   end subroutine count_shares

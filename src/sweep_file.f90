@@ -10,18 +10,19 @@ module dst_sweep_file
     make_scale, attach_scale, table_t, create_table, append_rows, message_list_t, create_messages, append_messages
   use dst_hdf5_origin, only: sweep_state_t, state_of_sweep
   use dst_hdf5_writer, only: run_metadata_t, write_metadata
-  use dst_kinds, only: real64
+  use dst_kinds, only: int64, real64
   use dst_result_file, only: result_file_t, check_target
   use dst_schema, only: schema
   use dst_sweep, only: sweep_t, case_t, value_count, value_quantities, wall_time_value, series_quantities
   use dst_seal, only: has_sound_seal
-  use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, reader_t, open_records, read_record, shards_of
+  use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, reader_t, without_concern, open_records, &
+    read_record, shards_of
   use dst_text, only: integer_text
   use dst_writer, only: quantity_t
   implicit none
   private
 
-  public :: merge_shards, look_at_result, is_of_unfinished_sweep
+  public :: block_of, merge_shards, look_at_result, is_of_unfinished_sweep
 
   !> Cases held in memory; values of the series held in memory.
   integer, parameter :: usual_block = 16384, most_series_values = 4000000
@@ -76,7 +77,7 @@ contains
       if (is_shared .or. size(files) == 0) return
       if (.not. has_sound_seal(place_of(result_file))) return
       index%is_in_result = .true.
-      index%shard = -1
+      index%state = without_concern
       index%done = state%done
       index%failed = state%failed
     end if
@@ -258,7 +259,7 @@ contains
     integer :: first, length, no_memory
 
     layout = layout_of(sweep)
-    length = block_of(sweep)
+    length = index%block
     allocate (block%number(length), block%result_code(length), block%message(length))
     allocate (block%coordinates(length, size(sweep%axes)), block%values(length, value_count))
     allocate (block%series(sweep%series_rows(), length, size(output%series)), stat=no_memory)
@@ -295,7 +296,8 @@ contains
     end do
   end subroutine clear
 
-  !> What the shards hold of the block, shard by shard: there may be more of them than a process can have open.
+  !> What the shards hold of the block, shard by shard: there may be more of them than a process can have open. Of the records of a
+  !> case the first counts.
   subroutine read_block(files, index, layout, block, error)
     type(path_t), intent(in) :: files(:)
     type(index_t), intent(in) :: index
@@ -304,61 +306,50 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(case_t) :: case
     type(reader_t) :: reader
-    integer, allocatable :: ends(:), order(:)
-    integer :: shard, i, j, n
+    integer(int64) :: place
+    integer :: stretch, shard, i
     logical :: is_possible
 
-    allocate (ends(0:size(files)), order(block%count))
-    associate (shard_of => index%shard(block%first:block%first + block%count - 1), &
-               place_of => index%place(block%first:block%first + block%count - 1))
-      call sort(shard_of, ends, order)
-      do shard = 1, size(files)
-        if (ends(shard) == ends(shard - 1)) cycle
-        call open_records(files(shard)%text, reader, error)
-        if (allocated(error)) return
-        do i = ends(shard - 1) + 1, ends(shard)
-          n = order(i)
-          call read_record(reader, place_of(n), layout, case, is_possible)
-          if (is_possible) is_possible = case%number == block%first + n - 1
-          if (.not. is_possible) exit
-          block%result_code(n) = case%result_code
-          block%values(n, :) = real(case%values, real64)
-          if (case%result_code /= result_done) block%message(n)%text = case%result_text
-          do j = 1, layout%columns
-            block%series(:size(case%series, 2), n, j) = real(case%series(j, :), real64)
-          end do
-        end do
-        call reader%close()
-        if (.not. is_possible) then
-          call raise(error, file_error, files(shard)%text//': was changed meanwhile: start again')
-          return
+    shard = 0
+    is_possible = .true.
+    stretch = index%first((block%first - 1)/index%block + 1)
+    do while (stretch > 0 .and. is_possible)
+      associate (from => index%stretches(stretch))
+        if (from%shard /= shard) then
+          if (shard > 0) call reader%close()
+          shard = from%shard
+          call open_records(files(shard)%text, reader, error)
+          if (allocated(error)) return
         end if
-      end do
-    end associate
+        place = from%first
+        do i = 1, from%records
+          call read_record(reader, place, layout, case, is_possible)
+          if (is_possible) is_possible = case%number >= block%first .and. case%number < block%first + block%count
+          if (.not. is_possible) exit
+          call take_case(case, layout, block)
+        end do
+        stretch = from%next
+      end associate
+    end do
+    if (shard > 0) call reader%close()
+    if (.not. is_possible) call raise(error, file_error, files(shard)%text//': was changed meanwhile: start again')
   end subroutine read_block
 
-  !> The cases of shard s are `order(ends(s - 1) + 1:ends(s))`; those before `ends(0)` have not been run.
-  pure subroutine sort(shard_of, ends, order)
-    integer, intent(in) :: shard_of(:)
-    integer, intent(out) :: ends(0:), order(:)
-    integer :: i, s
+  subroutine take_case(case, layout, block)
+    type(case_t), intent(in) :: case
+    type(layout_t), intent(in) :: layout
+    type(block_t), intent(inout) :: block
+    integer :: j, n
 
-    ends = 0
-    do i = 1, size(shard_of)
-      ends(shard_of(i)) = ends(shard_of(i)) + 1
+    n = case%number - block%first + 1
+    if (nint(block%result_code(n)) /= not_run) return
+    block%result_code(n) = case%result_code
+    block%values(n, :) = real(case%values, real64)
+    if (case%result_code /= result_done) block%message(n)%text = case%result_text
+    do j = 1, layout%columns
+      block%series(:size(case%series, 2), n, j) = real(case%series(j, :), real64)
     end do
-    do s = 1, ubound(ends, 1)
-      ends(s) = ends(s - 1) + ends(s)
-    end do
-    do i = size(shard_of), 1, -1
-      s = shard_of(i)
-      order(ends(s)) = i
-      ends(s) = ends(s) - 1
-    end do
-    ! Each end has come down to that of the shard before it.
-    ends(:ubound(ends, 1) - 1) = ends(1:)
-    ends(ubound(ends, 1)) = size(shard_of)
-  end subroutine sort
+  end subroutine take_case
 
   subroutine write_block(output, block, status)
     type(output_t), intent(inout) :: output

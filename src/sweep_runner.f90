@@ -23,9 +23,9 @@ module dst_sweep_runner
   use dst_signals, only: stop_signal, signal_name, no_signal
   use dst_simulation, only: wall_clock
   use dst_sweep, only: sweep_t, axis_t, new_sweep, case_t, watch_t, worker_t, new_worker, series_quantities
-  use dst_sweep_file, only: merge_shards, look_at_result
+  use dst_sweep_file, only: block_of, merge_shards, look_at_result
   use dst_sweep_shard, only: shard_t, head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &
-    scan_shard, empty_shard, delete_shard
+    missing, without_concern, scan_shard, empty_shard, delete_shard
   use dst_text, only: integer_text, word, word_count
   use dst_threads, only: task_t, run_in_threads
   implicit none
@@ -311,13 +311,11 @@ contains
     type(head_t), allocatable :: heads(:)
     integer :: i, status, ignored
 
-    allocate (index%shard(sweep%cases), index%place(sweep%cases), stat=status)
+    call index%allocate(sweep%cases, block_of(sweep), status)
     if (status /= 0) then
       call raise_no_memory(sweep%cases, error)
       return
     end if
-    index%shard = 0
-    index%place = 0
     call shards_of(result_file, files)
     call read_heads(head, empties, files, heads, index, error)
     if (.not. allocated(error)) call settle_division(options%share, divisions_of(heads, files), head%division, error)
@@ -325,7 +323,7 @@ contains
       call look_at_result(result_file, head, options%share%is_given, files, index, error)
     if (allocated(error) .or. index%is_in_result) return
     do i = 1, sweep%cases
-      if (.not. head%division%has(i, sweep%cases)) index%shard(i) = -1
+      if (.not. head%division%has(i, sweep%cases)) index%state(i) = without_concern
     end do
     do i = 1, size(files)
       associate (theirs => heads(i)%division, ours => head%division)
@@ -403,7 +401,7 @@ contains
     do pass = 1, 2
       n = 0
       do i = 1, sweep%cases
-        if (index%shard(i) /= 0) cycle
+        if (index%state(i) /= missing) cycle
         n = n + 1
         if (pass == 2) pending(n) = i
       end do
@@ -441,6 +439,7 @@ contains
     call new_worker(sweep, cases%first_worker)
     call run_in_threads(cases, threads)
     call state%dealer%close(state%processes, state%finished, state%failed, state%stop)
+    deallocate (state%given)
     call state%progress%close()
   end subroutine run_cases
 

@@ -10,6 +10,7 @@
 !> taken by a shard of another build or division uses the name with .1, .2, ... behind it.
 module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
+  use, intrinsic :: iso_fortran_env, only: int8
   use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, lock_attempt, held, append_words, read_words, &
     close_descriptor, set_file_size, delete_file, file_exists, matching_files, path_t, seconds_now, wait_seconds
   use dst_division, only: division_t
@@ -22,7 +23,7 @@ module dst_sweep_shard
 
   public :: shard_t, head_t, index_t, layout_t, layout_of, shards_of, open_shard, empty_shard, delete_shard
   public :: divisions_of, is_being_written
-  public :: inspect_shard, check_sweep, scan_shard, reader_t, open_records, read_record
+  public :: missing, is_done, without_concern, inspect_shard, check_sweep, scan_shard, reader_t, open_records, read_record
 
   !> A shard, open to append finished cases.
   type :: shard_t
@@ -61,15 +62,29 @@ module dst_sweep_shard
     integer(int64) :: length = 0              !! words
   end type record_t
 
-  !> Where the cases are: number of the shard, 0 if a case is in none, and word of the record in it.
+  !> Records that stand one after the other in a shard, of cases of one block.
+  type :: stretch_t
+    integer :: shard = 0
+    integer :: records = 0
+    integer(int64) :: first = 0, end = 0         !! words: of the first record, and behind the last
+    integer :: next = 0                          !! stretch of the same block
+  end type stretch_t
+
+  !> Which cases there are, and where: for each block of cases, a list of stretches.
   type :: index_t
-    integer, allocatable :: shard(:)             !! negative: the case does not matter
-    integer(int64), allocatable :: place(:)      !! unallocated: nobody asks
+    integer(int8), allocatable :: state(:)       !! of each case: one of those below
+    integer :: block = 0                         !! cases of a block; 0: nobody asks where they are
+    integer, allocatable :: first(:), last(:)    !! stretch of each block; 0: none
+    type(stretch_t), allocatable :: stretches(:)
+    integer :: count = 0                         !! of stretches
     integer :: done = 0
     integer :: failed = 0
     integer :: of_other_builds = 0               !! shards that were passed over
     logical :: is_in_result = .false.            !! all cases are in the result file, only shards are left to be removed
     integer(int64) :: begun = 0, ended = 0       !! first head and last change of the shards [s since 1970]
+  contains
+    procedure :: allocate => allocate_index
+    procedure, private :: note
   end type index_t
 
   !> What the head of a shard says.
@@ -86,6 +101,8 @@ module dst_sweep_shard
     procedure, private :: is_part_of
   end type head_t
 
+  !> Of a case: in no shard; in one; not asked for.
+  integer(int8), parameter :: missing = 0, is_done = 1, without_concern = 2
   integer(int64), parameter :: magic = int(z'445354534841524B', int64)
   integer(int64), parameter :: half = 2_int64**32
   integer, parameter :: word_bytes = 8
@@ -196,7 +213,7 @@ contains
     end if
     shard%file_name = file_name
     shard%descriptor = reader%descriptor
-    allocate (index%shard(0))
+    allocate (index%state(0))
     call scan(reader, found, layout, 1, index, words)
     call set_file_size(shard%descriptor, word_bytes*words)
     if (words > 0) return
@@ -618,7 +635,7 @@ contains
         record = record_at(reader, words, layout)
         if (.not. record%is_possible) exit
         if (.not. is_sound(reader, words, record%length)) exit
-        call note(index, record, number, words)
+        call index%note(record, number, words)
         words = words + record%length
         count = count + 1
       end do
@@ -626,18 +643,65 @@ contains
     if (present(records)) records = count
   end subroutine scan
 
-  pure subroutine note(index, record, number, place)
-    type(index_t), intent(inout) :: index
+  !> Make room for `cases`, of which blocks of so many are read at once; 0: none is.
+  subroutine allocate_index(self, cases, block, status)
+    class(index_t), intent(inout) :: self
+    integer, intent(in) :: cases, block
+    integer, intent(out) :: status        !! 0, or there is no memory
+    integer :: blocks
+
+    self%block = block
+    blocks = 0
+    if (block > 0) blocks = (cases - 1)/block + 1
+    allocate (self%state(cases), self%first(blocks), self%last(blocks), self%stretches(blocks), stat=status)
+    if (status /= 0) return
+    self%state = missing
+    self%first = 0
+    self%last = 0
+  end subroutine allocate_index
+
+  subroutine note(index, record, shard, place)
+    class(index_t), intent(inout) :: index
     type(record_t), intent(in) :: record
-    integer, intent(in) :: number
+    integer, intent(in) :: shard
     integer(int64), intent(in) :: place
 
-    if (record%case > size(index%shard)) return
-    if (index%shard(record%case) /= 0) return
-    index%shard(record%case) = number
-    if (allocated(index%place)) index%place(record%case) = place
+    if (record%case > size(index%state)) return
+    if (index%block > 0) call note_place((record%case - 1)/index%block + 1)
+    if (index%state(record%case) /= missing) return
+    index%state(record%case) = is_done
     index%done = index%done + 1
     if (record%result_code > 0) index%failed = index%failed + 1
+
+  contains
+
+    !> What follows the last stretch of its block lengthens it.
+    subroutine note_place(block)
+      integer, intent(in) :: block
+      type(stretch_t), allocatable :: longer(:)
+      integer :: last
+
+      last = index%last(block)
+      if (last > 0) then
+        associate (stretch => index%stretches(last))
+          if (stretch%shard == shard .and. stretch%end == place) then
+            stretch%records = stretch%records + 1
+            stretch%end = place + record%length
+            return
+          end if
+        end associate
+      end if
+      if (index%count == size(index%stretches)) then
+        allocate (longer(2*index%count + 1))
+        longer(:index%count) = index%stretches
+        call move_alloc(longer, index%stretches)
+      end if
+      index%count = index%count + 1
+      index%stretches(index%count) = stretch_t(shard, 1, place, place + record%length)
+      if (last > 0) index%stretches(last)%next = index%count
+      if (last == 0) index%first(block) = index%count
+      index%last(block) = index%count
+    end subroutine note_place
   end subroutine note
 
   !> What the record at `place` says of itself, and whether this sweep can have written that.
@@ -679,10 +743,11 @@ contains
     is_sound = sum == reader%word(place + length - 1)
   end function is_sound
 
-  !> The case whose record is at `place`; `is_possible` is false if the file was changed since it was scanned.
+  !> The case whose record is at `place`, which becomes that of the next; `is_possible` is false if the file was changed since it
+  !> was scanned.
   subroutine read_record(reader, place, layout, case, is_possible)
     type(reader_t), intent(inout) :: reader
-    integer(int64), intent(in) :: place
+    integer(int64), intent(inout) :: place
     type(layout_t), intent(in) :: layout
     type(case_t), intent(inout) :: case
     logical, intent(out) :: is_possible
@@ -698,6 +763,7 @@ contains
     case%result_code = record%result_code
     if (.not. allocated(case%values)) allocate (case%values(value_count))
     n = place + 2
+    place = place + record%length
     do i = 1, value_count
       case%values(i) = number_in(reader%word(n))
       n = n + 1
