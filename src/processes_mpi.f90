@@ -50,8 +50,8 @@ module dst_processes
   end type patience_t
 
   !> So long a process that has been asked to stop still waits for others [s]. The first ones say so before the others do.
-  real(wp), parameter :: longest_wait = 7.0_wp, stagger = 0.02_wp
-  integer, parameter :: most_staggered = 50
+  real(wp), parameter :: longest_wait = 6.5_wp, stagger = 0.3_wp
+  integer, parameter :: most_staggered = 8
   !> Between two looks at what is under way [s].
   real(wp), parameter :: shortest_pause = 1.0e-4_wp, longest_pause = 5.0e-3_wp
 
