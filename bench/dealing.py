@@ -2,8 +2,9 @@
 
     python bench/dealing.py [simulate] [maps] [real] [--exe EXE] [--mpi EXE --launcher "mpirun --oversubscribe"] [--short]
 
-Three ways. deal: rank 0 gives pieces of the list in order, as src/ranks_mpi.f90 and src/sweep_runner.f90 do. stride: process I
-of N has every N-th case. shuffled: the same of case numbers in a fixed random order.
+Four ways. deal: rank 0 gives pieces of the list in order, as src/dealer.f90 and src/sweep_runner.f90 do. stride: process I
+of N has every N-th case. shuffled: the same of case numbers in a fixed random order. turned: of each N cases in a row every process
+has one, and which one turns by the golden ratio, as --shard does in src/division.f90.
 
 The number is the loss: the time at which the last process ends over the mean of the times that all spend in cases, minus 1.
 simulate: 2 to 10^4 processes, 10 to 10^5 cases a process of 10 ms on average: equal; log-uniform, 1000 times apart; one in
@@ -31,7 +32,7 @@ import numpy as np
 INPUTS = Path(__file__).parents[1] / "inputs"
 ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
 MEAN = 1.0e-2  # s
-# Of src/sweep_runner.f90 and src/ranks_mpi.f90.
+# Of src/sweep_runner.f90 and src/dealer.f90.
 LOOK, AHEAD, PIECE, MESSAGE, MOST, PART = 5.0e-4, 2.0e-3, 5.0e-3, 5.0e-5, 512, 4
 # Processor time of rank 0 for a question [s]: bench_dealer.
 ANSWER = 1.0e-5
@@ -126,6 +127,13 @@ def stride(costs: np.ndarray, ranks: int) -> float:
     return float(padded.reshape(-1, ranks).sum(0).max() * ranks / costs.sum()) - 1.0
 
 
+def turned(costs: np.ndarray, ranks: int) -> float:
+    rows = np.append(costs, np.zeros(-len(costs) % ranks)).reshape(-1, ranks)
+    turn = np.arange(len(rows), dtype=np.int64) * 2654435769 % 2**32 * ranks // 2**32
+    places = (np.arange(ranks) - turn[:, None]) % ranks
+    return stride(np.take_along_axis(rows, places, 1).ravel(), ranks)
+
+
 def shuffled(costs: np.ndarray, ranks: int) -> float:
     return stride(np.random.default_rng(1).permutation(costs), ranks)
 
@@ -155,15 +163,15 @@ KINDS = ("equal", "log-uniform", "expensive last", "in step")
 
 
 def simulate(short: bool) -> None:
-    print("simulated loss [%]: deal, stride, shuffled (nan: too many to simulate)")
+    print("simulated loss [%]: deal, stride, shuffled, turned (nan: too many to simulate)")
     for kind in KINDS:
         for ranks in (2, 16) if short else (2, 8, 64, 1000, 10_000):
             for each in (10, 100) if short else (10, 100, 1000, 10_000, 100_000):
                 cases = ranks * each
                 costs = costs_of(kind, ranks, min(each, MOST_CASES // ranks))
-                losses = [np.nan, np.nan, shuffled_many(costs, ranks, each)]
+                losses = [np.nan, np.nan, shuffled_many(costs, ranks, each), np.nan]
                 if cases <= MOST_CASES:
-                    losses = [np.nan, stride(costs, ranks), shuffled(costs, ranks)]
+                    losses = [np.nan, stride(costs, ranks), shuffled(costs, ranks), turned(costs, ranks)]
                 if cases / max(1.0, ranks * MESSAGE / MEAN) <= MOST_QUESTIONS:
                     losses[0] = deal(costs, ranks)
                 show(f"{kind:>14} {ranks:6} x {each:6}", losses)
@@ -206,14 +214,14 @@ def measured_costs(folder: Path, exe: str, short: bool) -> dict[str, np.ndarray]
 
 
 def print_maps(folder: Path, exe: str, short: bool) -> None:
-    print("loss with measured costs [%]: deal, stride, shuffled")
+    print("loss with measured costs [%]: deal, stride, shuffled, turned")
     for name, costs in measured_costs(folder, exe, short).items():
         print(
             f"{name}: {len(costs)} cases, {costs.mean():.1e} s on average, longest {costs.max() / costs.mean():.1f} times that, "
             f"standard deviation {costs.std() / costs.mean():.1f} times"
         )
         for ranks in (2, 4, 8, 16, 25, 32, 64):
-            losses = [deal(costs, ranks), stride(costs, ranks), shuffled(costs, ranks)]
+            losses = [deal(costs, ranks), *(way(costs, ranks) for way in (stride, shuffled, turned))]
             show(f"{name:>18} {ranks:6}", losses)
 
 

@@ -32,8 +32,8 @@ module dst_command_line
   end type command_t
 
   !> All commands, in the order of the help.
-  character(*), parameter :: commands = 'run resume merge show check template keys stability trade'
-  character(*), parameter :: commands_on_files = 'run resume merge show check stability trade'
+  character(*), parameter :: commands = 'run resume merge check template keys stability trade show'
+  character(*), parameter :: commands_on_files = 'run resume merge check stability trade show'
   !> Commands of the Python package, to which the executable hands over.
   character(*), parameter :: python_commands = 'plot report export animate paper validate-creep'
   character(*), parameter :: options_with_value = '-o --set --shard --accuracy --budget --quantity'

@@ -1,16 +1,16 @@
 !> How the cases of a sweep are divided among processes that know nothing of each other, and what the environment says of them.
 !>
-!> Share I of N has the cases whose place in a fixed shuffle of all is I modulo N: shares differ by at most one case, and no
-!> grid is in step with them. The shuffle is a bijection that needs no table, a Feistel network over the smallest grid that holds
-!> all cases: M. Luby and C. Rackoff, SIAM J. Comput. 17, 373 (1988); J. Black and P. Rogaway, CT-RSA 2002, LNCS 2271, 114.
+!> Of each N cases in a row every share has one, so that shares differ by at most one case, and neighbours, which mostly cost the same,
+!> are spread. Which one turns from row to row by the golden ratio, so that no grid is in step with N: the column of a grid that is
+!> expensive comes to all shares in turn (the sequence of least discrepancy: D. E. Knuth, The Art of Computer Programming 3, 6.4).
 module dst_division
   use dst_errors, only: error_t, raise, usage_error
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: int64
   use dst_text, only: excerpt, integer_text, read_integer
   implicit none
   private
 
-  public :: division_t, share_wish_t, take_share_wish, settle_division, processes_here, place_in_shuffle
+  public :: division_t, share_wish_t, take_share_wish, settle_division, processes_here
 
   !> One process's part of a sweep. `shares` = 0: the cases are dealt out, not divided.
   type :: division_t
@@ -61,29 +61,33 @@ contains
   end function is_possible
 
   !> The share that has a case.
-  pure integer function share_of(self, case, cases)
+  pure integer function share_of(self, case)
     class(division_t), intent(in) :: self
-    integer, intent(in) :: case, cases
+    integer, intent(in) :: case
 
-    share_of = modulo(place_in_shuffle(case, cases) - 1, self%shares) + 1
+    share_of = modulo(case - 1 + turn(self%shares, (case - 1)/self%shares), self%shares) + 1
   end function share_of
 
   !> Whether a case is of this share; all are if nothing is divided.
-  pure logical function has(self, case, cases)
+  pure logical function has(self, case)
     class(division_t), intent(in) :: self
-    integer, intent(in) :: case, cases
+    integer, intent(in) :: case
 
     has = .true.
-    if (self%shares > 0) has = self%share_of(case, cases) == self%share
+    if (self%shares > 0) has = self%share_of(case) == self%share
   end function has
 
   !> Cases of this share.
   pure integer function share_size(self, cases)
     class(division_t), intent(in) :: self
     integer, intent(in) :: cases
+    integer :: rows
 
     share_size = cases
-    if (self%shares > 0) share_size = (cases - self%share + self%shares)/self%shares
+    if (self%shares == 0) return
+    rows = cases/self%shares
+    share_size = rows
+    if (modulo(self%share - 1 - turn(self%shares, rows), self%shares) < modulo(cases, self%shares)) share_size = rows + 1
   end function share_size
 
   !> 'I/N'
@@ -94,40 +98,13 @@ contains
     text = integer_text(self%share)//'/'//integer_text(self%shares)
   end function share_text
 
-  !> The place of a case in the shuffle: a bijection of 1..cases.
-  pure integer function place_in_shuffle(case, cases) result(place)
-    integer, intent(in) :: case, cases
-    integer, parameter :: rounds = 4
-    integer :: rows, columns, row, column, i
+  !> By how many places the shares are turned in a row of cases, counted from 0: the fraction of row times golden ratio.
+  pure integer function turn(shares, row)
+    integer, intent(in) :: shares, row
+    integer(int64), parameter :: whole = 2_int64**32, golden = 2654435769_int64   ! of `whole`
 
-    rows = max(1, ceiling(sqrt(real(cases, wp))))
-    columns = (cases - 1)/rows + 1
-    place = case - 1
-    do
-      row = place/columns
-      column = modulo(place, columns)
-      do i = 1, rounds
-        row = int(modulo(row + mixed(column, 2*i), int(rows, int64)))
-        column = int(modulo(column + mixed(row, 2*i + 1), int(columns, int64)))
-      end do
-      ! A place that is no case's is on the way to one that is.
-      if (int(row, int64)*columns + column < cases) exit
-      place = row*columns + column
-    end do
-    place = row*columns + column + 1
-  end function place_in_shuffle
-
-  !> A number that looks like chance, below 2^31.
-  pure integer(int64) function mixed(number, round)
-    integer, intent(in) :: number, round
-    integer(int64), parameter :: prime = 2147483647_int64
-    integer :: i
-
-    mixed = number + 65537_int64*round
-    do i = 1, 3
-      mixed = modulo(mixed*mixed + 48271_int64*mixed + round, prime)
-    end do
-  end function mixed
+    turn = int(modulo(row*golden, whole)*shares/whole)
+  end function turn
 
   !> Processes that surely share the sweep, with this one; 0 if it has all cases.
   pure integer function least_shares(self)

@@ -16,6 +16,7 @@ module dst_machine
 
 contains
 
+  !> The name of the machine; '' if it has none.
   function host_name() result(name)
     character(:), allocatable :: name
     character(c_char) :: bytes(256)

@@ -67,7 +67,7 @@ contains
     end if
     call processes_here(copies, copy, copies_variable)
     if (is_python_command(arguments)) then
-      call check_alone(error)
+      call check_alone("'"//arguments(1)%text//"'", error)
       if (.not. allocated(error)) call hand_over(arguments, error)
       call complain(error)
       return
@@ -114,12 +114,17 @@ contains
     is_lost = copies > 1 .and. processes%count == 1 .and. .not. command%share%is_given
   end function is_lost
 
-  !> Refuse several copies, each of which would write the same files.
-  subroutine check_alone(error)
+  !> Refuse `what`, or a sweep if it is '', to several copies, each of which would write the same files.
+  subroutine check_alone(what, error)
+    character(*), intent(in) :: what
     type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
 
-    if (is_lost()) call raise(error, usage_error, 'this is one of '//integer_text(copies)//' copies ('//copies_variable// &
-      '), and they know nothing of each other: start the program once, build it with -Dmpi=enabled for this MPI, or use --shard')
+    if (.not. is_lost()) return
+    reason = what//' is for one process: start it without the launcher'
+    if (what == '') reason = 'they know nothing of each other: start the program once, build it with -Dmpi=enabled for this '// &
+      'MPI, or use --shard'
+    call raise(error, usage_error, 'this is one of '//integer_text(copies)//' copies ('//copies_variable//'), and '//reason)
   end subroutine check_alone
 
   subroutine execute()
@@ -137,7 +142,7 @@ contains
     case ('keys')
       call print_text(key_table())
     case default
-      call check_alone(error)
+      if (command%name /= 'run') call check_alone("'"//command%name//"'", error)
       call complain(error)
       if (allocated(error)) return
       if (command%name == 'run') then
@@ -332,6 +337,10 @@ contains
       call complain(error)
       if (.not. allocated(error)) outputs(i)%text = output_of(decks(i))
     end do
+    if (status == result_done .and. command%name == 'run') then
+      call check_alone(what_is_run(decks), error)
+      call complain(error)
+    end if
     if (status /= result_done) return
     do i = 1, size(decks)
       may_replace = command%overwrite
@@ -340,6 +349,16 @@ contains
       call complain(error)
     end do
   end subroutine prepare
+
+  !> What is for one process; '' of a sweep, which is not.
+  pure function what_is_run(decks) result(what)
+    type(deck_t), intent(in) :: decks(:)
+    character(:), allocatable :: what
+
+    what = 'a run'
+    if (decks(1)%is_sweep()) what = ''
+    if (size(decks) > 1) what = 'a command with several decks'
+  end function what_is_run
 
   !> Give the deck that the first process has read to all.
   subroutine share_deck(deck, output, error)

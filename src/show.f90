@@ -110,7 +110,7 @@ contains
     if (division%shares == 0) return
     do i = 1, size(index%state)
       if (index%state(i) /= is_done) cycle
-      share = division%share_of(i, size(index%state))
+      share = division%share_of(i)
       done(share) = done(share) + 1
     end do
   end subroutine count_shares

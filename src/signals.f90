@@ -12,6 +12,7 @@ module dst_signals
   integer(c_int), parameter :: sighup = 1, sigint = 2, sigusr1 = 10, sigterm = 15
   integer(c_intptr_t), parameter :: default_action = 0, ignore = 1
 
+  !> No signal has come.
   integer, parameter :: no_signal = 0
   integer(c_int), volatile :: received = no_signal
 
@@ -71,6 +72,7 @@ contains
     stop_signal = received
   end function stop_signal
 
+  !> 'SIGTERM' and the like.
   pure function signal_name(number) result(name)
     integer, intent(in) :: number
     character(:), allocatable :: name

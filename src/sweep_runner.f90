@@ -323,7 +323,7 @@ contains
       call look_at_result(result_file, head, options%share%is_given, files, index, error)
     if (allocated(error) .or. index%is_in_result) return
     do i = 1, sweep%cases
-      if (.not. head%division%has(i, sweep%cases)) index%state(i) = without_concern
+      if (.not. head%division%has(i)) index%state(i) = without_concern
     end do
     do i = 1, size(files)
       associate (theirs => heads(i)%division, ours => head%division)

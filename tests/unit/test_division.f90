@@ -1,19 +1,18 @@
 !> The division of a sweep: every case in one share, shares of one size, and no grid in step with them.
 program test_division
   use checks, only: check, finish
-  use dst_division, only: division_t, place_in_shuffle
+  use dst_division, only: division_t
   use dst_kinds, only: wp
   use dst_text, only: integer_text
   implicit none
 
   integer :: cases
 
-  do cases = 1, 400
-    call check_bijection(cases)
-  end do
-  call check_bijection(1000000)
-  call check_bijection(46341)
-  call check('the shuffle ends for the largest sweep', place_in_shuffle(huge(1), huge(1)) > 0)
+  call check_rows(1, 1000)
+  call check_rows(7, 1000)
+  call check_rows(64, 3000)
+  call check_rows(1000, 50)
+  call check_rows(999999, 3)
   do cases = 1, 40
     call check_shares(cases)
   end do
@@ -24,20 +23,29 @@ program test_division
 
 contains
 
-  !> Each place is that of one case.
-  subroutine check_bijection(cases)
-    integer, intent(in) :: cases
+  !> Of each row of as many cases as shares every share has one; also in the last rows of the largest sweep.
+  subroutine check_rows(shares, rows)
+    integer, intent(in) :: shares, rows
+    integer, parameter :: most_cases = 1000000000
+    type(division_t) :: division
     logical, allocatable :: taken(:)
-    integer :: i, place
+    integer :: first, row, i
+    logical :: right
 
-    allocate (taken(cases))
-    taken = .false.
-    do i = 1, cases
-      place = place_in_shuffle(i, cases)
-      if (place >= 1 .and. place <= cases) taken(place) = .true.
+    division%shares = shares
+    allocate (taken(shares))
+    right = .true.
+    do row = 0, rows - 1
+      first = row*shares
+      if (row > rows/2) first = (most_cases/shares - row)*shares
+      taken = .false.
+      do i = 1, shares
+        taken(division%share_of(first + i)) = .true.
+      end do
+      right = right .and. all(taken)
     end do
-    call check('a bijection of '//integer_text(cases), all(taken))
-  end subroutine check_bijection
+    call check('rows of '//integer_text(shares), right)
+  end subroutine check_rows
 
   !> Shares are as large as they say, and differ by one case at most.
   subroutine check_shares(cases)
@@ -64,12 +72,12 @@ contains
 
     count_of = 0
     do i = 1, cases
-      if (division%has(i, cases)) count_of = count_of + 1
+      if (division%has(i)) count_of = count_of + 1
     end do
   end function count_of
 
-  !> The cases of a share stand in all columns of a grid, for any number of shares: of a shuffle by chance no column
-  !> of a share is further from the mean than so many standard deviations.
+  !> The cases of a share stand in all columns of a grid, for any number of shares: no column of a share is further from the mean
+  !> than so many standard deviations of chance.
   subroutine check_no_step(rows, columns)
     integer, intent(in) :: rows, columns
     real(wp), parameter :: most_deviations = 6.0_wp
@@ -85,7 +93,7 @@ contains
         held = 0
         do i = 1, rows*columns
           column = modulo(i - 1, columns) + 1
-          if (division%has(i, rows*columns)) held(column) = held(column) + 1
+          if (division%has(i)) held(column) = held(column) + 1
         end do
         worst = max(worst, maxval(abs(held - mean))/sqrt(mean))
       end do
