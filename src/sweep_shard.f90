@@ -12,7 +12,8 @@ module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
   use, intrinsic :: iso_fortran_env, only: int8
   use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, lock_attempt, held, append_words, read_words, &
-    close_descriptor, set_file_size, delete_file, file_exists, matching_files, path_t, seconds_now, wait_seconds
+    close_descriptor, set_file_size, delete_file, file_exists, identity_t, identity_of, matching_files, path_t, seconds_now, &
+    wait_seconds
   use dst_division, only: division_t
   use dst_errors, only: error_t, raise, file_error, out_of_memory, stopped_early
   use dst_kinds, only: wp, int64, real64
@@ -537,6 +538,24 @@ contains
 
   !> Of thousands of shards nothing but the heads may be wanted: no more is read.
   subroutine read_head(reader, head, error)
+    type(reader_t), intent(inout) :: reader
+    type(head_t), intent(out) :: head
+    type(error_t), allocatable, intent(out) :: error
+    integer, parameter :: most_tries = 5
+    type(identity_t) :: file
+    integer :: i
+
+    do i = 1, most_tries
+      call read_head_once(reader, head, error)
+      if (.not. allocated(error)) exit
+      ! Another process may empty the file in this moment, and write its own head.
+      call wait_seconds(0.005_wp)
+      file = identity_of(reader%descriptor)
+      reader%bytes = file%bytes
+    end do
+  end subroutine read_head
+
+  subroutine read_head_once(reader, head, error)
     type(reader_t), intent(in) :: reader
     type(head_t), intent(out) :: head
     type(error_t), allocatable, intent(out) :: error
@@ -557,7 +576,7 @@ contains
           'remove it, or use --overwrite')
       end if
     end if
-  end subroutine read_head
+  end subroutine read_head_once
 
   !> The divisions that shards are of, the newest last; of one moment that with the longer name, which came later.
   function divisions_of(heads, files) result(divisions)

@@ -46,6 +46,15 @@ NUMBER = 8
 TEXT_POINTER = 16
 """Bytes by which a text of variable length is found: length, address of its heap, number in it."""
 
+HEAP = b"GCOL\x01\0\0\0"
+"""How a collection of texts begins in the file; no text has these bytes, and numbers hardly ever."""
+
+HEAP_HEAD = 16
+"""Bytes before the first text of a collection, and before each text: its number, references to it, and its length."""
+
+BLOCK = 2**20
+"""Bytes of the file that are looked through at once."""
+
 TEXT_OBJECT = 100
 """Bytes that Python needs for a text, besides its characters."""
 
@@ -102,7 +111,9 @@ def judge(file: h5py.File, name: str) -> None:
     FileError
         That names the object.
     """
-    _Judge(file, name).group(file.id, "")
+    judge = _Judge(file, name)
+    judge.heaps()
+    judge.group(file.id, "")
 
 
 class _Judge:
@@ -123,6 +134,29 @@ class _Judge:
             f"{self.name}: '{path or '/'}' {why}, as nothing that dynstiction writes: do not trust the file, "
             "or remove that from it"
         )
+
+    def heaps(self) -> None:
+        """Refuse collections of texts in which HDF5 would never come to the end: a text of no size, or of one that wraps around."""
+        before = b""
+        for start in range(0, self.size, BLOCK):
+            block = before + os.pread(self.descriptor, BLOCK, start)
+            place = block.find(HEAP)
+            while place >= 0:
+                self.heap(start - len(before) + place)
+                place = block.find(HEAP, place + 1)
+            before = block[-len(HEAP) + 1 :]
+
+    def heap(self, start: int) -> None:
+        """One collection: its length, then texts, each with its number (0: the room that is left) and its length."""
+        size = int.from_bytes(os.pread(self.descriptor, 8, start + 8), "little")
+        if size > self.size - start:
+            self.refuse("", "holds a list of texts that is longer than the file")
+        data, place = os.pread(self.descriptor, size, start), HEAP_HEAD
+        while place + HEAP_HEAD <= len(data):
+            number, length = int.from_bytes(data[place : place + 2], "little"), int.from_bytes(data[place + 8 : place + 16], "little")
+            place += HEAP_HEAD + -(-length // 8) * 8 if number else length
+            if place > size or (not number and length < HEAP_HEAD):
+                self.refuse("", "holds a list of texts with a damaged length")
 
     def group(self, group: h5py.h5g.GroupID, path: str) -> None:
         self.attributes(group, path)

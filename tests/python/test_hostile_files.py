@@ -217,6 +217,18 @@ def test_any_damage_is_read_or_refused(sound: Path, tmp_path: Path, count: int) 
     assert refusals(unsealed(sound, tmp_path), tmp_path, count) > count / 4
 
 
+@pytest.mark.parametrize("length", [2**64 - 16, 2**64 - 8, 2**63, 2**20])
+def test_a_list_of_texts_without_end_is_refused(sound: Path, tmp_path: Path, length: int) -> None:
+    """HDF5 goes from text to text by their lengths, and would never arrive."""
+    data = bytearray(unsealed(sound, tmp_path).read_bytes())
+    heap = data.find(b"GCOL\x01\0\0\0")
+    data[heap + 24 : heap + 32] = length.to_bytes(8, "little")
+    (tmp_path / "bent.h5").write_bytes(data)
+    command = [sys.executable, "-c", "import dynstiction as ds, sys; ds.open(sys.argv[1])", tmp_path / "bent.h5"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 1 and "FileError" in done.stderr and "list of texts" in done.stderr
+
+
 @pytest.mark.parametrize("count", [300, pytest.param(2000, marks=pytest.mark.full)])
 def test_no_flipped_bit_stays_unnoticed(sound: Path, tmp_path: Path, count: int) -> None:
     """But in the seal's own words, when everything before it is sound."""

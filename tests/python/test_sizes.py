@@ -229,7 +229,7 @@ def test_counts_whose_product_is_no_number(call, tmp_path):
 
 
 def test_memory_that_cannot_be_had(call, tmp_path):
-    (tmp_path / "x.nml").write_text(SLOW + GRID.format(20_000_000, "summary"))
+    (tmp_path / "x.nml").write_text(SLOW + GRID.format(200_000_000, "summary"))
     for size in (100, 200, 400):
         done = call(
             "run", "x.nml", "--quiet", settings=["output.wall_limit=1"], limits=(resource.RLIMIT_AS, size * MEGABYTE)
