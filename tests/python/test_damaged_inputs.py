@@ -146,8 +146,8 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
 # A part of a shard is what a killed process leaves: its cases count as not run.
 CASES_LOST = {"empty", "one byte left", "cut in its first line", "cut in the middle", "cut near the end", "missing",
               "zeros in the middle", "all bits set in the middle", "bit at a third", "bit at two thirds", "bit near the end"}  # fmt: skip
-# Behind what a killed run had written: space it had reserved.
-HARMLESS = {"bit near the end"}
+# Of a killed run it may be space that had been reserved, behind the numbers: how far it got depends on the machine.
+MAY_BE_HARMLESS = {"bit near the end", "all bits set in the middle", "bit at a third", "bit at two thirds"}
 
 
 @pytest.fixture(scope="module")
@@ -179,8 +179,8 @@ def test_damaged_input_is_refused(bench: Bench, kind: str, damage: str) -> None:
         assert "of 3 cases have not been run" in done.stderr
         assert_only_sound_cases(bench.folder / "map.h5")
         return
-    if kind == "result of a killed run" and damage in HARMLESS:
-        assert done.returncode == 75, done
+    if kind == "result of a killed run" and damage in MAY_BE_HARMLESS and done.returncode == 75:
+        assert_begins_like(bench.folder / name, bench.folder / "stopped.h5")
         return
     assert done.returncode == (2 if kind == "deck" else 3), done
     assert done.stderr.startswith("dynstiction: ")
@@ -189,6 +189,12 @@ def test_damaged_input_is_refused(bench: Bench, kind: str, damage: str) -> None:
     # Nothing else was changed, and no result made of it.
     assert {path: path.read_bytes() for path in others} == others
     assert not (bench.folder / "deck.h5").exists()
+
+
+def assert_begins_like(file: Path, before: Path) -> None:
+    with h5py.File(file) as data, h5py.File(before) as expected:
+        for column, values in expected["time_series"].items():
+            assert data["time_series"][column][: len(values)].tobytes() == values[:].tobytes(), column
 
 
 def assert_only_sound_cases(file: Path) -> None:
