@@ -22,7 +22,6 @@ import shlex
 import struct
 import subprocess
 import tempfile
-import time
 from collections import deque
 from pathlib import Path
 
@@ -113,7 +112,9 @@ def next_question(rank: Rank, before: np.ndarray, now: float) -> float:
     beginnings = []
     for first, last, begun in reversed(rank.pieces):
         count = min(last - first, few + 1 - len(beginnings))
-        beginnings += [begun + float(before[i] - before[first]) for i in range(last - 1, last - 1 - count, -1)]
+        beginnings += [
+            begun + float(before[i] - before[first]) for i in range(last - 1, last - 1 - count, -1)
+        ]
         if len(beginnings) > few:
             break
     first, _, begun = rank.pieces[0]
@@ -270,7 +271,9 @@ def processes(
 
 
 def solo_of(folder: Path) -> dict[int, float]:
-    return {case: seconds for file in folder.glob("real.h5.shard-*") for case, seconds in records(file).items()}
+    return {
+        case: seconds for file in folder.glob("real.h5.shard-*") for case, seconds in records(file).items()
+    }
 
 
 HEADER_BYTES = 96

@@ -1,8 +1,8 @@
 !> How the cases of a sweep are divided among processes that know nothing of each other, and what the environment says of them.
 !>
-!> Of each N cases in a row every share has one, so that shares differ by at most one case, and neighbours, which mostly cost the same,
-!> are spread. Which one turns from row to row by the golden ratio, so that no grid is in step with N: the column of a grid that is
-!> expensive comes to all shares in turn (the sequence of least discrepancy: D. E. Knuth, The Art of Computer Programming 3, 6.4).
+!> Of each N cases in a row every share has one, so that shares differ by at most one case, and neighbours, which mostly cost
+!> the same, are spread. Which one turns from row to row by the golden ratio, so that no grid is in step with N: the column of a
+!> grid that is expensive comes to all shares in turn (D. E. Knuth, The Art of Computer Programming 3, section 6.4, theorem S).
 module dst_division
   use dst_errors, only: error_t, raise, usage_error
   use dst_kinds, only: int64

@@ -1,8 +1,8 @@
 !> The processes that a launcher started together, over MPI: how they agree, tell each other, and end.
 !>
-!> MPI is started once, before anything can fail, and ended once. Nobody waits inside MPI: what several processes do together is begun,
-!> and looked at again and again with a pause between, so that a process which waits leaves its core to others and still hears
-!> signals. Only the first thread of a process calls anything here. Source: MPI 3.1 standard, chapters 3, 5, 8 and 12.
+!> MPI is started once, before anything can fail, and ended once. Nobody waits inside MPI: what several processes do together is
+!> begun, and looked at again and again with a pause between, so that a process which waits leaves its core to others and still
+!> hears signals. Only the first thread of a process calls anything here. Source: MPI 3.1 standard, chapters 3, 5, 8 and 12.
 !> `processes_serial.f90` is the same module for one process.
 module dst_processes
   use mpi_f08, only: mpi_comm, mpi_comm_world, mpi_info_null, mpi_comm_type_shared, mpi_init_thread, mpi_thread_funneled, &
@@ -228,16 +228,16 @@ contains
     class(processes_t), intent(in) :: self
     type(mpi_request), intent(inout) :: request
     type(patience_t) :: patience
-    real(wp) :: pause
+    real(wp) :: interval
     logical :: done
 
-    pause = shortest_pause
+    interval = shortest_pause
     do
       call mpi_test(request, done, mpi_status_ignore)
       if (done) return
       call patience%check(self)
-      call wait_seconds(pause)
-      pause = min(2.0_wp*pause, longest_pause)
+      call wait_seconds(interval)
+      interval = min(2.0_wp*interval, longest_pause)
     end do
   end subroutine wait_for
 

@@ -54,7 +54,7 @@ module dst_sweep_runner
     integer, allocatable :: given(:)     !! cases dealt out to this process
     integer :: next = 1                  !! the first of them that has not begun
     logical :: none_left = .false.       !! no more will be dealt out to this process
-    integer :: stop = 0                  !! why cases under way are given up: number of a signal, or one of those below; 0 = they go on
+    integer :: stop = 0                  !! why cases under way are given up: a signal, or one of those below; 0 = they go on
     integer :: at_work = 0               !! threads
     integer :: finished = 0, failed = 0  !! of this process
     integer :: to_do = 0                 !! cases, of all processes

@@ -49,7 +49,7 @@ def _say(text: object, end: str = "\n") -> None:
     """Print to standard output at once; that it cannot be written is an error, not silence."""
     try:
         if sys.stdout is None:
-            raise OSError("it is closed")  # noqa: TRY301
+            raise OSError("it is closed")
         print(text, end=end, flush=True)
     except OSError as error:
         _forget_output()

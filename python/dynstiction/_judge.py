@@ -153,7 +153,10 @@ class _Judge:
             self.refuse("", "holds a list of texts that is longer than the file")
         data, place = os.pread(self.descriptor, size, start), HEAP_HEAD
         while place + HEAP_HEAD <= len(data):
-            number, length = int.from_bytes(data[place : place + 2], "little"), int.from_bytes(data[place + 8 : place + 16], "little")
+            number, length = (
+                int.from_bytes(data[place : place + 2], "little"),
+                int.from_bytes(data[place + 8 : place + 16], "little"),
+            )
             place += HEAP_HEAD + -(-length // 8) * 8 if number else length
             if place > size or (not number and length < HEAP_HEAD):
                 self.refuse("", "holds a list of texts with a damaged length")
@@ -238,7 +241,9 @@ class _Judge:
         if self.stored > self.size:
             self.refuse(path, "claims more than the file holds")
         if self.memory > self.most_memory:
-            self.refuse(path, "is larger than a file of this size may become (h5repack -f NONE makes it readable)")
+            self.refuse(
+                path, "is larger than a file of this size may become (h5repack -f NONE makes it readable)"
+            )
 
     def dataset(self, dataset: h5d.DatasetID, path: str, kind: Kind) -> None:
         creation = dataset.get_create_plist()
@@ -255,7 +260,9 @@ class _Judge:
         if space.get_simple_extent_type() == h5s.NULL or len(dataset.shape) not in kind.ranks:
             self.refuse(path, f"has not {' or '.join(map(str, kind.ranks))} dimensions")
         is_text = stored_as.get_class() == h5t.STRING
-        if stored_as.committed() or not (kind.texts if is_text else kind.numbers and self.is_number(stored_as)):
+        if stored_as.committed() or not (
+            kind.texts if is_text else kind.numbers and self.is_number(stored_as)
+        ):
             self.refuse(path, "holds another type of values")
         varies = is_text and stored_as.is_variable_str()
         size, count = TEXT_POINTER if varies else stored_as.get_size(), prod(dataset.shape)
@@ -311,7 +318,9 @@ class _Judge:
             return zlib.decompressobj().decompress(data, length + 1)
         return data[:length]
 
-    def texts(self, path: str, filters: tuple[int, ...], pieces: list[Piece], length: int, longest: int) -> None:
+    def texts(
+        self, path: str, filters: tuple[int, ...], pieces: list[Piece], length: int, longest: int
+    ) -> None:
         """Count the characters of texts of variable length, which are elsewhere in the file."""
         for piece in pieces:
             data = self.unpacked(piece, filters, length)

@@ -31,7 +31,6 @@ from faults import (
     close_laboratory,
     executable,
     laboratory,
-    room_for_files,
     write_bystanders,
 )
 from program import (
@@ -141,7 +140,9 @@ class Sequence:
         settings = [word for key in (*scene[1:], *OFTEN) for word in ("--set", key)]
         return ["run", str(INPUTS / f"{scene[0]}.nml"), "-o", file, "--quiet", *overwrite, *settings]
 
-    def start(self, kind: str, fault: str = "", file: str = RESULT, extra: tuple[str, ...] = (), **settings: object) -> Running:
+    def start(
+        self, kind: str, fault: str = "", file: str = RESULT, extra: tuple[str, ...] = (), **settings: object
+    ) -> Running:
         what = f"{kind} {file if file != RESULT else ''} {fault} {' '.join(extra)} {settings or ''}"
         self.trace.append(" ".join(what.split()))
         return self.program.start(
@@ -196,7 +197,12 @@ class Sequence:
 
     def must_resume(self) -> bool:
         """Whether a refusal would lose something."""
-        return not self.is_meddled and not self.is_sweep and rows_of(self.file) > 0 and not is_complete(self.file)
+        return (
+            not self.is_meddled
+            and not self.is_sweep
+            and rows_of(self.file) > 0
+            and not is_complete(self.file)
+        )
 
     # What may happen.
 
@@ -215,7 +221,10 @@ class Sequence:
         allowed: tuple[int, ...] = (DONE, FILE_ERROR)
         fault, settings, extra = "", {}, ()
         if what == "signal":
-            fault, allowed = f"{self.chance.choice(SIGNALS)}:parent:{n}", (DONE, STOPPED, FILE_ERROR, -1, -2, -10, -15)
+            fault, allowed = (
+                f"{self.chance.choice(SIGNALS)}:parent:{n}",
+                (DONE, STOPPED, FILE_ERROR, -1, -2, -10, -15),
+            )
         elif what == "kill":
             fault, allowed = f"{self.chance.choice(KILLS)}:{n}", (DONE, -9, FILE_ERROR)
         elif what == "full":
@@ -224,7 +233,10 @@ class Sequence:
             settings = {"FAULT_FSIZE": self.chance.randrange(1000, 80000)}
         elif what == "wall" and kind != "resume":
             self.has_limit = True
-            extra, allowed = ("--set", f"output.wall_limit={self.chance.uniform(0.1, 3.0):.3f}"), (DONE, STOPPED, FILE_ERROR)
+            extra, allowed = (
+                ("--set", f"output.wall_limit={self.chance.uniform(0.1, 3.0):.3f}"),
+                (DONE, STOPPED, FILE_ERROR),
+            )
         ended = self.end(self.start(kind, fault, extra=extra, **settings), *allowed)
         if kind == "run --overwrite" and ended.status in (DONE, STOPPED):
             self.is_meddled = False
@@ -253,7 +265,9 @@ class Sequence:
         ]
         # At the very first calls the program has not got hold of anything yet: the lock may be a stale one.
         lock = self.folder / f"{RESULT}.lock"
-        has_lock = n > 30 if self.is_sweep else lock.exists() and f"process {first.process}\n" in lock.read_text()
+        has_lock = (
+            n > 30 if self.is_sweep else lock.exists() and f"process {first.process}\n" in lock.read_text()
+        )
         if is_held and has_lock:
             for other in others:
                 ended = self.end(other, DONE, FILE_ERROR, quiet=True)
@@ -307,7 +321,9 @@ class Sequence:
         if self.is_sweep or not self.file.exists():
             return
         checkpoint = self.file.with_name(f"{RESULT}.checkpoint")
-        what = self.chance.choice(("rename", "rename", "put back", "no checkpoint", "no result", "older result"))
+        what = self.chance.choice(
+            ("rename", "rename", "put back", "no checkpoint", "no result", "older result")
+        )
         self.trace.append(f"user: {what}")
         if what == "rename":
             self.under_another_name(checkpoint)
@@ -337,12 +353,16 @@ class Sequence:
     def under_another_name(self, checkpoint: Path) -> None:
         """Both files get another name, the run is resumed there, and they come back."""
         must = self.must_resume()
-        pairs = [(path, path.with_name(path.name.replace(RESULT, "z.h5"))) for path in (self.file, checkpoint)]
+        pairs = [
+            (path, path.with_name(path.name.replace(RESULT, "z.h5"))) for path in (self.file, checkpoint)
+        ]
         for path, other in pairs:
             if path.exists():
                 path.rename(other)
         fault = self.chance.choice(("", f"TERM:parent:{self.any_call()}", f"kill:all:{self.any_call()}"))
-        ended = self.end(self.start("resume", fault, file="z.h5"), DONE, STOPPED, FILE_ERROR, -9, -15, quiet=True)
+        ended = self.end(
+            self.start("resume", fault, file="z.h5"), DONE, STOPPED, FILE_ERROR, -9, -15, quiet=True
+        )
         if ended.status == FILE_ERROR and must:
             raise Wrong(f"refused under another name: {ended.text.strip()[:120]}")
         for path, other in pairs:
@@ -384,7 +404,12 @@ class Sequence:
 
     def live(self) -> None:
         acts: list[Callable[[], None]] = [self.disturbed] * 6
-        acts += [self.second_copies] * 2 + [self.all_at_once, self.meddling, self.meddling, self.exchanged_while_it_runs]
+        acts += [self.second_copies] * 2 + [
+            self.all_at_once,
+            self.meddling,
+            self.meddling,
+            self.exchanged_while_it_runs,
+        ]
         for _ in range(self.chance.randrange(2, 7)):
             self.chance.choice(acts)()
         if self.is_small:
@@ -402,7 +427,11 @@ class Sequence:
             if ended.status != STOPPED:
                 break
             del self.trace[-2:]
-        if ended.status == FILE_ERROR and is_complete(self.file) and ("complete" in ended.text or self.is_sweep):
+        if (
+            ended.status == FILE_ERROR
+            and is_complete(self.file)
+            and ("complete" in ended.text or self.is_sweep)
+        ):
             if numbers(self.file) != self.lab.numbers[self.name]:
                 raise Wrong("the finished numbers differ")
         elif ended.status == FILE_ERROR:
@@ -486,7 +515,9 @@ def try_sequences(seeds: list[str]) -> list[tuple[str, list[str], list[str]]]:
 
 
 def main() -> int:
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     options.add_argument("--count", type=int, default=500)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--only", type=int, help="this one only, with its steps")

@@ -391,7 +391,9 @@ def writes(program, shim, tmp_path_factory) -> dict[str, int]:
     done = run_with_shim(program, shim, file)
     assert done.returncode == 0, done.stderr
     calls = [line.split() for line in log_of(file).read_text().splitlines()]
-    count = {who: sum(call[0] == who and call[3] == "pwrite" for call in calls) for who in ("parent", "child")}
+    count = {
+        who: sum(call[0] == who and call[3] == "pwrite" for call in calls) for who in ("parent", "child")
+    }
     assert min(count.values()) > 100
     return count
 
@@ -843,9 +845,7 @@ def test_a_disk_that_was_full(program, references, tmp_path):
 def test_a_folder_that_vanishes(program, tmp_path):
     folder = tmp_path / "vanishing"
     folder.mkdir()
-    process = program.start(
-        SCENES["radau9"], folder / "x.h5", *ENDLESS, "output.checkpoint_interval=0.1"
-    )
+    process = program.start(SCENES["radau9"], folder / "x.h5", *ENDLESS, "output.checkpoint_interval=0.1")
     wait_for((folder / "x.h5").exists, "x.h5")
     shutil.rmtree(folder)
     _, errors = process.communicate(timeout=60)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,7 +17,19 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "faults"))
 import faults
 import sequences
 from faults import CLOCK, OPERATIONS, RESULT, Laboratory
-from program import DONE, FILE_ERROR, STOPPED, Call, Ended, Program, Running, content, is_complete, is_sealed, snapshot
+from program import (
+    DONE,
+    FILE_ERROR,
+    STOPPED,
+    Call,
+    Ended,
+    Program,
+    Running,
+    content,
+    is_complete,
+    is_sealed,
+    snapshot,
+)
 
 pytestmark = pytest.mark.deck
 
@@ -115,7 +126,9 @@ def changes(calls: list[Call]) -> list[Call]:
 def named(calls: list[Call]) -> int:
     """Number of the call that gives the result its name, and of its process."""
     return next(
-        call.all for call in calls if call.name in ("link", "linkat", "rename", "renameat2") and call.path.endswith(RESULT)
+        call.all
+        for call in calls
+        if call.name in ("link", "linkat", "rename", "renameat2") and call.path.endswith(RESULT)
     )
 
 
@@ -332,10 +345,16 @@ def test_overwrite_replaces_results_of_this_program_only(program, begin):
     points = folder / "q.h5"
     with h5py.File(points, "w") as file:
         file["drive.velocity"] = [1e-3, 2e-3]
-    (folder / "q.nml").write_text(faults.SCENE.replace("file = 'low_frequency.h5'", "") + "&sweep points = 'q.h5' /\n")
+    (folder / "q.nml").write_text(
+        faults.SCENE.replace("file = 'low_frequency.h5'", "") + "&sweep points = 'q.h5' /\n"
+    )
     (folder / "foreign.h5").write_bytes(points.read_bytes())
     before = snapshot(folder)
-    for deck, output in (("q.nml", ()), ("run.nml", ("-o", "foreign.h5")), ("sweep.nml", ("-o", "foreign.h5"))):
+    for deck, output in (
+        ("q.nml", ()),
+        ("run.nml", ("-o", "foreign.h5")),
+        ("sweep.nml", ("-o", "foreign.h5")),
+    ):
         assert_refused(program.run(folder, "run", deck, *output, "--overwrite", "--quiet"))
         assert snapshot(folder) == before
 

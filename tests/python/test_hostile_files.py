@@ -224,7 +224,12 @@ def test_a_list_of_texts_without_end_is_refused(sound: Path, tmp_path: Path, len
     heap = data.find(b"GCOL\x01\0\0\0")
     data[heap + 24 : heap + 32] = length.to_bytes(8, "little")
     (tmp_path / "bent.h5").write_bytes(data)
-    command = [sys.executable, "-c", "import dynstiction as ds, sys; ds.open(sys.argv[1])", tmp_path / "bent.h5"]
+    command = [
+        sys.executable,
+        "-c",
+        "import dynstiction as ds, sys; ds.open(sys.argv[1])",
+        tmp_path / "bent.h5",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 1 and "FileError" in done.stderr and "list of texts" in done.stderr
 

@@ -1,5 +1,6 @@
 """How a sweep is divided, and that every share can be run again: job arrays and launchers of all forms, wrong divisions refused with
-the right one, shards of other builds and divisions, partial results, and what `show` tells of all this."""
+the right one, shards of other builds and divisions, partial results, and what `show` tells of all this.
+"""
 
 from __future__ import annotations
 
@@ -291,7 +292,9 @@ def test_a_single_run_does_not_take_the_name_of_a_partial_sweep(sweep, tmp_path)
     assert sweep.run("a.h5", command="merge").returncode == 75
     single = tmp_path / "single.nml"
     single.write_text(SHORT)
-    done = subprocess.run([sweep.exe, "run", single, "-o", tmp_path / "a.h5"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sweep.exe, "run", single, "-o", tmp_path / "a.h5"], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 3 and "the file exists" in done.stderr
 
 
@@ -350,13 +353,16 @@ def test_divisions_that_begin_at_once_get_files_of_their_own(sweep, tmp_path):
         ]
         try:
             wait_until(
-                lambda output=output: [
-                    file.stat().st_size >= HEADER_BYTES for file in every_file(tmp_path, output)
-                ]
-                == [True] * 3
+                lambda output=output: (
+                    [file.stat().st_size >= HEADER_BYTES for file in every_file(tmp_path, output)]
+                    == [True] * 3
+                )
             )
             assert all(process.poll() is None for process in started)
-            heads = [struct.unpack("<12Q", file.read_bytes()[:HEADER_BYTES]) for file in every_file(tmp_path, output)]
+            heads = [
+                struct.unpack("<12Q", file.read_bytes()[:HEADER_BYTES])
+                for file in every_file(tmp_path, output)
+            ]
             assert sorted(head[8] >> 32 for head in heads) == [2, 3, 4]
         finally:
             for process in started:
@@ -367,7 +373,9 @@ def test_tasks_that_overwrite_another_sweep_at_once_do_not_stop_each_other(sweep
     """Each finds shards of the other sweep that a third one empties and takes in this moment."""
     for _ in range(3):
         for i in range(1, 7):
-            assert sweep.run("a.h5", "--shard", f"{i}/6", "--redivide", "--overwrite", threads=1).returncode == 0
+            assert (
+                sweep.run("a.h5", "--shard", f"{i}/6", "--redivide", "--overwrite", threads=1).returncode == 0
+            )
         arguments = (*ENDLESS, "--overwrite", "--redivide", "--set", "output.wall_limit=1.5")
         started = [
             sweep.start("a.h5", *arguments, "--shard", f"{i}/6", stderr=subprocess.PIPE, text=True)
@@ -507,4 +515,8 @@ def test_show_of_shards_with_absurd_heads(sweep, tmp_path):
                 continue
             done = show(sweep, "a.h5")
             assert done.returncode in (0, 3), (place, value, done)
-            assert all(line.startswith("dynstiction: ") for line in done.stderr.splitlines()), (place, value, done)
+            assert all(line.startswith("dynstiction: ") for line in done.stderr.splitlines()), (
+                place,
+                value,
+                done,
+            )

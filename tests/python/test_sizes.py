@@ -37,7 +37,11 @@ def call(executable, tmp_path):
     """Run a command in an empty folder."""
 
     def run(*arguments, settings=(), limits=(resource.RLIMIT_CORE, 0), **environment):
-        command = [str(executable), *arguments, *(word for setting in settings for word in ("--set", setting))]
+        command = [
+            str(executable),
+            *arguments,
+            *(word for setting in settings for word in ("--set", setting)),
+        ]
         return subprocess.run(
             command,
             cwd=tmp_path,
@@ -93,7 +97,9 @@ def awkward_settings(dice: random.Random) -> list[str]:
     if "scene.t_end" not in keys:
         keys.append("scene.t_end")
     # The first value is mostly sound.
-    return [f"{key}={VALUES[key][0] if dice.random() < 0.6 else dice.choice(VALUES[key][1:])}" for key in keys]
+    return [
+        f"{key}={VALUES[key][0] if dice.random() < 0.6 else dice.choice(VALUES[key][1:])}" for key in keys
+    ]
 
 
 @pytest.mark.parametrize("seed", [5, *(pytest.param(seed, marks=pytest.mark.full) for seed in range(6, 14))])
@@ -218,7 +224,9 @@ def test_a_sweep_too_large_is_refused(call, tmp_path, count, keep, settings, wor
 
 
 def test_counts_whose_product_is_no_number(call, tmp_path):
-    keys = [f"'{key}'" for key in ("system.misalignment_deg", "friction.mu_0", "friction.mu_inf", "friction.v_f")]
+    keys = [
+        f"'{key}'" for key in ("system.misalignment_deg", "friction.mu_0", "friction.mu_inf", "friction.v_f")
+    ]
     group = "&sweep\n parameter = {}\n first = 4*0.1\n last = 4*0.2\n count = 4*1e9\n/\n"
     (tmp_path / "x.nml").write_text(SLOW + group.format(", ".join(keys)))
     done = call("check", "x.nml")
@@ -232,7 +240,11 @@ def test_memory_that_cannot_be_had(call, tmp_path):
     (tmp_path / "x.nml").write_text(SLOW + GRID.format(200_000_000, "summary"))
     for size in (100, 200, 400):
         done = call(
-            "run", "x.nml", "--quiet", settings=["output.wall_limit=1"], limits=(resource.RLIMIT_AS, size * MEGABYTE)
+            "run",
+            "x.nml",
+            "--quiet",
+            settings=["output.wall_limit=1"],
+            limits=(resource.RLIMIT_AS, size * MEGABYTE),
         )
         assert done.returncode == 4, done
         assert re.match(r"dynstiction: (x\.nml: )?no memory for .*\n$", done.stderr)
@@ -314,7 +326,10 @@ COPIES = {
 
 
 @pytest.mark.parametrize("what", COPIES)
-@pytest.mark.parametrize(("size", "rank"), [("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"), ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID")])
+@pytest.mark.parametrize(
+    ("size", "rank"),
+    [("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"), ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID")],
+)
 def test_what_is_for_one_process_is_refused_to_several(call, tmp_path, what, size, rank):
     """All end with one status, the first says why, and nothing is written."""
     (tmp_path / "fig3.nml").write_text(FIG3)
@@ -322,9 +337,9 @@ def test_what_is_for_one_process_is_refused_to_several(call, tmp_path, what, siz
         (tmp_path / name).write_text(SLOW + GRID.format(2, "summary"))
     before = sorted(tmp_path.iterdir())
     first = call(*COPIES[what], **{size: "2", rank: "0"})
-    assert first.returncode == 1 and f"{what}' is for one process" in first.stderr.replace("a run is", "a run' is").replace(
-        "several decks is", "several decks' is"
-    )
+    assert first.returncode == 1 and f"{what}' is for one process" in first.stderr.replace(
+        "a run is", "a run' is"
+    ).replace("several decks is", "several decks' is")
     second = call(*COPIES[what], **{size: "2", rank: "1"})
     assert (second.returncode, second.stderr) == (1, "")
     assert sorted(tmp_path.iterdir()) == before
@@ -335,7 +350,12 @@ def test_a_name_that_ends_with_a_blank_is_refused(call, tmp_path, name):
     text = FIG3.replace("t_end = 10.0", "t_end = 1e-3")
     (tmp_path / "x.nml").write_text(text)
     (tmp_path / "y.nml").write_text(text.replace("&output\n", f"&output\n  file = '{name}'\n"))
-    for arguments in (("x.nml", "-o", name), ("x.nml", "--set", f"output.file={name}"), ("y.nml",), (f"x.nml{name[-1]}",)):
+    for arguments in (
+        ("x.nml", "-o", name),
+        ("x.nml", "--set", f"output.file={name}"),
+        ("y.nml",),
+        (f"x.nml{name[-1]}",),
+    ):
         done = call("run", *arguments)
         assert done.returncode in {1, 2} and "ends with a blank" in done.stderr, (arguments, done)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["x.nml", "y.nml"]
