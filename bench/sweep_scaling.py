@@ -7,7 +7,8 @@ with costs that differ 1000 times, the expensive ones in a row. full: a map of m
 summary sweep of a million cases, one process and its merge.
 
 Two numbers that other work on the machine does not change make up an efficiency: `busy`, the share of the wall time of all cores
-that was spent in cases, from the start of the program to its end, and `cpu`, the processor time of one thread over that of all.
+that was spent in cases, from the start of the program to its end, and `cpu`, the processor time of one thread over that of all. `apart`
+is `busy` without the time in which the same launcher and program start and end, measured with `version` before each run.
 `wall` is the plain ratio of wall times over the cores, which needs a quiet machine. Medians, and the range in brackets.
 """
 
@@ -84,7 +85,8 @@ def full_deck(folder: Path, angles: list[float]) -> Path:
 def measure(command: list[str], threads: int) -> tuple[float, float]:
     """Wall and processor time [s]."""
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run(command, check=True, env=os.environ | ALLOWED | {"OMP_NUM_THREADS": str(threads)})
+    environment = os.environ | ALLOWED | {"OMP_NUM_THREADS": str(threads)}
+    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
     passed, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
     return passed, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
@@ -94,22 +96,26 @@ def print_efficiency(title: str, deck: Path, ways: dict[str, tuple[list[str], in
     walls: dict[str, list[float]] = {name: [] for name in ways}
     processor: dict[str, list[float]] = {name: [] for name in ways}
     busy: dict[str, list[float]] = {name: [] for name in ways}
+    apart: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(repeat):
         for name, (launcher, threads) in ways.items():
             command = [*launcher, "run", str(deck), "-o", str(output), "--quiet", "--overwrite"]
+            start, _ = measure([*launcher, "version"], threads)
             wall, cpu = measure(command, threads)
             with h5py.File(output) as file:
                 in_cases = float(file["sweep/wall_time"][:].sum())
             walls[name].append(wall)
             processor[name].append(cpu)
-            busy[name].append(in_cases / wall / (1 if name == "1 thread" else CORES))
+            cores = 1 if name == "1 thread" else CORES
+            busy[name].append(in_cases / wall / cores)
+            apart[name].append(in_cases / (wall - start) / cores)
     print(f"{title}: {repeat} runs of each, alternating")
     for name in ways:
         cores = 1 if name == "1 thread" else CORES
         wall_ratio = [one / (cores * many) for one, many in zip(walls["1 thread"], walls[name], strict=True)]
         cpu_ratio = [one / many for one, many in zip(processor["1 thread"], processor[name], strict=True)]
         print(
-            f"{name:>10}: {statistics.median(walls[name]):7.2f} s, busy {spread(busy[name])}, cpu {spread(cpu_ratio)}, "
+            f"{name:>10}: {statistics.median(walls[name]):7.2f} s, busy {spread(busy[name])}, apart {spread(apart[name])}, cpu {spread(cpu_ratio)}, "
             f"wall {spread(wall_ratio)}",
             flush=True,
         )

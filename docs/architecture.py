@@ -25,7 +25,7 @@ ROOMS = {
     "executable": ("the executable", 20, 66, 570, 130,
                    "ground deck simulation comparison sweeps writers slider stability",
                    "program main command_line completion handover deck_check standard_streams threads run trade_run sweep_runner processes dealer show "
-                   "progress signals stability_report"),
+                   "progress stability_report"),
     "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison sweeps writers", "python_api"),
     "comparison": ("comparing runs of one scene", 20, 220, 560, 110, "ground physics deck simulation writers observables linear_solve",
                    "trade trade_plan trade_quantities trade_advice trade_report trade_table"),
@@ -35,7 +35,7 @@ ROOMS = {
                    "ground physics numerics scene meeting memory_writer",
                    "simulation model_choice model_columns output_size"),
     "writers": ("where results go", 340, 352, 320, 150, "ground sha256",
-                 "hdf5_writer hdf5_origin hdf5_tools memory_writer result_file checkpoint lock seal crc32 disk disk_space process"),
+                 "hdf5_writer hdf5_origin hdf5_tools memory_writer result_file checkpoint lock seal crc32 disk disk_space process signals"),
     "meeting": ("where physics and numerics meet", 20, 526, 640, 112, "ground physics numerics",
                 "contact trajectory observables cycles summary trajectory_summary moreau_jean creep_motion"),
     "physics": ("physics", 20, 662, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),

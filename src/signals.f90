@@ -7,7 +7,7 @@ module dst_signals
   implicit none
   private
 
-  public :: listen_to_requests, listen_to_signals, stop_listening, stop_signal, signal_name, no_signal
+  public :: listen_to_requests, listen_to_signals, stop_listening, stop_signal, is_told_to_end, signal_name, no_signal
 
   integer(c_int), parameter :: sighup = 1, sigint = 2, sigusr1 = 10, sigterm = 15
   integer(c_intptr_t), parameter :: default_action = 0, ignore = 1
@@ -71,6 +71,11 @@ contains
   integer function stop_signal()
     stop_signal = received
   end function stop_signal
+
+  !> Whether a signal says to end now. SIGUSR1 only asks to begin nothing new.
+  logical function is_told_to_end()
+    is_told_to_end = received /= no_signal .and. received /= sigusr1
+  end function is_told_to_end
 
   !> 'SIGTERM' and the like.
   pure function signal_name(number) result(name)

@@ -20,7 +20,7 @@ module dst_sweep_runner
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: schema, sweep_group
   use dst_sha256, only: sha256
-  use dst_signals, only: stop_signal, signal_name, no_signal
+  use dst_signals, only: stop_signal, is_told_to_end, signal_name, no_signal
   use dst_simulation, only: wall_clock
   use dst_sweep, only: sweep_t, axis_t, new_sweep, case_t, watch_t, worker_t, new_worker, series_quantities
   use dst_sweep_file, only: block_of, merge_shards, look_at_result
@@ -329,6 +329,8 @@ contains
       associate (theirs => heads(i)%division, ours => head%division)
         if (ours%shares > 0 .and. theirs%shares == ours%shares .and. theirs%share /= ours%share) cycle
       end associate
+      if (is_told_to_end()) call raise(error, stopped_early, 'stopped by '//signal_name(stop_signal())//': start it again')
+      if (allocated(error)) return
       call scan_shard(files(i)%text, layout_of(sweep), i, index, ignored, error)
       if (allocated(error)) return
     end do

@@ -520,3 +520,23 @@ def test_show_of_shards_with_absurd_heads(sweep, tmp_path):
                 value,
                 done,
             )
+
+
+# --- a signal while the result is written
+
+
+def test_a_merge_ends_when_it_is_told_to(tmp_path):
+    """The shards keep everything, and no part of a result is left."""
+    big = Sweep(tmp_path, SCENE.replace("t_end = 10.0", "t_end = 0.01") + GRID.replace("count = 12, 5", "count = 400, 1000"))
+    fast = ("--set", "integrator.method=rodas4p")
+    assert big.run("a.h5", "--shard", "1/1", *fast).returncode == 0
+    shards = {file: file.read_bytes() for file in every_file(tmp_path)}
+    command = [big.exe, "merge", big.deck, "-o", tmp_path / "a.h5", *fast]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    wait_until(lambda: list(tmp_path.glob("a.h5.*.part")))
+    process.send_signal(signal.SIGTERM)
+    _, words = process.communicate(timeout=10)
+    assert process.returncode == 75 and "stopped by SIGTERM while the result was written" in words
+    assert sorted(tmp_path.glob("a.h5*")) == sorted(shards)
+    assert all(file.read_bytes() == data for file, data in shards.items())
+    assert big.run("a.h5", *fast, command="merge").returncode == 0
