@@ -4,17 +4,19 @@
 !> processor time, of which a part is spent in looking for messages.
 program bench_dealer
   use, intrinsic :: iso_fortran_env, only: output_unit
+  use dst_dealer, only: dealer_t
   use dst_errors, only: error_t
   use dst_kinds, only: wp
-  use dst_ranks, only: ranks_t, start_ranks
+  use dst_processes, only: processes_t
   use dst_simulation, only: wall_clock
   implicit none
 
-  type(ranks_t) :: ranks
+  type(processes_t) :: processes
+  type(dealer_t) :: dealer
   type(error_t), allocatable :: error
   integer, allocatable :: pending(:), numbers(:)
-  integer :: pieces, size_of_piece, i, status, taken
-  logical :: none_left, stop
+  integer :: pieces, size_of_piece, i, status, taken, stop
+  logical :: none_left
   real(wp) :: begun, begun_processor, ended_processor, passed
   character(32) :: argument
 
@@ -24,8 +26,8 @@ program bench_dealer
   pieces = 200000
   call get_command_argument(2, argument, status=status)
   if (status == 0) read (argument, *) pieces
-  call start_ranks(ranks, error)
-  if (ranks%rank == 0) then
+  call processes%start(error)
+  if (processes%is_first()) then
     allocate (pending(pieces*size_of_piece))
     do i = 1, size(pending)
       pending(i) = i
@@ -33,18 +35,18 @@ program bench_dealer
   end if
   begun = wall_clock()
   call cpu_time(begun_processor)
-  call ranks%open_list(pending)
+  call dealer%open(processes, pending)
   taken = 0
   none_left = .false.
-  stop = .false.
-  do while (.not. merge(ranks%others_are_done(), none_left, ranks%rank == 0))
-    call ranks%deal(merge(0, size_of_piece, ranks%rank == 0), taken, 0, numbers, none_left, stop)
+  stop = 0
+  do while (.not. merge(dealer%others_are_done(processes), none_left, processes%is_first()))
+    call dealer%deal(processes, merge(0, size_of_piece, processes%is_first()), taken, 0, numbers, none_left, stop)
     if (allocated(numbers)) taken = taken + size(numbers)
   end do
-  call ranks%close_list(taken, 0, stop)
+  call dealer%close(processes, taken, 0, stop)
   passed = wall_clock() - begun
   call cpu_time(ended_processor)
-  if (ranks%rank == 0) write (output_unit, '(a, i0, a, 2(es9.2, a))') 'pieces of ', size_of_piece, ' cases: ', &
+  if (processes%is_first()) write (output_unit, '(a, i0, a, 2(es9.2, a))') 'pieces of ', size_of_piece, ' cases: ', &
     pieces/passed, ' a second, ', pieces/(ended_processor - begun_processor), ' a second of processor time of rank 0'
-  call ranks%end()
+  call processes%end()
 end program bench_dealer
