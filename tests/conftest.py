@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,10 @@ import pytest
 # The tests of the executable need no Python extension, so it is imported where it is used.
 if TYPE_CHECKING:
     import dynstiction as ds
+
+# Tests that were started in the background would not hear Ctrl-C, nor would the programs that they start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 FIG3_TEXT = """\
 &scene
