@@ -32,8 +32,9 @@ module dst_hdf5_origin
 contains
 
   !> Whether a file is a result of this program. HDF5 may meet anything in it, so a child process looks.
-  subroutine check_is_result(file_name, reason)
+  subroutine check_is_result(file_name, may_be_damaged, reason)
     character(*), intent(in) :: file_name
+    logical, intent(in) :: may_be_damaged              !! one that HDF5 cannot read is a result all the same
     character(:), allocatable, intent(out) :: reason   !! unallocated if it is
     character(*), parameter :: remedy = ': use another name or remove it'
     type(guard_t) :: guard
@@ -49,11 +50,16 @@ contains
     if (guard%in_child) then
       call open_existing(file_name, file, status)
       call get_attribute(file, 'program', program, status)
-      if (status < 0 .or. program /= this_program) call guard%reply('the file exists and is no result of this program'//remedy)
-      call guard%reply('')
+      if (status >= 0) then
+        if (program == this_program) call guard%reply('')
+      else if (may_be_damaged) then
+        call guard%reply('')
+      end if
+      call guard%reply('the file exists and is no result of this program'//remedy)
     end if
     call guard%await(reason)
-    if (.not. allocated(reason)) reason = 'the file exists, and HDF5 fails on it'//remedy
+    if (.not. (allocated(reason) .or. may_be_damaged)) reason = 'the file exists, and HDF5 fails on it'//remedy
+    if (.not. allocated(reason)) return
     if (reason == '') deallocate (reason)
   end subroutine check_is_result
 
@@ -108,7 +114,7 @@ contains
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     type(guard_t) :: guard
 
-    call check_is_result(file_name, reason)
+    call check_is_result(file_name, .false., reason)
     if (allocated(reason)) then
       reason = 'it is no result of this program, or damaged: give a result file'
       return

@@ -15,7 +15,7 @@ module dst_lock
   implicit none
   private
 
-  public :: lock_t, holder_of
+  public :: lock_t, holder_of, is_left_behind
 
   !> The right to write a file.
   type :: lock_t
@@ -23,6 +23,7 @@ module dst_lock
     character(:), allocatable :: file_name   !! of the lock
     integer(c_int) :: descriptor = -1
     character(10) :: tag = ''                !! a part of the names of what is unfinished
+    logical, public :: was_left_behind = .false.   !! by a process that was killed while it wrote the file
   contains
     procedure :: take
     procedure :: scratch_name
@@ -74,6 +75,7 @@ contains
       call wait_seconds(pause)
     end do
     if (allocated(reason)) return
+    self%was_left_behind = before%process > 0
     call remove_unfinished(file_name, before)
     call self%write_text(reason)
     if (allocated(reason)) call self%release()
@@ -227,6 +229,16 @@ contains
     if (holder%host /= host_name()) return
     if (c_kill(int(holder%process, c_int), nothing) /= 0) has_ended = system_error() == no_such_process
   end function has_ended
+
+  !> Whether a process had the lock of a file and was killed: then the file is of this program, in whatever state.
+  logical function is_left_behind(file_name)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: reason
+    type(holder_t) :: holder
+
+    call read_holder(file_name//extension, identity_of(file_name//extension), holder, reason)
+    is_left_behind = .not. allocated(reason) .and. holder%process > 0
+  end function is_left_behind
 
   !> The other process that has the lock of a file: ' (process 123 on node7)'; '' if that is not known.
   function holder_of(file_name) result(text)

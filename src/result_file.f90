@@ -12,7 +12,7 @@ module dst_result_file
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_origin, only: check_is_result
   use dst_kinds, only: wp, int64
-  use dst_lock, only: lock_t, holder_of
+  use dst_lock, only: lock_t, holder_of, is_left_behind
   use dst_seal, only: seal, break_seal, checksum_of
   implicit none
   private
@@ -50,12 +50,14 @@ module dst_result_file
 contains
 
   !> Whether a result may get this name: it is free, or what has it is a result and to be replaced. `claim` asks again.
-  subroutine check_target(name, overwrite, error)
+  subroutine check_target(name, overwrite, error, was_left_behind)
     character(*), intent(in) :: name
     logical, intent(in) :: overwrite
     type(error_t), allocatable, intent(out) :: error
+    logical, intent(in), optional :: was_left_behind   !! whoever wrote it was killed; else the lock beside it tells
     character(:), allocatable :: reason
     type(identity_t) :: there
+    logical :: may_be_damaged
 
     there = identity_of(place_of(name))
     if (trim(name) == '') then
@@ -76,7 +78,10 @@ contains
     else if (is_in_use(name, for_writing=.true.)) then
       reason = 'another process is writing this file'//holder_of(place_of(name))//': wait for it or use another name'
     else if (there%bytes > 0) then
-      call check_is_result(name, reason)
+      ! A process that was killed may have left it in a state that HDF5 cannot read.
+      may_be_damaged = is_left_behind(place_of(name))
+      if (present(was_left_behind)) may_be_damaged = was_left_behind
+      call check_is_result(name, may_be_damaged, reason)
     end if
     if (allocated(reason)) call raise(error, file_error, name//': cannot create: '//reason)
   end subroutine check_target
@@ -89,7 +94,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     call take_lock(self, name, 'cannot create', error)
-    if (.not. allocated(error)) call check_target(name, overwrite, error)
+    if (.not. allocated(error)) call check_target(name, overwrite, error, self%lock%was_left_behind)
     if (.not. allocated(error)) call check_checkpoint(self, error)
     if (allocated(error)) call self%release()
     if (.not. allocated(error)) self%replaced = identity_of(self%place)

@@ -213,7 +213,7 @@ def checks_of(name: str) -> list[Check]:
 def run(check: Check, mutant: int, limit: int, reached: Path | None = None) -> str:
     """'' when all passed, else what failed. The limit is of processor time [s]: other programs may be busy."""
     environment = {**os.environ, "DYNSTICTION_MUTANT": str(mutant), "DYNSTICTION_EXE": str(BUILD / "src" / "dynstiction"),
-                   "PYTHONPATH": str(next(PREFIX.glob("lib/python*/site-packages"), "")), "OMP_NUM_THREADS": "1",
+                   "PYTHONPATH": str(next(PREFIX.glob("**/dynstiction/__init__.py")).parents[1]), "OMP_NUM_THREADS": "1",
                    "PYTHONDONTWRITEBYTECODE": "1", **({"DYNSTICTION_MUTANTS_REACHED": str(reached)} if reached else {})}  # fmt: skip
     limited = ["sh", "-c", 'ulimit -t "$0" && exec "$@"', str(limit), *check.command]
     with subprocess.Popen(limited, cwd=FOLDER, env=environment, text=True, errors="replace", stdout=subprocess.PIPE,
