@@ -172,12 +172,14 @@ def test_fast_oscillation(creep):
 def test_budget_is_kept(fig3):
     """All candidates would take many times as long; of a candidate under way when time is up, a slice is spent."""
     began = time.monotonic()
-    trade = ds.trade(fig3, budget=1.0, **STICK_SLIP)
+    # The reference alone takes half a second, or more where others are at work.
+    budget = 3.0
+    trade = ds.trade(fig3, budget=budget, **STICK_SLIP)
     passed = time.monotonic() - began
     done = trade["result_code"] == 0
-    assert 0 < trade["seconds"][done].sum() < 1.0 + SLICE
+    assert 0 < trade["seconds"][done].sum() < budget + SLICE
     # Of the clock on the wall, which others on the machine may hold up.
-    assert passed < 10.0
+    assert passed < 10.0 * budget
     skipped = trade["result_code"] == 75
     assert trade["seconds"][skipped].sum() > 10.0
 
