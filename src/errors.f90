@@ -7,7 +7,7 @@ module dst_errors
   implicit none
   private
 
-  public :: error_t, raise, raise_lines, exit_status
+  public :: error_t, raise, raise_lines, has_code, exit_status
   public :: result_done, usage_error, deck_error, file_error, some_failed
   public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, release_failed, &
     out_of_memory, stopped_early
@@ -64,6 +64,15 @@ contains
     error%code = code
     error%text = lines
   end subroutine raise_lines
+
+  !> Whether there is an error, and of this code.
+  pure logical function has_code(error, code)
+    type(error_t), allocatable, intent(in) :: error
+    integer, intent(in) :: code
+
+    has_code = .false.
+    if (allocated(error)) has_code = error%code == code
+  end function has_code
 
   !> Exit status of the executable for an error or result code.
   pure integer function exit_status(code)

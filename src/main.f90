@@ -1,7 +1,7 @@
 !> What the executable does. Only here is anything printed about errors.
 module dst_main
   use dst_kinds, only: wp
-  use dst_errors, only: error_t, raise, exit_status, result_done, usage_error, file_error, stopped_early
+  use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable
   use dst_disk, only: place_of
   use dst_deck, only: deck_t, read_deck, parse_deck, resolved, template, key_table
@@ -293,8 +293,8 @@ contains
       call share_deck(decks(i), outputs(i)%text, error)
       if (.not. allocated(error)) call carry_out(decks(i), outputs(i)%text, error)
       call processes%agree(error)
-      call complain_of(decks(i), error)
-      if (stopped(error)) exit
+      call complain_of(decks(i)%name, error)
+      if (has_code(error, stopped_early)) exit
     end do
   end subroutine run_decks
 
@@ -315,7 +315,7 @@ contains
       else
         call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
       end if
-      call complain_of(decks(i), error)
+      call complain_of(decks(i)%name, error)
     end do
   end subroutine merge_decks
 
@@ -401,22 +401,15 @@ contains
     options%share = command%share
   end function sweep_options
 
-  !> Complain of an error that a deck has led to; that of a file names the file.
-  subroutine complain_of(deck, error)
-    type(deck_t), intent(in) :: deck
+  !> Complain of an error that an operand has led to; that of a file names the file.
+  subroutine complain_of(name, error)
+    character(*), intent(in) :: name
     type(error_t), allocatable, intent(inout) :: error
 
     if (.not. allocated(error)) return
-    if (error%code /= file_error .and. error%text /= '') error%text = printable(deck%name)//': '//error%text
+    if (error%code /= file_error .and. error%text /= '') error%text = printable(name)//': '//error%text
     call complain(error)
   end subroutine complain_of
-
-  pure logical function stopped(error)
-    type(error_t), allocatable, intent(in) :: error
-
-    stopped = .false.
-    if (allocated(error)) stopped = error%code == stopped_early
-  end function stopped
 
   !> Go on with each run in turn.
   subroutine resume_runs()
@@ -426,10 +419,8 @@ contains
     call listen_to_signals()
     do i = 1, command%operand_count
       call resume_run(command%operands(i)%text, command%quiet, error)
-      if (.not. allocated(error)) cycle
-      if (error%code /= file_error) error%text = printable(command%operands(i)%text)//': '//error%text
-      call complain(error)
-      if (error%code == stopped_early) exit
+      call complain_of(command%operands(i)%text, error)
+      if (has_code(error, stopped_early)) exit
     end do
   end subroutine resume_runs
 

@@ -8,7 +8,7 @@ module dst_run
   use dst_checkpoint, only: checkpoint_t
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_disk, only: utc_now
-  use dst_errors, only: error_t, raise, exit_status, file_error, out_of_memory, result_done, &
+  use dst_errors, only: error_t, raise, has_code, exit_status, file_error, out_of_memory, result_done, &
     stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, &
@@ -295,7 +295,7 @@ contains
     type(outcome_t) :: outcome
 
     call integrate(run, progress_line, error)
-    if (is_stopped(error)) then
+    if (has_code(error, stopped_early)) then
       call raise(error, stopped_early, stop_text(run))
       call save(run, .true., save_error)
       if (allocated(save_error)) call move_alloc(save_error, error)
@@ -305,11 +305,11 @@ contains
     if (.not. allocated(end_error)) call run%file%seal(run%checkpoint%result_checksum, end_error)
     ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
     ! allow(C161)
-    if (allocated(end_error) .and. (is_stopped(error) .or. .not. allocated(error))) call move_alloc(end_error, error)
-    if (is_stopped(error)) then
+    if (allocated(end_error) .and. (has_code(error, stopped_early) .or. .not. allocated(error))) call move_alloc(end_error, error)
+    if (has_code(error, stopped_early)) then
       call run%file%save_checkpoint(run%checkpoint, .true., save_error)
       if (allocated(save_error)) call move_alloc(save_error, error)
-    else if (.not. failed_to_write(error)) then
+    else if (.not. has_code(error, file_error)) then
       ! A run that ended by itself is not gone on with.
       call run%file%delete_checkpoint()
     end if
@@ -324,20 +324,6 @@ contains
     if (stop_signal() /= no_signal) text = 'stopped by '//signal_name(stop_signal())
     text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%file%name
   end function stop_text
-
-  pure logical function is_stopped(error)
-    type(error_t), allocatable, intent(in) :: error
-
-    is_stopped = .false.
-    if (allocated(error)) is_stopped = error%code == stopped_early
-  end function is_stopped
-
-  pure logical function failed_to_write(error)
-    type(error_t), allocatable, intent(in) :: error
-
-    failed_to_write = .false.
-    if (allocated(error)) failed_to_write = error%code == file_error
-  end function failed_to_write
 
   !> All slices of the run.
   subroutine integrate(run, progress_line, error)
