@@ -78,9 +78,13 @@ contains
     else if (is_in_use(name, for_writing=.true.)) then
       reason = 'another process is writing this file'//holder_of(place_of(name))//': wait for it or use another name'
     else if (there%bytes > 0) then
-      ! A process that was killed may have left it in a state that HDF5 cannot read.
-      may_be_damaged = is_left_behind(place_of(name))
-      if (present(was_left_behind)) may_be_damaged = was_left_behind
+      ! A process that was killed may have left it in a state that HDF5 cannot read. A lock or a checkpoint tells that it was ours.
+      may_be_damaged = is_checkpoint(checkpoint_name(place_of(name)))
+      if (present(was_left_behind)) then
+        may_be_damaged = may_be_damaged .or. was_left_behind
+      else if (is_left_behind(place_of(name))) then
+        may_be_damaged = .true.
+      end if
       call check_is_result(name, may_be_damaged, reason)
     end if
     if (allocated(reason)) call raise(error, file_error, name//': cannot create: '//reason)

@@ -67,6 +67,9 @@ DECKS = {
 }
 
 
+# The calls by which a file is removed: it is looked at first, and what cannot be told from a stranger's file stays.
+REMOVING = {"unlink", "unlinkat", "remove", "statx", "lstat"}
+
 # What may happen to a call: the fault of the shim, and the calls (by the letters of the log) whose failure tells something new.
 CHANGES = "cowtuRsxlfki"
 KINDS: dict[str, tuple[str, str]] = {
@@ -315,7 +318,7 @@ class Laboratory:
             yield "the existing result is touched"
         yield from self.faults_of_bystanders(before, folder)
         # What cannot be removed or looked at stays; and the lock of one that was killed before, when it is not taken over.
-        may_stay = killed or any(hit.name in ("unlink", "statx", "lstat") for hit in struck)
+        may_stay = killed or any(hit.name in REMOVING for hit in struck)
         if not may_stay and f"{RESULT}.lock" not in before:
             yield from (f"{name} is left behind" for name in self.litter(folder, shards=True))
 
@@ -365,8 +368,7 @@ class Laboratory:
                 yield why
                 return
             yield from (f"afterwards {what}" for what in self.faults_of_result(operation, file))
-        stuck = any(hit.name in ("unlink", "unlinkat", "remove") for hit in ended.hits)
-        if not stuck:
+        if not any(hit.name in REMOVING for hit in ended.hits):
             yield from (f"{name} stays for ever" for name in self.litter(folder, shards=False))
             if operation.resumable and (folder / f"{RESULT}.checkpoint").exists() and is_complete(file):
                 yield "the checkpoint stays for ever"
