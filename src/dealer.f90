@@ -139,15 +139,15 @@ contains
     integer, allocatable, intent(out) :: numbers(:)
     integer :: left, length
 
-    if (processes%count == 1 .and. allocated(self%pending)) then
+    if (processes%count == 1) then
       call move_alloc(self%pending, numbers)
+      allocate (self%pending(0))
       return
     end if
-    left = 0
-    if (allocated(self%pending) .and. .not. self%farewell) left = size(self%pending) - self%next + 1
+    left = size(self%pending) - self%next + 1
+    if (self%farewell) left = 0
     length = min(left, wanted, most, max(1, left/(part*processes%count)))
-    allocate (numbers(length))
-    if (length > 0) numbers = self%pending(self%next:self%next + length - 1)
+    numbers = self%pending(self%next:self%next + length - 1)
     self%next = self%next + length
   end subroutine cut_piece
 

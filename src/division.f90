@@ -6,6 +6,7 @@
 module dst_division
   use dst_errors, only: error_t, raise, usage_error
   use dst_kinds, only: int64
+  use dst_machine, only: environment
   use dst_text, only: excerpt, integer_text, read_integer
   implicit none
   private
@@ -351,15 +352,11 @@ contains
   !> A number in the environment; -1 if there is none.
   integer function environment_number(variable) result(number)
     character(*), intent(in) :: variable
-    character(16) :: value
     character(:), allocatable :: problem
     integer(int64) :: found
-    integer :: length, status
 
     number = -1
-    call get_environment_variable(trim(variable), value, length, status)
-    if (status /= 0 .or. length == 0) return
-    call read_integer(value(:length), found, problem)
+    call read_integer(environment(trim(variable)), found, problem)
     if (problem == '' .and. found >= 0 .and. found <= huge(number)) number = int(found)
   end function environment_number
 end module dst_division

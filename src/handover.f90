@@ -7,6 +7,7 @@ module dst_handover
   use dst_command_line, only: argument_t
   use dst_disk, only: file_exists, folder_of, true_path
   use dst_errors, only: error_t, raise, file_error
+  use dst_machine, only: environment
   implicit none
   private
 
@@ -32,14 +33,9 @@ contains
   !> The interpreter for Python's commands: a path, or a name to be looked up in PATH.
   function chosen_interpreter() result(interpreter)
     character(:), allocatable :: interpreter
-    integer :: length
 
-    call get_environment_variable(variable, length=length)
-    if (length > 0) then
-      allocate (character(length) :: interpreter)
-      call get_environment_variable(variable, interpreter)
-      return
-    end if
+    interpreter = environment(variable)
+    if (interpreter /= '') return
     interpreter = folder_of(true_path('/proc/self/exe'))//'/python3'
     if (.not. file_exists(interpreter)) interpreter = 'python3'
   end function chosen_interpreter

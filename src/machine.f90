@@ -1,10 +1,10 @@
-!> The machine that this process runs on, and the job of a scheduler that it is of. POSIX.
+!> The machine that this process runs on, the job of a scheduler that it is of, and its environment. POSIX.
 module dst_machine
   use, intrinsic :: iso_c_binding, only: c_int, c_size_t, c_char, c_null_char
   implicit none
   private
 
-  public :: host_name, job_name
+  public :: host_name, job_name, environment
 
   interface
     integer(c_int) function c_gethostname(name, length) bind(c, name='gethostname')
@@ -34,15 +34,15 @@ contains
   function job_name() result(name)
     character(:), allocatable :: name
 
-    name = variable('SLURM_ARRAY_JOB_ID')
-    if (name /= '') name = name//'_'//variable('SLURM_ARRAY_TASK_ID')
-    if (name == '') name = variable('SLURM_JOB_ID')
-    if (name == '') name = variable('PBS_JOBID')
-    if (name == '') name = variable('LSB_JOBID')
+    name = environment('SLURM_ARRAY_JOB_ID')
+    if (name /= '') name = name//'_'//environment('SLURM_ARRAY_TASK_ID')
+    if (name == '') name = environment('SLURM_JOB_ID')
+    if (name == '') name = environment('PBS_JOBID')
+    if (name == '') name = environment('LSB_JOBID')
   end function job_name
 
   !> A variable of the environment, '' if there is none.
-  function variable(name) result(value)
+  function environment(name) result(value)
     character(*), intent(in) :: name
     character(:), allocatable :: value
     integer :: length
@@ -50,5 +50,5 @@ contains
     call get_environment_variable(name, length=length)
     allocate (character(length) :: value)
     if (length > 0) call get_environment_variable(name, value)
-  end function variable
+  end function environment
 end module dst_machine

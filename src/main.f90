@@ -55,7 +55,7 @@ contains
     class(program_t), intent(inout) :: self
     integer, intent(in) :: number
     type(argument_t), allocatable :: arguments(:)
-    type(error_t), allocatable :: error
+    type(error_t), allocatable :: error, usage
 
     associate (unused => self, also_unused => number)
     end associate
@@ -72,33 +72,16 @@ contains
       call complain(error)
       return
     end if
-    call start_processes(arguments, error)
-    if (.not. allocated(error)) call parse_arguments(arguments, command, error)
+    call parse_arguments(arguments, command, usage)
+    ! Before anything can fail but the words. Processes that take their shares from the environment do without.
+    if (copies > 1 .and. .not. command%share%is_auto) call processes%start(error)
+    if (.not. allocated(error)) call move_alloc(usage, error)
     call processes%agree(error)
     call complain(error)
     if (.not. allocated(error)) call execute()
     call agree_on_status()
     call processes%end()
   end subroutine follow_arguments
-
-  !> Before anything can fail. Processes that take their shares from the environment do without.
-  subroutine start_processes(arguments, error)
-    type(argument_t), intent(in) :: arguments(:)
-    type(error_t), allocatable, intent(out) :: error
-
-    if (copies > 1 .and. .not. takes_own_share(arguments)) call processes%start(error)
-  end subroutine start_processes
-
-  !> Whether '--shard auto' is given.
-  pure logical function takes_own_share(arguments)
-    type(argument_t), intent(in) :: arguments(:)
-    integer :: i
-
-    takes_own_share = .false.
-    do i = 1, size(arguments) - 1
-      if (arguments(i)%text == '--shard' .and. arguments(i + 1)%text == 'auto') takes_own_share = .true.
-    end do
-  end function takes_own_share
 
   !> Processes that know each other end with one status.
   subroutine agree_on_status()

@@ -41,6 +41,7 @@ module dst_sweep
     integer :: cases = 0
   contains
     procedure :: coordinates
+    procedure :: parameters
     procedure :: series_rows
     procedure :: series_times
     procedure :: series_values
@@ -253,6 +254,19 @@ contains
     values(1) = first
     if (count > 1) values(count) = last
   end subroutine spaced
+
+  !> Names of the parameters that vary, separated by blanks.
+  pure function parameters(self) result(names)
+    class(sweep_t), intent(in) :: self
+    character(:), allocatable :: names
+    integer :: i
+
+    names = ''
+    do i = 1, size(self%axes)
+      names = names//trim(self%axes(i)%name)//' '
+    end do
+    names = trim(names)
+  end function parameters
 
   !> Values of the parameters in a case, each in its deck's unit.
   pure function coordinates(self, number) result(values)

@@ -174,7 +174,7 @@ contains
     call create_group(output%file, 'sweep', group, status)
     call create_group(group, 'summary', summary, status)
     call put_attribute(group, 'grid', grid_text(sweep), status)
-    call put_attribute(group, 'parameters', names_text(sweep), status)
+    call put_attribute(group, 'parameters', sweep%parameters(), status)
     call create_column(group, quantity_t('case', '1', 'number of the case'), h5t_std_i32le, block, output%case_number, status, &
       whole_chunks=.true.)
     call make_scale(output%case_number, 'case', status)
@@ -235,18 +235,6 @@ contains
     end do
     text = trim(text)
   end function grid_text
-
-  function names_text(sweep) result(text)
-    type(sweep_t), intent(in) :: sweep
-    character(:), allocatable :: text
-    integer :: i
-
-    text = ''
-    do i = 1, size(sweep%axes)
-      text = text//trim(sweep%axes(i)%name)//' '
-    end do
-    text = trim(text)
-  end function names_text
 
   subroutine copy_cases(output, sweep, files, index, status, error)
     type(output_t), intent(inout) :: output

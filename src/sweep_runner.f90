@@ -15,6 +15,7 @@ module dst_sweep_runner
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, int64, real64
   use dst_progress, only: progress_t, new_progress
+  use dst_machine, only: environment
   use dst_processes, only: processes_t, patience_t
   use dst_run, only: describe_run
   use dst_scene, only: scene_t, scene_from_deck
@@ -177,7 +178,7 @@ contains
     end if
     call sweep_of_deck(deck, sweep, error)
     if (allocated(error)) return
-    head = head_of(sweep)
+    head = head_of(sweep, identity_of_sweep(sweep))
     call look_at_shards(sweep, head, result_file, options, options%overwrite, index, files, error)
     if (.not. allocated(error)) call choose_cases(sweep, index, options, state, pending, error)
   end subroutine prepare
@@ -197,12 +198,9 @@ contains
     if (deck%text_of(sweep_group, 'points') == '') then
       if (.not. processes%is_first()) call new_sweep(deck, sweep, error)
     else
-      names = ''
       if (processes%is_first()) then
         axes = sweep%axes
-        do i = 1, size(axes)
-          names = trim(adjustl(names//' '//axes(i)%name))
-        end do
+        names = sweep%parameters()
       end if
       call processes%share_text(names)
       if (.not. processes%is_first()) allocate (axes(word_count(names)))
@@ -215,10 +213,7 @@ contains
     ! The identity is that of the deck as it was read.
     identity = head%identity
     call processes%share_text(identity)
-    if (.not. processes%is_first()) then
-      head = head_of(sweep)
-      head%identity = identity
-    end if
+    if (.not. processes%is_first()) head = head_of(sweep, identity)
   end subroutine share_sweep
 
   !> Write what the shards hold so far to the result file.
@@ -235,7 +230,7 @@ contains
 
     call sweep_of_deck(deck, sweep, error)
     if (allocated(error)) return
-    head = head_of(sweep)
+    head = head_of(sweep, identity_of_sweep(sweep))
     call look_at_shards(sweep, head, result_file, options, .false., index, files, error)
     if (allocated(error)) return
     call tell_of_others(sweep, index, options)
@@ -247,13 +242,13 @@ contains
   end subroutine merge_sweep
 
   !> Of which sweep and build a shard must be.
-  function head_of(sweep) result(head)
+  function head_of(sweep, identity) result(head)
     type(sweep_t), intent(in) :: sweep
+    character(*), intent(in) :: identity   !! its first characters are kept
     type(head_t) :: head
     character(64) :: digest
 
-    digest = identity_of_sweep(sweep)
-    head%identity = digest(:len(head%identity))
+    head%identity = identity
     digest = sha256(version//git_revision)
     head%build = digest(:len(head%build))
     head%columns = size(series_quantities(sweep))
@@ -450,12 +445,10 @@ contains
     !$ use omp_lib, only: omp_get_max_threads
     type(processes_t), intent(in) :: processes
     integer, intent(in) :: cases
-    integer :: length
 
     threads = 1
     !$ threads = omp_get_max_threads()
-    call get_environment_variable('OMP_NUM_THREADS', length=length)
-    if (length == 0 .and. processes%cores > 0) threads = min(threads, processes%cores)
+    if (environment('OMP_NUM_THREADS') == '' .and. processes%cores > 0) threads = min(threads, processes%cores)
     threads = min(threads, most_threads, cases)
   end function thread_count
 
