@@ -2,9 +2,9 @@
 
     python bench/dealing.py [simulate] [maps] [real] [--exe EXE] [--mpi EXE --launcher "mpirun --oversubscribe"] [--short]
 
-Four ways. deal: rank 0 gives pieces of the list in order, as src/dealer.f90 and src/sweep_runner.f90 do. stride: process I
+Four ways. deal: rank 0 gives pieces of the list in order, as src/app/dealer.f90 and src/app/sweep_runner.f90 do. stride: process I
 of N has every N-th case. shuffled: the same of case numbers in a fixed random order. turned: of each N cases in a row every process
-has one, and which one turns by the golden ratio, as --shard does in src/division.f90.
+has one, and which one turns by the golden ratio, as --shard does in src/sweep/division.f90.
 
 The number is the loss: the time at which the last process ends over the mean of the times that all spend in cases, minus 1.
 simulate: 2 to 10^4 processes, 10 to 10^5 cases a process of 10 ms on average: equal; log-uniform, 1000 times apart; one in
@@ -31,7 +31,7 @@ import numpy as np
 INPUTS = Path(__file__).parents[1] / "inputs"
 ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
 MEAN = 1.0e-2  # s
-# Of src/sweep_runner.f90 and src/dealer.f90.
+# Of src/app/sweep_runner.f90 and src/app/dealer.f90.
 LOOK, AHEAD, PIECE, MESSAGE, MOST, PART = 5.0e-4, 2.0e-3, 5.0e-3, 5.0e-5, 512, 4
 # Processor time of rank 0 for a question [s]: bench_dealer.
 ANSWER = 1.0e-5

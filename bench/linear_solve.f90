@@ -83,20 +83,20 @@ contains
     integer, parameter :: order = 6
     real(wp), intent(inout) :: a(order, order), b(order)
     logical, intent(out) :: zero_pivot
-    include '../src/gauss_jordan.inc'
+    include '../src/numerics/gauss_jordan.inc'
   end subroutine solve_6
 
   subroutine solve_10(a, b, zero_pivot)
     integer, parameter :: order = 10
     real(wp), intent(inout) :: a(order, order), b(order)
     logical, intent(out) :: zero_pivot
-    include '../src/gauss_jordan.inc'
+    include '../src/numerics/gauss_jordan.inc'
   end subroutine solve_10
 
   subroutine solve_14(a, b, zero_pivot)
     integer, parameter :: order = 14
     real(wp), intent(inout) :: a(order, order), b(order)
     logical, intent(out) :: zero_pivot
-    include '../src/gauss_jordan.inc'
+    include '../src/numerics/gauss_jordan.inc'
   end subroutine solve_14
 end program bench_linear_solve

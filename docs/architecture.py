@@ -1,9 +1,9 @@
-"""Draw docs/architecture.svg: the modules of src/ by rooms, and the way of a deck through them.
+"""Draw docs/architecture.svg, the house: rooms are the folders of src/, floors follow from who uses whom.
 
     python docs/architecture.py
 
-Every module must have a room, and a room may use only the rooms listed for it; otherwise nothing is
-drawn and the offending line is printed. So the picture cannot disagree with the source.
+The second line of a room's meson.build says which rooms it may use. A module that uses another room, rooms that use each other, and
+a promise that nothing needs are complained of, and nothing is drawn. So the picture cannot disagree with the source.
 """
 
 import re
@@ -12,197 +12,137 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).resolve().parent.parent
-WIDTH, HEIGHT = 1000, 1016
-# fmt: off
-TONES = {
-    "ground": "#e9e9e9", "physics": "#d9ead8", "numerics": "#d6e4f2", "deck": "#f6e7cf", "meeting": "#e2dcef",
-    "simulation": "#e2dcef", "writers": "#f3dcd8", "executable": "#eef0d2", "comparison": "#e2dcef", "python": "#eef0d2",
-    "sweeps": "#e2dcef",
-}
-
-# room: (title, x, y, width, height, rooms it may use besides itself, modules)
-ROOMS = {
-    "executable": ("the executable", 20, 66, 570, 130,
-                   "ground deck simulation comparison sweeps writers slider stability",
-                   "program main command_line completion handover deck_check standard_streams threads run trade_run sweep_runner processes dealer show "
-                   "progress stability_report"),
-    "python": ("Python", 610, 66, 370, 130, "ground physics deck simulation comparison sweeps writers", "python_api"),
-    "comparison": ("comparing runs of one scene", 20, 220, 560, 110, "ground physics deck simulation writers observables linear_solve",
-                   "trade trade_plan trade_quantities trade_advice trade_report trade_table"),
-    "sweeps": ("many cases of one scene", 600, 220, 380, 110, "ground deck simulation writers observables summary slider friction",
-               "sweep lanes division sweep_shard sweep_points sweep_list sweep_file"),
-    "simulation": ("the one run routine", 20, 352, 300, 150,
-                   "ground physics numerics scene meeting memory_writer",
-                   "simulation model_choice model_columns output_size"),
-    "writers": ("where results go", 340, 352, 320, 150, "ground sha256",
-                 "hdf5_writer hdf5_origin hdf5_tools memory_writer result_file checkpoint lock seal crc32 disk disk_space process signals"),
-    "meeting": ("where physics and numerics meet", 20, 526, 640, 112, "ground physics numerics",
-                "contact trajectory observables cycles summary trajectory_summary moreau_jean creep_motion"),
-    "physics": ("physics", 20, 662, 200, 240, "ground", "full_model low_frequency straight_slip slider friction drive slip_system stability creep"),
-    "numerics": ("numerics", 240, 662, 420, 240, "ground slip_system drive",
-                 "radau runge_kutta newton_kernels runge_kutta_tableaux linear_solve collocation bernstein instability polynomial_roots "
-                 "interpolation stepper"),
-    "deck": ("the deck", 680, 352, 300, 550, "ground",
-             "scene parameters deck deck_sweep deck_text deck_values schema namelist faults sha256"),
-    "ground": ("ground", 20, 926, 960, 72, "", "kinds errors text machine plain_numbers archive writer"),
-}
-
-SAY = {
-    "program": "begins, ends", "main": "prints errors", "command_line": "words, --help", "completion": "for shells", "run": "deck → file", "progress": "one line",
-    "python_api": "flat routines for f2py", "simulation": "builds, advances, records", "hdf5_writer": "the file",
-    "memory_writer": "arrays", "result_file": "its life", "lock": "one at a time", "hdf5_origin": "whose file it is", "checkpoint": "state on disk",
-    "archive": "state as words", "signals": "stop, please", "handover": "Python's turn", "moreau_jean": "steps without events",
-    "disk": "the system", "seal": "checksum of all", "crc32": "as in zlib", "process": "what may crash", "contact": "rest, release, stop",
-    "trajectory": "advances, events", "observables": "output columns", "cycles": "peak to peak", "summary": "extremes, energy",
-    "trajectory_summary": "of a run",
-    "full_model": "Eqs. 1–5", "low_frequency": "Eq. 4, rigid k_y", "straight_slip": "Eq. 9", "creep_motion": "creep of a scene",
-    "sweep": "what a case is", "lanes": "cases side by side", "sweep_shard": "finished cases", "sweep_points": "lists in CSV", "sweep_list": "lists of cases", "sweep_file": "one file of all",
-    "sweep_runner": "all cases, all cores", "division": "who has which cases", "show": "how far it is", "deck_check": "will it run?", "threads": "with stacks",
-    "standard_streams": "output, errors", "disk_space": "is there room?", "output_size": "how many samples", "plain_numbers": "for people", "processes": "MPI, or none", "dealer": "cases to processes", "machine": "host, job", "deck_sweep": "&sweep",
-    "model_choice": "what auto is", "model_columns": "who gives what", "trade": "compares", "trade_plan": "what to try", "trade_quantities": "errors",
-    "trade_advice": "the cheapest", "trade_report": "its table", "trade_table": "its columns", "trade_run": "comparison → file", "slider": "m, K, φ", "friction": "F(v)", "drive": "V(t)",
-    "stability": "linear theory", "creep": "Eqs. 7, 8", "stability_report": "its table",
-    "slip_system": "a model, seen by a method", "radau": "implicit steps", "runge_kutta": "explicit steps",
-    "newton_kernels": "one per size", "linear_solve": "small and dense", "collocation": "Radau IIA", "runge_kutta_tableaux": "methods as data", "hdf5_tools": "HDF5, briefly", "bernstein": "first zero", "instability": "longest step", "polynomial_roots": "Laguerre",
-    "interpolation": "dense output", "stepper": "a method, seen by the trajectory",
-    "scene": "the deck, typed", "deck": "reads and checks", "schema": "the one table of keys",
-    "namelist": "scanner", "kinds": "wp", "errors": "codes as values",
-    "writer": "a writer, seen by the run routine", "faults": "all in one go", "deck_text": "check, template",
-    "deck_values": "values as given", "parameters": "keys for the file", "sha256": "of the deck", "text": "words, numbers",
-}
-# Abstract types: the doors between rooms.
-DOORS = {"slip_system", "stepper", "writer"}
-
-# The way of a deck: number, x, y of its mark, as in architecture.md.
-MARKS = [(1, 38, 66), (2, 698, 352), (3, 962, 352), (4, 38, 352), (5, 38, 526), (6, 642, 526), (7, 642, 352), (8, 572, 66)]
-# fmt: on
+WIDTH, MARGIN, GAP, CHIP = 1000, 16, 8, 24
+TONES = ["#e9e9e9", "#f6e7cf", "#d9ead8", "#d6e4f2", "#e2dcef", "#f3dcd8", "#eef0d2"]
+GENERATED = {"precision", "build_info"}
 
 
-def main() -> None:
-    room_of = {module: room for room, entry in ROOMS.items() for module in entry[6].split()}
-    faults = list(complaints(room_of))
-    if faults:
-        sys.exit("\n".join(faults))
-    parts = [header()]
-    for room, entry in ROOMS.items():
-        parts += draw_room(room, *entry)
-    parts += draw_python()
-    parts += [draw_mark(*mark) for mark in MARKS]
-    (ROOT / "docs" / "architecture.svg").write_text("\n".join([*parts, "</svg>", ""]), encoding="utf-8")
+def rooms_of(source: Path) -> dict[str, Path]:
+    """Each room's folder; Python's side of the core is one, though it stands with Python."""
+    rooms = {path.parent.name: path.parent for path in sorted(source.glob("*/meson.build"))}
+    return rooms | {"python": source.parent / "python" / "core"}
 
 
-def module_of(file: Path) -> str:
-    """The file's stem; processes_mpi and processes_serial are two ways to build one module."""
-    return "processes" if file.stem.startswith("processes_") else file.stem
+def modules_of(folder: Path) -> dict[str, set[str]]:
+    """The modules of a room, each with those that it uses. Two files of one module count as one."""
+    found: dict[str, set[str]] = {}
+    for file in sorted(folder.glob("*.f90")):
+        text = file.read_text(encoding="utf-8")
+        module = re.search(r"^module dst_(\w+)", text, re.MULTILINE)
+        name = module[1] if module else file.stem
+        found.setdefault(name, set()).update(re.findall(r"^\s*use\s*(?:::)?\s*dst_(\w+)", text, re.MULTILINE))
+    return found
 
 
-def complaints(room_of: dict[str, str]) -> list[str]:
+def promised(folder: Path) -> tuple[str, set[str]]:
+    """What a room is for, and the rooms that it may use."""
+    first, second = (folder / "meson.build").read_text(encoding="utf-8").splitlines()[:2]
+    return first.removeprefix("# "), set(second.removeprefix("# Uses: ").rstrip(".").split()) - {"nothing"}
+
+
+def complaints(source: Path) -> list[str]:
+    """What stands in the way of the rule that rooms use only those that they name, and never in a circle."""
+    rooms = rooms_of(source)
+    room_of = {module: room for room, folder in rooms.items() for module in modules_of(folder)}
     found = []
-    for file in sorted((ROOT / "src").glob("*.f90")):
-        module = module_of(file)
-        if module not in room_of:
-            found.append(f"{file.name}: has no room")
-            continue
-        allowed = {room_of[module], module, *ROOMS[room_of[module]][5].split()}
-        for line in file.read_text(encoding="utf-8").splitlines():
-            used = re.match(r"\s*use\s*(?:::)?\s*dst_(\w+)", line)
-            if not used or used[1] in ("build_info", "precision"):
-                continue
-            if used[1] not in room_of:
-                found.append(f"{file.name}: uses {used[1]}, which has no room")
-            elif used[1] not in allowed and room_of[used[1]] not in allowed:
-                found.append(f"{file.name} ({room_of[module]}) uses {used[1]} ({room_of[used[1]]})")
-    here = {module_of(file) for file in (ROOT / "src").glob("*.f90")}
-    return found + [f"{module}: drawn, but not in src/" for module in sorted(set(room_of) - here)]
+    for room, folder in rooms.items():
+        used = set()
+        for module, others in modules_of(folder).items():
+            for other in sorted(others - GENERATED - {module}):
+                if other not in room_of:
+                    found.append(f"{room}/{module} uses {other}, which is in no room")
+                elif room_of[other] not in {room, *promised(folder)[1]}:
+                    found.append(f"{room}/{module} uses {room_of[other]}/{other}, a room that {room} does not name")
+                used.add(room_of.get(other))
+        found += [f"{room} names {other}, but does not use it" for other in sorted(promised(folder)[1] - used)]
+    return found or ([] if floors(rooms) else ["rooms use each other in a circle"])
 
 
-def header() -> str:
-    return f"""<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}" \
-font-family="DejaVu Sans, Helvetica, Arial, sans-serif">
-<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>
-<text x="20" y="26" font-size="17" font-weight="bold">The rooms of src/</text>
-<text x="20" y="44" font-size="11.5" fill="#444">A room uses only rooms on lower floors; numerics sees of physics \
-only slip_system and drive. Dashed: abstract types. Numbers: the way of a deck.</text>"""
+def floors(rooms: dict[str, Path]) -> list[list[str]]:
+    """Rooms by floor, the lowest first; empty if they use each other in a circle."""
+    found: list[list[str]] = []
+    placed: set[str] = set()
+    while len(placed) < len(rooms):
+        floor = [room for room in rooms if room not in placed and promised(rooms[room])[1] <= placed]
+        if not floor:
+            return []
+        found.append(floor)
+        placed.update(floor)
+    return found
 
 
-def draw_room(
-    room: str, title: str, x: int, y: int, width: int, height: int, _: str, modules: str
-) -> list[str]:
+def wrapped(names: list[str], width: float) -> list[list[tuple[str, float]]]:
+    """Names in lines of at most `width`, each with its own width."""
+    lines: list[list[tuple[str, float]]] = [[]]
+    for name in names:
+        wide = 7.2 * len(name) + 12
+        if lines[-1] and sum(w + GAP for _, w in lines[-1]) + wide > width:
+            lines.append([])
+        lines[-1].append((name, wide))
+    return lines
+
+
+def text(content: str, x: float, y: float, size: float, style: str = "") -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" {style}>{escape(content)}</text>'
+
+
+def draw_room(name: str, folder: Path, x: float, y: float, width: float, height: float, tone: str) -> list[str]:
+    what, uses = promised(folder)
     parts = [
-        f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="8" fill="{TONES[room]}" stroke="#888"/>',
-        f'<text x="{x + width / 2}" y="{y + 19}" font-size="13" font-weight="bold" text-anchor="middle">{escape(title)}</text>',
+        f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="8" fill="{tone}" stroke="#888">'
+        f"<title>{escape(what)}</title></rect>",
+        text(name, x + 10, y + 19, 13, 'font-weight="bold"'),
+        text("uses " + " ".join(sorted(uses)) if uses else "", x + 10, y + height - 8, 10.5, 'fill="#555"'),
     ]
-    chips = modules.split()
-    wide = [chip for chip in chips if chip in DOORS and room in ("physics", "numerics")]
-    columns = {
-        "executable": 5,
-        "comparison": 3,
-        "sweeps": 3,
-        "writers": 3,
-        "physics": 2,
-        "numerics": 2,
-        "meeting": 5,
-        "ground": 5,
-    }.get(room, 1)
-    rows = -(-(len(chips) - len(wide)) // columns) + len(wide)
-    gap, top = 8, 28
-    chip_width = (width - gap * (columns + 1)) / columns
-    chip_height = (height - top - gap * rows) / rows
-    if room == "python":
-        chip_height = 43
-        return parts + draw_chip(
-            "python_api", x + gap, y + height - chip_height - gap, width - 2 * gap, chip_height
-        )
-    column = row = 0
-    for chip in [*(c for c in chips if c not in wide), *wide]:
-        span = chip in wide
-        if span and column:
-            column, row = 0, row + 1
-        left = x + gap + column * (chip_width + gap)
-        parts += draw_chip(
-            chip,
-            left,
-            y + top + row * (chip_height + gap),
-            width - 2 * gap if span else chip_width,
-            chip_height,
-        )
-        column += columns if span else 1
-        if column >= columns:
-            column, row = 0, row + 1
+    for row, line in enumerate(wrapped(list(modules_of(folder)), width - 2 * GAP)):
+        left = x + GAP
+        for module, wide in line:
+            top = y + 27 + row * (CHIP + 4)
+            parts.append(f'<rect x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{CHIP}" rx="4" fill="white" stroke="#999"/>')
+            parts.append(text(module, left + wide / 2, top + 16, 11.5, 'text-anchor="middle"'))
+            left += wide + GAP
     return parts
 
 
-def draw_chip(name: str, x: float, y: float, width: float, height: float) -> list[str]:
-    dash = ' stroke-dasharray="4 3"' if name in DOORS else ""
-    middle = x + width / 2
-    rect = f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="4" fill="white" stroke="#999"{dash}/>'
-    return [
-        rect,
-        text(name, middle, y + height / 2 - 3, 12.5, "#000"),
-        text(SAY[name], middle, y + height / 2 + 11, 10.5, "#666"),
-    ]
+def share_out(floor: list[str], rooms: dict[str, Path]) -> list[float]:
+    """Widths of the rooms of a floor: by how much stands in them."""
+    sizes = [max(260.0, sum(7.2 * len(m) + 20 for m in modules_of(rooms[room]))) for room in floor]
+    room_left = WIDTH - 2 * MARGIN - GAP * (len(floor) - 1)
+    least = min(260.0, room_left / len(floor))
+    spare = room_left - least * len(floor)
+    return [least + spare * size / sum(sizes) for size in sizes]
 
 
-def text(content: str, x: float, y: float, size: float, colour: str) -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" fill="{colour}" text-anchor="middle">{escape(content)}</text>'
-
-
-def draw_python() -> list[str]:
-    """The package stands outside src/, over its flat interface."""
-    x, y, width = ROOMS["python"][1:4]
-    rect = (
-        f'<rect x="{x + 8}" y="{y + 28}" width="{width - 16}" height="43" rx="4" fill="white" stroke="#999"/>'
+def picture(source: Path) -> str:
+    rooms = rooms_of(source)
+    parts: list[str] = []
+    y = 56.0
+    for number, floor in reversed(list(enumerate(floors(rooms)))):
+        widths = share_out(floor, rooms)
+        lines = max(len(wrapped(list(modules_of(rooms[r])), w - 2 * GAP)) for r, w in zip(floor, widths, strict=True))
+        height = 27 + lines * (CHIP + 4) + 20
+        x = float(MARGIN)
+        for room, width in zip(floor, widths, strict=True):
+            parts += draw_room(room, rooms[room], x, y, width, height, TONES[number % len(TONES)])
+            x += width + GAP
+        y += height + GAP
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {y:.0f}" width="{WIDTH}" height="{y:.0f}" '
+        'font-family="DejaVu Sans, Helvetica, Arial, sans-serif">'
     )
-    return [
-        rect,
-        text("python/dynstiction", x + width / 2, y + 48, 12.5, "#000"),
-        text("run, trade, Scene, plot; f2py makes the wrappers", x + width / 2, y + 63, 10.5, "#666"),
-    ]
+    title = text("The rooms of src/, floor above floor", MARGIN, 26, 17, 'font-weight="bold"')
+    below = text("A room uses only rooms on lower floors, and of these only those that it names.", MARGIN, 44, 11.5, 'fill="#444"')
+    ground = f'<rect width="{WIDTH}" height="{y:.0f}" fill="white"/>'
+    return "\n".join([head, ground, title, below, *parts, "</svg>", ""])
 
 
-def draw_mark(number: int, x: int, y: int) -> str:
-    circle = f'<circle cx="{x}" cy="{y}" r="11" fill="#D55E00"/>'
-    return f'{circle}<text x="{x}" y="{y + 4.5}" font-size="13" font-weight="bold" fill="white" text-anchor="middle">{number}</text>'
+def main() -> None:
+    found = complaints(ROOT / "src")
+    for line in found:
+        print(line, file=sys.stderr)
+    if found:
+        sys.exit(1)
+    (ROOT / "docs" / "architecture.svg").write_text(picture(ROOT / "src"), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ PAGE = Path(__file__).resolve().parent / "command_line.md"
 INTRODUCTION = """\
 # The command line
 
-<!-- Made by docs/make_command_page.py from `dynstiction --help`: change src/command_line.f90 or the script, not this page. -->
+<!-- Made by docs/make_command_page.py from `dynstiction --help`: change src/app/command_line.f90 or the script, not this page. -->
 
 Every command explains itself with `--help`; this page is what they print. Exit statuses and messages: [errors.md](errors.md).
 """

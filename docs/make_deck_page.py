@@ -2,7 +2,7 @@
 
     python docs/make_deck_page.py [EXECUTABLE]
 
-The template comes from the schema (src/schema.f90), so every key, unit, range and default has one source.
+The template comes from the schema (src/deck/schema.f90), so every key, unit, range and default has one source.
 """
 
 import re
@@ -16,7 +16,7 @@ PAGE = Path(__file__).resolve().parent / "deck.md"
 INTRODUCTION = """\
 # The deck
 
-<!-- Made by docs/make_deck_page.py from `dynstiction template`: change src/schema.f90 or the script, not this page. -->
+<!-- Made by docs/make_deck_page.py from `dynstiction template`: change src/deck/schema.f90 or the script, not this page. -->
 
 A deck is a text file of Fortran namelist groups: `&group`, then `key = value` lines, then `/`. Groups and
 keys come in any order, in upper or lower case. `!` begins a comment. Text stands in quotes, numbers do not.

@@ -3,7 +3,7 @@
     python tools/generate_groups.py          # with the built package on the path
     python tools/generate_groups.py --check  # exit status 1 if the file is not current
 
-The schema is src/schema.f90. A file that is written, rather than classes made at import, is what editors, type checkers
+The schema is src/deck/schema.f90. A file that is written, rather than classes made at import, is what editors, type checkers
 and readers see, and it costs nothing at import.
 """
 
@@ -29,7 +29,7 @@ TYPES = {
 
 HEAD = '''"""The groups of a deck as dataclasses.
 
-Made by tools/generate_groups.py from the schema of the core: change src/schema.f90 or the script, not this file.
+Made by tools/generate_groups.py from the schema of the core: change src/deck/schema.f90 or the script, not this file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Types of the compiled extension; the routines themselves are in src/python_api.f90."""
+"""Types of the compiled extension; the routines themselves are in python/core/python_api.f90."""
 
 import numpy as np
 from numpy.typing import NDArray

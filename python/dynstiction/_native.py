@@ -423,7 +423,7 @@ KINDS = ("real", "integer", "text", "choice", "reals", "texts")
 
 @cache
 def schema() -> tuple[KeyInfo, ...]:
-    """Every key that a deck may have: the one table of src/schema.f90."""
+    """Every key that a deck may have: the one table of src/deck/schema.f90."""
     return tuple(_key(i + 1) for i in range(_core.key_total()))
 
 

@@ -1,6 +1,6 @@
 """The groups of a deck as dataclasses.
 
-Made by tools/generate_groups.py from the schema of the core: change src/schema.f90 or the script, not this file.
+Made by tools/generate_groups.py from the schema of the core: change src/deck/schema.f90 or the script, not this file.
 """
 
 from __future__ import annotations

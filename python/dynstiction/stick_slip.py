@@ -1,6 +1,6 @@
 """Stick-slip, cycle by cycle, from the samples and events of a result.
 
-The definitions are those of the core's summary (src/cycles.f90).
+The definitions are those of the core's summary (src/results/cycles.f90).
 """
 
 from __future__ import annotations

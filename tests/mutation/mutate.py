@@ -85,8 +85,8 @@ class Check:
 
 def sources() -> list[Source]:
     """All files that there are; one that is merged with another leaves no gap here."""
-    paths = [CHECKOUT / "src" / name for name in FILES]
-    return [read_source(path.name, path.read_text()) for path in paths if path.exists()]
+    paths = (path for name in FILES for path in (CHECKOUT / "src").rglob(name))
+    return [read_source(path.name, path.read_text()) for path in paths]
 
 
 def choose(all_sources: list[Source], count: int, seed: int, modules: list[str]) -> dict[int, Mutant]:
@@ -155,10 +155,10 @@ def write_sources(all_sources: list[Source], chosen: dict[int, Mutant]) -> dict[
     places = {}
     for source in all_sources:
         text, places[source.name] = instrumented(source, chosen)
-        put(TREE / "src" / source.name, text)
-    for path in (CHECKOUT / "src").glob("*.f90"):
+        put(TREE / next((CHECKOUT / "src").rglob(source.name)).relative_to(CHECKOUT), text)
+    for path in (CHECKOUT / "src").rglob("*.f90"):
         if path.name not in places:
-            put(TREE / "src" / path.name, path.read_text())
+            put(TREE / path.relative_to(CHECKOUT), path.read_text())
     return places
 
 

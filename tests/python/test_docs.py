@@ -65,14 +65,14 @@ def test_python_names_are_in_the_manual() -> None:
 
 
 def test_error_codes_are_in_the_manual() -> None:
-    source = (ROOT / "src" / "errors.f90").read_text(encoding="utf-8")
+    source = (ROOT / "src" / "base" / "errors.f90").read_text(encoding="utf-8")
     codes = dict(re.findall(r"integer, parameter :: (\w+) = (\d+)", source))
     assert len(codes) > 10
     rows = re.findall(
         r"^\| (\d+) \|(?: ([\d to]+) \|)?", (DOCS / "errors.md").read_text(encoding="utf-8"), re.MULTILINE
     )
     described = {first for first, _ in rows} | {second for _, second in rows}
-    assert set(codes.values()) <= described, "docs/errors.md lacks a code of src/errors.f90"
+    assert set(codes.values()) <= described, "docs/errors.md lacks a code of src/base/errors.f90"
 
 
 def test_links_lead_somewhere() -> None:

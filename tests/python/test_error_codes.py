@@ -20,8 +20,8 @@ pytestmark = pytest.mark.deck
 
 
 def codes() -> dict[str, int]:
-    """Names and values of the codes in src/errors.f90."""
-    found = re.findall(r"integer, parameter :: (\w+) = (\d+)", (ROOT / "src/errors.f90").read_text())
+    """Names and values of the codes in src/base/errors.f90."""
+    found = re.findall(r"integer, parameter :: (\w+) = (\d+)", (ROOT / "src/base/errors.f90").read_text())
     return {name: int(value) for name, value in found}
 
 

@@ -15,9 +15,9 @@ from pages import DOCS, blocks, run_page
 
 ROOT = DOCS.parent
 PAGES = {
-    "friction_law": "src/friction.f90",
-    "method": "src/runge_kutta_tableaux.f90",
-    "output_column": "src/observables.f90",
+    "friction_law": "src/physics/friction.f90",
+    "method": "src/numerics/runge_kutta_tableaux.f90",
+    "output_column": "src/results/observables.f90",
 }
 
 
@@ -33,7 +33,7 @@ def changed_file(patch: str) -> str:
 def test_one_file_and_one_line(page: str) -> None:
     first, second = patches(page)
     assert changed_file(first) == PAGES[page]
-    assert changed_file(second) == "src/schema.f90"
+    assert changed_file(second) == "src/deck/schema.f90"
     changes = [line for line in second.splitlines()[2:] if line[0] in "+-"]
     assert [line[0] for line in changes] == ["-", "+"]
 

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* src/python_api.f90, under gfortran's names. */
+/* python/core/python_api.f90, under gfortran's names. */
 void __dst_python_api_MOD_run_open(const int *n_deck, const int *deck, const int *n_name, const int *name, const int *n_settings,
                                    const int *settings, long long *handle, int *status);
 void __dst_python_api_MOD_run_advance(const long long *handle, const double *seconds, const double *until,
