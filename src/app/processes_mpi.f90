@@ -14,7 +14,7 @@ module dst_processes
   use dst_disk, only: wait_seconds
   use dst_kinds, only: wp, int64
   use dst_signals, only: stop_signal, signal_name, no_signal, stop_listening
-  use dst_simulation, only: wall_clock
+  use dst_clock, only: wall_clock
   use dst_standard_streams, only: put_error
   use dst_text, only: printable
   use dst_threads, only: allowed_cores, most_cores

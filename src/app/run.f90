@@ -344,7 +344,7 @@ contains
           call raise(error, stopped_early, stop_text(run))
           exit
         end if
-        call progress%show('t', simulation%trajectory%now%time, scene%t_end, simulation%elapsed)
+        call progress%show('t', simulation%motion%piece%to%time, scene%t_end, simulation%elapsed)
         if (scene%checkpoint_interval > 0.0_wp .and. simulation%elapsed - saved >= scene%checkpoint_interval) then
           call save(run, .true., error)
           saved = simulation%elapsed

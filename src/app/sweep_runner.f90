@@ -22,7 +22,7 @@ module dst_sweep_runner
   use dst_schema, only: schema, sweep_group
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal, is_told_to_end, signal_name, no_signal
-  use dst_simulation, only: wall_clock
+  use dst_clock, only: wall_clock
   use dst_sweep, only: sweep_t, axis_t, new_sweep, case_t, watch_t, worker_t, new_worker, series_quantities
   use dst_sweep_file, only: block_of, merge_shards, look_at_result
   use dst_sweep_shard, only: shard_t, head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &

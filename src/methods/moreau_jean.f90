@@ -21,12 +21,14 @@
 module dst_moreau_jean
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
+  use dst_dense_output, only: column_u, column_y, column_position
   use dst_drive, only: drive_segment_t
   use dst_friction, only: friction_law_t
   use dst_interpolation, only: new_grid
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
-  use dst_stepper, only: stepper_t, motion_t, attempt_t, exchange_stepper, column_u, column_y, column_position
+  use dst_state, only: state_t
+  use dst_stepper, only: stepper_t, attempt_t, exchange_stepper
   implicit none
   private
 
@@ -52,10 +54,8 @@ contains
     type(moreau_jean_t) :: stepper
 
     stepper%slider = slider
-    stepper%rests_itself = .true.
     ! The slip velocity is linear within a step, so the elongation is quadratic.
-    stepper%own_grid = new_grid([0.0_wp, 0.5_wp, 1.0_wp])
-    stepper%grid = stepper%own_grid
+    stepper%grid = new_grid([0.0_wp, 0.5_wp, 1.0_wp])
   end function new_moreau_jean
 
   !> A step knows nothing of the ones before.
@@ -74,9 +74,9 @@ contains
     class(moreau_jean_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: step
-    type(motion_t), intent(out) :: to
+    type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
     real(wp), dimension(2) :: driven, inertia, load, friction, mean_velocity, mean_elongation
 
@@ -239,7 +239,7 @@ contains
   pure subroutine set_nodal(self, system, from, to)
     class(moreau_jean_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
-    type(motion_t), intent(in) :: from, to
+    type(state_t), intent(in) :: from, to
     real(wp) :: slipped(2), tau
     integer :: i
 

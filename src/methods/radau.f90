@@ -17,12 +17,14 @@ module dst_radau
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_collocation, only: collocation_t, radau_iia, max_stages
+  use dst_dense_output, only: column_u, column_y, column_position
   use dst_drive, only: drive_segment_t
   use dst_instability, only: follow_instability
   use dst_interpolation, only: max_degree
   use dst_newton_kernels, only: solve_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
-  use dst_stepper, only: stepper_t, motion_t, attempt_t, work_count_t, exchange_stepper, column_u, column_y, column_position
+  use dst_state, only: state_t
+  use dst_stepper, only: stepper_t, attempt_t, work_count_t, exchange_stepper
   implicit none
   private
 
@@ -99,8 +101,7 @@ contains
     type(radau_t) :: stepper
 
     stepper%method = radau_iia(stages)
-    stepper%own_grid = stepper%method%grid
-    stepper%grid = stepper%own_grid
+    stepper%grid = stepper%method%grid
     stepper%rtol = rtol
     ! Exponent and factor are measured (bench/fig3.py): order reduction near a stop keeps the
     ! exponent above the (s + 1)/(2 s - 1) of smooth motion.
@@ -181,16 +182,15 @@ contains
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: step
-    type(motion_t), intent(out) :: to
+    type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
     real(wp) :: own_speed(max_components)
     integer :: iterations
 
     self%step = step
     own_speed = own_share*system%spring_speed(from%u)
-    call self%use_own_grid()
     associate (s => self%method%stages, n => system%components)
       call predict(self, s, n, from, self%y)
       call drive_elongation(self, system, drive, s, n, from, self%driven)
@@ -226,7 +226,7 @@ contains
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     integer, intent(in) :: s, n
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(out) :: driven(s, n)
     real(wp) :: elapsed
     integer :: i
@@ -245,7 +245,7 @@ contains
   pure subroutine predict(self, s, n, from, y)
     class(radau_t), intent(in) :: self
     integer, intent(in) :: s, n
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(out) :: y(s, n)
     real(wp) :: elapsed
     integer :: i, k
@@ -274,9 +274,9 @@ contains
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     integer, intent(in) :: s, n
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: y(s, n), u(s, n), velocity(s, n), increment(s, n)
-    type(motion_t), intent(out) :: to
+    type(state_t), intent(out) :: to
     real(wp) :: forward(s), displacement(s), advanced(s), drive_power, friction_power
     integer :: i, k, axis
 
@@ -331,7 +331,7 @@ contains
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     integer, intent(in) :: s, n
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: own_speed(n), stage_velocity(s, n)
     type(attempt_t), intent(inout) :: outcome
     real(wp) :: error(n), noise(n), allowed(n)
@@ -376,7 +376,7 @@ contains
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     integer, intent(in) :: s, n
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: y(s, n)
     type(attempt_t), intent(inout) :: outcome
     real(wp), parameter :: largest_factor = 2.0_wp
@@ -422,7 +422,7 @@ contains
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     integer, intent(in) :: s, n
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     type(probe_t), intent(in) :: probe
     real(wp), intent(in) :: stage_velocity(s, n)
     real(wp), intent(out) :: error(n), noise(n)

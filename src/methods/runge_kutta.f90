@@ -14,12 +14,14 @@
 module dst_runge_kutta
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
+  use dst_dense_output, only: column_u, column_y, column_position
   use dst_drive, only: drive_segment_t
   use dst_instability, only: follow_instability
   use dst_interpolation, only: new_grid, max_degree
   use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights, max_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
-  use dst_stepper, only: stepper_t, motion_t, attempt_t, exchange_stepper, column_u, column_y, column_position
+  use dst_state, only: state_t
+  use dst_stepper, only: stepper_t, attempt_t, exchange_stepper
   implicit none
   private
 
@@ -83,8 +85,7 @@ contains
     ! Measured on Fig. 3 against converged motion: so the slip velocity is right to about rtol.
     stepper%estimate_tolerance = merge(rtol, 0.05_wp*rtol, stepper%method%errors > 1)
     degree = 3 + stepper%method%dense_terms
-    stepper%own_grid = new_grid([(real(i, wp)/real(degree, wp), i=0, degree)])
-    stepper%grid = stepper%own_grid
+    stepper%grid = new_grid([(real(i, wp)/real(degree, wp), i=0, degree)])
     do i = 0, degree
       stepper%dense_weight(:, i) = dense_weights(stepper%method, stepper%grid%node(i))
     end do
@@ -112,14 +113,13 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: step
-    type(motion_t), intent(out) :: to
+    type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
 
     self%step = step
     self%speed_scale = 0.0_wp
-    call self%use_own_grid()
     call step_stages(self, system, drive, from, to, outcome)
     if (outcome%solved) call judge(self, system, outcome)
     if (outcome%solved .and. outcome%error <= 1.0_wp) call dense_stages(self, system, drive, from, outcome)
@@ -136,7 +136,7 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     type(attempt_t), intent(inout) :: outcome
     real(wp) :: allowed(max_components), error
 
@@ -151,7 +151,7 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), parameter :: close = 0.01_wp
     real(wp) :: coefficient(0:2*system%components), weakening, longest, growth, velocity
 
@@ -172,8 +172,8 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
-    type(motion_t), intent(out) :: to
+    type(state_t), intent(in) :: from
+    type(state_t), intent(out) :: to
     type(attempt_t), intent(inout) :: outcome
     real(wp) :: state(n_values)
     integer :: i
@@ -204,7 +204,7 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     type(attempt_t), intent(inout) :: outcome
     real(wp) :: state(n_values + 1)
 
@@ -237,7 +237,7 @@ contains
     class(runge_kutta_t), intent(in) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     integer, intent(in) :: i
     real(wp), intent(out) :: state(n_values)
     integer :: j
@@ -258,7 +258,7 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     integer, intent(in) :: i
     real(wp), intent(in) :: state(n_values)
     type(attempt_t), intent(inout) :: outcome
@@ -374,7 +374,7 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     type(attempt_t), intent(inout) :: outcome
     real(wp) :: state(n_values), factor
     integer :: i
@@ -409,7 +409,7 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp) :: change(n_values)
     integer :: i, j
 

@@ -1,32 +1,17 @@
-!> What the trajectory knows of an integrator: attempt a step, land on an event, read the motion
-!> inside the step.
+!> What a motion by steps knows of its integrator: attempt a step, read the motion inside it, accept it.
 module dst_stepper
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
   use dst_drive, only: drive_segment_t
-  use dst_interpolation, only: grid_t, max_degree
-  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
+  use dst_dense_output, only: dense_output_t, column_u, column_y
+  use dst_interpolation, only: max_degree
+  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
+  use dst_state, only: state_t
   implicit none
   private
 
   public :: exchange_stepper
-  public :: stepper_t, motion_t, attempt_t, work_count_t, column_u, column_y, column_position, n_columns
-
-  !> The state of the motion at one instant.
-  type :: motion_t
-    real(wp) :: time = 0.0_wp                        !! s
-    !> What rounding took from `time` [s]: a sum of 1e8 steps loses nothing (Kahan).
-    real(wp) :: time_rest = 0.0_wp
-    real(wp) :: u(max_components) = 0.0_wp           !! spring elongation, m
-    real(wp) :: y(max_components) = 0.0_wp           !! slip unknowns of the model
-    real(wp) :: position = 0.0_wp                    !! X, m
-    real(wp) :: drive_work = 0.0_wp                  !! J
-    real(wp) :: friction_work = 0.0_wp               !! J
-  contains
-    procedure :: later
-    procedure :: until
-    procedure :: exchange => exchange_motion
-  end type motion_t
+  public :: stepper_t, attempt_t, work_count_t
 
   !> What came of an attempted step.
   type :: attempt_t
@@ -50,28 +35,13 @@ module dst_stepper
     procedure :: exchange => exchange_count
   end type work_count_t
 
-  !> Columns of the nodal values of a step.
-  integer, parameter :: column_u = 1, column_y = 1 + max_components, column_position = 1 + 2*max_components
-  integer, parameter :: n_columns = column_position
-
-  !> A method as the trajectory sees it.
-  type, abstract :: stepper_t
+  !> A method, known by its last attempt: with its length and its polynomials, on nodes of its own.
+  type, abstract, extends(dense_output_t) :: stepper_t
     type(work_count_t) :: count
     !> Whether it evaluates y' = g/B and therefore cannot start or end at rest in polar unknowns.
-    !> The trajectory then does it with series, to this relative accuracy.
+    !> It is then led through the start with series, to this relative accuracy.
     logical :: explicit = .false.
     real(wp) :: release_tolerance = 0.0_wp
-    !> Whether it solves for rest itself: its unknowns are the slip velocity, and a step may end with w = 0.
-    logical :: rests_itself = .false.
-    !> Nodes on which the last attempt is known.
-    type(grid_t) :: grid
-    !> The method's own nodes, kept while `grid` describes an advance that it did not make.
-    type(grid_t) :: own_grid
-    logical :: grid_is_own = .true.
-    !> Length of the last attempt [s].
-    real(wp) :: step = 0.0_wp
-    !> Values at the nodes: u less the drive's displacement, y, X. Column by column polynomials.
-    real(wp) :: nodal(0:max_degree, n_columns) = 0.0_wp
     !> Largest slip speed met in the attempt [m/s].
     real(wp) :: speed_scale = 0.0_wp
     !> Largest slip speed since the restart [m/s], and of late: the latter is forgotten in the time `memory` [s].
@@ -95,13 +65,8 @@ module dst_stepper
     procedure(attempt), deferred :: attempt
     !> The last attempt has been accepted.
     procedure(accept), deferred :: accept
-    !> Save or load all that a later attempt or `dense` depends on: `exchange_stepper` and the method's own.
+    !> Save or load all that a later attempt depends on: `exchange_stepper` and the method's own.
     procedure(exchange), deferred :: exchange
-    !> The motion at position tau of the last attempt.
-    procedure :: dense
-    !> Put an advance that the method did not make in the place of the last attempt.
-    procedure :: describe
-    procedure :: use_own_grid
     !> Take in the slip speed of the accepted step.
     procedure :: note_speed
     !> What the last attempt may have missed where the slip turns back, over tolerance.
@@ -123,13 +88,13 @@ module dst_stepper
     end subroutine restart
 
     subroutine attempt(self, system, drive, from, step, to, outcome)
-      import :: stepper_t, slip_system_t, drive_segment_t, motion_t, attempt_t, wp
+      import :: stepper_t, slip_system_t, drive_segment_t, state_t, attempt_t, wp
       class(stepper_t), intent(inout) :: self
       class(slip_system_t), intent(in) :: system
       type(drive_segment_t), intent(in) :: drive
-      type(motion_t), intent(in) :: from
+      type(state_t), intent(in) :: from
       real(wp), intent(in) :: step
-      type(motion_t), intent(out) :: to
+      type(state_t), intent(out) :: to
       type(attempt_t), intent(out) :: outcome
     end subroutine attempt
 
@@ -147,77 +112,6 @@ module dst_stepper
 
 contains
 
-  !> Set the time to that of `from`, `duration` [s] later.
-  elemental subroutine later(self, from, duration)
-    class(motion_t), intent(inout) :: self
-    type(motion_t), intent(in) :: from
-    real(wp), intent(in) :: duration
-    real(wp) :: added, part
-
-    added = duration + from%time_rest
-    self%time = from%time + added
-    part = self%time - from%time
-    self%time_rest = (from%time - (self%time - part)) + (added - part)
-  end subroutine later
-
-  !> The duration [s] from now to a time [s].
-  elemental real(wp) function until(self, time) result(duration)
-    class(motion_t), intent(in) :: self
-    real(wp), intent(in) :: time
-
-    duration = (time - self%time) - self%time_rest
-  end function until
-
-  !> The motion at position `tau` in [0, 1] of the last attempt, which began at `from`. The work
-  !> integrals are not interpolated.
-  pure function dense(self, system, drive, from, tau) result(motion)
-    class(stepper_t), intent(in) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
-    real(wp), intent(in) :: tau
-    type(motion_t) :: motion
-    real(wp) :: basis(0:max_degree), value(n_columns)
-    integer :: j
-
-    call self%grid%lagrange(tau, basis)
-    do j = 1, n_columns
-      value(j) = dot_product(basis(0:self%grid%degree), self%nodal(0:self%grid%degree, j))
-    end do
-    call motion%later(from, tau*self%step)
-    motion%u = value(column_u:column_u + max_components - 1) &
-      + drive%displacement(from%time, tau*self%step)*system%along
-    motion%y = value(column_y:column_y + max_components - 1)
-    motion%position = value(column_position)
-    if (system%components < max_components) then
-      ! What the model holds is not interpolated.
-      motion%u(max_components + 1 - system%axis) = from%u(max_components + 1 - system%axis)
-      motion%y(max_components) = from%y(max_components)
-    end if
-  end function dense
-
-  !> From now on `dense` gives the motion of an advance of length `step` [s] that is known by its
-  !> values at the nodes of `grid`.
-  pure subroutine describe(self, grid, step, nodal)
-    class(stepper_t), intent(inout) :: self
-    type(grid_t), intent(in) :: grid
-    real(wp), intent(in) :: step, nodal(0:max_degree, n_columns)
-
-    self%grid = grid
-    self%grid_is_own = .false.
-    self%step = step
-    self%nodal = nodal
-  end subroutine describe
-
-  !> Back to the method's own nodes.
-  pure subroutine use_own_grid(self)
-    class(stepper_t), intent(inout) :: self
-
-    if (self%grid_is_own) return
-    self%grid = self%own_grid
-    self%grid_is_own = .true.
-  end subroutine use_own_grid
-
   !> Where the slip turns back, its speed passes through a minimum and friction through its peak: in so short a time, perhaps, that no
   !> stage sees it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of
   !> the slip velocity of each component [m/s].
@@ -225,7 +119,7 @@ contains
     class(stepper_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: allowed(:)
     integer :: i
     !> Share of its neighbour's from which on a velocity at an end of the step belongs to a turn.
@@ -281,7 +175,7 @@ contains
     class(stepper_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: middle, allowed(:)
     integer, parameter :: halvings = 24
     real(wp), parameter :: relaxation = 0.2_wp
@@ -329,7 +223,7 @@ contains
     class(stepper_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: least, least_on_ramp   !! relative to the slip speed
     real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp)
     real(wp) :: velocity(1, system%components), velocity_y(1, system%components, system%components)
@@ -363,7 +257,7 @@ contains
   pure subroutine look_at_growth(self, drive, from, growth, disturbed)
     class(stepper_t), intent(inout) :: self
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: growth
     logical, intent(in) :: disturbed
     !> Growth, as power of e, within what counts as roundoff; an explicit method makes disturbances of its tolerance at any time.
@@ -407,28 +301,11 @@ contains
     type(archive_t), intent(inout) :: archive
 
     call self%count%exchange(archive)
-    call self%grid%exchange(archive)
-    call archive%exchange(self%grid_is_own)
-    call archive%exchange(self%step)
-    call archive%exchange(self%nodal)
     call archive%exchange(self%speed_scale)
     call archive%exchange(self%start_speed)
     call archive%exchange(self%peak_speed)
     call archive%exchange(self%unseen)
   end subroutine exchange_stepper
-
-  subroutine exchange_motion(self, archive)
-    class(motion_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call archive%exchange(self%time)
-    call archive%exchange(self%time_rest)
-    call archive%exchange(self%u)
-    call archive%exchange(self%y)
-    call archive%exchange(self%position)
-    call archive%exchange(self%drive_work)
-    call archive%exchange(self%friction_work)
-  end subroutine exchange_motion
 
   subroutine exchange_count(self, archive)
     class(work_count_t), intent(inout) :: self

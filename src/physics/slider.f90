@@ -5,7 +5,7 @@ module dst_slider
   implicit none
   private
 
-  public :: slider_t, cos_sin_degrees
+  public :: slider_t, cos_sin_degrees, direction_of
 
   !> All parameters of the object and its contact. Vectors are in the principal axes x, y.
   type :: slider_t
@@ -95,4 +95,12 @@ contains
     ! No negative zeros: they would turn angles of pi into -pi.
     direction = direction + 0.0_wp
   end function cos_sin_degrees
+
+  !> Angle of a vector to the x-axis [rad], 0 for the zero vector.
+  pure real(wp) function direction_of(vector)
+    real(wp), intent(in) :: vector(2)
+
+    direction_of = 0.0_wp
+    if (any(abs(vector) > 0.0_wp)) direction_of = atan2(vector(2), vector(1))
+  end function direction_of
 end module dst_slider

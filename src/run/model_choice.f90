@@ -10,9 +10,10 @@ module dst_model_choice
   use dst_errors, only: error_t
   use dst_memory_writer, only: memory_writer_t
   use dst_model_columns, only: column_obstacle, gives_column, holds_column
-  use dst_observables, only: columns
+  use dst_columns, only: columns
   use dst_scene, only: scene_t
-  use dst_simulation, only: simulation_t, slider_from_scene
+  use dst_assembly, only: slider_from_scene
+  use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_text, only: formatted
   use dst_writer, only: outcome_t

@@ -3,7 +3,7 @@ module dst_stability_report
   use dst_kinds, only: wp, pi, degree
   use dst_errors, only: error_t, raise, deck_error
   use dst_scene, only: scene_t
-  use dst_simulation, only: slider_from_scene
+  use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t
   use dst_stability, only: critical_t, low_branch, fast_branch, steady_sliding_eigenvalues, critical_misalignment, &
                            low_frequency_limit, is_stable, damping_scale, overdamped_angle, damping_ratio, &

@@ -20,7 +20,7 @@ module dst_lanes
   use dst_errors, only: error_t, raise, deck_error, step_underflow, too_many_steps, too_many_rejections
   use dst_friction, only: exponential_form
   use dst_scene, only: scene_t
-  use dst_simulation, only: slider_from_scene
+  use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t
   use dst_summary, only: summary_t, energies_t, moment_t, stretch_t, summary_quantities, summary_values
   use dst_text, only: short_text

@@ -11,11 +11,13 @@ module dst_sweep
   use dst_errors, only: error_t, raise, result_done, deck_error, out_of_memory
   use dst_memory_writer, only: memory_writer_t
   use dst_model_columns, only: gives_column
-  use dst_observables, only: columns, find_column
+  use dst_columns, only: columns, find_column
   use dst_output_size, only: sample_count
   use dst_scene, only: scene_t, scene_from_deck, set_number
   use dst_schema, only: schema, sweep_group
-  use dst_simulation, only: simulation_t, wall_clock
+  use dst_clock, only: wall_clock
+  use dst_simulation, only: simulation_t
+  use dst_stepper, only: work_count_t
   use dst_summary, only: summary_quantities
   use dst_text, only: integer_text
   use dst_writer, only: quantity_t
@@ -509,16 +511,19 @@ contains
     integer, intent(in) :: kept           !! columns of the series
     type(case_t), intent(inout) :: result
     logical :: given(summary_count)
+    type(work_count_t) :: work
     integer :: i, column
 
     result%values = not_there()
     call take_code(error, result)
     if (allocated(result%series)) deallocate (result%series)
     if (.not. allocated(simulation%rows)) return
-    call simulation%summary%values(simulation%trajectory, result%values(:summary_count), given)
+    call simulation%summary%values(simulation%motion, result%values(:summary_count), given)
     where (.not. given) result%values(:summary_count) = not_there()
-    if (allocated(simulation%trajectory%stepper)) &
-      result%values(value_count - 1) = real(simulation%trajectory%stepper%count%steps, wp)
+    if (.not. simulation%motion%in_closed_form) then
+      work = simulation%motion%work()
+      result%values(value_count - 1) = real(work%steps, wp)
+    end if
     if (writer%rows > 0 .and. .not. allocated(error)) then
       do i = 1, final_count
         do column = 1, size(simulation%selected)

@@ -9,7 +9,8 @@ module dst_trade
   use dst_errors, only: error_t, raise, result_done, usage_error, deck_error, stopped_early
   use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
-  use dst_simulation, only: simulation_t, wall_clock
+  use dst_clock, only: wall_clock
+  use dst_simulation, only: simulation_t
   use dst_plain_numbers, only: number_text
   use dst_trade_plan, only: candidate_t, candidates_of, apply_candidate, same_family, order_of
   use dst_trade_quantities, only: quantities, quantity_count, observation_t, observation_plan_t, plan_observation, &
@@ -166,7 +167,7 @@ contains
 
     is_hopeless = .false.
     if (self%stage /= comparison) return
-    expected = self%run%elapsed*self%scene%t_end/max(self%run%trajectory%now%time, tiny(1.0_wp))
+    expected = self%run%elapsed*self%scene%t_end/max(self%run%motion%piece%to%time, tiny(1.0_wp))
     is_hopeless = self%run%elapsed > self%allowance .or. &
       self%run%elapsed > proof*self%allowance .and. expected > 3.0_wp*self%allowance
   end function is_hopeless
@@ -338,7 +339,7 @@ contains
     type(outcome_t) :: outcome
     type(error_t), allocatable :: none
 
-    associate (point => self%points(self%current), now => self%run%trajectory%now%time)
+    associate (point => self%points(self%current), now => self%run%motion%piece%to%time)
       call self%run%outcome(none, outcome)
       call take_work(point, self%run%elapsed, outcome)
       point%result_code = stopped_early

@@ -2,7 +2,7 @@
 module dst_trade_plan
   use dst_kinds, only: wp, pi
   use dst_scene, only: scene_t
-  use dst_simulation, only: slider_from_scene
+  use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t
   use dst_text, only: word, word_count
   implicit none

@@ -11,7 +11,7 @@ module dst_trade_quantities
   use dst_kinds, only: wp, pi
   use dst_linear_solve, only: solve_in_place
   use dst_memory_writer, only: memory_writer_t
-  use dst_observables, only: find_column
+  use dst_columns, only: find_column
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use dst_writer, only: quantity_t, outcome_t, find_quantity
@@ -79,8 +79,8 @@ contains
     allocate (time, source=samples%samples(1, :samples%rows))
     allocate (load, source=samples%samples(column_of(run, 'u_x'), :samples%rows))
     allocate (theta, source=samples%samples(column_of(run, 'theta'), :samples%rows))
-    plan%stiffness = run%trajectory%slider%stiffness
-    plan%static_limit = run%trajectory%slider%law%onset
+    plan%stiffness = run%motion%slider%stiffness
+    plan%static_limit = run%motion%slider%law%onset
     plan%scale = [largest(samples, column_of(run, 'u_x'), column_of(run, 'u_y')), &
                   largest(samples, column_of(run, 'w_x'), column_of(run, 'w_y'))]
     load = abs(plan%stiffness(1)*load)
@@ -92,7 +92,7 @@ contains
         tangent = tangent + [cos(theta(i))**2, sin(theta(i))**2]
     end do
     tangent = tangent/max(sum(tangent), tiny(1.0_wp))
-    plan%frequency = sqrt(dot_product(plan%stiffness, tangent)/run%trajectory%slider%mass)/(2.0_wp*pi)
+    plan%frequency = sqrt(dot_product(plan%stiffness, tangent)/run%motion%slider%mass)/(2.0_wp*pi)
     plan%has_window = run%scene%model /= 'low_frequency' .and. real(periods, wp) < 0.2_wp*stick_end*plan%frequency
     call place_instants(stick_end, run%scene%t_end, plan)
   end subroutine plan_observation

@@ -2,16 +2,16 @@
 !>
 !> Adding a column: its number, one line in `columns` and one case in `value_of`; docs/howto/output_column.md.
 !> Source of the formulas: Nakano & Popov (2020), Eqs. (4)-(6) and (10).
-module dst_observables
+module dst_columns
   use dst_kinds, only: wp, pi
-  use dst_stepper, only: motion_t
-  use dst_trajectory, only: trajectory_t
+  use dst_drive, only: drive_t
+  use dst_slider, only: slider_t
+  use dst_state, only: instant_t
   use dst_writer, only: quantity_t, find_quantity
   implicit none
   private
 
-  public :: columns, find_column, default_columns, damping_ratio_exists
-  public :: instant_t, observe, row_of, slip_velocity, drive_velocity, direction_of
+  public :: columns, find_column, default_columns, damping_ratio_exists, row_of
 
   !> Numbers of the columns, in the order of the table.
   integer, parameter :: c_time = 1, c_u_x = 2, c_u_y = 3, c_w_x = 4, c_w_y = 5, c_x = 6, c_y = 7, c_x_rate = 8
@@ -37,17 +37,6 @@ module dst_observables
     quantity_t('sticking', '1', '1 while the object sticks, 0 while it slips'), &
     quantity_t('zeta', '1', 'damping ratio of the soft mode, Eq. (10)')]
 
-  !> The motion at one instant in plain quantities.
-  type :: instant_t
-    type(motion_t) :: motion
-    real(wp) :: velocity(2) = 0.0_wp        !! slip velocity, m/s
-    real(wp) :: drive_velocity = 0.0_wp     !! m/s
-    real(wp) :: friction = 0.0_wp           !! N
-    real(wp) :: theta = 0.0_wp              !! rad
-    real(wp) :: spring_force(2) = 0.0_wp    !! N
-    logical :: sticking = .false.
-  end type instant_t
-
 contains
 
   !> Number of the column `name`, 0 if there is none.
@@ -58,22 +47,24 @@ contains
   end function find_column
 
   !> The columns that 'default' stands for: all, the damping ratio only where it exists.
-  pure function default_columns(trajectory) result(selected)
-    type(trajectory_t), intent(in) :: trajectory
+  pure function default_columns(slider, drive) result(selected)
+    type(slider_t), intent(in) :: slider
+    type(drive_t), intent(in) :: drive
     integer, allocatable :: selected(:)
     integer :: i
 
     selected = [(i, i=1, size(columns))]
-    if (.not. damping_ratio_exists(trajectory)) selected = pack(selected, columns(selected)%name /= 'zeta')
+    if (.not. damping_ratio_exists(slider, drive)) selected = pack(selected, columns(selected)%name /= 'zeta')
   end function default_columns
 
   !> Eq. (10) divides by V sin(phi): it has a value if neither vanishes at any time.
-  pure logical function damping_ratio_exists(trajectory) result(exists)
-    type(trajectory_t), intent(in) :: trajectory
+  pure logical function damping_ratio_exists(slider, drive) result(exists)
+    type(slider_t), intent(in) :: slider
+    type(drive_t), intent(in) :: drive
     real(wp) :: side
     integer :: i
 
-    associate (segment => trajectory%drive%segment, along => trajectory%slider%along)
+    associate (segment => drive%segment, along => slider%along)
       side = sign(1.0_wp, segment(1)%velocity)
       exists = abs(along(2)) > 0.0_wp
       do i = 1, size(segment)
@@ -83,89 +74,28 @@ contains
     end associate
   end function damping_ratio_exists
 
-  !> Slip velocity (w_x, w_y) [m/s] of a sliding object in the last advance.
-  pure function slip_velocity(trajectory, motion) result(velocity)
-    type(trajectory_t), intent(in) :: trajectory
-    type(motion_t), intent(in) :: motion
-    real(wp) :: velocity(2)
-
-    velocity = trajectory%system%slip_velocity(motion%y, drive_velocity(trajectory, motion%time))
-  end function slip_velocity
-
-  !> V [m/s] at a time in the last advance.
-  pure real(wp) function drive_velocity(trajectory, time)
-    type(trajectory_t), intent(in) :: trajectory
-    real(wp), intent(in) :: time
-
-    drive_velocity = trajectory%drive%segment(trajectory%segment)%velocity_at(time)
-  end function drive_velocity
-
-  !> The motion in plain quantities; `sticking` says in which state it was there.
-  pure function observe(trajectory, motion, sticking) result(instant)
-    type(trajectory_t), intent(in) :: trajectory
-    type(motion_t), intent(in) :: motion
-    logical, intent(in) :: sticking
-    type(instant_t) :: instant
-    real(wp) :: force(2), speed, magnitude(1), slope(1)
-
-    instant%motion = motion
-    instant%sticking = sticking
-    instant%drive_velocity = drive_velocity(trajectory, motion%time)
-    force = trajectory%slider%stiffness*motion%u
-    instant%spring_force = force
-    if (sticking) then
-      instant%friction = hypot(force(1), force(2))
-      instant%theta = direction_of(force)
-      return
-    end if
-    instant%velocity = slip_velocity(trajectory, motion)
-    speed = hypot(instant%velocity(1), instant%velocity(2))
-    call trajectory%slider%law%evaluate(1, [speed], magnitude, slope)
-    instant%friction = magnitude(1)
-    if (trajectory%exact_contact) then
-      instant%theta = motion%y(2) - 2.0_wp*pi*anint(motion%y(2)/(2.0_wp*pi))
-    else
-      if (trajectory%slider%smoothing > 0.0_wp) &
-        instant%friction = magnitude(1)*speed/sqrt(speed**2 + trajectory%slider%smoothing)
-      instant%theta = direction_of(instant%velocity)
-    end if
-    ! A rigid spring has the force that guides the object.
-    associate (guided => trajectory%system%guided)
-      if (abs(guided) > 0.0_wp) instant%spring_force(2) = instant%friction*sin(instant%theta) &
-        + trajectory%slider%mass*guided*trajectory%drive%segment(trajectory%segment)%acceleration
-    end associate
-  end function observe
-
-  !> Angle of a vector to the x-axis [rad], 0 for the zero vector.
-  pure real(wp) function direction_of(vector)
-    real(wp), intent(in) :: vector(2)
-
-    direction_of = 0.0_wp
-    if (any(abs(vector) > 0.0_wp)) direction_of = atan2(vector(2), vector(1))
-  end function direction_of
-
   !> The values of the selected columns.
-  pure subroutine row_of(trajectory, instant, selected, row)
-    type(trajectory_t), intent(in) :: trajectory
+  pure subroutine row_of(slider, instant, selected, row)
+    type(slider_t), intent(in) :: slider
     type(instant_t), intent(in) :: instant
     integer, intent(in) :: selected(:)
     real(wp), intent(out) :: row(:)
     integer :: i
 
     do i = 1, size(selected)
-      row(i) = value_of(selected(i), trajectory, instant)
+      row(i) = value_of(slider, instant, selected(i))
     end do
   end subroutine row_of
 
-  pure real(wp) function value_of(column, trajectory, instant) result(value)
-    integer, intent(in) :: column
-    type(trajectory_t), intent(in) :: trajectory
+  pure real(wp) function value_of(slider, instant, column) result(value)
+    type(slider_t), intent(in) :: slider
     type(instant_t), intent(in) :: instant
+    integer, intent(in) :: column
 
-    associate (u => instant%motion%u, w => instant%velocity, e => trajectory%slider%along, slider => trajectory%slider)
+    associate (u => instant%state%u, w => instant%velocity, e => slider%along)
       select case (column)
       case (c_time)
-        value = instant%motion%time
+        value = instant%state%time
       case (c_u_x)
         value = u(1)
       case (c_u_y)
@@ -175,7 +105,7 @@ contains
       case (c_w_y)
         value = w(2)
       case (c_x)
-        value = instant%motion%position
+        value = instant%state%position
       case (c_y)
         value = u(1)*e(2) - u(2)*e(1)
       case (c_x_rate)
@@ -203,4 +133,4 @@ contains
       end select
     end associate
   end function value_of
-end module dst_observables
+end module dst_columns

@@ -7,13 +7,17 @@
 !> Source: Nakano & Popov (2020), Eqs. (6)-(8); docs/theory.md.
 module dst_creep_motion
   use dst_kinds, only: wp
-  use dst_contact, only: load, release_delay
+  use dst_archive, only: archive_t
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, creep_first_power, creep_printed, creep_third_order, &
     position_first_power, position_printed, position_third_order
   use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, deck_error
-  use dst_observables, only: instant_t, direction_of
-  use dst_slider, only: slider_t
+  use dst_motion, only: motion_t, exchange_motion
+  use dst_piece, only: stick_begins, slip_begins, slips, sticks
+  use dst_rest, only: spring_force_size, release_delay
+  use dst_slider, only: slider_t, direction_of
+  use dst_state, only: state_t, instant_t
+  use dst_stepper, only: work_count_t
   use dst_text, only: short_text
   implicit none
   private
@@ -21,9 +25,7 @@ module dst_creep_motion
   public :: creep_motion_t, new_creep_motion
 
   !> The creep of one scene.
-  type :: creep_motion_t
-    type(slider_t) :: slider
-    type(drive_t) :: drive
+  type, extends(motion_t) :: creep_motion_t
     !> Form of Eq. (8); empty for the exact creep.
     character(12) :: form = ''
     !> Misalignment in the first quadrant [rad], and the signs that lead back from there.
@@ -33,9 +35,16 @@ module dst_creep_motion
     real(wp) :: length = 0.0_wp
     type(creep_path_t) :: path
     !> End of the true stick at the start [s]; huge if that is beyond the motion.
-    real(wp) :: onset = 0.0_wp
+    real(wp) :: stick_end = 0.0_wp
   contains
-    procedure :: at
+    procedure :: go_on
+    procedure :: take_over
+    procedure :: velocity
+    procedure :: instant
+    procedure :: energy
+    procedure :: work
+    procedure :: is_undecided
+    procedure :: exchange
   end type creep_motion_t
 
 contains
@@ -50,8 +59,11 @@ contains
     type(creep_motion_t), intent(out) :: motion
     type(error_t), allocatable, intent(out) :: error
 
+    motion%in_closed_form = .true.
     motion%slider = slider
     motion%drive = drive
+    motion%t_end = t_end
+    motion%piece%drive = drive%segment(1)
     motion%form = form
     motion%phi = atan2(abs(slider%along(2)), abs(slider%along(1)))
     motion%length = slider%law%onset/slider%stiffness(1)
@@ -60,7 +72,10 @@ contains
     call check_range(motion, t_end, error)
     if (allocated(error) .or. form /= '') return
     motion%path = new_creep_path(motion%phi, slider%stiffness(1)/slider%stiffness(2))
-    motion%onset = stick_time(motion, t_end)
+    motion%stick_end = stick_time(motion, t_end)
+    if (.not. motion%stick_end > 0.0_wp) return
+    motion%contact = sticks
+    motion%piece%event = stick_begins
   end subroutine new_creep_motion
 
   !> Where the formulas hold.
@@ -123,8 +138,25 @@ contains
     end do
   end function stick_time
 
+  !> On to the end of the true stick or to where somebody looks.
+  subroutine go_on(self, horizon, error)
+    class(creep_motion_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (unused => error)
+    end associate
+    associate (time => self%piece%to%time)
+      time = min(horizon, self%next_look)
+      if (self%contact == slips .or. time < self%stick_end .or. self%stick_end >= self%t_end) return
+      time = self%stick_end
+    end associate
+    self%contact = slips
+    self%piece%event = slip_begins
+  end subroutine go_on
+
   !> The motion at a time [s]. Of Eq. (8) only the position and the velocity along the drive are known.
-  pure function at(self, time) result(instant)
+  pure function instant(self, time)
     class(creep_motion_t), intent(in) :: self
     real(wp), intent(in) :: time
     type(instant_t) :: instant
@@ -135,21 +167,21 @@ contains
     do while (time > self%drive%segment(i)%end)
       i = i + 1
     end do
-    instant%motion%time = time
+    instant%state%time = time
     instant%drive_velocity = self%drive%segment(i)%velocity_at(time)
     driven = self%drive%distance(time)
     if (self%form /= '') then
       call follow_asymptotics(self, abs(driven)/self%length, instant)
-    else if (time < self%onset) then
+    else if (time < self%stick_end) then
       instant%sticking = .true.
-      instant%motion%u = driven*self%slider%along
-      instant%spring_force = self%slider%stiffness*instant%motion%u
-      instant%friction = load(self%slider, instant%motion%u)
+      instant%state%u = driven*self%slider%along
+      instant%spring_force = self%slider%stiffness*instant%state%u
+      instant%friction = spring_force_size(self%slider, instant%state%u)
       instant%theta = direction_of(instant%spring_force)
     else
       call follow_exact(self, abs(driven)/self%length, instant)
     end if
-  end function at
+  end function instant
 
   pure subroutine follow_exact(self, tau, instant)
     type(creep_motion_t), intent(in) :: self
@@ -162,8 +194,8 @@ contains
     direction = self%side*[sin(creep%alpha), cos(creep%alpha)]
     instant%friction = self%slider%law%onset
     instant%spring_force = instant%friction*direction
-    instant%motion%u = instant%spring_force/self%slider%stiffness
-    instant%motion%position = self%forward*self%length*creep%position
+    instant%state%u = instant%spring_force/self%slider%stiffness
+    instant%state%position = self%forward*self%length*creep%position
     instant%velocity = abs(instant%drive_velocity)*creep%speed*direction
     instant%theta = direction_of(direction)
   end subroutine follow_exact
@@ -186,6 +218,63 @@ contains
       position = position_third_order(self%phi, tau)
     end select
     instant%velocity = rate*instant%drive_velocity*self%slider%along
-    instant%motion%position = self%forward*self%length*position
+    instant%state%position = self%forward*self%length*position
   end subroutine follow_asymptotics
+
+  pure function velocity(self, state)
+    class(creep_motion_t), intent(in) :: self
+    type(state_t), intent(in) :: state
+    real(wp) :: velocity(2)
+    type(instant_t) :: there
+
+    there = self%instant(state%time)
+    velocity = there%velocity
+  end function velocity
+
+  !> Of the springs; without mass there is no other.
+  pure real(wp) function energy(self, velocity)
+    class(creep_motion_t), intent(in) :: self
+    real(wp), intent(in) :: velocity(2)
+    type(instant_t) :: there
+
+    associate (unused => velocity)
+    end associate
+    there = self%instant(self%piece%to%time)
+    energy = 0.5_wp*sum(self%slider%stiffness*there%state%u**2)
+  end function energy
+
+  !> No steps.
+  pure function work(self)
+    class(creep_motion_t), intent(in) :: self
+    type(work_count_t) :: work
+
+    associate (unused => self%contact)
+    end associate
+    work = work_count_t()
+  end function work
+
+  pure logical function is_undecided(self)
+    class(creep_motion_t), intent(in) :: self
+
+    associate (unused => self%contact)
+    end associate
+    is_undecided = .false.
+  end function is_undecided
+
+  !> Nobody takes turns with it.
+  subroutine take_over(self, before)
+    class(creep_motion_t), intent(inout) :: self
+    class(motion_t), intent(inout) :: before
+
+    associate (unused => [self%contact, before%contact])
+    end associate
+  end subroutine take_over
+
+  !> Save or load.
+  subroutine exchange(self, archive)
+    class(creep_motion_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_motion(self, archive)
+  end subroutine exchange
 end module dst_creep_motion

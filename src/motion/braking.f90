@@ -1,0 +1,126 @@
+!> The end of slip in closed form: with the direction that it has, the slip speed is v + acceleration t + jerk t^2/2.
+module dst_braking
+  use dst_dense_output, only: dense_output_t, column_u, column_y, column_position
+  use dst_kinds, only: wp
+  use dst_drive, only: drive_segment_t
+  use dst_slider, only: slider_t
+  use dst_state, only: state_t
+  implicit none
+  private
+
+  public :: braking_t, braking, default_cut_speed
+
+  !> How slip ends: v + acceleration t + jerk t^2/2 in the direction that it has.
+  type :: braking_t
+    real(wp) :: acceleration = 0.0_wp  !! m/s2
+    real(wp) :: jerk = 0.0_wp          !! m/s3
+    !> Whether v falls to zero, and after what time [s].
+    logical :: falls = .false.
+    real(wp) :: delay = 0.0_wp
+    !> Whether friction changes little and evenly until then, compared with the force that brakes.
+    logical :: steady = .false.
+    !> Highest v until then [m/s].
+    real(wp) :: highest = 0.0_wp
+  contains
+    procedure :: end_of_slip
+    procedure :: describe
+    procedure, private :: slipped
+  end type braking_t
+
+contains
+
+  !> Acceleration and jerk of the slip speed with the direction held, and when it reaches zero.
+  pure function braking(slider, drive, from) result(course)
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(state_t), intent(in) :: from
+    type(braking_t) :: course
+    real(wp) :: direction(2), friction(1), slope(1), driven(2), discriminant
+
+    associate (v => from%y(1), theta => from%y(2), k => slider%stiffness, m => slider%mass)
+      direction = [cos(theta), sin(theta)]
+      driven = drive%velocity_at(from%time)*slider%pulled()
+      call slider%law%evaluate(1, [v], friction, slope)
+      course%acceleration = (dot_product(k*from%u, direction) - friction(1))/m
+      course%jerk = (dot_product(k*(driven - v*slider%follows*direction), direction) - slope(1)*course%acceleration)/m
+      discriminant = course%acceleration**2 - 2.0_wp*course%jerk*v
+      course%falls = discriminant >= 0.0_wp
+      if (course%falls) course%falls = sqrt(discriminant) > course%acceleration .and. &
+        (course%acceleration < 0.0_wp .or. course%jerk < 0.0_wp)
+      if (course%falls) course%delay = 2.0_wp*v/(sqrt(discriminant) - course%acceleration)
+      associate (change => [abs(slope(1))*v, abs(friction(1) - slope(1)*v - slider%law%onset)])
+        course%steady = change(1) <= 0.1_wp*m*abs(course%acceleration) .and. change(2) <= 0.01_wp*m*abs(course%acceleration)
+      end associate
+      course%highest = v
+      if (course%falls .and. course%acceleration > 0.0_wp) &
+        course%highest = v - 0.5_wp*course%acceleration**2/course%jerk
+    end associate
+  end function braking
+
+  !> The state at the end of slip. Its works are those of u and F(v) that vary in between.
+  pure function end_of_slip(self, slider, drive, from) result(to)
+    class(braking_t), intent(in) :: self
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(state_t), intent(in) :: from
+    type(state_t) :: to
+    real(wp) :: direction(2), friction(1), slope(1), slipped, travel
+
+    to = from
+    associate (v => from%y(1), theta => from%y(2), delay => self%delay)
+      direction = [cos(theta), sin(theta)]
+      call slider%law%evaluate(1, [v], friction, slope)
+      slipped = self%slipped(v, delay)
+      travel = drive%displacement(from%time, delay)
+      call to%later(from, delay)
+      to%u = from%u + travel*slider%pulled() - slipped*slider%follows*direction
+      to%y = 0.0_wp
+      to%position = from%position + slipped*dot_product(slider%along, direction)
+      to%friction_work = from%friction_work + slider%law%onset*slipped + slope(1)*v**2*delay/3.0_wp
+      to%drive_work = from%drive_work + travel*dot_product(slider%stiffness*slider%pulled(), 0.5_wp*(from%u + to%u)) &
+        + slipped*dot_product(slider%held_force(from%u), direction)
+    end associate
+  end function end_of_slip
+
+  !> Distance slipped [m] in `time` [s] from the slip speed v [m/s] on.
+  pure real(wp) function slipped(self, v, time)
+    class(braking_t), intent(in) :: self
+    real(wp), intent(in) :: v, time
+
+    slipped = time*(v + time*(0.5_wp*self%acceleration + time*self%jerk/6.0_wp))
+  end function slipped
+
+  !> The motion on the way, at the nodes of `path`.
+  pure subroutine describe(self, slider, from, path)
+    class(braking_t), intent(in) :: self
+    type(slider_t), intent(in) :: slider
+    type(state_t), intent(in) :: from
+    type(dense_output_t), intent(inout) :: path
+    real(wp) :: direction(2), time, way
+    integer :: i
+
+    path%step = self%delay
+    associate (v => from%y(1), theta => from%y(2), nodal => path%nodal)
+      direction = [cos(theta), sin(theta)]
+      do i = 0, path%grid%degree
+        time = path%grid%node(i)*self%delay
+        way = self%slipped(v, time)
+        nodal(i, column_u:column_u + 1) = from%u - way*slider%follows*direction
+        nodal(i, column_y) = max(0.0_wp, v + time*(self%acceleration + 0.5_wp*time*self%jerk))
+        nodal(i, column_y + 1) = theta
+        nodal(i, column_position) = from%position + way*dot_product(slider%along, direction)
+      end do
+    end associate
+  end subroutine describe
+
+  !> Slip speed [m/s] below which an explicit method leaves the end of slip to `braking`, with the drive at this velocity and this
+  !> largest slip speed of late [m/s]. What that leaves out (the turning of the direction, the change of the jerk) has an effect on
+  !> the slip velocity of about the third power of this speed; the factor is measured on Fig. 3.
+  pure real(wp) function default_cut_speed(rtol, drive_velocity, peak_speed)
+    real(wp), intent(in) :: rtol, drive_velocity, peak_speed
+    real(wp), parameter :: largest_share = 30.0_wp, least_share = 1.0e-4_wp
+
+    default_cut_speed = 0.014_wp*rtol**(1.0_wp/3.0_wp)*max(least_share*abs(drive_velocity), &
+      min(largest_share*peak_speed, max(abs(drive_velocity), peak_speed)))
+  end function default_cut_speed
+end module dst_braking

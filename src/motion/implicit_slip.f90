@@ -1,0 +1,264 @@
+!> Slip and stick by an implicit method, which can begin and end a step at rest: a stop is where v = 0 at the end of a step.
+module dst_implicit_slip
+  use dst_archive, only: archive_t
+  use dst_bernstein, only: first_zero, first_minimum, bernstein_value
+  use dst_braking, only: braking_t, braking
+  use dst_dense_output, only: column_y
+  use dst_errors, only: error_t
+  use dst_interpolation, only: max_degree
+  use dst_kinds, only: wp
+  use dst_piece, only: slips
+  use dst_rest, only: holds, slip_start_t
+  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, settle_slip => settle, exchange_slip_stick, negligible_share
+  use dst_state, only: state_t
+  use dst_stepper, only: attempt_t
+  use dst_stepping, only: slide
+  implicit none
+  private
+
+  public :: implicit_slip_t
+
+  !> Slip speed at the end of a step, relative to the largest one in it: of a landing that has converged (1e-14 in double
+  !> precision), and of one that counts as a stop.
+  real(wp), parameter :: landed = 10.0_wp**(1 - precision(1.0_wp)), at_rest = 10.0_wp**(6 - precision(1.0_wp))
+  !> Lowest slip speed of a dip, relative to the largest one in the step: a shallow dip is decided at its lowest point, and so is
+  !> one that seems to stay just above zero.
+  real(wp), parameter :: shallow = 0.01_wp, just_above = 1.0e-4_wp
+  !> Newton iterations on the length of a step that is to end in a stop, each a step of its own.
+  integer, parameter :: max_landings = 20
+
+  !> Motion by an implicit method.
+  type, extends(slip_stick_t) :: implicit_slip_t
+    !> Whether the last step ended at the lowest point of a shallow dip, and whether this attempt does.
+    logical, private :: from_dip = .false., to_dip = .false.
+  contains
+    procedure :: go_on
+    procedure :: set_off
+    procedure :: examine
+    procedure :: settle
+    procedure :: exchange
+  end type implicit_slip_t
+
+contains
+
+  !> A stretch at rest, the end of slip in closed form, or a step.
+  subroutine go_on(self, horizon, error)
+    class(implicit_slip_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    type(error_t), allocatable, intent(out) :: error
+    logical :: ended
+
+    if (self%contact /= slips) then
+      call self%stay_stuck(horizon)
+      return
+    end if
+    call end_slow_slip(self, horizon, ended)
+    if (.not. ended) call slide(self, horizon, error)
+  end subroutine go_on
+
+  !> End slip that is slower than the cut-off in closed form, if it is about to stop and rests then. Slip against K u ends without a
+  !> rest, in a turn: it is left to the method until it is so slow that it does not matter how the direction changes.
+  subroutine end_slow_slip(self, horizon, ended)
+    class(implicit_slip_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    logical, intent(out) :: ended
+    type(braking_t) :: course
+    type(state_t) :: to
+    real(wp) :: cut
+
+    ended = .false.
+    if (self%just_released) return
+    cut = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
+    associate (now => self%piece%to, drive => self%piece%drive)
+      if (now%y(1) > cut) return
+      course = braking(self%slider, drive, now)
+      if (.not. (course%falls .and. course%steady .and. course%highest <= cut .and. course%delay <= now%until(horizon) &
+        .and. course%acceleration < 0.0_wp)) return
+      to = course%end_of_slip(self%slider, drive, now)
+      ended = now%y(1) <= negligible_share*cut
+      if (.not. ended) ended = holds(self%slider, to%u, self%drive_velocity())
+    end associate
+    if (ended) call self%finish(course, to)
+  end subroutine end_slow_slip
+
+  subroutine set_off(self, beginning)
+    class(implicit_slip_t), intent(inout) :: self
+    type(slip_start_t), intent(in) :: beginning
+
+    self%from_dip = .false.
+    call set_off_from_rest(self, beginning)
+  end subroutine set_off
+
+  subroutine settle(self, stopped, truncated)
+    class(implicit_slip_t), intent(inout) :: self
+    logical, intent(in) :: stopped, truncated
+
+    self%from_dip = self%to_dip
+    call settle_slip(self, stopped, truncated)
+  end subroutine settle
+
+  !> Shorten an attempt in which v reaches zero so that it ends there. Whether a shallow dip reaches zero, the dense output cannot
+  !> tell: such an attempt is first shortened to the lowest point, for what is known at the end of a step decides.
+  subroutine examine(self, to, outcome, stopped)
+    class(implicit_slip_t), intent(inout) :: self
+    type(state_t), intent(inout) :: to
+    type(attempt_t), intent(inout) :: outcome
+    logical, intent(inout) :: stopped
+    real(wp) :: zero, lowest, depth, longest, curvature
+
+    self%to_dip = .false.
+    if (self%just_released) then
+      outcome%solved = moves_off(self)
+      if (.not. outcome%solved) outcome%factor = 0.25_wp
+      return
+    end if
+    call find_dip(self, zero, lowest, depth)
+    longest = min(lowest, 1.0_wp)*self%stepper%step
+    if (lowest < 1.0_wp .and. -just_above <= depth .and. depth <= shallow) then
+      call settle_on_lowest(self, longest, self%stepper%step, to, outcome, curvature)
+      if (.not. outcome%solved) return
+      self%to_dip = to%y(1) > 0.0_wp
+      if (self%to_dip) then
+        call refuse_hidden_stop(self, outcome)
+        return
+      end if
+      longest = self%stepper%step
+      call land(self, max(0.5_wp*longest, longest - sqrt(2.0_wp*abs(to%y(1))/curvature)), longest, to, outcome, stopped)
+    else if (zero <= 1.0_wp) then
+      call land(self, zero*self%stepper%step, longest, to, outcome, stopped)
+    end if
+    if (outcome%solved .and. .not. stopped) call refuse_hidden_stop(self, outcome)
+  end subroutine examine
+
+  !> Where the slip speed of the last attempt first passes through zero and where, after that, it is lowest, as positions in the
+  !> attempt, 2 if nowhere; and how far below zero that is, relative to the largest speed.
+  pure subroutine find_dip(self, zero, lowest, depth)
+    class(implicit_slip_t), intent(in) :: self
+    real(wp), intent(out) :: zero, lowest, depth
+    real(wp) :: coefficient(0:max_degree)
+
+    zero = 2.0_wp
+    lowest = 2.0_wp
+    depth = -1.0_wp
+    associate (grid => self%stepper%grid, scale => self%stepper%speed_scale)
+      call dip_coefficients(self, coefficient)
+      if (all(coefficient(1:grid%degree) > just_above*scale)) return
+      zero = first_zero(coefficient(0:grid%degree))
+      lowest = first_minimum(coefficient(0:grid%degree), merge(zero, 0.0_wp, zero <= 1.0_wp))
+      if (lowest <= 1.0_wp) depth = -bernstein_value(grid%degree, coefficient(0:grid%degree), lowest)/scale
+    end associate
+  end subroutine find_dip
+
+  !> Repeat the step with the length, at most `longest` [s], at which v is lowest at its end; v'' there is `curvature` [m/s3].
+  subroutine settle_on_lowest(self, guess, longest, to, outcome, curvature)
+    class(implicit_slip_t), intent(inout) :: self
+    real(wp), intent(in) :: guess, longest
+    type(state_t), intent(inout) :: to
+    type(attempt_t), intent(inout) :: outcome
+    real(wp), intent(out) :: curvature
+    real(wp) :: step, next, slope
+    integer :: iteration
+
+    step = guess
+    curvature = 0.0_wp
+    do iteration = 1, max_landings
+      call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
+      if (.not. outcome%solved) exit
+      call self%stepper%end_slope(slope, curvature)
+      outcome%solved = curvature > 0.0_wp
+      if (.not. outcome%solved) exit
+      if (slope**2 <= landed*self%stepper%speed_scale*curvature) exit
+      next = min(longest, max(0.5_wp*step, step - slope/curvature))
+      if (.not. abs(next - step) > epsilon(step)*step) exit
+      step = next
+    end do
+  end subroutine settle_on_lowest
+
+  !> Repeat the step with the length, at most `longest` [s], at which v vanishes at its end, so that the event has the accuracy
+  !> of a step's end and not only that of the dense output. Newton's method, kept between a speed above and one below zero.
+  subroutine land(self, guess, longest, to, outcome, stopped)
+    class(implicit_slip_t), intent(inout) :: self
+    real(wp), intent(in) :: guess, longest
+    type(state_t), intent(inout) :: to
+    type(attempt_t), intent(inout) :: outcome
+    logical, intent(out) :: stopped
+    real(wp) :: step, next, before, behind, slope, curvature
+    integer :: iteration
+
+    stopped = .false.
+    step = guess
+    before = 0.0_wp
+    behind = longest
+    do iteration = 1, max_landings
+      call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
+      if (.not. outcome%solved) return
+      if (abs(to%y(1)) <= landed*self%stepper%speed_scale .or. iteration == max_landings) exit
+      if (to%y(1) > 0.0_wp) then
+        before = step
+      else
+        behind = step
+      end if
+      call self%stepper%end_slope(slope, curvature)
+      next = step - to%y(1)/slope
+      if (abs(next - step) <= 2.0_wp*epsilon(step)*step) exit
+      if (.not. (next > before .and. next < behind)) next = 0.5_wp*(before + behind)
+      if (.not. behind - before > 2.0_wp*epsilon(step)*behind) exit
+      step = next
+    end do
+    stopped = abs(to%y(1)) <= at_rest*self%stepper%speed_scale
+  end subroutine land
+
+  !> A dip that does not reach zero after all; but v may not have passed through it either.
+  pure subroutine refuse_hidden_stop(self, outcome)
+    class(implicit_slip_t), intent(in) :: self
+    type(attempt_t), intent(inout) :: outcome
+    real(wp) :: coefficient(0:max_degree)
+
+    call dip_coefficients(self, coefficient)
+    outcome%solved = first_zero(coefficient(0:self%stepper%grid%degree)) > 1.0_wp
+    if (.not. outcome%solved) outcome%factor = 0.25_wp
+  end subroutine refuse_hidden_stop
+
+  !> Bernstein coefficients of v in the last attempt. It rises from the lowest point of a dip; where the polynomial seems to fall there,
+  !> within its accuracy, it does not.
+  pure subroutine dip_coefficients(self, coefficient)
+    class(implicit_slip_t), intent(in) :: self
+    real(wp), intent(out) :: coefficient(0:max_degree)
+    integer :: half
+
+    associate (grid => self%stepper%grid)
+      call self%stepper%speed_coefficients(coefficient)
+      if (.not. self%from_dip) return
+      half = (grid%degree + 1)/2
+      coefficient(0:half) = coefficient(0:half) + shallow*self%stepper%speed_scale
+    end associate
+  end subroutine dip_coefficients
+
+  !> Whether the first step after a release has v > 0 throughout, roundoff apart; a step that is too
+  !> long may have found the other branch. v begins with 0, so v/tau has the Bernstein coefficients b_i s/i, i = 1 ... s. It begins
+  !> with 0 as well, up to the accuracy of the polynomial: what seems negative there is none.
+  pure logical function moves_off(self)
+    class(implicit_slip_t), intent(in) :: self
+    real(wp) :: coefficient(0:max_degree)
+    integer :: i
+
+    associate (grid => self%stepper%grid, s => self%stepper%grid%degree, &
+        noise => 10.0_wp*self%system%acceleration_noise*self%stepper%step)
+      call self%stepper%speed_coefficients(coefficient)
+      do i = 1, s
+        coefficient(i) = coefficient(i)*real(s, wp)/real(i, wp) + noise
+        if (i <= (s + 1)/2) coefficient(i) = coefficient(i) + shallow*self%stepper%speed_scale
+      end do
+      moves_off = self%stepper%nodal(s, column_y) > 0.0_wp .and. first_zero(coefficient(1:s)) > 1.0_wp
+    end associate
+  end function moves_off
+
+  !> Save or load.
+  subroutine exchange(self, archive)
+    class(implicit_slip_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_slip_stick(self, archive)
+    call archive%exchange(self%from_dip)
+  end subroutine exchange
+end module dst_implicit_slip

@@ -1,0 +1,222 @@
+!> A motion is a sequence of pieces. Sources of pieces extend `motion_t`:
+!>
+!>     stepping_t             steps of an integrator, without rest
+!>       time_stepping_t      steps of a scheme that solves for rest itself
+!>       slip_stick_t         slip, rest and release of the exact contact
+!>         implicit_slip_t    by a method that can begin and end a step at rest
+!>         explicit_slip_t    by one that is led through release and stop in closed form
+!>     creep_motion_t         slow creep in closed form
+!>
+!> Who reads a motion (columns, summary, samples, checkpoints) knows the last piece and the state at any time in it.
+module dst_motion
+  use dst_archive, only: archive_t
+  use dst_drive, only: drive_t
+  use dst_errors, only: error_t, raise, chattering
+  use dst_kinds, only: wp
+  use dst_piece, only: piece_t, no_event, slip_begins, slips
+  use dst_slider, only: slider_t
+  use dst_state, only: state_t, instant_t
+  use dst_stepper, only: work_count_t
+  implicit none
+  private
+
+  public :: motion_t, next_piece, change_over, exchange_motion, at_time
+
+  integer, parameter :: max_events_at_once = 100, max_pieces_at_once = 10000
+
+  !> A motion in progress.
+  type, abstract :: motion_t
+    type(slider_t) :: slider
+    type(drive_t) :: drive
+    real(wp) :: t_end = 0.0_wp                !! s
+    !> The last piece; before the first one it only says where the motion begins.
+    type(piece_t) :: piece
+    !> Whether the object slips, touches or sticks at the end of the piece.
+    integer :: contact = slips
+    !> Stretch of the drive in which the last piece lies or the next one begins.
+    integer :: segment = 1
+    !> Whether it is known at any time in closed form; its pieces then end at `next_look` [s] at the latest, and have no works.
+    logical :: in_closed_form = .false.
+    real(wp) :: next_look = huge(1.0_wp)
+    !> Whether it can rest while the drive does, and be guided while the drive moves: such a motion is one of two that take turns.
+    logical :: may_rest = .true.
+    !> Events and pieces since the time last moved.
+    integer :: events_at_once = 0
+    integer :: pieces_at_once = 0
+  contains
+    !> Make the next piece, up to a time [s] at most.
+    procedure(go_on), deferred :: go_on
+    !> Go on from the state of another motion, which gives up its method.
+    procedure(take_over), deferred :: take_over
+    !> Slip velocity (w_x, w_y) [m/s] in a state of the last piece in which the object slips.
+    procedure(velocity), deferred :: velocity
+    !> The state at a time [s] of the last piece in plain quantities.
+    procedure(instant), deferred :: instant
+    !> Kinetic and elastic energy [J] at the end of the last piece, with this slip velocity [m/s].
+    procedure(energy), deferred :: energy
+    !> What it has cost.
+    procedure(work), deferred :: work
+    !> Whether roundoff that nobody sees decides from now on; see dst_stepper.
+    procedure(is_undecided), deferred :: is_undecided
+    !> Save or load: `exchange_motion` and what the type adds.
+    procedure(exchange), deferred :: exchange
+    procedure :: finished
+    procedure :: velocity_now
+    procedure :: enter_segment
+  end type motion_t
+
+  abstract interface
+    subroutine go_on(self, horizon, error)
+      import :: motion_t, error_t, wp
+      class(motion_t), intent(inout) :: self
+      real(wp), intent(in) :: horizon
+      type(error_t), allocatable, intent(out) :: error
+    end subroutine go_on
+
+    subroutine take_over(self, before)
+      import :: motion_t
+      class(motion_t), intent(inout) :: self, before
+    end subroutine take_over
+
+    pure function velocity(self, state)
+      import :: motion_t, state_t, wp
+      class(motion_t), intent(in) :: self
+      type(state_t), intent(in) :: state
+      real(wp) :: velocity(2)
+    end function velocity
+
+    pure function instant(self, time)
+      import :: motion_t, instant_t, wp
+      class(motion_t), intent(in) :: self
+      real(wp), intent(in) :: time
+      type(instant_t) :: instant
+    end function instant
+
+    pure real(wp) function energy(self, velocity)
+      import :: motion_t, wp
+      class(motion_t), intent(in) :: self
+      real(wp), intent(in) :: velocity(2)
+    end function energy
+
+    pure function work(self)
+      import :: motion_t, work_count_t
+      class(motion_t), intent(in) :: self
+      type(work_count_t) :: work
+    end function work
+
+    pure logical function is_undecided(self)
+      import :: motion_t
+      class(motion_t), intent(in) :: self
+    end function is_undecided
+
+    subroutine exchange(self, archive)
+      import :: motion_t, archive_t
+      class(motion_t), intent(inout) :: self
+      type(archive_t), intent(inout) :: archive
+    end subroutine exchange
+  end interface
+
+contains
+
+  pure logical function finished(self)
+    class(motion_t), intent(in) :: self
+
+    finished = self%piece%to%time >= self%t_end
+  end function finished
+
+  !> Slip velocity (w_x, w_y) [m/s] at the end of the last piece.
+  pure function velocity_now(self) result(velocity)
+    class(motion_t), intent(in) :: self
+    real(wp) :: velocity(2)
+
+    velocity = 0.0_wp
+    if (self%contact == slips) velocity = self%velocity(self%piece%to)
+  end function velocity_now
+
+  !> The next piece of a motion. `other`, if there is one, takes turns with it at knots where the drive begins or ceases to rest.
+  subroutine next_piece(motion, other, error)
+    class(motion_t), allocatable, intent(inout) :: motion, other
+    type(error_t), allocatable, intent(out) :: error
+
+    motion%piece%event = no_event
+    if (motion%piece%to%time >= motion%piece%drive%end) then
+      call motion%enter_segment()
+      if (allocated(other)) then
+        if (motion%may_rest .neqv. motion%piece%drive%rests) call change_over(motion, other)
+        if (motion%piece%event /= no_event) return
+      end if
+    end if
+    motion%piece%from = motion%piece%to
+    motion%piece%contact = motion%contact
+    call motion%go_on(min(motion%t_end, motion%piece%drive%end), error)
+    if (.not. allocated(error)) call watch_progress(motion, error)
+  end subroutine next_piece
+
+  !> Past a knot of the drive.
+  pure subroutine enter_segment(self)
+    class(motion_t), intent(inout) :: self
+
+    do while (self%piece%to%time >= self%drive%segment(self%segment)%end)
+      self%segment = self%segment + 1
+    end do
+    self%piece%drive = self%drive%segment(self%segment)
+  end subroutine enter_segment
+
+  !> The other motion goes on. If that ends a rest, it is an event, and a piece of its own.
+  subroutine change_over(motion, other)
+    class(motion_t), allocatable, intent(inout) :: motion, other
+    class(motion_t), allocatable :: kept
+
+    call move_alloc(motion, kept)
+    call move_alloc(other, motion)
+    call move_alloc(kept, other)
+    motion%piece = other%piece
+    motion%piece%from = motion%piece%to
+    motion%piece%contact = other%contact
+    motion%segment = other%segment
+    motion%events_at_once = other%events_at_once
+    motion%pieces_at_once = other%pieces_at_once
+    motion%contact = slips
+    if (other%contact /= slips .and. .not. motion%may_rest) motion%piece%event = slip_begins
+    call motion%take_over(other)
+  end subroutine change_over
+
+  !> Steps shorter than the resolution of the time are legitimate where the mass is small, but not
+  !> without end; nor are events.
+  subroutine watch_progress(motion, error)
+    class(motion_t), intent(inout) :: motion
+    type(error_t), allocatable, intent(inout) :: error
+
+    if (motion%piece%to%time > motion%piece%from%time) then
+      motion%events_at_once = 0
+      motion%pieces_at_once = 0
+      return
+    end if
+    motion%pieces_at_once = motion%pieces_at_once + 1
+    if (motion%piece%event /= no_event) motion%events_at_once = motion%events_at_once + 1
+    if (motion%events_at_once > max_events_at_once .or. motion%pieces_at_once > max_pieces_at_once) &
+      call raise(error, chattering, 'the contact chatters: time stands still at '//trim(at_time(motion%piece%to))// &
+        ': use a smaller rtol, another method, or contact = ''smoothed''')
+  end subroutine watch_progress
+
+  !> 't = 1.25 s (u = … m, y = …)'. Of fixed length: gfortran keeps the length of an allocatable text that a function returns
+  !> in static storage, and several threads advance at once.
+  pure character(160) function at_time(state) result(text)
+    type(state_t), intent(in) :: state
+
+    write (text, '(a,es24.16e3,a,2es25.16e3,a,2es25.16e3,a)') 't =', state%time, ' s (u =', state%u, ' m, slip', state%y, ')'
+  end function at_time
+
+  !> Save or load what every motion has; the rest follows from the scene.
+  subroutine exchange_motion(self, archive)
+    class(motion_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call self%piece%exchange(archive)
+    call archive%exchange(self%contact)
+    call archive%exchange(self%segment)
+    call archive%exchange(self%events_at_once)
+    call archive%exchange(self%pieces_at_once)
+    self%piece%drive = self%drive%segment(self%segment)
+  end subroutine exchange_motion
+end module dst_motion

@@ -1,0 +1,99 @@
+!> A piece of a motion: one step, one stretch at rest, or one stretch in closed form, with the motion inside it.
+module dst_piece
+  use dst_archive, only: archive_t
+  use dst_dense_output, only: dense_output_t, column_u, column_y, column_position, n_columns
+  use dst_drive, only: drive_segment_t
+  use dst_kinds, only: wp
+  use dst_slip_system, only: max_components, slip_system_t
+  use dst_state, only: state_t
+  implicit none
+  private
+
+  public :: piece_t, no_event, stick_begins, slip_begins, slips, touches, sticks
+
+  !> What happened at the end of a piece.
+  integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
+  !> Whether the object moves or rests; a touch is a rest so short that it counts as no stick (dst_rest).
+  integer, parameter :: slips = 0, touches = 1, sticks = 2
+
+  !> From one state to another.
+  type :: piece_t
+    type(state_t) :: from, to
+    integer :: contact = slips                         !! in between
+    integer :: event = no_event                        !! at its end
+    type(drive_segment_t) :: drive
+    !> Elongation per displacement of the drive, and the axis of which nothing changes, 0 if there is none.
+    real(wp) :: pulled(max_components) = 0.0_wp
+    integer :: held = 0
+    !> Of slip.
+    type(dense_output_t) :: path
+  contains
+    procedure :: at
+    procedure :: inside
+    procedure :: obey
+    procedure :: exchange
+  end type piece_t
+
+contains
+
+  !> The state at a time [s].
+  pure function at(self, time) result(state)
+    class(piece_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    type(state_t) :: state
+    real(wp) :: elapsed
+
+    if (time >= self%to%time) then
+      state = self%to
+    else
+      elapsed = self%from%until(time)
+      if (self%contact == slips) then
+        state = self%inside(min(1.0_wp, max(0.0_wp, elapsed/self%path%step)))
+      else
+        state = self%from
+        state%u = state%u + self%drive%displacement(self%from%time, elapsed)*self%pulled
+      end if
+    end if
+    state%time = time
+  end function at
+
+  !> The state at position `tau` in [0, 1] of slip. The work integrals are not interpolated, nor is what the model holds.
+  pure function inside(self, tau) result(state)
+    class(piece_t), intent(in) :: self
+    real(wp), intent(in) :: tau
+    type(state_t) :: state
+    real(wp) :: value(n_columns)
+
+    value = self%path%values_at(tau)
+    call state%later(self%from, tau*self%path%step)
+    state%u = value(column_u:column_u + max_components - 1) &
+      + self%drive%displacement(self%from%time, tau*self%path%step)*self%pulled
+    state%y = value(column_y:column_y + max_components - 1)
+    state%position = value(column_position)
+    if (self%held == 0) return
+    state%u(self%held) = self%from%u(self%held)
+    state%y(max_components) = self%from%y(max_components)
+  end function inside
+
+  !> From now on the pieces are those of this system.
+  pure subroutine obey(self, system)
+    class(piece_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+
+    self%pulled = system%along
+    self%held = 0
+    if (system%components < max_components) self%held = max_components + 1 - system%axis
+  end subroutine obey
+
+  !> Save or load; the drive and the system follow from the scene.
+  subroutine exchange(self, archive)
+    class(piece_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call self%from%exchange(archive)
+    call self%to%exchange(archive)
+    call archive%exchange(self%contact)
+    call archive%exchange(self%event)
+    call self%path%exchange_dense(archive)
+  end subroutine exchange
+end module dst_piece

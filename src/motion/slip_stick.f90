@@ -1,0 +1,276 @@
+!> Slip, rest and release of the exact contact, in the unknowns y = (v, theta). How slip is followed is the matter of
+!> implicit_slip_t and explicit_slip_t.
+module dst_slip_stick
+  use dst_archive, only: archive_t
+  use dst_braking, only: braking_t
+  use dst_dense_output, only: dense_output_t
+  use dst_drive, only: drive_t
+  use dst_interpolation, only: new_grid, max_degree
+  use dst_kinds, only: wp, pi
+  use dst_piece, only: stick_begins, slip_begins, slips, touches, sticks
+  use dst_rest, only: holds, release_delay, slip_start_t, start_of_slip, touch_time
+  use dst_slider, only: slider_t
+  use dst_state, only: state_t, instant_t
+  use dst_stepping, only: stepping_t, start_stepping => start, exchange_stepping
+  use dst_straight_slip, only: on_line
+  implicit none
+  private
+
+  public :: slip_stick_t, negligible_share
+  ! What the types that extend it call of their parent's.
+  public :: set_off, settle, exchange_slip_stick
+
+  !> Slip slower than this share of what counts as slow does not matter, whatever its direction.
+  real(wp), parameter :: negligible_share = 1.0e-6_wp
+
+  !> How many times its own roundoff a load must have grown by before it moves anything.
+  real(wp), parameter :: noise_allowance = 10.0_wp
+
+  !> Motion with rest.
+  type, abstract, extends(stepping_t) :: slip_stick_t
+    !> A stop is finished in closed form below this slip speed [m/s] or this share of the largest slip speed of late.
+    real(wp) :: cut_speed = 0.0_wp
+    real(wp) :: cut_share = 0.0_wp
+    !> Step size that the first step after a release took last time [s].
+    real(wp) :: release_step = 0.0_wp
+    logical :: just_released = .false.
+    !> What is made in closed form, on nodes at which a polynomial is well known everywhere.
+    type(dense_output_t) :: closed_form
+  contains
+    procedure :: set_up
+    procedure :: start
+    procedure :: begin
+    procedure :: reread
+    procedure :: first_step
+    procedure :: come_to_rest
+    procedure :: rest_or_set_off
+    procedure :: stay_stuck
+    procedure :: finish
+    procedure :: set_off
+    procedure :: settle
+    procedure :: friction_in
+    procedure :: exchange
+  end type slip_stick_t
+
+contains
+
+  !> What moves, how it is driven, and up to when [s].
+  subroutine set_up(self, slider, drive, t_end)
+    class(slip_stick_t), intent(inout) :: self
+    type(slider_t), intent(in) :: slider
+    type(drive_t), intent(in) :: drive
+    real(wp), intent(in) :: t_end
+    integer :: i
+
+    call self%stepping_t%set_up(slider, drive, t_end)
+    self%release_step = 0.5_wp*sqrt(slider%mass/maxval(slider%stiffness))
+    ! The extrema of Chebyshev's polynomials.
+    self%closed_form%grid = new_grid([(sin(0.5_wp*pi*real(i, wp)/real(max_degree, wp))**2, i=0, max_degree)])
+  end subroutine set_up
+
+  !> Place the object at time 0 with elongation `u` and y = (v, theta); its position is X.
+  subroutine start(self, u, y, position)
+    class(slip_stick_t), intent(inout) :: self
+    real(wp), intent(in) :: u(2), y(2), position
+
+    call start_stepping(self, u, y, position)
+    if (self%contact == slips .and. .not. self%piece%to%y(1) > 0.0_wp) call self%note_event(slip_begins)
+  end subroutine start
+
+  !> Begin with the present state, at rest or in motion.
+  subroutine begin(self)
+    class(slip_stick_t), intent(inout) :: self
+
+    self%just_released = .false.
+    if (.not. self%piece%to%y(1) > 0.0_wp) then
+      call self%rest_or_set_off()
+      return
+    end if
+    self%next_step = min(self%next_step, self%first_step())
+    call self%system%face(self%piece%to%y(2))
+    call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+  end subroutine begin
+
+  !> Express the velocity along the axis, in which the drive was guiding the motion across, as slip along a line.
+  subroutine reread(self, before)
+    class(slip_stick_t), intent(inout) :: self
+    class(stepping_t), intent(in) :: before
+
+    associate (unused => before%contact)
+    end associate
+    self%piece%to%y = on_line(self%piece%to%y(1))
+  end subroutine reread
+
+  !> Step size [s] with which a method begins from the present slip speed: the time in which friction alone would stop it.
+  pure real(wp) function first_step(self)
+    class(slip_stick_t), intent(in) :: self
+
+    first_step = self%piece%to%y(1)*self%slider%mass/max(self%slider%law%onset, tiny(1.0_wp))
+  end function first_step
+
+  !> At v = 0: rest, or go on in the direction of K u.
+  subroutine rest_or_set_off(self)
+    class(slip_stick_t), intent(inout) :: self
+
+    associate (u => self%piece%to%u, drive_velocity => self%drive_velocity())
+      if (holds(self%slider, u, drive_velocity)) then
+        call self%come_to_rest()
+      else
+        call self%set_off(start_of_slip(self%slider, u, drive_velocity))
+      end if
+    end associate
+  end subroutine rest_or_set_off
+
+  !> From slip to rest.
+  subroutine come_to_rest(self)
+    class(slip_stick_t), intent(inout) :: self
+
+    self%piece%to%y = 0.0_wp
+    self%contact = merge(touches, sticks, is_touch(self))
+    if (self%contact == sticks) call self%note_event(stick_begins)
+  end subroutine come_to_rest
+
+  !> Whether the rest that begins now will last no longer than a touch.
+  pure logical function is_touch(self)
+    class(slip_stick_t), intent(in) :: self
+    real(wp) :: delay
+
+    associate (now => self%piece%to, drive => self%piece%drive)
+      delay = release_delay(self%slider, now%u, drive, now%time)
+      is_touch = now%time > 0.0_wp .and. delay <= touch_time(self%slider, self%drive_velocity()) &
+        .and. delay < now%until(min(self%t_end, drive%end))
+    end associate
+  end function is_touch
+
+  !> At rest until the spring force reaches the static limit or the horizon comes.
+  subroutine stay_stuck(self, horizon)
+    class(slip_stick_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    real(wp) :: delay, duration, travel
+    type(slip_start_t) :: beginning
+    logical :: released
+
+    associate (from => self%piece%from, to => self%piece%to, drive => self%piece%drive, k => self%slider%stiffness, &
+        along => self%system%along)
+      delay = release_delay(self%slider, from%u, drive, from%time)
+      duration = from%until(horizon)
+      released = delay < duration
+      if (released) released = moves_within(self, delay, duration - delay)
+      if (released) duration = delay
+      travel = drive%displacement(from%time, duration)
+      to%u = from%u + travel*along
+      call to%later(from, duration)
+      if (.not. released) call to%arrive(horizon)
+      to%drive_work = from%drive_work + travel*dot_product(k*along, 0.5_wp*(from%u + to%u))
+    end associate
+    if (.not. released) then
+      ! What was thought to be a touch lasts.
+      if (self%contact == touches) call self%note_event(stick_begins)
+      self%contact = sticks
+      return
+    end if
+    if (self%contact == sticks) call self%note_event(slip_begins)
+    beginning = start_of_slip(self%slider, self%piece%to%u, self%drive_velocity())
+    ! The release is where |K u| = F_0 by definition: no excess from roundoff.
+    beginning%rate(1) = 0.0_wp
+    call self%set_off(beginning)
+  end subroutine stay_stuck
+
+  !> Whether the load grows beyond its own roundoff within `time` [s] of a release that is `delay` away. If it does not, nothing can
+  !> be said of the slip, and the object rests.
+  pure logical function moves_within(self, delay, time)
+    class(slip_stick_t), intent(in) :: self
+    real(wp), intent(in) :: delay, time
+    type(slip_start_t) :: beginning
+
+    associate (from => self%piece%from, drive => self%piece%drive)
+      beginning = start_of_slip(self%slider, from%u + drive%displacement(from%time, delay)*self%system%along, &
+        drive%velocity_at(from%time + delay))
+    end associate
+    moves_within = .not. beginning%curvature(1) > 0.0_wp &
+      .or. beginning%curvature(1)*time > noise_allowance*self%system%acceleration_noise
+  end function moves_within
+
+  !> From rest into slip.
+  subroutine set_off(self, beginning)
+    class(slip_stick_t), intent(inout) :: self
+    type(slip_start_t), intent(in) :: beginning
+
+    self%contact = slips
+    self%just_released = .true.
+    self%next_step = self%release_step
+    ! The load has to grow beyond its own roundoff before it moves anything.
+    if (beginning%curvature(1) > 0.0_wp) self%next_step = max(self%release_step, &
+      noise_allowance*self%system%acceleration_noise/beginning%curvature(1))
+    self%piece%to%y = beginning%y
+    call self%system%face(beginning%y(2))
+    call self%stepper%restart(beginning%rate, beginning%curvature)
+  end subroutine set_off
+
+  !> After a step that has ended in a stop, or not.
+  subroutine settle(self, stopped, truncated)
+    class(slip_stick_t), intent(inout) :: self
+    logical, intent(in) :: stopped, truncated
+
+    if (self%just_released .and. .not. truncated) self%release_step = self%next_step
+    self%just_released = .false.
+    if (stopped) call self%rest_or_set_off()
+    if (fades(self)) call self%come_to_rest()
+  end subroutine settle
+
+  !> Whether slip against a force that grows with the speed, which dies away without an end, is over by any measure: the
+  !> square of such a share of the largest slip speed would soon underflow.
+  pure logical function fades(self)
+    class(slip_stick_t), intent(in) :: self
+
+    fades = .false.
+    if (self%contact /= slips .or. self%just_released) return
+    associate (now => self%piece%to)
+      if (now%y(1) <= epsilon(1.0_wp)**2*self%stepper%start_speed) fades = holds(self%slider, now%u, self%drive_velocity())
+    end associate
+  end function fades
+
+  !> The end of slip in closed form as a piece, with its end state.
+  subroutine finish(self, course, to)
+    class(slip_stick_t), intent(inout) :: self
+    type(braking_t), intent(in) :: course
+    type(state_t), intent(in) :: to
+
+    call course%describe(self%slider, self%piece%from, self%closed_form)
+    call self%piece%path%take(self%closed_form)
+    self%piece%to = to
+    self%stepper%count%steps = self%stepper%count%steps + 1
+    call self%rest_or_set_off()
+  end subroutine finish
+
+  !> The direction of slip is an unknown.
+  pure subroutine friction_in(self, instant)
+    class(slip_stick_t), intent(in) :: self
+    type(instant_t), intent(inout) :: instant
+    real(wp) :: magnitude(1), slope(1)
+
+    call self%slider%law%evaluate(1, [hypot(instant%velocity(1), instant%velocity(2))], magnitude, slope)
+    instant%friction = magnitude(1)
+    associate (theta => instant%state%y(2))
+      instant%theta = theta - 2.0_wp*pi*anint(theta/(2.0_wp*pi))
+    end associate
+  end subroutine friction_in
+
+  !> Save or load.
+  subroutine exchange(self, archive)
+    class(slip_stick_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_slip_stick(self, archive)
+  end subroutine exchange
+
+  !> Save or load what every motion with rest has.
+  subroutine exchange_slip_stick(self, archive)
+    class(slip_stick_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_stepping(self, archive)
+    call archive%exchange(self%release_step)
+    call archive%exchange(self%just_released)
+  end subroutine exchange_slip_stick
+end module dst_slip_stick

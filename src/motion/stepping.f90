@@ -1,0 +1,310 @@
+!> Motion by the steps of an integrator, without rest: the smoothed contact, and motion that the drive guides.
+module dst_stepping
+  use dst_archive, only: archive_t
+  use dst_drive, only: drive_t
+  use dst_errors, only: error_t, raise, step_underflow, too_many_rejections
+  use dst_kinds, only: wp
+  use dst_motion, only: motion_t, exchange_motion, at_time
+  use dst_piece, only: slips, sticks
+  use dst_slider, only: slider_t, direction_of
+  use dst_slip_system, only: slip_system_t
+  use dst_state, only: state_t, instant_t
+  use dst_stepper, only: stepper_t, attempt_t, work_count_t
+  implicit none
+  private
+
+  public :: stepping_t
+  ! What the types that extend it call of their parent's: by name, so that what these call in turn is the type's own.
+  public :: start, slide, exchange_stepping
+
+  integer, parameter :: max_rejections = 60, timid_rejections = 8
+
+  !> A motion by steps.
+  type, extends(motion_t) :: stepping_t
+    class(slip_system_t), allocatable :: system
+    class(stepper_t), allocatable :: stepper
+    real(wp) :: step_max = 0.0_wp       !! s; 0 if there is none
+    real(wp) :: fixed_step = 0.0_wp     !! of a method without error estimate, s; 0 for the others
+    real(wp) :: next_step = 0.0_wp      !! wanted next, s
+  contains
+    procedure :: set_up
+    procedure :: start
+    procedure :: begin
+    procedure :: go_on => slide
+    procedure :: take_over
+    procedure :: reread
+    procedure :: examine
+    procedure :: settle
+    procedure :: note_event
+    procedure :: drive_velocity
+    procedure :: velocity
+    procedure :: instant
+    procedure :: friction_in
+    procedure :: energy
+    procedure :: work
+    procedure :: is_undecided
+    procedure :: exchange
+  end type stepping_t
+
+contains
+
+  !> What moves, how it is driven, and up to when [s].
+  subroutine set_up(self, slider, drive, t_end)
+    class(stepping_t), intent(inout) :: self
+    type(slider_t), intent(in) :: slider
+    type(drive_t), intent(in) :: drive
+    real(wp), intent(in) :: t_end
+
+    self%slider = slider
+    self%drive = drive
+    self%t_end = t_end
+  end subroutine set_up
+
+  !> Place the object at time 0 with elongation `u` and slip unknowns `y`; its position is X.
+  subroutine start(self, u, y, position)
+    class(stepping_t), intent(inout) :: self
+    real(wp), intent(in) :: u(2), y(2), position
+
+    self%piece%to = state_t(u=u, y=y, position=position)
+    self%piece%from = self%piece%to
+    self%piece%drive = self%drive%segment(1)
+    call self%piece%obey(self%system)
+    self%next_step = 0.5_wp*sqrt(self%slider%mass/maxval(self%slider%stiffness))
+    if (self%fixed_step > 0.0_wp) self%next_step = self%fixed_step
+    call self%begin()
+  end subroutine start
+
+  !> Begin with the present state, after a start or where the drive begins to guide the motion.
+  subroutine begin(self)
+    class(stepping_t), intent(inout) :: self
+
+    call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+  end subroutine begin
+
+  !> Go on from the present state of another motion, with its method.
+  subroutine take_over(self, before)
+    class(stepping_t), intent(inout) :: self
+    class(motion_t), intent(inout) :: before
+
+    select type (before)
+    class is (stepping_t)
+      call move_alloc(before%stepper, self%stepper)
+      self%next_step = before%next_step
+      call self%reread(before)
+    end select
+    call self%piece%obey(self%system)
+    call self%begin()
+  end subroutine take_over
+
+  !> Express the slip unknowns of another motion in one's own: here those of straight slip as the velocity along its axis.
+  subroutine reread(self, before)
+    class(stepping_t), intent(inout) :: self
+    class(stepping_t), intent(in) :: before
+
+    associate (unused => before%contact)
+    end associate
+    associate (y => self%piece%to%y)
+      y = [y(1)*cos(y(2)), 0.0_wp]
+    end associate
+  end subroutine reread
+
+  !> One accepted step of the integrator; it ends at the horizon at the latest, or earlier where `examine` shortens it.
+  subroutine slide(self, horizon, error)
+    class(stepping_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    type(error_t), allocatable, intent(out) :: error
+    type(attempt_t) :: outcome
+    type(state_t) :: to
+    real(wp) :: step, longest, left, wanted
+    logical :: truncated, stopped
+    integer :: rejections
+
+    longest = 0.0_wp
+    left = self%piece%from%until(horizon)
+    do rejections = 0, max_rejections
+      step = self%next_step
+      if (self%step_max > 0.0_wp) step = min(step, self%step_max)
+      truncated = 1.000001_wp*step >= left
+      if (truncated) step = left
+      call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
+      stopped = .false.
+      if (outcome%solved) call self%examine(to, outcome, stopped)
+      if (outcome%solved .and. outcome%error <= 1.0_wp) exit
+      self%stepper%count%rejected = self%stepper%count%rejected + 1
+      ! An initial layer shows the same error until it is resolved: there the estimate's advice is too timid.
+      self%next_step = self%stepper%step*min(outcome%factor, merge(0.25_wp, 0.9_wp, rejections >= timid_rejections))
+      longest = max(longest, step)
+      if (underflows(self, longest)) exit
+    end do
+    if (.not. (outcome%solved .and. outcome%error <= 1.0_wp)) then
+      call give_up(self, rejections, error)
+      return
+    end if
+    truncated = truncated .and. self%stepper%step >= step
+    if (truncated) call to%arrive(horizon)
+    self%piece%to = to
+    call self%piece%path%take(self%stepper)
+    call self%stepper%accept()
+    self%stepper%count%steps = self%stepper%count%steps + 1
+    ! A step cut short by the horizon may not shrink the one after it.
+    wanted = self%stepper%step*outcome%factor
+    if (truncated) wanted = max(wanted, self%next_step)
+    if (self%fixed_step > 0.0_wp) wanted = self%fixed_step
+    self%next_step = wanted
+    call self%settle(stopped, truncated)
+  end subroutine slide
+
+  !> Look at a solved attempt for an event: it may be refused, or made anew so that it ends in a stop.
+  subroutine examine(self, to, outcome, stopped)
+    class(stepping_t), intent(inout) :: self
+    type(state_t), intent(inout) :: to
+    type(attempt_t), intent(inout) :: outcome
+    logical, intent(inout) :: stopped
+
+    associate (unused => [self%contact, int(to%time)], also_unused => [outcome%solved, stopped])
+    end associate
+  end subroutine examine
+
+  !> What follows from an accepted step, which has ended in a stop or was cut short by the horizon.
+  subroutine settle(self, stopped, truncated)
+    class(stepping_t), intent(inout) :: self
+    logical, intent(in) :: stopped, truncated
+
+    associate (unused => self%contact, also_unused => [stopped, truncated])
+    end associate
+  end subroutine settle
+
+  !> Whether the next step is so much shorter than the `longest` [s] that was tried that it is none, and does not move
+  !> the time either.
+  pure logical function underflows(self, longest)
+    class(stepping_t), intent(in) :: self
+    real(wp), intent(in) :: longest
+
+    associate (time => self%piece%from%time)
+      underflows = self%next_step <= epsilon(longest)*longest .and. .not. time + self%next_step > time
+    end associate
+  end function underflows
+
+  !> No step was good enough, after so many rejections or down to a step that is none.
+  pure subroutine give_up(self, rejections, error)
+    class(stepping_t), intent(in) :: self
+    integer, intent(in) :: rejections
+    type(error_t), allocatable, intent(out) :: error
+    character(120) :: what
+
+    if (rejections > max_rejections) then
+      write (what, '(a,i0,a)') 'more than ', max_rejections, ' steps in a row were rejected at '
+      call raise(error, too_many_rejections, trim(what)//' '//trim(at_time(self%piece%from))// &
+        ': use a larger rtol or another method')
+    else
+      write (what, '(a,es8.1,a)') 'the step size fell to ', self%next_step, ' s without success at'
+      call raise(error, step_underflow, trim(what)//' '//trim(at_time(self%piece%from))//': use another method, and see '// &
+        'whether the parameters are meant')
+    end if
+  end subroutine give_up
+
+  !> The piece ends with an event.
+  pure subroutine note_event(self, event)
+    class(stepping_t), intent(inout) :: self
+    integer, intent(in) :: event
+
+    self%piece%event = event
+    self%stepper%count%events = self%stepper%count%events + 1
+  end subroutine note_event
+
+  !> V [m/s] at the end of the last piece.
+  pure real(wp) function drive_velocity(self)
+    class(stepping_t), intent(in) :: self
+
+    drive_velocity = self%piece%drive%velocity_at(self%piece%to%time)
+  end function drive_velocity
+
+  pure function velocity(self, state)
+    class(stepping_t), intent(in) :: self
+    type(state_t), intent(in) :: state
+    real(wp) :: velocity(2)
+
+    velocity = self%system%slip_velocity(state%y, self%piece%drive%velocity_at(state%time))
+  end function velocity
+
+  pure function instant(self, time)
+    class(stepping_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    type(instant_t) :: instant
+    integer :: contact
+
+    contact = self%piece%contact
+    if (time >= self%piece%to%time) contact = self%contact
+    instant%state = self%piece%at(time)
+    instant%sticking = contact == sticks
+    instant%drive_velocity = self%piece%drive%velocity_at(time)
+    instant%spring_force = self%slider%stiffness*instant%state%u
+    if (contact /= slips) then
+      instant%friction = hypot(instant%spring_force(1), instant%spring_force(2))
+      instant%theta = direction_of(instant%spring_force)
+      return
+    end if
+    instant%velocity = self%velocity(instant%state)
+    call self%friction_in(instant)
+    ! A rigid spring has the force that guides the object.
+    associate (guided => self%system%guided)
+      if (abs(guided) > 0.0_wp) instant%spring_force(2) = instant%friction*sin(instant%theta) &
+        + self%slider%mass*guided*self%piece%drive%acceleration
+    end associate
+  end function instant
+
+  !> Magnitude and direction of the friction on slip.
+  pure subroutine friction_in(self, instant)
+    class(stepping_t), intent(in) :: self
+    type(instant_t), intent(inout) :: instant
+    real(wp) :: speed, magnitude(1), slope(1)
+
+    speed = hypot(instant%velocity(1), instant%velocity(2))
+    call self%slider%law%evaluate(1, [speed], magnitude, slope)
+    instant%friction = magnitude(1)
+    if (self%slider%smoothing > 0.0_wp) instant%friction = magnitude(1)*speed/sqrt(speed**2 + self%slider%smoothing)
+    instant%theta = direction_of(instant%velocity)
+  end subroutine friction_in
+
+  !> Without that of a motion which the drive guides.
+  pure real(wp) function energy(self, velocity)
+    class(stepping_t), intent(in) :: self
+    real(wp), intent(in) :: velocity(2)
+    real(wp) :: own(2)
+
+    own = velocity
+    if (abs(self%system%guided) > 0.0_wp) own(2) = 0.0_wp
+    energy = 0.5_wp*(self%slider%mass*sum(own**2) + sum(self%slider%stiffness*self%piece%to%u**2))
+  end function energy
+
+  pure function work(self)
+    class(stepping_t), intent(in) :: self
+    type(work_count_t) :: work
+
+    work = self%stepper%count
+  end function work
+
+  pure logical function is_undecided(self)
+    class(stepping_t), intent(in) :: self
+
+    is_undecided = self%stepper%is_undecided()
+  end function is_undecided
+
+  subroutine exchange(self, archive)
+    class(stepping_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_stepping(self, archive)
+  end subroutine exchange
+
+  !> Save or load what every motion by steps has; the method only if it is not with the motion that takes turns with this one.
+  subroutine exchange_stepping(self, archive)
+    class(stepping_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call exchange_motion(self, archive)
+    call self%system%exchange(archive)
+    if (allocated(self%stepper)) call self%stepper%exchange(archive)
+    call archive%exchange(self%next_step)
+  end subroutine exchange_stepping
+end module dst_stepping

@@ -1,0 +1,146 @@
+!> Rest in the exact contact: set-valued Coulomb friction (NUMERICS: "rest is part of the model").
+!>
+!> Stuck while |K u| <= F_0; u then follows the drive, u(t) = u_s + D(t) e. Released when
+!> |K u| = F_0, in the direction of K u. Coming to rest with |K u| >= F_0 is no rest: the motion
+!> goes on in the direction of K u.
+!>
+!> A rest that lasts no longer than a thousandth of the time in which the stiffer spring oscillates by one radian, or in which the
+!> drive loads the springs from nothing to the static limit, is a touch: the object passes on, and neither a stick nor an event
+!> is counted. How many touches there are hangs on roundoff where the slip speed just reaches zero in each oscillation.
+module dst_rest
+  use dst_kinds, only: wp
+  use dst_drive, only: drive_segment_t
+  use dst_slider, only: slider_t
+  implicit none
+  private
+
+  public :: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, touch_time
+
+  !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
+  type :: slip_start_t
+    real(wp) :: y(2) = 0.0_wp
+    real(wp) :: rate(2) = 0.0_wp
+    real(wp) :: curvature(2) = 0.0_wp
+  end type slip_start_t
+
+contains
+
+  !> Magnitude of the spring force |K u| [N].
+  pure real(wp) function spring_force_size(slider, u)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: u(2)
+
+    spring_force_size = hypot(slider%stiffness(1)*u(1), slider%stiffness(2)*u(2))
+  end function spring_force_size
+
+  !> Whether an object at rest stays at rest. Exactly at the static limit that depends on whether the
+  !> drive [m/s] pulls further out.
+  pure logical function holds(slider, u, drive_velocity)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: u(2), drive_velocity
+    real(wp) :: pull(2), outward, force
+
+    force = spring_force_size(slider, u)
+    pull = slider%stiffness*slider%pulled()*drive_velocity
+    outward = dot_product(pull, slider%stiffness*u)
+    if (.not. force > 0.0_wp) outward = dot_product(pull, pull)
+    holds = force < slider%law%onset
+    if (.not. outward > 0.0_wp) holds = force <= slider%law%onset*(1.0_wp + 4.0_wp*epsilon(force))
+  end function holds
+
+  !> Time [s] from `time` until the stuck object is released, huge if it is not within the segment.
+  !> |K (u + D e)| = F_0 is quadratic in D, and D(t) is quadratic in t.
+  pure real(wp) function release_delay(slider, u, drive, time)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: u(2), time
+    type(drive_segment_t), intent(in) :: drive
+    real(wp) :: force(2), gain(2), a, b, c, root, forward, backward
+
+    force = slider%stiffness*u
+    gain = slider%stiffness*slider%pulled()
+    a = dot_product(gain, gain)
+    release_delay = huge(release_delay)
+    if (.not. a > 0.0_wp) return
+    b = dot_product(gain, force)
+    ! F_0^2 - |K u|^2 as a product keeps its digits close to the limit.
+    c = max(0.0_wp, (slider%law%onset - spring_force_size(slider, u))*(slider%law%onset + spring_force_size(slider, u)))
+    root = sqrt(b**2 + a*c)
+    if (b >= 0.0_wp) then
+      backward = -(b + root)/a
+      forward = quotient(c, b + root)
+    else
+      forward = (root - b)/a
+      backward = -quotient(c, root - b)
+    end if
+    release_delay = min(time_to_travel(drive, time, forward, 1.0_wp), time_to_travel(drive, time, backward, -1.0_wp))
+  end function release_delay
+
+  !> x/y with 0/0 = 0.
+  pure real(wp) function quotient(x, y)
+    real(wp), intent(in) :: x, y
+
+    quotient = 0.0_wp
+    if (x > 0.0_wp) quotient = x/y
+  end function quotient
+
+  !> First delay >= 0 at which the drive has moved by `distance` (towards `side`), huge if never.
+  pure real(wp) function time_to_travel(drive, time, distance, side) result(delay)
+    type(drive_segment_t), intent(in) :: drive
+    real(wp), intent(in) :: time, distance, side
+    real(wp) :: goal, velocity, acceleration, discriminant
+
+    delay = huge(delay)
+    goal = side*distance
+    velocity = side*drive%velocity_at(time)
+    acceleration = side*drive%acceleration
+    if (acceleration <= 0.0_wp .and. velocity <= 0.0_wp) return
+    discriminant = velocity**2 + 2.0_wp*acceleration*goal
+    if (discriminant < 0.0_wp) return
+    if (velocity >= 0.0_wp .and. .not. goal > 0.0_wp) then
+      delay = 0.0_wp
+    else if (velocity >= 0.0_wp) then
+      delay = 2.0_wp*goal/(velocity + sqrt(discriminant))
+    else
+      delay = (sqrt(discriminant) - velocity)/acceleration
+    end if
+    if (.not. delay <= huge(delay)) delay = huge(delay)
+  end function time_to_travel
+
+  !> Longest rest [s] that is a touch only, with the drive at this velocity [m/s].
+  pure real(wp) function touch_time(slider, drive_velocity)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: drive_velocity
+    real(wp) :: pull(2), growth
+    real(wp), parameter :: share = 1.0e-3_wp
+
+    pull = slider%stiffness*slider%pulled()*drive_velocity
+    growth = hypot(pull(1), pull(2))
+    touch_time = sqrt(slider%mass/maxval(slider%stiffness))
+    if (growth*touch_time > slider%law%onset) touch_time = slider%law%onset/growth
+    touch_time = share*touch_time
+  end function touch_time
+
+  !> Start of slip from rest at elongation `u`, where |K u| >= F_0.
+  pure function start_of_slip(slider, u, drive_velocity) result(begin)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: u(2), drive_velocity
+    type(slip_start_t) :: begin
+    real(wp) :: force(2), growth(2), along, across, magnitude
+
+    growth = slider%stiffness*slider%pulled()*drive_velocity
+    force = slider%stiffness*u
+    magnitude = spring_force_size(slider, u)
+    if (.not. magnitude > 0.0_wp) force = growth
+    begin%y = [0.0_wp, atan2(force(2), force(1))]
+    associate (c => cos(begin%y(2)), s => sin(begin%y(2)), m => slider%mass)
+      along = growth(1)*c + growth(2)*s
+      across = growth(2)*c - growth(1)*s
+      ! An excess within roundoff is none.
+      begin%rate(1) = 0.0_wp
+      if (magnitude > slider%law%onset*(1.0_wp + 16.0_wp*epsilon(m))) begin%rate(1) = (magnitude - slider%law%onset)/m
+      begin%rate(2) = 0.0_wp
+      if (magnitude > 0.0_wp .and. slider%turns) begin%rate(2) = across/(magnitude + m*begin%rate(1))
+      begin%curvature(1) = along/m
+    end associate
+  end function start_of_slip
+end module dst_rest

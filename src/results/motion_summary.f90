@@ -1,0 +1,188 @@
+!> The summary of a single run: what dst_summary looks at, read from the pieces of the motion.
+module dst_motion_summary
+  use dst_archive, only: archive_t
+  use dst_kinds, only: wp, int64
+  use dst_motion, only: motion_t
+  use dst_piece, only: stick_begins, slips, sticks
+  use dst_state, only: state_t, instant_t
+  use dst_stepper, only: work_count_t
+  use dst_summary, only: summary_t, energies_t, moment_t, stretch_t, summary_quantities, summary_values
+  use dst_writer, only: quantity_t, outcome_t
+  implicit none
+  private
+
+  public :: motion_summary_t
+
+  !> What is known of a run so far.
+  type, extends(summary_t) :: motion_summary_t
+    !> Slip velocity at the end of the last piece [m/s].
+    real(wp), private :: velocity(2) = 0.0_wp
+  contains
+    procedure :: start
+    procedure :: follow
+    procedure :: see
+    procedure :: values
+    procedure :: describe
+    procedure :: exchange
+  end type motion_summary_t
+
+  !> The last piece of a motion.
+  type, extends(stretch_t) :: piece_view_t
+    class(motion_t), pointer :: motion => null()
+  contains
+    procedure :: at
+    procedure :: friction
+  end type piece_view_t
+
+contains
+
+  !> Begin with a motion that has been started.
+  subroutine start(self, motion)
+    class(motion_summary_t), intent(inout) :: self
+    class(motion_t), intent(in) :: motion
+
+    if (motion%piece%event == stick_begins) self%sticks = 1
+    if (motion%in_closed_form) return
+    self%velocity = motion%velocity_now()
+    associate (slider => motion%slider)
+      ! High frequency: the longitudinal load is given.
+      call self%cycles%begin(slider%along(1)*merge(1.0_wp, 0.0_wp, slider%follows(1) > 0.0_wp), slider%law%onset, &
+        slider%stiffness(1), slider%mass)
+    end associate
+    call self%begin(moment_of(motion, motion%piece%to, self%velocity), motion%energy(self%velocity), motion%t_end)
+  end subroutine start
+
+  !> Take in the last piece.
+  subroutine follow(self, motion)
+    class(motion_summary_t), intent(inout) :: self
+    class(motion_t), intent(in), target :: motion
+    type(piece_view_t) :: view
+
+    associate (piece => motion%piece)
+      if (motion%in_closed_form) then
+        if (piece%contact == sticks) self%sticking_time = piece%to%time
+        return
+      end if
+      view%motion => motion
+      view%sticking = piece%contact /= slips
+      view%first = moment_of(motion, piece%from, self%velocity)
+      self%velocity = motion%velocity_now()
+      view%last = moment_of(motion, piece%to, self%velocity)
+      self%exchanged = self%exchanged + abs(piece%to%drive_work - piece%from%drive_work) + &
+        abs(piece%to%friction_work - piece%from%friction_work)
+      if (piece%event == stick_begins) self%sticks = self%sticks + 1
+      if (self%undecided_from < 0.0_wp .and. motion%is_undecided()) self%undecided_from = piece%to%time
+    end associate
+    call self%take_in(view)
+  end subroutine follow
+
+  !> Take in a sample of a motion in closed form, which has no steps to look at.
+  subroutine see(self, motion, instant)
+    class(motion_summary_t), intent(inout) :: self
+    class(motion_t), intent(in) :: motion
+    type(instant_t), intent(in) :: instant
+
+    if (motion%in_closed_form) &
+      self%largest_rate = max(self%largest_rate, abs(dot_product(instant%velocity, motion%slider%along)))
+  end subroutine see
+
+  !> A state in the last piece that slips with this velocity [m/s].
+  pure function moment_of(motion, state, velocity) result(moment)
+    class(motion_t), intent(in) :: motion
+    type(state_t), intent(in) :: state
+    real(wp), intent(in) :: velocity(2)
+    type(moment_t) :: moment
+
+    associate (slider => motion%slider)
+      moment%time = state%time
+      moment%position = state%position
+      moment%rate = dot_product(velocity, slider%along)
+      moment%slip_velocity = velocity
+      moment%force = slider%stiffness(1)*state%u(1)
+      moment%drive_velocity = motion%piece%drive%velocity_at(state%time)
+      moment%force_rate = slider%stiffness(1)*slider%follows(1)*(moment%drive_velocity*slider%along(1) - velocity(1))
+    end associate
+  end function moment_of
+
+  function at(self, time) result(moment)
+    class(piece_view_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    type(moment_t) :: moment
+    type(state_t) :: state
+    real(wp) :: velocity(2)
+
+    state = self%motion%piece%at(time)
+    velocity = 0.0_wp
+    if (.not. self%sticking) velocity = self%motion%velocity(state)
+    moment = moment_of(self%motion, state, velocity)
+  end function at
+
+  pure real(wp) function friction(self, speed)
+    class(piece_view_t), intent(in) :: self
+    real(wp), intent(in) :: speed
+    real(wp) :: force(1), slope(1)
+
+    call self%motion%slider%law%evaluate(1, [speed], force, slope)
+    friction = force(1)
+  end function friction
+
+  !> The values of all `summary_quantities`, and which of them this run has.
+  subroutine values(self, motion, value, given)
+    class(motion_summary_t), intent(in) :: self
+    class(motion_t), intent(in) :: motion
+    real(wp), intent(out) :: value(:)
+    logical, intent(out) :: given(:)
+
+    if (motion%in_closed_form) then
+      call summary_values(self%summary_t, value, given)
+    else
+      call summary_values(self%summary_t, value, given, energies_t(self%first_energy, motion%energy(self%velocity), &
+        motion%piece%to%drive_work, motion%piece%to%friction_work))
+    end if
+  end subroutine values
+
+  !> Write summary and statistics into the outcome. A mean of nothing is left out, not invented.
+  subroutine describe(self, motion, wall_time, outcome)
+    class(motion_summary_t), intent(in) :: self
+    class(motion_t), intent(in) :: motion
+    real(wp), intent(in) :: wall_time
+    type(outcome_t), intent(inout) :: outcome
+    type(work_count_t) :: work
+    real(wp) :: value(size(summary_quantities))
+    logical :: given(size(summary_quantities))
+
+    call self%values(motion, value, given)
+    outcome%summary = pack(summary_quantities, given)
+    outcome%summary_value = pack(value, given)
+    allocate (outcome%statistics(0), outcome%statistics_value(0))
+    work = motion%work()
+    call put_count('steps', 'accepted steps', work%steps)
+    call put_count('rejected', 'rejected steps', work%rejected)
+    call put_count('rhs', 'evaluations of the equations of motion', work%rhs)
+    call put_count('jacobians', 'evaluations of the Jacobian of a step', work%jacobians)
+    call put_count('factorisations', 'factorised linear systems', work%factorisations)
+    call put_count('newton', 'Newton iterations', work%newton)
+    call put_count('events', 'stick and slip events', work%events)
+    outcome%statistics = [outcome%statistics, quantity_t('wall_time', 's', 'wall time of the run')]
+    outcome%statistics_value = [outcome%statistics_value, wall_time]
+
+  contains
+
+    subroutine put_count(name, long_name, count)
+      character(*), intent(in) :: name, long_name
+      integer(int64), intent(in) :: count
+
+      outcome%statistics = [outcome%statistics, quantity_t(name, '1', long_name)]
+      outcome%statistics_value = [outcome%statistics_value, real(count, wp)]
+    end subroutine put_count
+  end subroutine describe
+
+  !> Save or load.
+  subroutine exchange(self, archive)
+    class(motion_summary_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call self%summary_t%exchange(archive)
+    call archive%exchange(self%velocity)
+  end subroutine exchange
+end module dst_motion_summary

@@ -1,0 +1,284 @@
+!> From a scene to its motion: slider, drive, equations, method.
+module dst_assembly
+  use dst_creep_motion, only: creep_motion_t, new_creep_motion
+  use dst_drive, only: drive_t, new_drive
+  use dst_errors, only: error_t, raise, deck_error
+  use dst_explicit_slip, only: explicit_slip_t
+  use dst_friction, only: new_friction_law
+  use dst_full_model, only: new_full_polar, new_full_smoothed
+  use dst_implicit_slip, only: implicit_slip_t
+  use dst_kinds, only: wp
+  use dst_low_frequency, only: new_low_frequency
+  use dst_moreau_jean, only: new_moreau_jean
+  use dst_motion, only: motion_t
+  use dst_radau, only: new_radau
+  use dst_runge_kutta, only: new_runge_kutta
+  use dst_scene, only: scene_t
+  use dst_slider, only: slider_t, cos_sin_degrees
+  use dst_slip_stick, only: slip_stick_t
+  use dst_slip_system, only: slip_system_t
+  use dst_stepper, only: stepper_t
+  use dst_stepping, only: stepping_t
+  use dst_straight_slip, only: new_straight_slip, on_line
+  use dst_text, only: short_text
+  use dst_time_stepping, only: time_stepping_t
+  implicit none
+  private
+
+  public :: new_motion, slider_from_scene
+
+  !> How long the largest slip speed is remembered, in radians of the faster oscillation.
+  real(wp), parameter :: memory = 10.0_wp
+
+contains
+
+  !> The motion of a scene at time 0; `other`, if there is one, takes turns with it where the drive begins or ceases to rest.
+  subroutine new_motion(scene, motion, other, error)
+    type(scene_t), intent(in) :: scene
+    class(motion_t), allocatable, intent(out) :: motion, other
+    type(error_t), allocatable, intent(out) :: error
+    type(slider_t) :: slider
+    type(drive_t) :: drive
+    class(slip_system_t), allocatable :: resting, guided
+    class(stepper_t), allocatable :: stepper
+    class(stepping_t), allocatable :: first, second
+
+    call slider_from_scene(scene, slider)
+    drive = new_drive(scene%drive_time, scene%drive_velocity)
+    if (scene%is_closed_form()) then
+      call start_creep(scene, slider, drive, motion, error)
+      return
+    end if
+    call choose_equations(scene, slider, drive, resting, guided, error)
+    if (.not. allocated(error)) call check_method(scene, drive, resting, guided, error)
+    if (allocated(error)) return
+    if (allocated(resting)) then
+      call choose_method(scene, slider, resting%components, stepper)
+    else
+      call choose_method(scene, slider, guided%components, stepper)
+    end if
+    if (allocated(resting)) call new_resting(scene, slider, drive, resting, stepper%explicit, first)
+    if (allocated(guided)) call new_guided(scene, slider, drive, guided, second)
+    if (.not. allocated(first)) then
+      call move_alloc(second, first)
+    else if (allocated(second)) then
+      if (.not. drive%segment(1)%rests) call exchange_roles(first, second)
+    end if
+    call move_alloc(stepper, first%stepper)
+    call start_motion(scene, first)
+    call move_alloc(first, motion)
+    if (allocated(second)) call move_alloc(second, other)
+  end subroutine new_motion
+
+  subroutine exchange_roles(first, second)
+    class(stepping_t), allocatable, intent(inout) :: first, second
+    class(stepping_t), allocatable :: kept
+
+    call move_alloc(first, kept)
+    call move_alloc(second, first)
+    call move_alloc(kept, second)
+  end subroutine exchange_roles
+
+  !> The equations of motion by name: of motion that can rest (exact contact), of motion that cannot, or both.
+  subroutine choose_equations(scene, slider, drive, resting, guided, error)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(inout) :: slider
+    type(drive_t), intent(inout) :: drive
+    class(slip_system_t), allocatable, intent(out) :: resting, guided
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: slow
+
+    select case (scene%model)
+    case ('low_frequency')
+      slider%follows = [1.0_wp, 0.0_wp]
+      slider%turns = .false.
+      resting = new_straight_slip(slider, 1, [0.0_wp, 0.0_wp])
+      if (.not. abs(slider%along(2)) > 0.0_wp) return
+      ! The way driven while a ramp passes through zero goes with the square of this share of its velocity.
+      slow = max(3.0e-6_wp, 0.1_wp*sqrt(scene%rtol))
+      drive = drive%with_rests(slow)
+      guided = new_low_frequency(slider)
+    case ('high_frequency')
+      slider%follows = [0.0_wp, 1.0_wp]
+      slider%turns = .false.
+      if (abs(slider%stiffness(1)*scene%elongation_x) >= slider%law%onset) then
+        call raise(error, deck_error, 'high_frequency holds for a longitudinal load below the static limit: '// &
+          '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//trim(short_text(slider%law%onset))//' N', &
+          'initial.elongation_x')
+        return
+      end if
+      resting = new_straight_slip(slider, 2, [scene%elongation_x, 0.0_wp])
+    case default
+      ! Moreau-Jean solves the exact contact in the slip velocity itself, with its own friction.
+      if (scene%contact == 'exact' .and. scene%method /= 'moreau_jean') then
+        resting = new_full_polar(slider)
+      else
+        guided = new_full_smoothed(slider)
+      end if
+    end select
+  end subroutine choose_equations
+
+  !> Slow creep in closed form.
+  subroutine start_creep(scene, slider, drive, motion, error)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(drive_t), intent(in) :: drive
+    class(motion_t), allocatable, intent(out) :: motion
+    type(error_t), allocatable, intent(out) :: error
+    type(creep_motion_t), allocatable :: creep
+    character(:), allocatable :: form
+
+    if (.not. scene%interval > 0.0_wp) then
+      call raise(error, deck_error, "output.interval must be > 0 with model = '"//scene%model// &
+        "': a closed form has no steps", 'output.interval')
+      return
+    end if
+    form = ''
+    if (scene%model == 'creep_asymptotic') form = scene%form
+    allocate (creep)
+    call new_creep_motion(slider, drive, form, scene%t_end, creep, error)
+    call move_alloc(creep, motion)
+  end subroutine start_creep
+
+  !> The object and its contact.
+  subroutine slider_from_scene(scene, slider)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(out) :: slider
+
+    slider%mass = scene%mass
+    slider%stiffness = [scene%stiffness_x, scene%stiffness_y]
+    slider%along = cos_sin_degrees(scene%misalignment_deg)
+    call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law)
+    if (scene%contact /= 'exact') slider%smoothing = scene%v_smooth**2
+  end subroutine slider_from_scene
+
+  !> Methods that cannot follow this motion.
+  subroutine check_method(scene, drive, resting, guided, error)
+    type(scene_t), intent(in) :: scene
+    type(drive_t), intent(in) :: drive
+    class(slip_system_t), allocatable, intent(in) :: resting, guided
+    type(error_t), allocatable, intent(out) :: error
+    logical :: may_rest
+
+    may_rest = allocated(resting)
+    if (may_rest .and. allocated(guided)) may_rest = any(drive%segment%start < scene%t_end .and. drive%segment%rests)
+    if (scene%method == 'rk4' .and. may_rest) then
+      call raise(error, deck_error, "method 'rk4' cannot follow the exact contact, and here the object may come to rest: "// &
+        'use an adaptive method', 'integrator.method')
+    else if (scene%method == 'rodas4p') then
+      call raise(error, deck_error, "method 'rodas4p' is for the cases of a sweep, and keeps no series: use radau9", &
+        'integrator.method')
+    end if
+  end subroutine check_method
+
+  !> The integrators by name.
+  subroutine choose_method(scene, slider, components, stepper)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    integer, intent(in) :: components
+    class(stepper_t), allocatable, intent(out) :: stepper
+
+    select case (scene%method)
+    case ('radau5')
+      stepper = new_radau(3, components, scene%rtol)
+    case ('radau9')
+      stepper = new_radau(5, components, scene%rtol)
+    case ('radau13')
+      stepper = new_radau(7, components, scene%rtol)
+    case ('moreau_jean')
+      stepper = new_moreau_jean(slider)
+    case default
+      stepper = new_runge_kutta(scene%method, components, scene%rtol)
+    end select
+    stepper%memory = memory/maxval(slider%frequency())
+  end subroutine choose_method
+
+  !> Motion that can rest.
+  subroutine new_resting(scene, slider, drive, system, is_explicit, motion)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(drive_t), intent(in) :: drive
+    class(slip_system_t), allocatable, intent(inout) :: system
+    logical, intent(in) :: is_explicit
+    class(stepping_t), allocatable, intent(out) :: motion
+    type(implicit_slip_t), allocatable :: implicit
+    type(explicit_slip_t), allocatable :: explicit
+
+    ! The slipped distance left below this share of the peak speed is below rtol of what was slipped.
+    if (is_explicit) then
+      allocate (explicit)
+      explicit%cut_share = cut_share(scene%rtol)
+      explicit%cut_speed = scene%v_cut
+      explicit%cut_rtol = scene%rtol
+      call move_alloc(explicit, motion)
+    else
+      allocate (implicit)
+      implicit%cut_share = cut_share(scene%rtol)
+      call move_alloc(implicit, motion)
+    end if
+    motion%step_max = scene%step_max
+    call motion%set_up(slider, drive, scene%t_end)
+    call move_alloc(system, motion%system)
+  end subroutine new_resting
+
+  !> Below this share of the peak speed a stop is finished in closed form: the distance left is below rtol of what was slipped.
+  pure real(wp) function cut_share(rtol)
+    real(wp), intent(in) :: rtol
+
+    cut_share = 0.03_wp*sqrt(rtol)
+  end function cut_share
+
+  !> Motion that rests only as the scheme finds it, or not at all.
+  subroutine new_guided(scene, slider, drive, system, motion)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(drive_t), intent(in) :: drive
+    class(slip_system_t), allocatable, intent(inout) :: system
+    class(stepping_t), allocatable, intent(out) :: motion
+
+    if (scene%method == 'moreau_jean') then
+      allocate (time_stepping_t :: motion)
+    else
+      allocate (stepping_t :: motion)
+    end if
+    motion%may_rest = .false.
+    motion%step_max = scene%step_max
+    motion%fixed_step = scene%step
+    call motion%set_up(slider, drive, scene%t_end)
+    call move_alloc(system, motion%system)
+  end subroutine new_guided
+
+  !> Initial elongation and slip velocity X'(0) = velocity_ratio V(0), Y'(0) = 0.
+  subroutine start_motion(scene, motion)
+    type(scene_t), intent(in) :: scene
+    class(stepping_t), intent(inout) :: motion
+    real(wp) :: u(2), y(2), w(2)
+
+    u = [scene%elongation_x, scene%elongation_y]
+    w = scene%velocity_ratio*scene%drive_velocity(1)*motion%slider%along
+    select case (scene%model)
+    case ('low_frequency')
+      y = [w(1), 0.0_wp]
+      if (motion%may_rest) y = on_line(w(1))
+    case ('high_frequency')
+      y = straight_slip_from(motion%slider, w, u)
+    case default
+      y = w
+      if (motion%may_rest) y = [hypot(w(1), w(2)), atan2(w(2), w(1))]
+    end select
+    call motion%start(u, y, -dot_product(u, motion%slider%along))
+  end subroutine start_motion
+
+  !> (v, theta) of a slip that the longitudinal load faces, F_0 cos(theta) = k_x u_x, towards the side of u_y or
+  !> of the drive, as fast as the velocity w in that direction.
+  pure function straight_slip_from(slider, w, u) result(y)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: w(2), u(2)
+    real(wp) :: y(2), side
+
+    side = u(2)
+    if (.not. abs(side) > 0.0_wp) side = w(2)
+    y(2) = sign(acos(slider%stiffness(1)*u(1)/slider%law%onset), side)
+    y(1) = max(0.0_wp, dot_product(w, [cos(y(2)), sin(y(2))]))
+  end function straight_slip_from
+end module dst_assembly
