@@ -1,5 +1,5 @@
-!> Slip and stick by an explicit method. It evaluates y' = g/B, which has no value at rest: slip begins as a power series and ends in
-!> closed form, and in between the method is kept from v = 0.
+!> Slip and stick by an explicit method. It evaluates y' = g/B, which has no value at rest: slip begins as a power series and
+!> ends in closed form, and in between the method is kept from v = 0.
 module dst_explicit_slip
   use dst_archive, only: archive_t
   use dst_bernstein, only: first_zero

@@ -219,8 +219,8 @@ contains
     if (.not. outcome%solved) outcome%factor = 0.25_wp
   end subroutine refuse_hidden_stop
 
-  !> Bernstein coefficients of v in the last attempt. It rises from the lowest point of a dip; where the polynomial seems to fall there,
-  !> within its accuracy, it does not.
+  !> Bernstein coefficients of v in the last attempt. It rises from the lowest point of a dip; where the polynomial seems to fall
+  !> there, within its accuracy, it does not.
   pure subroutine dip_coefficients(self, coefficient)
     class(implicit_slip_t), intent(in) :: self
     real(wp), intent(out) :: coefficient(0:max_degree)

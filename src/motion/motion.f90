@@ -62,7 +62,7 @@ module dst_motion
     procedure(exchange), deferred :: exchange
     procedure :: finished
     procedure :: velocity_now
-    procedure :: enter_segment
+    procedure :: advance
   end type motion_t
 
   abstract interface
@@ -133,24 +133,32 @@ contains
     if (self%contact == slips) velocity = self%velocity(self%piece%to)
   end function velocity_now
 
-  !> The next piece of a motion. `other`, if there is one, takes turns with it at knots where the drive begins or ceases to rest.
+  !> The next piece of one of two motions that take turns at knots where the drive begins or ceases to rest; or of the only one.
   subroutine next_piece(motion, other, error)
     class(motion_t), allocatable, intent(inout) :: motion, other
     type(error_t), allocatable, intent(out) :: error
 
-    motion%piece%event = no_event
-    if (motion%piece%to%time >= motion%piece%drive%end) then
-      call motion%enter_segment()
-      if (allocated(other)) then
-        if (motion%may_rest .neqv. motion%piece%drive%rests) call change_over(motion, other)
-        if (motion%piece%event /= no_event) return
-      end if
+    if (allocated(other) .and. motion%piece%to%time >= motion%piece%drive%end) then
+      motion%piece%event = no_event
+      call enter_segment(motion)
+      if (motion%may_rest .neqv. motion%piece%drive%rests) call change_over(motion, other)
+      if (motion%piece%event /= no_event) return
     end if
-    motion%piece%from = motion%piece%to
-    motion%piece%contact = motion%contact
-    call motion%go_on(min(motion%t_end, motion%piece%drive%end), error)
-    if (.not. allocated(error)) call watch_progress(motion, error)
+    call motion%advance(error)
   end subroutine next_piece
+
+  !> The next piece.
+  subroutine advance(self, error)
+    class(motion_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+
+    self%piece%event = no_event
+    if (self%piece%to%time >= self%piece%drive%end) call enter_segment(self)
+    self%piece%from = self%piece%to
+    self%piece%contact = self%contact
+    call self%go_on(min(self%t_end, self%piece%drive%end), error)
+    if (.not. allocated(error)) call watch_progress(self, error)
+  end subroutine advance
 
   !> Past a knot of the drive.
   pure subroutine enter_segment(self)

@@ -1,9 +1,9 @@
-!> Scenes for the unit tests, and their trajectories without any output.
+!> Scenes for the unit tests, and their motions without any output.
 module scenes
   use dst_kinds, only: wp
   use dst_errors, only: error_t
   use dst_memory_writer, only: memory_writer_t
-  use dst_observables, only: slip_velocity
+  use dst_motion, only: next_piece
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   implicit none
@@ -73,7 +73,7 @@ contains
     if (allocated(error)) error stop 'a test scene is refused'
   end subroutine begin
 
-  !> Advance until an advance reaches past `time` [s], or to the end; `sound` is false if the solver gives up.
+  !> Go on until a piece reaches past `time` [s], or to the end; `sound` is false if the solver gives up.
   subroutine go_to(simulation, time, sound)
     type(simulation_t), intent(inout) :: simulation
     real(wp), intent(in) :: time
@@ -81,8 +81,8 @@ contains
     type(error_t), allocatable :: error
 
     sound = .true.
-    do while (.not. simulation%trajectory%finished() .and. simulation%trajectory%now%time < time)
-      call simulation%trajectory%advance(error)
+    do while (.not. simulation%motion%finished() .and. simulation%motion%piece%to%time < time)
+      call next_piece(simulation%motion, simulation%other, error)
       sound = .not. allocated(error)
       if (.not. sound) return
     end do
@@ -101,23 +101,21 @@ contains
     sound = .not. allocated(error)
   end subroutine complete
 
-  !> Slip velocity [m/s] at the end of the last advance.
+  !> Slip velocity [m/s] at the end of the last piece.
   pure function velocity(simulation)
     type(simulation_t), intent(in) :: simulation
     real(wp) :: velocity(2)
 
-    velocity = 0.0_wp
-    if (.not. simulation%trajectory%sticking) &
-      velocity = slip_velocity(simulation%trajectory, simulation%trajectory%now)
+    velocity = simulation%motion%velocity_now()
   end function velocity
 
-  !> Kinetic and elastic energy [J] at the end of the last advance.
+  !> Kinetic and elastic energy [J] at the end of the last piece.
   pure real(wp) function energy(simulation)
     type(simulation_t), intent(in) :: simulation
 
-    associate (trajectory => simulation%trajectory)
-      energy = 0.5_wp*(trajectory%slider%mass*sum(velocity(simulation)**2) &
-        + sum(trajectory%slider%stiffness*trajectory%now%u**2))
+    associate (motion => simulation%motion)
+      energy = 0.5_wp*(motion%slider%mass*sum(velocity(simulation)**2) &
+        + sum(motion%slider%stiffness*motion%piece%to%u**2))
     end associate
   end function energy
 end module scenes

@@ -5,7 +5,8 @@ module failing_method
   use dst_drive, only: drive_segment_t
   use dst_kinds, only: wp
   use dst_slip_system, only: slip_system_t
-  use dst_stepper, only: stepper_t, motion_t, attempt_t
+  use dst_state, only: state_t
+  use dst_stepper, only: stepper_t, attempt_t
   implicit none
   private
 
@@ -37,9 +38,9 @@ contains
     class(failing_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
+    type(state_t), intent(in) :: from
     real(wp), intent(in) :: step
-    type(motion_t), intent(out) :: to
+    type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
 
     associate (unused => system, also_unused => drive)
@@ -93,6 +94,7 @@ program test_giving_up
   use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
+  use dst_stepping, only: stepping_t
   use failing_method, only: failing_t
   use scenes, only: fig3
   implicit none
@@ -139,10 +141,7 @@ contains
       stepper%manner = manner
       ! At time 0 every step moves the time.
       if (manner == 'stubborn') stepper%good_steps = 0
-      stepper%own_grid = simulation%trajectory%stepper%own_grid
-      stepper%grid = stepper%own_grid
-      deallocate (simulation%trajectory%stepper)
-      allocate (simulation%trajectory%stepper, source=stepper)
+      call replace_method(simulation, stepper)
     end if
     call simulation%proceed(huge(1.0_wp), writer, error)
     call check(manner//': gives up', allocated(error))
@@ -155,12 +154,26 @@ contains
     call check(manner//': remedy after a colon', index(error%text, '): ') > 0)
     call check(manner//': page', index(error%text, 'docs/errors.md') > 0)
     call check(manner//': samples so far', writer%rows >= stepper%good_steps + 1)
-    associate (method => simulation%trajectory%stepper)
-      select type (method)
+    select type (motion => simulation%motion)
+    class is (stepping_t)
+      select type (method => motion%stepper)
       type is (failing_t)
         call check(manner//': an attempt is accepted or rejected', &
           method%count%steps + method%count%rejected == method%attempts)
       end select
-    end associate
+    end select
   end subroutine expect
+
+  !> From now on this method makes the steps.
+  subroutine replace_method(simulation, stepper)
+    type(simulation_t), intent(inout) :: simulation
+    type(failing_t), intent(inout) :: stepper
+
+    select type (motion => simulation%motion)
+    class is (stepping_t)
+      stepper%grid = motion%stepper%grid
+      deallocate (motion%stepper)
+      allocate (motion%stepper, source=stepper)
+    end select
+  end subroutine replace_method
 end program test_giving_up

@@ -5,14 +5,15 @@ program test_models
   use checks, only: check, check_close, check_order, finish
   use random_numbers, only: start_random, uniform, log_uniform
   use dst_kinds, only: wp, pi, degree
-  use dst_contact, only: load, holds, release_delay, onset_t, onset_of_slip, braking_t, braking, end_of_slip
+  use dst_braking, only: braking_t, braking
   use dst_drive, only: drive_t, drive_segment_t, new_drive
   use dst_friction, only: friction_law_t, new_friction_law
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
   use dst_low_frequency, only: low_frequency_t, new_low_frequency
+  use dst_rest, only: spring_force_size, holds, release_delay, slip_start_t, start_of_slip
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
-  use dst_stepper, only: motion_t
+  use dst_state, only: state_t
   use dst_straight_slip, only: straight_slip_t, new_straight_slip
   implicit none
 
@@ -393,12 +394,12 @@ contains
     do side = 1, 2
       low = 0.0_wp
       high = 1.0_wp
-      do while (load(slider, u + real(3 - 2*side, wp)*high*slider%along) < slider%law%onset)
+      do while (spring_force_size(slider, u + real(3 - 2*side, wp)*high*slider%along) < slider%law%onset)
         high = 2.0_wp*high
       end do
       do iteration = 1, 200
         middle = 0.5_wp*(low + high)
-        if (load(slider, u + real(3 - 2*side, wp)*middle*slider%along) < slider%law%onset) then
+        if (spring_force_size(slider, u + real(3 - 2*side, wp)*middle*slider%along) < slider%law%onset) then
           low = middle
         else
           high = middle
@@ -461,7 +462,8 @@ contains
       if (expected < last) then
         released = released + 1
         worst = max(worst, abs(found/expected - 1.0_wp))
-        at_limit = at_limit .and. abs(load(slider, u + drive%displacement(time, found)*slider%along)/slider%law%onset - 1.0_wp) &
+        at_limit = at_limit .and. &
+          abs(spring_force_size(slider, u + drive%displacement(time, found)*slider%along)/slider%law%onset - 1.0_wp) &
           <= 1.0e-10_wp
       else
         kept = kept + 1
@@ -523,7 +525,7 @@ contains
   !> and m v theta' - K u . t as t^2.
   subroutine test_onset()
     type(slider_t) :: slider
-    type(onset_t) :: onset
+    type(slip_start_t) :: beginning
     real(wp) :: u(2), angle, leftover(2, 2), reach, t
     integer :: trial, i
 
@@ -531,16 +533,17 @@ contains
       slider = random_slider('weakening')
       angle = atan2(slider%stiffness(2)*slider%along(2), slider%stiffness(1)*slider%along(1)) + sum(uniform(1, -1.2_wp, 1.2_wp))
       u = slider%law%onset*[cos(angle), sin(angle)]/slider%stiffness
-      onset = onset_of_slip(slider, u, 1.0e-3_wp)
-      onset%rate(1) = 0.0_wp
-      call check_close('onset: from rest', onset%y(1), 0.0_wp, 0.0_wp)
-      call check_close('onset: in the direction of K u', onset%y(2), atan2(sin(angle), cos(angle)), 8.0_wp*eps)
-      call check_close('onset: w = (g.n/2m) t^2', onset%curvature(1), &
-        1.0e-3_wp*dot_product(slider%stiffness*slider%along, [cos(angle), sin(angle)])/slider%mass, 1.0e-12_wp*onset%curvature(1))
+      beginning = start_of_slip(slider, u, 1.0e-3_wp)
+      beginning%rate(1) = 0.0_wp
+      call check_close('onset: from rest', beginning%y(1), 0.0_wp, 0.0_wp)
+      call check_close('onset: in the direction of K u', beginning%y(2), atan2(sin(angle), cos(angle)), 8.0_wp*eps)
+      call check_close('onset: w = (g.n/2m) t^2', beginning%curvature(1), &
+        1.0e-3_wp*dot_product(slider%stiffness*slider%along, [cos(angle), sin(angle)])/slider%mass, &
+        1.0e-12_wp*beginning%curvature(1))
       reach = 1.0e-3_wp*sqrt(slider%mass/slider%stiffness(2))
       do i = 1, 2
         t = reach/2.0_wp**(i - 1)
-        leftover(:, i) = abs(leftover_of(slider, u, onset, t))
+        leftover(:, i) = abs(leftover_of(slider, u, beginning, t))
       end do
       call check_order('onset: v', leftover(1, 1), leftover(1, 2), 2.0_wp, 2.0_wp, 0.15_wp)
       call check_order('onset: theta', leftover(2, 1), leftover(2, 2), 2.0_wp, 2.0_wp, 0.15_wp)
@@ -548,67 +551,67 @@ contains
     ! Beyond the static limit.
     slider = fig3_slider()
     u = 1.5_wp*slider%law%onset*[cos(0.5_wp), sin(0.5_wp)]/slider%stiffness
-    onset = onset_of_slip(slider, u, 1.0e-3_wp)
-    call check_close('onset beyond the limit: acceleration', onset%rate(1), 0.5_wp*slider%law%onset/slider%mass, 1.0e-14_wp)
+    beginning = start_of_slip(slider, u, 1.0e-3_wp)
+    call check_close('onset beyond the limit: acceleration', beginning%rate(1), 0.5_wp*slider%law%onset/slider%mass, 1.0e-14_wp)
     reach = 1.0e-4_wp*sqrt(slider%mass/slider%stiffness(2))
     do i = 1, 2
-      leftover(:, i) = abs(leftover_of(slider, u, onset, reach/2.0_wp**(i - 1)))
+      leftover(:, i) = abs(leftover_of(slider, u, beginning, reach/2.0_wp**(i - 1)))
     end do
     call check_order('onset beyond the limit: v', leftover(1, 1), leftover(1, 2), 2.0_wp, 1.0_wp, 0.1_wp)
     call check_order('onset beyond the limit: theta', leftover(2, 1), leftover(2, 2), 2.0_wp, 2.0_wp, 0.15_wp)
   end subroutine test_onset
 
   !> What the series leaves over in both equations at time t.
-  function leftover_of(slider, u, onset, t) result(leftover)
+  function leftover_of(slider, u, beginning, t) result(leftover)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), t
-    type(onset_t), intent(in) :: onset
+    type(slip_start_t), intent(in) :: beginning
     real(wp) :: leftover(2)
     real(wp) :: v, theta, now(2), slipped, friction(1), slope(1), n(2), spring(2)
 
-    v = t*(onset%rate(1) + 0.5_wp*t*onset%curvature(1))
-    slipped = t**2*(0.5_wp*onset%rate(1) + t*onset%curvature(1)/6.0_wp)
-    theta = onset%y(2) + t*onset%rate(2)
+    v = t*(beginning%rate(1) + 0.5_wp*t*beginning%curvature(1))
+    slipped = t**2*(0.5_wp*beginning%rate(1) + t*beginning%curvature(1)/6.0_wp)
+    theta = beginning%y(2) + t*beginning%rate(2)
     ! The direction turns by O(t) while slipping O(t^2): the curve of the path is of higher order.
-    now = u + 1.0e-3_wp*t*slider%along - slipped*[cos(onset%y(2)), sin(onset%y(2))]
+    now = u + 1.0e-3_wp*t*slider%along - slipped*[cos(beginning%y(2)), sin(beginning%y(2))]
     n = [cos(theta), sin(theta)]
     spring = slider%stiffness*now
     call slider%law%evaluate(1, [v], friction, slope)
-    leftover(1) = slider%mass*(onset%rate(1) + t*onset%curvature(1)) - (dot_product(spring, n) - friction(1))
-    leftover(2) = slider%mass*v*onset%rate(2) - dot_product(spring, [-n(2), n(1)])
+    leftover(1) = slider%mass*(beginning%rate(1) + t*beginning%curvature(1)) - (dot_product(spring, n) - friction(1))
+    leftover(2) = slider%mass*v*beginning%rate(2) - dot_product(spring, [-n(2), n(1)])
   end function leftover_of
 
   !> At phi = 0 with constant friction the start is harmonic: v = V (1 - cos(omega t)).
   subroutine test_onset_along_a_line()
     type(slider_t) :: slider
-    type(onset_t) :: onset
+    type(slip_start_t) :: beginning
     real(wp) :: omega
 
     slider = fig3_slider()
     slider%along = [1.0_wp, 0.0_wp]
     call new_friction_law('constant', 0.2_wp, 0.2_wp, 1.0_wp, 10.0_wp, slider%law)
     omega = sqrt(slider%stiffness(1)/slider%mass)
-    onset = onset_of_slip(slider, [2.0e-3_wp, 0.0_wp], 1.0e-3_wp)
-    call check_close('onset along a line: V omega^2', onset%curvature(1), 1.0e-3_wp*omega**2, 1.0e-14_wp)
-    call check_close('onset along a line: straight', onset%rate(2), 0.0_wp, 0.0_wp)
-    onset = onset_of_slip(slider, [-2.0e-3_wp, 0.0_wp], -1.0e-3_wp)
-    call check_close('onset backwards', onset%y(2), pi, 0.0_wp)
-    call check_close('onset backwards: V omega^2', onset%curvature(1), 1.0e-3_wp*omega**2, 1.0e-14_wp)
+    beginning = start_of_slip(slider, [2.0e-3_wp, 0.0_wp], 1.0e-3_wp)
+    call check_close('onset along a line: V omega^2', beginning%curvature(1), 1.0e-3_wp*omega**2, 1.0e-14_wp)
+    call check_close('onset along a line: straight', beginning%rate(2), 0.0_wp, 0.0_wp)
+    beginning = start_of_slip(slider, [-2.0e-3_wp, 0.0_wp], -1.0e-3_wp)
+    call check_close('onset backwards', beginning%y(2), pi, 0.0_wp)
+    call check_close('onset backwards: V omega^2', beginning%curvature(1), 1.0e-3_wp*omega**2, 1.0e-14_wp)
     ! Without friction and without elongation the drive gives the direction.
     call new_friction_law('constant', 0.0_wp, 0.0_wp, 1.0_wp, 10.0_wp, slider%law)
     slider%along = cos_sin_degrees(30.0_wp)
-    onset = onset_of_slip(slider, [0.0_wp, 0.0_wp], 1.0e-3_wp)
-    call check_close('onset without force', onset%y(2), atan2(1.0e7_wp*0.5_wp, 1.0e3_wp*cos(30.0_wp*degree)), 1.0e-15_wp)
+    beginning = start_of_slip(slider, [0.0_wp, 0.0_wp], 1.0e-3_wp)
+    call check_close('onset without force', beginning%y(2), atan2(1.0e7_wp*0.5_wp, 1.0e3_wp*cos(30.0_wp*degree)), 1.0e-15_wp)
   end subroutine test_onset_along_a_line
 
   !> The time is the sum of its steps, whatever their number: what each rounding takes is kept.
   subroutine test_time()
-    type(motion_t) :: from, to
+    type(state_t) :: from, to
     integer :: i
     integer, parameter :: n = 1000000
     real(wp), parameter :: step = 1.0_wp/3.0e3_wp
 
-    from = motion_t(time=1.0e3_wp)
+    from = state_t(time=1.0e3_wp)
     do i = 1, n
       call to%later(from, step)
       from%time = to%time
@@ -622,22 +625,22 @@ contains
   subroutine brake(slider, drive, from, to, ends)
     type(slider_t), intent(in) :: slider
     type(drive_segment_t), intent(in) :: drive
-    type(motion_t), intent(in) :: from
-    type(motion_t), intent(out) :: to
+    type(state_t), intent(in) :: from
+    type(state_t), intent(out) :: to
     logical, intent(out) :: ends
     type(braking_t) :: course
 
     to = from
     course = braking(slider, drive, from)
     ends = course%falls .and. course%acceleration < 0.0_wp
-    if (ends) to = end_of_slip(slider, drive, from, course)
+    if (ends) to = course%end_of_slip(slider, drive, from)
   end subroutine brake
 
   !> The last instants before a stop: exact for constant friction along a line up to the second order in the time left, and the
   !> energy balance closes.
   subroutine test_brake()
     type(slider_t) :: slider
-    type(motion_t) :: from, to
+    type(state_t) :: from, to
     type(drive_segment_t) :: drive
     real(wp) :: omega, v, shift, phase, amplitude, delay, errors(2), balance(2)
     logical :: stops
@@ -650,7 +653,7 @@ contains
     omega = sqrt(slider%stiffness(1)/slider%mass)
     do i = 1, 2
       v = 1.0e-4_wp/2.0_wp**(i - 1)
-      from = motion_t(time=1.0_wp, u=[1.2e-3_wp, 0.0_wp], y=[v, 0.0_wp])
+      from = state_t(time=1.0_wp, u=[1.2e-3_wp, 0.0_wp], y=[v, 0.0_wp])
       call brake(slider, drive, from, to, stops)
       ! z = u - F_0/k swings as amplitude*cos(omega t + phase), v = V - z'.
       shift = from%u(1) - slider%law%onset/slider%stiffness(1)

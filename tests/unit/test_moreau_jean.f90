@@ -11,7 +11,8 @@ program test_moreau_jean
   use dst_moreau_jean, only: speed_after
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
-  use dst_trajectory, only: stick_begins, slip_begins
+  use dst_motion, only: next_piece
+  use dst_piece, only: stick_begins, slip_begins, slips
   implicit none
 
   real(wp), parameter :: v = 1.0e-3_wp
@@ -52,8 +53,8 @@ contains
 
     call begin(scene, simulation)
     call go_to(simulation, huge(1.0_wp), sound)
-    call check('runs to the end', sound .and. abs(simulation%trajectory%now%time - scene%t_end) <= 0.0_wp)
-    state = [simulation%trajectory%now%u, velocity(simulation)]
+    call check('runs to the end', sound .and. abs(simulation%motion%piece%to%time - scene%t_end) <= 0.0_wp)
+    state = [simulation%motion%piece%to%u, velocity(simulation)]
   end function final_state
 
   !> A w + F(r) w/r = b with |w| = r, or |b| <= F_0; for both laws, any loads, and steps from short to absurd.
@@ -144,7 +145,7 @@ contains
     scene%elongation_x = 8.0e-3_wp
     call begin(scene, simulation)
     call go_to(simulation, huge(1.0_wp), sound)
-    associate (count => simulation%trajectory%stepper%count)
+    associate (count => simulation%motion%work())
       call check('counts: steps', count%steps == 1000)
       call check('counts: an equation a step', count%rhs == count%steps)
       call check('counts: iterations', count%newton > count%steps/2 .and. count%newton < 10*count%steps)
@@ -212,21 +213,21 @@ contains
     scene = steps_of(step, 1.0_wp)
     scene%velocity_ratio = 0.0_wp
     call begin(scene, simulation)
-    associate (trajectory => simulation%trajectory)
-      call check('first stick: begins', trajectory%sticking .and. trajectory%event == stick_begins)
-      release_time = 2.0_wp/(v*norm2(trajectory%slider%stiffness*trajectory%slider%along))
+    associate (motion => simulation%motion)
+      call check('first stick: begins', motion%contact /= slips .and. motion%piece%event == stick_begins)
+      release_time = 2.0_wp/(v*norm2(motion%slider%stiffness*motion%slider%along))
       at_rest = .true.
       do
-        call go_to(simulation, trajectory%now%time + 0.5_wp*step, sound)
-        if (trajectory%event == slip_begins .or. .not. sound) exit
-        at_rest = at_rest .and. trajectory%was_sticking .and. .not. any(abs(trajectory%now%y) > 0.0_wp)
-        if (trajectory%now%time > 2.0_wp*release_time) exit
+        call go_to(simulation, motion%piece%to%time + 0.5_wp*step, sound)
+        if (motion%piece%event == slip_begins .or. .not. sound) exit
+        at_rest = at_rest .and. motion%piece%contact /= slips .and. .not. any(abs(motion%piece%to%y) > 0.0_wp)
+        if (motion%piece%to%time > 2.0_wp*release_time) exit
       end do
       call check('first stick: no slip at all', at_rest)
-      call check('first stick: elongation', all(abs(trajectory%from%u - v*trajectory%from%time*trajectory%slider%along) &
-        <= 1.0e-12_wp*abs(trajectory%from%u)))
+      call check('first stick: elongation', all(abs(motion%piece%from%u - v*motion%piece%from%time*motion%slider%along) &
+        <= 1.0e-12_wp*abs(motion%piece%from%u)))
       ! A step sees the load of its middle, and notes the slip at its end.
-      call check_close('first stick: release', trajectory%now%time, release_time + 0.5_wp*step, 1.01_wp*step)
+      call check_close('first stick: release', motion%piece%to%time, release_time + 0.5_wp*step, 1.01_wp*step)
     end associate
   end subroutine test_first_stick
 
@@ -241,13 +242,13 @@ contains
     scene%drive_time = [0.0_wp, 0.5_wp, 0.5_wp]
     scene%drive_velocity = [v, v, 0.0_wp]
     call begin(scene, simulation)
-    associate (now => simulation%trajectory%now)
+    associate (now => simulation%motion%piece%to)
       call go_to(simulation, 1.0_wp, sound)
-      call check('hold: at rest', sound .and. simulation%trajectory%sticking)
+      call check('hold: at rest', sound .and. simulation%motion%contact /= slips)
       u = now%u
       position = now%position
       unchanged = .true.
-      do while (.not. simulation%trajectory%finished() .and. sound)
+      do while (.not. simulation%motion%finished() .and. sound)
         call go_to(simulation, now%time + 0.5e-4_wp, sound)
         unchanged = unchanged .and. .not. any(abs([now%u - u, now%y, now%position - position]) > 0.0_wp)
       end do
@@ -266,15 +267,15 @@ contains
     call oscillation(simulation%scene, omega, amplitude, phase)
     stop_time = (pi + asin(v/(amplitude*omega)) - phase)/omega
     straight = .true.
-    associate (trajectory => simulation%trajectory)
+    associate (motion => simulation%motion)
       do
-        call go_to(simulation, trajectory%now%time + 0.5_wp*step, sound)
-        straight = straight .and. .not. (abs(trajectory%now%u(2)) > 0.0_wp .or. abs(trajectory%now%y(2)) > 0.0_wp)
-        if (trajectory%event == stick_begins .or. trajectory%finished() .or. .not. sound) exit
+        call go_to(simulation, motion%piece%to%time + 0.5_wp*step, sound)
+        straight = straight .and. .not. (abs(motion%piece%to%u(2)) > 0.0_wp .or. abs(motion%piece%to%y(2)) > 0.0_wp)
+        if (motion%piece%event == stick_begins .or. motion%finished() .or. .not. sound) exit
       end do
       call check('along a line: nothing across', straight)
-      call check_close('along a line: stop', trajectory%now%time, stop_time, 1.01_wp*step)
-      call check_close('along a line: elongation there', trajectory%now%u(1), &
+      call check_close('along a line: stop', motion%piece%to%time, stop_time, 1.01_wp*step)
+      call check_close('along a line: elongation there', motion%piece%to%u(1), &
         2.0e-3_wp + amplitude*cos(omega*stop_time + phase), 2.0_wp*v*step)
       call go_to(simulation, huge(1.0_wp), sound)
     end associate
@@ -310,14 +311,16 @@ contains
 
     call begin(fig3(t_end, 'radau13', 1.0e-11_wp), exact)
     call go_to(exact, t_end, sound)
-    reference = [exact%trajectory%now%u, velocity(exact)]
+    reference = [exact%motion%piece%to%u, velocity(exact)]
     do i = 1, 3
       call begin(steps_of(8.0e-6_wp/4**i, t_end), simulation)
       call go_to(simulation, t_end, sound)
-      state = [simulation%trajectory%now%u, velocity(simulation)]
+      state = [simulation%motion%piece%to%u, velocity(simulation)]
       errors(i) = norm2(state(3:) - reference(3:))/norm2(reference(3:))
     end do
-    call check('Fig. 3: all sticks', simulation%trajectory%stepper%count%events == exact%trajectory%stepper%count%events)
+    associate (count => simulation%motion%work(), right => exact%motion%work())
+      call check('Fig. 3: all sticks', count%events == right%events)
+    end associate
     call check_order('Fig. 3', errors(1), errors(3), 16.0_wp, 1.0_wp, 0.3_wp)
     call check('Fig. 3: slip velocity', errors(3) < 0.01_wp)
   end subroutine test_fig3
@@ -352,7 +355,7 @@ contains
       call begin(scene, simulation)
       first = energy(simulation)
       call go_to(simulation, huge(1.0_wp), sound)
-      associate (now => simulation%trajectory%now)
+      associate (now => simulation%motion%piece%to)
         exchanged = abs(now%drive_work) + abs(now%friction_work) + first
         open = now%drive_work - now%friction_work - (energy(simulation) - first)
         call check_close('energy', open/exchanged, 0.0_wp, 1.0e-12_wp)

@@ -16,8 +16,10 @@ program test_radau
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t, cos_sin_degrees
-  use dst_stepper, only: motion_t, attempt_t
-  use dst_trajectory, only: stick_begins, slip_begins
+  use dst_state, only: state_t
+  use dst_stepper, only: attempt_t
+  use dst_motion, only: next_piece
+  use dst_piece, only: piece_t, stick_begins, slip_begins
   implicit none
 
   interface
@@ -171,13 +173,14 @@ contains
   !> The motion after `duration` in equal steps of any size, and in the middle of the last step by dense output.
   subroutine integrate(stage_count, steps, start, duration, last, inside)
     integer, intent(in) :: stage_count, steps
-    type(motion_t), intent(in) :: start
+    type(state_t), intent(in) :: start
     real(wp), intent(in) :: duration
-    type(motion_t), intent(out) :: last, inside
+    type(state_t), intent(out) :: last, inside
     type(full_smoothed_t) :: system
     type(radau_t) :: stepper
     type(drive_segment_t) :: drive
-    type(motion_t) :: from
+    type(state_t) :: from
+    type(piece_t) :: piece
     type(attempt_t) :: outcome
     integer :: k
 
@@ -193,12 +196,16 @@ contains
       if (.not. outcome%solved) error stop 'a step of the smooth scene is not solved'
       call stepper%accept()
     end do
-    inside = stepper%dense(system, drive, from, 0.5_wp)
+    piece%from = from
+    piece%drive = drive
+    call piece%obey(system)
+    call piece%path%take(stepper)
+    inside = piece%inside(0.5_wp)
   end subroutine integrate
 
   !> Distance of two motions in the norm of the energy [sqrt(J)].
   real(wp) function distance(a, b)
-    type(motion_t), intent(in) :: a, b
+    type(state_t), intent(in) :: a, b
     type(full_smoothed_t) :: system
 
     system = smooth_system()
@@ -207,9 +214,9 @@ contains
 
   !> Kinetic and elastic energy [J].
   real(wp) function energy(motion)
-    type(motion_t), intent(in) :: motion
+    type(state_t), intent(in) :: motion
 
-    energy = 0.5_wp*distance(motion, motion_t())**2
+    energy = 0.5_wp*distance(motion, state_t())**2
   end function energy
 
   !> The error is the mean over several starts: at a single one the leading term may happen to vanish.
@@ -217,7 +224,7 @@ contains
     character(*), intent(in) :: name
     integer, intent(in) :: stage_count
     integer, parameter :: starts = 24
-    type(motion_t) :: start, exact, found, unused
+    type(state_t) :: start, exact, found, unused
     real(wp), parameter :: duration = 0.2_wp
     real(wp) :: order, state(2), position(2), drive_work(2), friction_work(2), inside(2)
     integer :: steps, trial, k
@@ -230,7 +237,7 @@ contains
     friction_work = 0.0_wp
     inside = 0.0_wp
     do trial = 1, starts
-      start = motion_t(u=uniform(2, -3.0e-4_wp, 3.0e-4_wp), y=[4.0e-2_wp, 0.0_wp] + uniform(2, -1.0e-2_wp, 1.0e-2_wp))
+      start = state_t(u=uniform(2, -3.0e-4_wp, 3.0e-4_wp), y=[4.0e-2_wp, 0.0_wp] + uniform(2, -1.0e-2_wp, 1.0e-2_wp))
       call integrate(7, 40, start, duration, exact, unused)
       call check_close(name//': energy balance', exact%drive_work - exact%friction_work, energy(exact) - energy(start), &
         1.0e-12_wp*exact%drive_work)
@@ -270,12 +277,12 @@ contains
     real(wp), parameter :: rtol(4) = [1.0e-3_wp, 1.0e-6_wp, 1.0e-9_wp, 1.0e-13_wp]
     type(full_smoothed_t) :: system
     type(radau_t) :: stepper
-    type(motion_t) :: start, last(4), beyond
+    type(state_t) :: start, last(4), beyond
     type(attempt_t) :: outcome
     integer :: k, iterations(4)
 
     system = smooth_system()
-    start = motion_t(u=[3.0e-4_wp, 1.0e-4_wp], y=[4.0e-2_wp, 1.0e-2_wp])
+    start = state_t(u=[3.0e-4_wp, 1.0e-4_wp], y=[4.0e-2_wp, 1.0e-2_wp])
     do k = 1, 4
       stepper = new_radau(stage_count, 2, rtol(k))
       call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
@@ -304,10 +311,10 @@ contains
     type(error_t), allocatable :: error
 
     do
-      call simulation%trajectory%advance(error)
-      if (allocated(error) .or. simulation%trajectory%finished() .or. simulation%trajectory%event /= 0) exit
+      call next_piece(simulation%motion, simulation%other, error)
+      if (allocated(error) .or. simulation%motion%finished() .or. simulation%motion%piece%event /= 0) exit
     end do
-    call check(name//': the event that is due', .not. allocated(error) .and. simulation%trajectory%event == kind)
+    call check(name//': the event that is due', .not. allocated(error) .and. simulation%motion%piece%event == kind)
   end subroutine next_event
 
   !> It stops after the time that friction alone needs, m int dv/F(v), and is released at t_1 after the spring is loaded.
@@ -321,7 +328,7 @@ contains
     v = 1.0e-9_wp
     stop_time = 0.25_wp*v_f/limit*log((limit*exp(v/v_f) + drop)/(limit + drop))
     call next_event(simulation, stick_begins, name//', Fig. 3, stop')
-    associate (now => simulation%trajectory%now)
+    associate (now => simulation%motion%piece%to)
       ! The spring's part is k V t/F_0 = 1e-9 of it.
       call check_close(name//', Fig. 3: first stop', now%time, stop_time, 2.0e-8_wp*stop_time)
       call check_close(name//', Fig. 3: at rest', maxval(abs(now%y)), 0.0_wp, 0.0_wp)
@@ -354,7 +361,7 @@ contains
     stop_time = (pi + asin(v/(amplitude*omega)) - phase)/omega
     u = 2.0e-3_wp + amplitude*cos(omega*stop_time + phase)
     call begin(scene, simulation)
-    associate (now => simulation%trajectory%now)
+    associate (now => simulation%motion%piece%to)
       call next_event(simulation, stick_begins, name//', along a line, stop')
       call check_close(name//', along a line: stop', now%time, stop_time, 1.0e-9_wp*stop_time)
       call check_close(name//', along a line: elongation there', now%u(1), u, 1.0e-10_wp*abs(u))

@@ -1,4 +1,4 @@
-!> Explicit methods: the tableaux, the orders, and the exact contact that the trajectory leads them
+!> Explicit methods: the tableaux, the orders, and the exact contact that they are led
 !> through. References: order conditions of Hairer, Norsett & Wanner I; quadruple-precision values of
 !> Fig. 3; Radau IIA of order 13.
 program test_runge_kutta
@@ -12,18 +12,23 @@ program test_runge_kutta
   use dst_runge_kutta, only: new_runge_kutta
   use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights
   use dst_slider, only: slider_t, cos_sin_degrees
-  use dst_stepper, only: motion_t, attempt_t
+  use dst_state, only: state_t
+  use dst_stepper, only: attempt_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
-  use dst_trajectory, only: trajectory_t, stick_begins
+  use dst_explicit_slip, only: explicit_slip_t
+  use dst_implicit_slip, only: implicit_slip_t
+  use dst_piece, only: piece_t, stick_begins, slips
+  use dst_slip_stick, only: slip_stick_t
+  use dst_stepping, only: stepping_t
   use scenes, only: fig3, begin, go_to
   implicit none
 
   character(*), parameter :: method(3) = [character(6) :: 'rk4', 'dopri5', 'dop853']
   !> What comes of a run: its samples, its stops and its work.
   type :: run_t
-    type(motion_t), allocatable :: sample(:)
-    type(motion_t) :: final
+    type(state_t), allocatable :: sample(:)
+    type(state_t) :: final
     integer :: sticks = 0
     integer :: rejected = 0, evaluations = 0
     !> Drive work less friction work less the change of energy, relative to the drive work.
@@ -167,9 +172,10 @@ contains
     character(*), intent(in) :: name
     real(wp), intent(in) :: duration, tau
     integer, intent(in) :: steps
-    type(motion_t) :: motion
-    type(trajectory_t) :: scene
-    type(motion_t) :: to
+    type(state_t) :: motion
+    type(stepping_t) :: scene
+    type(piece_t) :: piece
+    type(state_t) :: to
     type(attempt_t) :: outcome
     integer :: i
 
@@ -181,14 +187,20 @@ contains
     do i = 1, steps
       call scene%stepper%attempt(scene%system, scene%drive%segment(1), motion, duration/real(steps, wp), to, outcome)
       if (.not. outcome%solved) error stop 'a step of the order test failed'
-      if (tau < 1.0_wp) to = scene%stepper%dense(scene%system, scene%drive%segment(1), motion, tau)
+      if (tau < 1.0_wp) then
+        piece%from = motion
+        piece%drive = scene%drive%segment(1)
+        call piece%obey(scene%system)
+        call piece%path%take(scene%stepper)
+        to = piece%inside(tau)
+      end if
       motion = to
     end do
   end function march
 
   !> Difference of two motions as a slip velocity relative to the slip speed.
   pure real(wp) function distance(a, b)
-    type(motion_t), intent(in) :: a, b
+    type(state_t), intent(in) :: a, b
 
     distance = norm2(a%y - b%y)/norm2(b%y)
   end function distance
@@ -219,7 +231,7 @@ contains
         scene%t_end = 100.5_wp*scene%step
         call begin(scene, simulation)
         call go_to(simulation, huge(1.0_wp), sound)
-        associate (count => simulation%trajectory%stepper%count)
+        associate (count => simulation%motion%work())
           call check('rk4: the longest stable step', sound .and. (count%rejected == 0 .eqv. j == 1))
           call check('rk4: what is cut is cut to nine tenths of the limit', &
             count%steps == merge(101, ceiling(100.5_wp*2.75_wp/(0.9_wp*2.7_wp)), j == 1))
@@ -231,7 +243,7 @@ contains
   !> Smoothed contact: a tolerance that is kept, and a fixed step that never becomes unstable.
   subroutine test_smoothed()
     real(wp), parameter :: duration = 0.05_wp
-    type(trajectory_t) :: scene
+    type(stepping_t) :: scene
     type(run_t) :: reference, loose, tight
     integer :: i
 
@@ -269,14 +281,13 @@ contains
     real(wp), parameter :: w(2, 3) = reshape([3.4657221958313615e-7_wp, 3.4464837227950101e-5_wp, &
       7.7718265581718725420e-7_wp, 3.0762498951531784662e-5_wp, &
       6.6869132069817701e-6_wp, 2.6297324897503335e-5_wp], [2, 3])
-    type(trajectory_t) :: scene
+    class(slip_stick_t), allocatable :: scene
     type(run_t) :: whole
     integer :: i, j
 
     do i = 2, size(method)
       do j = 1, size(time)
-        scene = exact_scene(trim(method(i)), 1.0_wp, 'weakening', zero_time, one_speed, 1.0e-8_wp)
-        scene%t_end = time(j)
+        call exact_scene(scene, trim(method(i)), fig3_slider(1.0_wp, 'weakening'), zero_time, one_speed, 1.0e-8_wp, time(j))
         whole = run(scene, at_rest, [1.0e-9_wp, degree])
         call check(method(i)//': sticks', whole%sticks == sticks(j))
         call check_small(method(i)//': u_x', abs(whole%final%u(1)/u(1, j) - 1.0_wp), 1.0e-13_wp)
@@ -286,9 +297,8 @@ contains
       end do
     end do
     ! A coarser cut-off must tell: otherwise the bounds above say nothing about it.
-    scene = exact_scene('dop853', 1.0_wp, 'weakening', zero_time, one_speed, 1.0e-8_wp)
+    call exact_scene(scene, 'dop853', fig3_slider(1.0_wp, 'weakening'), zero_time, one_speed, 1.0e-8_wp, time(3))
     scene%cut_speed = 1.0e-6_wp
-    scene%t_end = time(3)
     whole = run(scene, at_rest, [1.0e-9_wp, degree])
     call check('a coarse cut-off costs digits', norm2(slip(whole%final) - w(:, 3))/norm2(w(:, 3)) > 1.0e-5_wp)
     call check('but no stick', whole%sticks == sticks(3))
@@ -337,16 +347,14 @@ contains
   subroutine compare(name, misalignment, law, time, velocity, u, y, t_end)
     character(*), intent(in) :: name, law
     real(wp), intent(in) :: misalignment, time(:), velocity(:), u(2), y(2), t_end
-    type(trajectory_t) :: scene
+    class(slip_stick_t), allocatable :: scene
     type(run_t) :: reference, explicit
     integer :: i
 
-    scene = exact_scene('radau9', misalignment, law, time, velocity, 1.0e-11_wp)
-    scene%t_end = t_end
+    call exact_scene(scene, 'radau9', fig3_slider(misalignment, law), time, velocity, 1.0e-11_wp, t_end)
     reference = run(scene, u, y)
     do i = 2, size(method)
-      scene = exact_scene(trim(method(i)), misalignment, law, time, velocity, 1.0e-7_wp)
-      scene%t_end = t_end
+      call exact_scene(scene, trim(method(i)), fig3_slider(misalignment, law), time, velocity, 1.0e-7_wp, t_end)
       explicit = run(scene, u, y)
       call check(name//', '//method(i)//': no error', .not. (reference%failed .or. explicit%failed))
       call check(name//', '//method(i)//': sticks', explicit%sticks == reference%sticks)
@@ -358,11 +366,10 @@ contains
 
   !> At rest with just as much force as friction and no drive: it stays.
   subroutine test_limit()
-    type(trajectory_t) :: scene
+    class(slip_stick_t), allocatable :: scene
     type(run_t) :: explicit
 
-    scene = exact_scene('dopri5', 0.0_wp, 'constant', zero_time, [0.0_wp], 1.0e-7_wp)
-    scene%t_end = 0.1_wp
+    call exact_scene(scene, 'dopri5', fig3_slider(0.0_wp, 'constant'), zero_time, [0.0_wp], 1.0e-7_wp, 0.1_wp)
     explicit = run(scene, [scene%slider%law%onset/scene%slider%stiffness(1), 0.0_wp], at_rest)
     call check('at the limit: no error', .not. explicit%failed)
     call check('at the limit: no motion', .not. norm2(explicit%final%y) > 0.0_wp .and. .not. abs(explicit%final%position) > 0.0_wp)
@@ -371,25 +378,23 @@ contains
   !> Units of length, time and mass by powers of two: the same bits. Mirror images: the same bits.
   subroutine test_symmetries()
     real(wp), parameter :: length = 8.0_wp, time = 0.25_wp, mass = 32.0_wp
-    type(trajectory_t) :: scene
+    type(slider_t) :: slider
+    class(slip_stick_t), allocatable :: scene
     type(run_t) :: one, other
     integer :: i
 
     do i = 2, size(method)
-      scene = exact_scene(trim(method(i)), 1.0_wp, 'weakening', zero_time, one_speed, 1.0e-7_wp)
-      scene%t_end = 0.05_wp
+      call exact_scene(scene, trim(method(i)), fig3_slider(1.0_wp, 'weakening'), zero_time, one_speed, 1.0e-7_wp, 0.05_wp)
       one = run(scene, at_rest, [1.0e-9_wp, degree])
-      scene = exact_scene(trim(method(i)), -1.0_wp, 'weakening', zero_time, one_speed, 1.0e-7_wp)
-      scene%t_end = 0.05_wp
+      call exact_scene(scene, trim(method(i)), fig3_slider(-1.0_wp, 'weakening'), zero_time, one_speed, 1.0e-7_wp, 0.05_wp)
       other = run(scene, at_rest, [1.0e-9_wp, -degree])
       call check(method(i)//': mirror image', same(one%final%u, [1.0_wp, -1.0_wp]*other%final%u) &
         .and. same(one%final%y, [1.0_wp, -1.0_wp]*other%final%y))
-      scene = exact_scene(trim(method(i)), 1.0_wp, 'weakening', zero_time, length/time*one_speed, 1.0e-7_wp)
-      scene%t_end = 0.05_wp*time
-      scene%slider%mass = mass*scene%slider%mass
-      scene%slider%stiffness = mass/time**2*scene%slider%stiffness
-      call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.01_wp*length/time, 10.0_wp*mass*length/time**2, scene%slider%law)
-      scene%system = new_full_polar(scene%slider)
+      slider = fig3_slider(1.0_wp, 'weakening')
+      slider%mass = mass*slider%mass
+      slider%stiffness = mass/time**2*slider%stiffness
+      call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.01_wp*length/time, 10.0_wp*mass*length/time**2, slider%law)
+      call exact_scene(scene, trim(method(i)), slider, zero_time, length/time*one_speed, 1.0e-7_wp, 0.05_wp*time)
       other = run(scene, at_rest, [1.0e-9_wp*length/time, degree])
       call check(method(i)//': units', same(length*one%final%u, other%final%u) &
         .and. same([length/time, 1.0_wp]*one%final%y, other%final%y) &
@@ -406,21 +411,30 @@ contains
   end function same
 
   !> Fig. 3 with another misalignment [deg], law or drive, and exact contact.
-  function exact_scene(name, misalignment, law, time, velocity, rtol) result(scene)
-    character(*), intent(in) :: name, law
-    real(wp), intent(in) :: misalignment, time(:), velocity(:), rtol
-    type(trajectory_t) :: scene
+  subroutine exact_scene(scene, name, slider, time, velocity, rtol, t_end)
+    class(slip_stick_t), allocatable, intent(out) :: scene
+    character(*), intent(in) :: name
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: time(:), velocity(:), rtol, t_end
+    type(implicit_slip_t), allocatable :: implicit
+    type(explicit_slip_t), allocatable :: explicit
 
-    scene%slider = fig3_slider(misalignment, law)
-    scene%drive = new_drive(time, velocity)
-    scene%system = new_full_polar(scene%slider)
+    if (index(name, 'radau') == 1) then
+      allocate (implicit)
+      call move_alloc(implicit, scene)
+    else
+      allocate (explicit)
+      explicit%cut_rtol = rtol
+      call move_alloc(explicit, scene)
+    end if
+    call scene%set_up(slider, new_drive(time, velocity), t_end)
+    scene%system = new_full_polar(slider)
     call choose_method(scene, name, rtol)
-    if (scene%stepper%explicit) scene%cut_rtol = rtol
     scene%cut_share = 0.03_wp*sqrt(rtol)
-  end function exact_scene
+  end subroutine exact_scene
 
   subroutine choose_method(scene, name, rtol)
-    type(trajectory_t), intent(inout) :: scene
+    class(stepping_t), intent(inout) :: scene
     character(*), intent(in) :: name
     real(wp), intent(in) :: rtol
 
@@ -439,13 +453,13 @@ contains
   !> Fig. 3 with contact smoothed by `v_smooth` [m/s].
   function smoothed_scene(v_smooth) result(scene)
     real(wp), intent(in) :: v_smooth
-    type(trajectory_t) :: scene
+    type(stepping_t) :: scene
+    type(slider_t) :: slider
 
-    scene%slider = fig3_slider(1.0_wp, 'weakening')
-    scene%slider%smoothing = v_smooth**2
-    scene%drive = new_drive(zero_time, one_speed)
-    scene%system = new_full_smoothed(scene%slider)
-    scene%exact_contact = .false.
+    slider = fig3_slider(1.0_wp, 'weakening')
+    slider%smoothing = v_smooth**2
+    call scene%set_up(slider, new_drive(zero_time, one_speed), 0.0_wp)
+    scene%system = new_full_smoothed(slider)
   end function smoothed_scene
 
   !> Laws 'constant', 'weakening' (v_f = 10 mm/s) and 'sharp' (the same with v_f = 10 um/s).
@@ -466,7 +480,7 @@ contains
 
   !> The whole motion, sampled at 200 equal intervals.
   function run(scene, u, y) result(outcome)
-    type(trajectory_t), intent(inout) :: scene
+    class(stepping_t), intent(inout) :: scene
     real(wp), intent(in) :: u(2), y(2)
     type(run_t) :: outcome
     type(error_t), allocatable :: error
@@ -476,41 +490,44 @@ contains
     allocate (outcome%sample(0:intervals))
     next = 0
     call scene%start(u, y, 0.0_wp)
-    if (scene%sticking) outcome%sticks = 1
+    if (scene%contact /= slips) outcome%sticks = 1
     do while (.not. scene%finished())
       call scene%advance(error)
       outcome%failed = allocated(error)
       if (outcome%failed) return
       do while (next <= intervals)
-        if (next*scene%t_end/intervals > scene%now%time) exit
-        outcome%sample(next) = scene%at(next*scene%t_end/intervals)
+        if (next*scene%t_end/intervals > scene%piece%to%time) exit
+        outcome%sample(next) = scene%piece%at(next*scene%t_end/intervals)
         next = next + 1
       end do
-      if (scene%event == stick_begins) outcome%sticks = outcome%sticks + 1
+      if (scene%piece%event == stick_begins) outcome%sticks = outcome%sticks + 1
     end do
-    outcome%final = scene%now
+    outcome%final = scene%piece%to
     outcome%rejected = int(scene%stepper%count%rejected)
     outcome%evaluations = int(scene%stepper%count%rhs)
-    outcome%unbalanced = (scene%now%drive_work - scene%now%friction_work - energy(scene, scene%now%u, scene%now%y) &
-      + energy(scene, u, y))/max(abs(scene%now%drive_work), scene%now%friction_work, tiny(1.0_wp))
+    associate (to => scene%piece%to)
+      outcome%unbalanced = (to%drive_work - to%friction_work - energy(scene, to%u, to%y) + energy(scene, u, y)) &
+        /max(abs(to%drive_work), to%friction_work, tiny(1.0_wp))
+    end associate
   end function run
 
   !> Kinetic and elastic energy [J].
   pure real(wp) function energy(scene, u, y)
-    type(trajectory_t), intent(in) :: scene
+    class(stepping_t), intent(in) :: scene
     real(wp), intent(in) :: u(2), y(2)
 
     energy = 0.5_wp*sum(scene%slider%stiffness*u**2)
-    if (scene%exact_contact) then
+    select type (scene)
+    class is (slip_stick_t)
       energy = energy + 0.5_wp*scene%slider%mass*y(1)**2
-    else
+    class default
       energy = energy + 0.5_wp*scene%slider%mass*sum(y**2)
-    end if
+    end select
   end function energy
 
   !> Slip velocity of a motion in polar unknowns.
   pure function slip(motion)
-    type(motion_t), intent(in) :: motion
+    type(state_t), intent(in) :: motion
     real(wp) :: slip(2)
 
     slip = motion%y(1)*[cos(motion%y(2)), sin(motion%y(2))]

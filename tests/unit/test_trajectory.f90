@@ -6,14 +6,15 @@ program test_trajectory
   use checks, only: check, check_close, finish
   use scenes, only: fig3, constant_friction, along_a_line, begin, complete, energy, velocity
   use dst_kinds, only: wp, degree
-  use dst_contact, only: load
+  use dst_rest, only: spring_force_size
   use dst_errors, only: error_t
   use dst_memory_writer, only: memory_writer_t
-  use dst_observables, only: slip_velocity
+  use dst_columns, only: slip_velocity
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
-  use dst_stepper, only: motion_t
-  use dst_trajectory, only: stick_begins
+  use dst_state, only: state_t
+  use dst_motion, only: next_piece
+  use dst_piece, only: stick_begins, slips
   implicit none
 
   real(wp), parameter :: eps = epsilon(1.0_wp)
@@ -32,7 +33,7 @@ program test_trajectory
   !> What two runs are compared by.
   type :: result_t
     logical :: sound = .false.
-    type(motion_t) :: motion
+    type(state_t) :: motion
     real(wp) :: velocity(2) = 0.0_wp
     integer :: steps = 0, rejected = 0, events = 0, sticks = 0
     real(wp), allocatable :: event_time(:)
@@ -48,10 +49,10 @@ program test_trajectory
     call test_equal_stiffness(trim(methods(i)))
     call test_right_angles(trim(methods(i)))
     call test_time_shift(trim(methods(i)))
-    call test_every_advance(fig3(2.2_wp, trim(methods(i)), 1.0e-8_wp), trim(methods(i))//', Fig. 3')
-    call test_every_advance(steep(trim(methods(i))), trim(methods(i))//', 10 degrees')
-    call test_every_advance(along_a_line(fig3(4.0_wp, trim(methods(i)), 1.0e-8_wp)), trim(methods(i))//', along a line')
-    call test_every_advance(reversing(trim(methods(i))), trim(methods(i))//', reversing')
+    call test_every_piece(fig3(2.2_wp, trim(methods(i)), 1.0e-8_wp), trim(methods(i))//', Fig. 3')
+    call test_every_piece(steep(trim(methods(i))), trim(methods(i))//', 10 degrees')
+    call test_every_piece(along_a_line(fig3(4.0_wp, trim(methods(i)), 1.0e-8_wp)), trim(methods(i))//', along a line')
+    call test_every_piece(reversing(trim(methods(i))), trim(methods(i))//', reversing')
     call test_saturation(trim(methods(i)))
     call test_viscous_creep(trim(methods(i)), 'full')
     call test_viscous_creep(trim(methods(i)), 'low_frequency')
@@ -67,9 +68,9 @@ contains
     type(memory_writer_t) :: writer
 
     call complete(scene, simulation, writer, found%sound)
-    found%motion = simulation%trajectory%now
+    found%motion = simulation%motion%piece%to
     found%velocity = velocity(simulation)
-    associate (count => simulation%trajectory%stepper%count)
+    associate (count => simulation%motion%work())
       found%steps = int(count%steps)
       found%rejected = int(count%rejected)
     end associate
@@ -391,15 +392,15 @@ contains
   end subroutine test_time_shift
 
   !> What holds from advance to advance: the energy balance closes, rest obeys the static limit, v never falls below zero.
-  subroutine test_every_advance(scene, name)
+  subroutine test_every_piece(scene, name)
     type(scene_t), intent(in) :: scene
     character(*), intent(in) :: name
     type(simulation_t) :: simulation
     type(error_t), allocatable :: error
-    type(motion_t) :: motion
+    type(state_t) :: state
     real(wp) :: before, after, residual, exchanged, worst_balance, balance, all_exchanged, worst_sum, least_speed, limit
     real(wp) :: scale
-    logical :: rests, slips
+    logical :: rests, still
     integer :: k
 
     call begin(scene, simulation)
@@ -409,30 +410,31 @@ contains
     all_exchanged = 0.0_wp
     least_speed = 0.0_wp
     rests = .true.
-    slips = .true.
+    still = .true.
     before = energy(simulation)
-    associate (trajectory => simulation%trajectory)
-      limit = trajectory%slider%law%onset
-      scale = limit**2/maxval(trajectory%slider%stiffness)
-      do while (.not. trajectory%finished())
-        call trajectory%advance(error)
+    associate (motion => simulation%motion)
+      limit = motion%slider%law%onset
+      scale = limit**2/maxval(motion%slider%stiffness)
+      do while (.not. motion%finished())
+        call next_piece(simulation%motion, simulation%other, error)
         if (allocated(error)) exit
         after = energy(simulation)
-        associate (from => trajectory%from, now => trajectory%now)
+        associate (from => motion%piece%from, now => motion%piece%to)
           residual = (now%drive_work - from%drive_work) - (now%friction_work - from%friction_work) - (after - before)
           exchanged = abs(now%drive_work - from%drive_work) + abs(now%friction_work - from%friction_work) + abs(after - before)
-          if (trajectory%was_sticking) then
-            rests = rests .and. max(load(trajectory%slider, from%u), load(trajectory%slider, now%u)) <= limit*(1.0_wp + 8.0_wp*eps)
+          if (motion%piece%contact /= slips) then
+            rests = rests .and. max(spring_force_size(motion%slider, from%u), spring_force_size(motion%slider, now%u)) &
+              <= limit*(1.0_wp + 8.0_wp*eps)
           else
             do k = 0, 8
-              motion = trajectory%at(from%time + real(k, wp)/8.0_wp*(now%time - from%time))
-              least_speed = min(least_speed, motion%y(1))
+              state = motion%piece%at(from%time + real(k, wp)/8.0_wp*(now%time - from%time))
+              least_speed = min(least_speed, state%y(1))
             end do
           end if
-          if (trajectory%sticking) slips = slips .and. all(identical(now%y, 0.0_wp))
+          if (motion%contact /= slips) still = still .and. all(identical(now%y, 0.0_wp))
         end associate
         ! Below the roundoff of the energies that are subtracted there is nothing to see.
-        worst_balance = max(worst_balance, (abs(residual) - 16.0_wp*eps*(after + abs(trajectory%now%drive_work)))/max(exchanged, &
+        worst_balance = max(worst_balance, (abs(residual) - 16.0_wp*eps*(after + abs(motion%piece%to%drive_work)))/max(exchanged, &
           1.0e-6_wp*scale))
         balance = balance + residual
         all_exchanged = all_exchanged + exchanged
@@ -441,19 +443,19 @@ contains
       end do
     end associate
     call check(name//': runs to the end', .not. allocated(error))
-    call check_close(name//': energy balance of every advance', worst_balance, 0.0_wp, 100.0_wp*scene%rtol)
-    call check_close(name//': energy balance up to every advance', worst_sum, 0.0_wp, 10.0_wp*scene%rtol)
+    call check_close(name//': energy balance of every piece', worst_balance, 0.0_wp, 100.0_wp*scene%rtol)
+    call check_close(name//': energy balance up to every piece', worst_sum, 0.0_wp, 10.0_wp*scene%rtol)
     call check(name//': |K u| <= F_0 at rest', rests)
-    call check(name//': w = 0 at rest', slips)
+    call check(name//': w = 0 at rest', still)
     call check_close(name//': v >= 0', least_speed, 0.0_wp, 1.0e-12_wp*maxval(abs(scene%drive_velocity)))
-  end subroutine test_every_advance
+  end subroutine test_every_piece
 
   !> Once the transverse oscillation is saturated, w touches 0 once a period, where u_y' = V sin(phi); it is never larger.
   subroutine test_saturation(method)
     character(*), intent(in) :: method
     type(simulation_t) :: simulation
     type(error_t), allocatable :: error
-    type(motion_t) :: motion
+    type(state_t) :: state
     real(wp) :: w(2), largest, side
     integer :: k, stick_count
 
@@ -461,15 +463,15 @@ contains
     side = 1.0e-3_wp*sin(degree)
     largest = 0.0_wp
     stick_count = 0
-    associate (trajectory => simulation%trajectory)
-      do while (.not. trajectory%finished())
-        call trajectory%advance(error)
+    associate (motion => simulation%motion)
+      do while (.not. motion%finished())
+        call next_piece(simulation%motion, simulation%other, error)
         if (allocated(error)) exit
-        if (trajectory%now%time < 0.1_wp) cycle
-        if (trajectory%event == stick_begins) stick_count = stick_count + 1
+        if (motion%piece%to%time < 0.1_wp) cycle
+        if (motion%piece%event == stick_begins) stick_count = stick_count + 1
         do k = 0, 8
-          motion = trajectory%at(trajectory%from%time + real(k, wp)/8.0_wp*(trajectory%now%time - trajectory%from%time))
-          w = slip_velocity(trajectory, motion)
+          state = motion%piece%at(motion%piece%from%time + real(k, wp)/8.0_wp*(motion%piece%to%time - motion%piece%from%time))
+          w = motion%velocity(state)
           largest = max(largest, side - w(2))
         end do
       end do
