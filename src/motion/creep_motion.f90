@@ -7,17 +7,15 @@
 !> Source: Nakano & Popov (2020), Eqs. (6)-(8); docs/theory.md.
 module dst_creep_motion
   use dst_kinds, only: wp
-  use dst_archive, only: archive_t
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, creep_first_power, creep_printed, creep_third_order, &
     position_first_power, position_printed, position_third_order
   use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, deck_error
-  use dst_motion, only: motion_t, exchange_motion
+  use dst_motion, only: motion_t
   use dst_piece, only: stick_begins, slip_begins, slips, sticks
   use dst_rest, only: spring_force_size, release_delay
   use dst_slider, only: slider_t, direction_of
-  use dst_state, only: state_t, instant_t
-  use dst_stepper, only: work_count_t
+  use dst_state, only: instant_t
   use dst_text, only: short_text
   implicit none
   private
@@ -38,13 +36,7 @@ module dst_creep_motion
     real(wp) :: stick_end = 0.0_wp
   contains
     procedure :: go_on
-    procedure :: take_over
-    procedure :: velocity
     procedure :: instant
-    procedure :: energy
-    procedure :: work
-    procedure :: is_undecided
-    procedure :: exchange
   end type creep_motion_t
 
 contains
@@ -220,61 +212,4 @@ contains
     instant%velocity = rate*instant%drive_velocity*self%slider%along
     instant%state%position = self%forward*self%length*position
   end subroutine follow_asymptotics
-
-  pure function velocity(self, state)
-    class(creep_motion_t), intent(in) :: self
-    type(state_t), intent(in) :: state
-    real(wp) :: velocity(2)
-    type(instant_t) :: there
-
-    there = self%instant(state%time)
-    velocity = there%velocity
-  end function velocity
-
-  !> Of the springs; without mass there is no other.
-  pure real(wp) function energy(self, velocity)
-    class(creep_motion_t), intent(in) :: self
-    real(wp), intent(in) :: velocity(2)
-    type(instant_t) :: there
-
-    associate (unused => velocity)
-    end associate
-    there = self%instant(self%piece%to%time)
-    energy = 0.5_wp*sum(self%slider%stiffness*there%state%u**2)
-  end function energy
-
-  !> No steps.
-  pure function work(self)
-    class(creep_motion_t), intent(in) :: self
-    type(work_count_t) :: work
-
-    associate (unused => self%contact)
-    end associate
-    work = work_count_t()
-  end function work
-
-  pure logical function is_undecided(self)
-    class(creep_motion_t), intent(in) :: self
-
-    associate (unused => self%contact)
-    end associate
-    is_undecided = .false.
-  end function is_undecided
-
-  !> Nobody takes turns with it.
-  subroutine take_over(self, before)
-    class(creep_motion_t), intent(inout) :: self
-    class(motion_t), intent(inout) :: before
-
-    associate (unused => [self%contact, before%contact])
-    end associate
-  end subroutine take_over
-
-  !> Save or load.
-  subroutine exchange(self, archive)
-    class(creep_motion_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call exchange_motion(self, archive)
-  end subroutine exchange
 end module dst_creep_motion

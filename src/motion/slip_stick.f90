@@ -49,7 +49,7 @@ module dst_slip_stick
     procedure :: set_off
     procedure :: settle
     procedure :: friction_in
-    procedure :: exchange
+    procedure :: exchange => exchange_slip_stick
   end type slip_stick_t
 
 contains
@@ -255,14 +255,6 @@ contains
       instant%theta = theta - 2.0_wp*pi*anint(theta/(2.0_wp*pi))
     end associate
   end subroutine friction_in
-
-  !> Save or load.
-  subroutine exchange(self, archive)
-    class(slip_stick_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call exchange_slip_stick(self, archive)
-  end subroutine exchange
 
   !> Save or load what every motion with rest has.
   subroutine exchange_slip_stick(self, archive)

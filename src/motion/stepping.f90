@@ -43,7 +43,7 @@ module dst_stepping
     procedure :: energy
     procedure :: work
     procedure :: is_undecided
-    procedure :: exchange
+    procedure :: exchange => exchange_stepping
   end type stepping_t
 
 contains
@@ -289,13 +289,6 @@ contains
 
     is_undecided = self%stepper%is_undecided()
   end function is_undecided
-
-  subroutine exchange(self, archive)
-    class(stepping_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call exchange_stepping(self, archive)
-  end subroutine exchange
 
   !> Save or load what every motion by steps has; the method only if it is not with the motion that takes turns with this one.
   subroutine exchange_stepping(self, archive)

@@ -9,7 +9,6 @@ program test_trajectory
   use dst_rest, only: spring_force_size
   use dst_errors, only: error_t
   use dst_memory_writer, only: memory_writer_t
-  use dst_columns, only: slip_velocity
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use dst_state, only: state_t
