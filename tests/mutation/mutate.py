@@ -37,11 +37,12 @@ EQUIVALENT = HERE / "equivalent.csv"
 
 # Physics, numerics, motion, results. Deck, files and sweeps have their own proofs (fuzzing, damaged files, kills).
 FILES = [
-    "friction.f90", "slider.f90", "drive.f90", "contact.f90", "full_model.f90", "low_frequency.f90", "straight_slip.f90",
-    "slip_system.f90", "stepper.f90", "trajectory.f90", "radau.f90", "newton_kernels.f90", "newton_kernel.inc",
+    "friction.f90", "slider.f90", "drive.f90", "rest.f90", "braking.f90", "release.f90", "full_model.f90", "low_frequency.f90", "straight_slip.f90",
+    "slip_system.f90", "stepper.f90", "dense_output.f90", "piece.f90", "motion.f90", "stepping.f90", "slip_stick.f90", "implicit_slip.f90",
+    "explicit_slip.f90", "time_stepping.f90", "state.f90", "radau.f90", "newton_kernels.f90", "newton_kernel.inc",
     "gauss_jordan.inc", "collocation.f90", "interpolation.f90", "bernstein.f90", "runge_kutta.f90",
     "runge_kutta_tableaux.f90", "moreau_jean.f90", "linear_solve.f90", "creep.f90", "creep_motion.f90", "stability.f90",
-    "observables.f90", "summary.f90", "lanes.f90", "model_choice.f90", "simulation.f90",
+    "columns.f90", "motion_summary.f90", "summary.f90", "lanes.f90", "model_choice.f90", "assembly.f90", "simulation.f90",
 ]  # fmt: skip
 # Tables of coefficients would otherwise be a quarter of all mutants.
 WEIGHTS = {"runge_kutta_tableaux.f90": 0.1}

@@ -261,7 +261,7 @@ def test_an_ignored_ctrl_c_stays_ignored(program, tmp_path):
 
 
 def test_a_signal_stops_within_one_long_advance(program, tmp_path):
-    """A rest of 1e6 s with a sample every ms is one advance of the trajectory."""
+    """A rest of 1e6 s with a sample every ms is one piece of the motion."""
     file = tmp_path / "x.h5"
     rest = ("drive.velocity=0", "initial.velocity_ratio=0", "output.fields=u_x", "output.interval=1e-3")
     process = program.start(("fig3", *ENDLESS, *rest), file)

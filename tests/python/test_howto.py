@@ -17,7 +17,7 @@ ROOT = DOCS.parent
 PAGES = {
     "friction_law": "src/physics/friction.f90",
     "method": "src/numerics/runge_kutta_tableaux.f90",
-    "output_column": "src/results/observables.f90",
+    "output_column": "src/results/columns.f90",
 }
 
 
