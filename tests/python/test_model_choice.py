@@ -1,23 +1,15 @@
 """`model = 'auto'`: which model it is, why, and that its error stays below `accuracy`."""
 
 import re
-import subprocess
 from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import DRIVE, FRICTION, SYSTEM
+from programs import Program
 
-FIG3 = {
-    "mass": 0.25,
-    "stiffness_x": 1e3,
-    "stiffness_y": 1e7,
-    "misalignment_deg": 1.0,
-    "mu_0": 0.20,
-    "mu_inf": 0.15,
-    "v_f": 0.01,
-    "velocity": 1e-3,
-}
+FIG3 = {name: value for name, value in {**SYSTEM, **FRICTION, **DRIVE}.items() if name not in ("law", "normal_load")}
 ACCURACIES = (0.3, 0.1, 0.02, 1e-2, 1e-3, 1e-4, 1e-6)
 
 
@@ -29,11 +21,7 @@ def duration_of(scene: dict[str, float], lengths: float) -> float:
 def deck(scene: dict[str, float], model: str, lengths: float, more: str = "") -> str:
     """A scene in which the drive moves by so many l_x."""
     t_end = duration_of(scene, lengths)
-    law = (
-        "law='constant'"
-        if scene["mu_inf"] == scene["mu_0"]
-        else f"mu_inf={scene['mu_inf']}, v_f={scene['v_f']}"
-    )
+    law = "law='constant'" if scene["mu_inf"] == scene["mu_0"] else f"mu_inf={scene['mu_inf']}, v_f={scene['v_f']}"
     return f"""
     &scene model='{model}', t_end={t_end!r} {more} /
     &system mass={scene["mass"]}, stiffness_x={scene["stiffness_x"]}, stiffness_y={scene["stiffness_y"]},
@@ -358,19 +346,14 @@ def test_no_column_is_a_constant_in_place_of_a_motion(quantities: str, lengths: 
 
 
 @pytest.mark.deck
-def test_the_choice_is_in_the_file_and_on_the_terminal(executable: Path, tmp_path: Path) -> None:
-    def run(*options: str) -> str:
-        command = [executable, "run", "auto.nml", *options]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stderr
-
-    path = tmp_path / "auto.nml"
-    path.write_text(deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=2e-2"))
-    assert "auto.nml: model 'auto' is creep_asymptotic: " in run()
+def test_the_choice_is_in_the_file_and_on_the_terminal(program: Program, tmp_path: Path) -> None:
+    (tmp_path / "auto.nml").write_text(deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=2e-2"))
+    assert "auto.nml: model 'auto' is creep_asymptotic: " in program("run", "auto.nml", status=0).stderr
     attributes = ds.open(tmp_path / "auto.h5").attributes
     assert attributes["model"] == "creep_asymptotic"
     assert attributes["method"] == "closed form"
     assert str(attributes["model_choice"]).startswith("creep_asymptotic: ")
-    assert run("--quiet", "--overwrite") == ""
+    assert program("run", "auto.nml", "--quiet", "--overwrite", status=0).stderr == ""
 
 
 def test_other_models_have_no_choice() -> None:
