@@ -22,7 +22,7 @@ def sweep(tmp_path):
 @pytest.fixture
 def expected(sweep, tmp_path):
     (tmp_path / "cases.csv").write_text("\n".join([NAMES, *ROWS]) + "\n")
-    assert sweep.run("expected.h5").returncode == 0
+    sweep.run("expected.h5", status=0)
     return values(tmp_path / "expected.h5")
 
 
@@ -71,8 +71,7 @@ def test_a_list_has_a_case_a_row(sweep, expected, tmp_path):
 )
 def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
     (tmp_path / "cases.csv").write_bytes(text.encode())
-    done = sweep.run("a.h5")
-    assert done.returncode == 0, done.stderr
+    sweep.run("a.h5", status=0)
     assert same(values(tmp_path / "a.h5"), expected)
 
 
@@ -100,8 +99,7 @@ def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
 def test_faults_have_their_place(sweep, tmp_path, text, place, words):
     path = tmp_path / "cases.csv"
     path.write_text(text)
-    done = sweep.run("a.h5")
-    assert done.returncode == 3
+    done = sweep.run("a.h5", status=3)
     assert done.stderr.startswith(f"dynstiction: {path}{place}") and words in done.stderr
     assert not (tmp_path / "a.h5").exists() and not sweep.shards("a.h5")
     with pytest.raises(ds.FileError, match=r"cases\.csv"):
@@ -122,7 +120,7 @@ def test_names_are_relative_to_the_deck_and_may_be_absolute(sweep, expected, tmp
     moved = tmp_path / "elsewhere" / "points.csv"
     (tmp_path / "cases.csv").rename(moved)
     for name in ("elsewhere/points.csv", moved):
-        assert sweep.run("a.h5", "--overwrite", "--set", f"sweep.points={name}", cwd="/").returncode == 0
+        sweep.run("a.h5", "--overwrite", "--set", f"sweep.points={name}", cwd="/", status=0)
         assert same(values(tmp_path / "a.h5"), expected)
 
 
