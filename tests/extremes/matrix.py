@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
-Group = Mapping[str, object]
-Groups = dict[str, dict[str, object]]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from fig3 import CONSTANT, GROUPS, Groups, changed
 
 MAX_STEPS = 10_000
 RTOL = 1e-8
@@ -20,11 +23,8 @@ FAST_CYCLES = 60
 """Periods of the fast oscillation that a run of the full model follows after the first release."""
 
 FIG3: Groups = {
+    **changed(GROUPS, {"initial": {"elongation_x": 0.0, "elongation_y": 0.0}}),
     "scene": {},
-    "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment_deg": 1.0},
-    "friction": {"law": "weakening", "mu_0": 0.20, "mu_inf": 0.15, "v_f": 0.010, "normal_load": 10.0},
-    "drive": {"velocity": 1e-3},
-    "initial": {"velocity_ratio": 1e-6, "elongation_x": 0.0, "elongation_y": 0.0},
     "integrator": {"rtol": RTOL, "max_steps": MAX_STEPS},
     "output": {},
 }
@@ -62,11 +62,7 @@ ENDS: list[End] = [
     End("coefficients", "mu_0 < mu_inf", (("friction", "mu_inf", 0.30),)),
     End("coefficients", "mu_inf = 0", (("friction", "mu_inf", 0.0),)),
     End("coefficients", "mu = 0", (("friction", "mu_0", 0.0), ("friction", "mu_inf", 0.0))),
-    End(
-        "coefficients",
-        "constant",
-        (("friction", "law", "constant"), ("friction", "mu_inf", None), ("friction", "v_f", None)),
-    ),
+    End("coefficients", "constant", tuple(("friction", key, value) for key, value in CONSTANT.items())),
     *_ends("load", "friction", "normal_load", 0.0, 1e-9, 1e9),
     *_ends("start", "initial", "velocity_ratio", 0.0, -1.0, 1e3),
     *_ends("elongation_x", "initial", "elongation_x", 2e-3, -5e-3, 1.0),

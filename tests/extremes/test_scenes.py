@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import subprocess
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from fig3 import CONSTANT, GROUPS, Groups, changed
+from programs import Program
 
 pytestmark = pytest.mark.deck
 
@@ -18,28 +17,10 @@ METHODS = ("radau5", "radau9", "radau13")
 RTOL = 1e-8
 STICKS, SLIPS = 1, 2
 
-FIG3 = {
-    "scene": {"model": "full"},
-    "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment_deg": 1.0},
-    "friction": {"law": "weakening", "mu_0": 0.20, "mu_inf": 0.15, "v_f": 0.010, "normal_load": 10.0},
-    "drive": {"velocity": 1e-3},
-    "initial": {"velocity_ratio": 1e-6},
-    "integrator": {"rtol": RTOL},
-    "output": {"interval": 0.0},
-}
-CONSTANT = {"law": "constant", "mu_inf": None, "v_f": None}
+FIG3 = changed(GROUPS, {"integrator": {"rtol": RTOL}, "output": {"interval": 0.0}})
 
 
-def changed(*changes: dict[str, dict[str, object]]) -> dict[str, dict[str, object]]:
-    """Fig. 3 with changes; None takes a key out."""
-    groups: dict[str, dict[str, object]] = copy.deepcopy(FIG3)
-    for change in changes:
-        for group, keys in change.items():
-            groups[group].update(keys)
-    return {group: {k: v for k, v in keys.items() if v is not None} for group, keys in groups.items()}
-
-
-def deck_text(groups: dict[str, dict[str, object]]) -> str:
+def deck_text(groups: Groups) -> str:
     def value(x: object) -> str:
         if isinstance(x, (list, tuple)):
             return ", ".join(map(value, x))
@@ -51,7 +32,7 @@ def deck_text(groups: dict[str, dict[str, object]]) -> str:
     )
 
 
-def first_release(groups: dict[str, dict[str, object]]) -> float:
+def first_release(groups: Groups) -> float:
     """Time at which an object that is stuck from time 0 on at u = 0 is released."""
     system, friction = groups["system"], groups["friction"]
     phi = math.radians(system["misalignment_deg"])
@@ -61,7 +42,7 @@ def first_release(groups: dict[str, dict[str, object]]) -> float:
     return friction["mu_0"] * friction["normal_load"] / rate
 
 
-def fast_period(groups: dict[str, dict[str, object]]) -> float:
+def fast_period(groups: Groups) -> float:
     system = groups["system"]
     return 2 * math.pi * math.sqrt(system["mass"] / max(system["stiffness_x"], system["stiffness_y"]))
 
@@ -85,57 +66,30 @@ class Case:
     """A scene; without an end of its own it lasts for `cycles` fast periods after the first release."""
 
     name: str
-    changes: dict[str, dict[str, object]] = field(default_factory=dict)
+    changes: Groups = field(default_factory=dict)
     t_end: float | None = None
     cycles: float = 300.0
 
-    def groups(self, method: str, rtol: float = RTOL) -> dict[str, dict[str, object]]:
-        groups = changed(self.changes, {"integrator": {"method": method, "rtol": rtol}})
-        groups["scene"]["t_end"] = (
-            first_release(groups) + self.cycles * fast_period(groups) if self.t_end is None else self.t_end
-        )
-        return groups
+    def groups(self, method: str, rtol: float = RTOL) -> Groups:
+        groups = changed(FIG3, self.changes, {"integrator": {"method": method, "rtol": rtol}})
+        lasts = first_release(groups) + self.cycles * fast_period(groups) if self.t_end is None else self.t_end
+        return changed(groups, {"scene": {"t_end": lasts}})
 
 
-def execute(
-    executable: Path, folder: Path, groups: dict[str, dict[str, object]]
-) -> subprocess.CompletedProcess[str]:
-    deck = folder / "case.nml"
-    deck.write_text(deck_text(groups))
-    return subprocess.run(
-        [executable, "run", deck, "-o", folder / "case.h5", "--quiet", "--overwrite"],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-
-
-def run(executable: Path, folder: Path, groups: dict[str, dict[str, object]]) -> Run:
-    done = execute(executable, folder, groups)
+def run(program: Program, groups: Groups) -> Run:
+    (program.folder / "case.nml").write_text(deck_text(groups))
+    done = program("run", "case.nml", "--quiet", "--overwrite")
     assert done.returncode == 0, f"exit status {done.returncode}: {done.stderr}\n{deck_text(groups)}"
-    return read(folder / "case.h5", groups)
-
-
-def read(file: Path, groups: dict[str, dict[str, object]]) -> Run:
-    with h5py.File(file) as opened:
-        read = {
-            name: {key: data[()] for key, data in opened[name].items()}
+    with h5py.File(program.folder / "case.h5") as opened:
+        read = [
+            {key: data[()] for key, data in opened[name].items()}
             for name in ("time_series", "events", "summary", "statistics")
-        }
-        attributes = dict(opened.attrs)
-    friction = groups["friction"]
-    return Run(
-        friction["mu_0"] * friction["normal_load"],
-        attributes,
-        read["time_series"],
-        read["events"],
-        read["summary"],
-        read["statistics"],
-    )
+        ]
+        friction = groups["friction"]
+        return Run(friction["mu_0"] * friction["normal_load"], dict(opened.attrs), *read)
 
 
-def assert_sound(result: Run, groups: dict[str, dict[str, object]], rtol: float = RTOL) -> None:
+def assert_sound(result: Run, groups: Groups, rtol: float = RTOL) -> None:
     """What holds for every scene."""
     assert result.attributes["result_code"] == 0
     assert result.attributes["complete"] == 1
@@ -436,9 +390,9 @@ CASES = [
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_extreme(executable: Path, tmp_path: Path, case: Case, method: str) -> None:
+def test_extreme(program: Program, case: Case, method: str) -> None:
     groups = case.groups(method)
-    assert_sound(run(executable, tmp_path, groups), groups)
+    assert_sound(run(program, groups), groups)
 
 
 def state(result: Run) -> tuple[np.ndarray, np.ndarray]:
@@ -455,12 +409,10 @@ def state(result: Run) -> tuple[np.ndarray, np.ndarray]:
     ],
     ids=["slide, hold, slide", "reversal"],
 )
-def test_orders_agree_on_profiles(
-    executable: Path, tmp_path: Path, drive: dict[str, list[float]], t_end: float
-) -> None:
+def test_orders_agree_on_profiles(program: Program, drive: dict[str, list[float]], t_end: float) -> None:
     changes = {"scene": {"t_end": t_end}, "drive": drive, "output": {"interval": 0.05}}
     nine, thirteen = (
-        run(executable, tmp_path, changed(changes, {"integrator": {"method": method, "rtol": 1e-9}}))
+        run(program, changed(FIG3, changes, {"integrator": {"method": method, "rtol": 1e-9}}))
         for method in ("radau9", "radau13")
     )
     (u, w), (other_u, other_w) = state(nine), state(thirteen)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import CONSTANT, slider
+from programs import INPUTS
 
 pytest.importorskip("xarray")
 
-SLOW = Path(__file__).parents[2] / "inputs" / "low_frequency.nml"
+SLOW = INPUTS / "low_frequency.nml"
 ANGLES = np.linspace(1.0, 8.0, 37)
 
 
@@ -111,12 +111,8 @@ def test_random_scenes_agree_with_radau():
 
 
 def test_constant_friction():
-    constant = """
-&scene model = 'low_frequency', t_end = 3.0 /
-&system mass = 0.25, stiffness_x = 1.0e3, misalignment_deg = 2.0 /
-&friction law = 'constant', mu_0 = 0.2, normal_load = 10.0 /
-&drive velocity = 1.0e-3 /
-"""
+    groups = slider({"system": {"stiffness_y": None, "misalignment_deg": 2.0}, "friction": CONSTANT})
+    constant = ds.Scene(scene={"model": "low_frequency", "t_end": 3.0}, **groups)
     values = {"drive.velocity": [1e-3, 2e-3]}
     found, exact = (
         ds.sweep(constant, values, integrator={"method": method, "rtol": rtol})

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import Groups, changed, slider
 
 pytest.importorskip("xarray")
-
-Groups = dict[str, dict[str, object]]
 
 # What becomes of V, phi and the elongations of the springs at the start.
 IMAGES = {
@@ -28,21 +27,14 @@ SIGNS = {
 }
 MADE_OF_ROUNDOFF = ("energy_residual",)
 
-FIG3: Groups = {
-    "system": {"mass": 0.25, "stiffness_x": 1e3, "misalignment_deg": 1.0},
-    "friction": {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10.0},
-    "drive": {"velocity": 1e-3},
-}
+FIG3 = slider({"system": {"stiffness_y": None}})
 STIFF = {"stiffness_y": 1e7}
 SOFTER = {"stiffness_y": 3e4, "misalignment_deg": 5.0}
 
 SCENES: dict[str, Groups] = {
     "low_frequency": {"scene": {"model": "low_frequency", "t_end": 10.0}},
     "low_frequency, no cycle": {"scene": {"model": "low_frequency", "t_end": 2.5}},
-    "low_frequency, dopri5": {
-        "scene": {"model": "low_frequency", "t_end": 5.0},
-        "integrator": {"method": "dopri5"},
-    },
+    "low_frequency, dopri5": {"scene": {"model": "low_frequency", "t_end": 5.0}, "integrator": {"method": "dopri5"}},
     "low_frequency, stretched": {
         "scene": {"model": "low_frequency", "t_end": 6.0},
         "system": {"misalignment_deg": 4.0},
@@ -54,25 +46,13 @@ SCENES: dict[str, Groups] = {
         "system": SOFTER,
         "initial": {"elongation_x": 5e-4, "elongation_y": 2e-5},
     },
-    "full, radau5": {
-        "scene": {"model": "full", "t_end": 3.0},
-        "system": SOFTER,
-        "integrator": {"method": "radau5"},
-    },
-    "full, radau13": {
-        "scene": {"model": "full", "t_end": 3.0},
-        "system": SOFTER,
-        "integrator": {"method": "radau13"},
-    },
-    "full, dopri5": {
-        "scene": {"model": "full", "t_end": 3.0},
-        "system": SOFTER,
-        "integrator": {"method": "dopri5"},
-    },
-    "full, moreau_jean": {
-        "scene": {"model": "full", "t_end": 3.0},
-        "system": SOFTER,
-        "integrator": {"method": "moreau_jean", "step": 1e-4},
+    **{
+        f"full, {method}": {
+            "scene": {"model": "full", "t_end": 3.0},
+            "system": SOFTER,
+            "integrator": {"method": method, **({"step": 1e-4} if method == "moreau_jean" else {})},
+        }
+        for method in ("radau5", "radau13", "dopri5", "moreau_jean")
     },
     "full, smoothed": {
         "scene": {"model": "full", "t_end": 3.0},
@@ -119,11 +99,6 @@ SCENES: dict[str, Groups] = {
 }
 
 
-def joined(scene: Groups) -> Groups:
-    groups = {group: {**FIG3.get(group, {}), **scene.get(group, {})} for group in {*FIG3, *scene}}
-    return {group: {k: v for k, v in keys.items() if v is not None} for group, keys in groups.items()}
-
-
 def image(scene: Groups, name: str) -> Groups:
     initial = scene.get("initial", {})
     velocity, phi, x, y = IMAGES[name](
@@ -133,17 +108,8 @@ def image(scene: Groups, name: str) -> Groups:
         initial.get("elongation_y", 0.0),
     )
     drive = {**scene["drive"], "velocity": tuple(velocity.tolist())}
-    elongations = {"elongation_x": x, "elongation_y": y} if initial else {}
-    return {
-        **scene,
-        "system": {**scene["system"], "misalignment_deg": phi},
-        "drive": drive,
-        **(
-            {"initial": {**initial, **{k: v for k, v in elongations.items() if k in initial}}}
-            if initial
-            else {}
-        ),
-    }
+    elongations = {k: v for k, v in {"elongation_x": x, "elongation_y": y}.items() if k in initial}
+    return changed(scene, {"system": {"misalignment_deg": phi}, "drive": drive, "initial": elongations})
 
 
 def scale_of(name: str, summary: dict[str, float]) -> float:
@@ -161,7 +127,7 @@ def differences(one: dict[str, float], other: dict[str, float], rel: float) -> I
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_images_have_one_summary(name: str) -> None:
-    scene = joined(SCENES[name])
+    scene = changed(FIG3, SCENES[name])
     summary = dict(ds.run(ds.Scene(**scene)).summary)
     for mirror in IMAGES:
         mirrored = dict(ds.run(ds.Scene(**image(scene, mirror))).summary)
@@ -169,7 +135,7 @@ def test_the_images_have_one_summary(name: str) -> None:
 
 
 def test_loads_and_lengths_are_counted_along_the_drive() -> None:
-    scene = joined(SCENES["low_frequency"])
+    scene = changed(FIG3, SCENES["low_frequency"])
     for mirror in IMAGES:
         summary = ds.run(ds.Scene(**image(scene, mirror))).summary
         assert summary["peak_force"] == pytest.approx(1.9933, abs=1e-4)
@@ -201,7 +167,7 @@ def random_points(n: int) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("method", ["rodas4p", "radau9"])
 def test_the_images_of_random_sweeps_have_one_summary(method: str) -> None:
     points = random_points(100)
-    deck = ds.Scene(**joined(SCENES["low_frequency"]))
+    deck = ds.Scene(**changed(FIG3, SCENES["low_frequency"]))
 
     def swept(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         data = ds.sweep(deck, values, points=True, integrator={"method": method, "rtol": 1e-7})
@@ -229,7 +195,7 @@ def test_the_images_of_random_sweeps_have_one_summary(method: str) -> None:
 
 def test_a_reversing_drive_has_the_cycles_of_its_strokes() -> None:
     """Six strokes, to and fro, have six times what one has, and no cycle is made of two strokes."""
-    stroke = joined(SCENES["low_frequency"])
+    stroke = changed(FIG3, SCENES["low_frequency"])
     stroke["scene"] = {**stroke["scene"], "t_end": 6.0}
     alone = ds.run(ds.Scene(**stroke))
     times, velocities = [], []

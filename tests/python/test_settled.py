@@ -5,33 +5,28 @@ from __future__ import annotations
 import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import slider
 
 pytest.importorskip("xarray")
 
 MEANS = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
 
-SYSTEM = {"mass": 0.25, "stiffness_x": 1e3, "misalignment_deg": 8.0}
-FRICTION = {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10.0}
 RAMP = {"velocity": (5e-4, 5e-4, 1e-3), "time": (0.0, 100.0, 150.0)}
 
 
 def scene_of(
     phi: float, t_end: float, drive: dict[str, object], model: str = "low_frequency", **groups: object
 ) -> ds.Scene:
-    system = {**SYSTEM, "misalignment_deg": phi, **({"stiffness_y": 1e7} if model == "full" else {})}
-    return ds.Scene(
-        scene={"model": model, "t_end": t_end}, system=system, friction=FRICTION, drive=drive, **groups
-    )
+    stiff = {} if model == "full" else {"stiffness_y": None}
+    system = {"misalignment_deg": phi, **stiff}
+    return ds.Scene(scene={"model": model, "t_end": t_end}, **slider({"system": system, "drive": drive}), **groups)
 
 
 @pytest.fixture(scope="module")
 def cycle() -> dict[str, float]:
     """The cycle at 1 mm/s and 8 degrees, reached without a ramp."""
-    return dict(
-        ds.run(
-            scene_of(8.0, 40.0, {"velocity": 1e-3}), integrator={"method": "radau13", "rtol": 1e-11}
-        ).summary
-    )
+    scene = scene_of(8.0, 40.0, {"velocity": 1e-3})
+    return dict(ds.run(scene, integrator={"method": "radau13", "rtol": 1e-11}).summary)
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])

@@ -7,28 +7,19 @@ import math
 
 import dynstiction as ds
 import pytest
+from fig3 import changed, slider
 
-FIG3 = {
-    "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7},
-    "friction": {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10.0},
-}
 METHODS = ("radau5", "radau9", "radau13")
 RTOL = (1e-4, 1e-5, 1e-6)
 
 
 def scene(angle, t_end, method, rtol, drive, model="full", **initial):
-    system = {**FIG3["system"], "misalignment_deg": angle}
+    groups = slider({"system": {"misalignment_deg": angle}, "drive": drive, "initial": {"velocity_ratio": 0.0, **initial}})
     if model == "low_frequency":
-        del system["stiffness_y"]
-        initial.pop("elongation_y", None)
+        groups = changed(groups, {"system": {"stiffness_y": None}, "initial": {"elongation_y": None}})
+    integrator = {"method": method, "rtol": rtol}
     return ds.Scene(
-        scene={"model": model, "t_end": t_end},
-        system=system,
-        friction=FIG3["friction"],
-        drive=drive,
-        initial={"velocity_ratio": 0.0, **initial},
-        integrator={"method": method, "rtol": rtol},
-        output={"interval": t_end / 100},
+        **groups, scene={"model": model, "t_end": t_end}, integrator=integrator, output={"interval": t_end / 100}
     )
 
 
