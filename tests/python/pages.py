@@ -16,7 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+from programs import ROOT
+
+DOCS = ROOT / "docs"
 TOLERANCE = 0.02
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from dynstiction.plot.animation import animate, view_from_above
 from matplotlib import image
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
+from programs import Program
 
 
 def friction_vector(figure: object) -> tuple[np.ndarray, np.ndarray]:
@@ -162,22 +161,11 @@ def test_an_object_at_rest_is_shown(tmp_path: Path) -> None:
         assert 0.005 <= dot.get_xdata()[0] <= 0.01
 
 
-def test_command(fig4_result: ds.Result, tmp_path: Path) -> None:
+def test_command(package: Program, fig4_result: ds.Result, tmp_path: Path) -> None:
     fig4_result.save(tmp_path / "run.h5")
     options = ["--from", "1", "--to", "1.5", "--fps", "2", "--seconds", "1"]
-
-    def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "dynstiction", "animate", *arguments],
-            capture_output=True,
-            text=True,
-            check=False,
-            cwd=tmp_path,
-        )
-
-    done = command("run.h5", "-o", "frames", *options)
+    done = package("animate", "run.h5", "-o", "frames", *options)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert len(list((tmp_path / "frames").iterdir())) == 2
-    refused = command("run.h5", "-o", "x.gif", "--from", "9")
-    assert refused.returncode == 1
+    refused = package("animate", "run.h5", "-o", "x.gif", "--from", "9", status=1)
     assert refused.stderr == "dynstiction: from 9 to 2 s: the run has samples from 0 to 2 s\n"

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import dynstiction as ds
 import numpy as np
 import pytest
+from programs import INPUTS
 
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 MASS, STIFFNESS, LIMIT = 0.25, np.array([1e3, 1e5]), 2.0
 INTERVAL = 1e-5
 

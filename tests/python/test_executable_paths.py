@@ -67,8 +67,7 @@ REFUSED: dict[str, tuple[str, ...]] = {
 
 @pytest.mark.parametrize("words", REFUSED)
 def test_a_scene_that_cannot_be_set_up_is_refused(program, tmp_path, words):
-    done = program("run", INPUTS / "fig3_constant.nml", "-o", "x.h5", settings=REFUSED[words], status=2)
-    assert words in done.stderr
+    assert words in program("run", INPUTS / "fig3_constant.nml", "-o", "x.h5", settings=REFUSED[words], status=2).stderr
     assert not (tmp_path / "x.h5").exists()
 
 
@@ -101,8 +100,7 @@ def test_a_sweep_with_faults_is_refused(program, tmp_path, words):
     lists = LISTS | {key: value}
     if words == "is out of range":
         lists["first"] = "-1.0, 1e-3"
-    done = program("run", sweep_deck(tmp_path, lists), "-o", "x.h5", status=2)
-    assert words in done.stderr
+    assert words in program("run", sweep_deck(tmp_path, lists), "-o", "x.h5", status=2).stderr
     assert not list(tmp_path.glob("x.h5*"))
 
 

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
+from programs import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "src"
 SOURCES = sorted([*FOLDER.rglob("*.f90*"), *(ROOT / "python" / "core").glob("*.f90")])
 PREFIX = r"(?:(?:pure|elemental|impure|recursive|module|logical|integer|real\(\w+\)|type\(\w+\)|character\([^)]*\))\s+)*"

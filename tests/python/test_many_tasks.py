@@ -45,7 +45,7 @@ def test_the_lines_for_an_engine(
     if not ENGINES[engine]():
         pytest.skip(f"{engine} is not installed")
     sweep = Sweep(tmp_path, exe=str(executable))
-    assert sweep.run("one.h5").returncode == 0
+    sweep.run("one.h5", status=0)
     folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
     monkeypatch.setenv("PATH", ":".join(folders))
     page = tmp_path / "section.md"

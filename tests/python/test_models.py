@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from programs import INPUTS, Program
 
 if TYPE_CHECKING:
     from typing import Any
 
     import dynstiction as ds
 
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 METHODS = ["radau5", "radau9", "radau13", "dopri5", "dop853"]
 
 # Off in the decks of models that do not use them.
@@ -449,10 +448,10 @@ def test_creep_that_has_not_begun_is_rest() -> None:
 
 
 @pytest.mark.parametrize("deck", ["low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"])
-def test_executable_writes_what_python_returns(deck: str, executable: Path, tmp_path: Path) -> None:
+def test_executable_writes_what_python_returns(deck: str, program: Program, tmp_path: Path) -> None:
     import dynstiction as ds  # noqa: PLC0415
 
-    subprocess.run([executable, "run", INPUTS / f"{deck}.nml"], cwd=tmp_path, capture_output=True, check=True)
+    program("run", INPUTS / f"{deck}.nml", status=0)
     written, returned = ds.open(tmp_path / f"{deck}.h5"), run(deck)
     assert set(written) == set(returned)
     for name in returned:
@@ -464,11 +463,8 @@ def test_executable_writes_what_python_returns(deck: str, executable: Path, tmp_
 
 @pytest.mark.deck
 @pytest.mark.parametrize("deck", ["low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"])
-def test_decks_run(deck: str, executable: Path, tmp_path: Path) -> None:
-    finished = subprocess.run(
-        [executable, "run", INPUTS / f"{deck}.nml"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert finished.returncode == 0, finished.stderr
+def test_decks_run(deck: str, program: Program) -> None:
+    program("run", INPUTS / f"{deck}.nml", status=0)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-4, 31.6])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from dynstiction import plot
 from dynstiction._native import Info
 from dynstiction.plot.paper import deck
 from matplotlib import image
+from programs import INPUTS, Program
 
 MM_PER_INCH = 25.4
 
@@ -211,30 +210,21 @@ def test_a_comparison_shares_scales_and_says_what_differs(fig3: ds.Scene) -> Non
         plot.compare(runs | {"y": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": "Y"})})
 
 
-def test_command_compares_files(tmp_path: Path, fig3: ds.Scene) -> None:
+def test_command_compares_files(package: Program, tmp_path: Path, fig3: ds.Scene) -> None:
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         ds.run(fig3, scene={"t_end": 0.05}).save(tmp_path / folder / "run.h5")
-    assert run_command("plot", "a/run.h5", "b/run.h5", cwd=tmp_path).returncode == 0
+    package("plot", "a/run.h5", "b/run.h5", status=0)
     pixels = image.imread(tmp_path / "comparison.png")
     assert pixels.shape[1] == pytest.approx((86.0 + 46.0) / MM_PER_INCH * plot.DOTS_PER_INCH, abs=1)
-    refused = run_command("plot", "a/run.h5", "b/run.h5", "--kind", "path", cwd=tmp_path)
-    assert (refused.returncode, refused.stderr) == (
-        1,
-        "dynstiction: --kind and --quantity are for one file: several are compared\n",
-    )
-    again = run_command("plot", "a/run.h5", "a/run.h5", "-o", "x.pdf", cwd=tmp_path)
-    assert (again.returncode, "of different names" in again.stderr) == (1, True)
+    refused = package("plot", "a/run.h5", "b/run.h5", "--kind", "path", status=1)
+    assert refused.stderr == "dynstiction: --kind and --quantity are for one file: several are compared\n"
+    assert "of different names" in package("plot", "a/run.h5", "a/run.h5", "-o", "x.pdf", status=1).stderr
 
 
-def run_command(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "dynstiction", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
-
-
-def test_command_draws_a_file(tmp_path: Path, fig4_result: ds.Result) -> None:
+def test_command_draws_a_file(package: Program, tmp_path: Path, fig4_result: ds.Result) -> None:
     fig4_result.save(tmp_path / "run.h5")
-    done = run_command("plot", "run.h5", "--kind", "spectrogram", cwd=tmp_path)
+    done = package("plot", "run.h5", "--kind", "spectrogram")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     pixels = image.imread(tmp_path / "run.png")
     assert pixels.shape[1] == pytest.approx(86.0 / MM_PER_INCH * plot.DOTS_PER_INCH, abs=1)
@@ -242,14 +232,14 @@ def test_command_draws_a_file(tmp_path: Path, fig4_result: ds.Result) -> None:
     assert 0.001 < coloured.mean() < 0.7
 
 
-def test_command_writes_where_it_is_told(tmp_path: Path, fig3_result: ds.Result) -> None:
+def test_command_writes_where_it_is_told(package: Program, tmp_path: Path, fig3_result: ds.Result) -> None:
     fig3_result.save(tmp_path / "run.h5")
-    assert run_command("plot", "run.h5", "-o", "other.pdf", cwd=tmp_path).returncode == 0
+    package("plot", "run.h5", "-o", "other.pdf", status=0)
     assert (tmp_path / "other.pdf").read_bytes().startswith(b"%PDF")
     assert not (tmp_path / "run.png").exists()
 
 
-def test_command_refuses_in_one_line(tmp_path: Path, fig3_result: ds.Result) -> None:
+def test_command_refuses_in_one_line(package: Program, tmp_path: Path, fig3_result: ds.Result) -> None:
     fig3_result.save(tmp_path / "run.h5")
     (tmp_path / "text.h5").write_text("no HDF5")
     refused = {
@@ -262,25 +252,25 @@ def test_command_refuses_in_one_line(tmp_path: Path, fig3_result: ds.Result) -> 
         (): (1, "COMMAND"),
     }
     for arguments, (status, named) in refused.items():
-        done = run_command(*arguments, cwd=tmp_path)
+        done = package(*arguments)
         assert done.returncode == status, arguments
         assert done.stderr.startswith("dynstiction: ")
         assert named in done.stderr
         assert done.stderr.count("\n") == 1
 
 
-def test_command_draws_an_incomplete_file_and_says_so(tmp_path: Path, fig3_result: ds.Result) -> None:
+def test_command_draws_an_incomplete_file_and_says_so(
+    package: Program, tmp_path: Path, fig3_result: ds.Result
+) -> None:
     fig3_result.save(tmp_path / "run.h5")
     with h5py.File(tmp_path / "run.h5", "r+") as file:
         file.attrs["complete"] = 0
-    done = run_command("plot", "run.h5", cwd=tmp_path)
-    assert done.returncode == 0
-    assert "before the run's end" in done.stderr
+    assert "before the run's end" in package("plot", "run.h5", status=0).stderr
     assert (tmp_path / "run.png").exists()
 
 
 PHI, VELOCITY = np.array([1.0, 3.0, 9.0]), np.geomspace(1e-3, 8e-3, 4)
-LOW = Path(__file__).parents[2] / "inputs" / "low_frequency.nml"
+LOW = INPUTS / "low_frequency.nml"
 
 
 @pytest.fixture(scope="module")
@@ -407,21 +397,10 @@ def test_what_a_sweep_cannot_show_is_refused(grid, fig4_result: ds.Result) -> No
         plot.draw(grid.assign_attrs(deck=""), "lambda")
 
 
-def test_command_draws_a_sweep(tmp_path: Path, executable: Path) -> None:
+def test_command_draws_a_sweep(program: Program, package: Program, tmp_path: Path) -> None:
     (tmp_path / "few.csv").write_text("drive.velocity\n1e-3\n2e-3\n4e-3\n")
-    words = [
-        executable,
-        "run",
-        LOW,
-        "-o",
-        "few.h5",
-        "--quiet",
-        "--set",
-        f"sweep.points={tmp_path / 'few.csv'}",
-    ]
-    subprocess.run(words, cwd=tmp_path, check=True)
-    done = run_command("plot", "few.h5", "--quantity", "period", cwd=tmp_path)
+    program("run", LOW, "-o", "few.h5", "--quiet", "--set", f"sweep.points={tmp_path / 'few.csv'}", status=0)
+    done = package("plot", "few.h5", "--quantity", "period")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "few.png").exists()
-    done = run_command("plot", "few.h5", "--kind", "lambda", "--quantity", "period", cwd=tmp_path)
-    assert done.returncode == 1 and "for the map of a sweep only" in done.stderr
+    assert "for the map of a sweep only" in package("plot", "few.h5", "--kind", "lambda", "--quantity", "period", status=1).stderr

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 from decimal import Decimal, localcontext
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from fig3 import DECK
+from programs import ROOT, Program
 
 pytestmark = pytest.mark.full
 
-ROOT = Path(__file__).parents[2]
 # As decimals: the reference has up to 20 digits, a float 16.
 REFERENCE = json.loads((ROOT / "tests" / "reference" / "fig3.json").read_text(), parse_float=Decimal)
 SCENES = REFERENCE["scenes"]
@@ -54,10 +54,8 @@ def run(executable: Path, folder: Path, name: str, rtol: str, **more: str) -> Pa
         settings["scene.t_end"] = str(LATEST[name])
     settings.update({key.replace("__", "."): value for key, value in more.items()})
     file = folder / f"{executable.name}-{name}-{len(list(folder.iterdir()))}.h5"
-    command = [executable, "run", ROOT / "inputs" / "fig3.nml", "-o", file, "--quiet"]
-    for key, value in settings.items():
-        command += ["--set", f"{key}={value}"]
-    subprocess.run(command, check=True, cwd=folder)
+    given = [f"{key}={value}" for key, value in settings.items()]
+    Program((executable,), folder)("run", DECK, "-o", file, "--quiet", settings=given, timeout=None, status=0)
     return file
 
 

@@ -10,9 +10,9 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from fig3 import changed
-from programs import Program
+from programs import ROOT, Program
 
-REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "fig3.json").read_text())
+REFERENCE = json.loads((ROOT / "tests/reference/fig3.json").read_text())
 SCENES = REFERENCE["scenes"]
 STATES = [(name, state) for name, scene in SCENES.items() for state in scene["states"]]
 STICKS = [(name, *row) for name, scene in SCENES.items() for row in scene["sticks"]]

@@ -8,7 +8,6 @@ import time
 import types
 import warnings
 import weakref
-from pathlib import Path
 from typing import ClassVar
 
 import dynstiction as ds
@@ -17,8 +16,8 @@ import pytest
 from dynstiction import _progress
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from programs import INPUTS
 
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 SHORT = {"t_end": 0.05}
 
 SCENES = {

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import pickle
-from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
 import pytest
 from dynstiction.record import EVENT_DTYPE, Info
-
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
+from programs import INPUTS
 
 SAME = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
 
