@@ -20,9 +20,9 @@ SYSTEM, FRICTION, DRIVE = GROUPS["system"], GROUPS["friction"], GROUPS["drive"]
 CONSTANT = {"law": "constant", "mu_inf": None, "v_f": None}
 """What makes friction constant."""
 SLIDER: dict[str, float] = {
-    **{key: value for group in (SYSTEM, FRICTION, DRIVE) for key, value in group.items() if key not in ("law", "misalignment_deg")},
-    "misalignment": math.radians(SYSTEM["misalignment_deg"]),
+    **SYSTEM, "misalignment_deg": math.radians(SYSTEM["misalignment_deg"]), **FRICTION, **DRIVE
 }
+SLIDER = {key.removesuffix("_deg"): value for key, value in SLIDER.items() if key != "law"}
 
 
 def changed(groups: Groups, *changes: Groups) -> Groups:

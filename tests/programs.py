@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pty
 import resource
 import shutil
 import signal
@@ -86,6 +87,21 @@ def end_group(process: subprocess.Popen[str]) -> None:
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGKILL)
     process.wait(30)
+
+
+def on_terminal(start: Callable[..., subprocess.Popen[str]]) -> str:
+    """What a program that is started by this writes to a terminal as its standard error, until it ends; with status 0 or 75."""
+    ours, theirs = pty.openpty()
+    process = start(stderr=theirs)
+    os.close(theirs)
+    text = b""
+    # Linux: an error when the other end was closed.
+    with contextlib.suppress(OSError):
+        while data := os.read(ours, 4096):
+            text += data
+    os.close(ours)
+    assert process.wait(60) in (DONE, STOPPED)
+    return text.decode()
 
 
 def limited(kind: int, value: int) -> Callable[[], None]:

@@ -30,6 +30,11 @@ from pathlib import Path
 import dynstiction as ds
 import numpy as np
 from scenes import Groups, Scene, log_uniform, random_scene
+from truth import differences, widest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from drives import distance
 
 Columns = dict[str, np.ndarray]
 
@@ -53,32 +58,15 @@ CONTINUOUS = ("u_x", "u_y", "X", "Y", "spring_force_x")
 # What changes its sign, and what becomes of the angles.
 SIGNS: dict[str, tuple[str, ...]] = {
     "mirror_phi": ("u_y", "w_y", "Y", "Y_rate", "spring_force_y", "theta", "psi"),
-    "mirror_V": (
-        "u_x",
-        "u_y",
-        "w_x",
-        "w_y",
-        "X",
-        "Y",
-        "X_rate",
-        "Y_rate",
-        "spring_force_x",
-        "spring_force_y",
-    ),
+    "mirror_V": ("u_x", "u_y", "w_x", "w_y", "X", "Y", "X_rate", "Y_rate", "spring_force_x", "spring_force_y"),
     "mirror_x": ("u_x", "w_x", "Y", "Y_rate", "spring_force_x", "theta", "psi"),
     "turned": ("u_x", "u_y", "w_x", "w_y", "spring_force_x", "spring_force_y"),
 }
 HALF_TURNS = {"mirror_V": ("theta", "psi"), "mirror_x": ("theta",), "turned": ("theta",)}
 
 # Units as powers of length, time, mass.
-LENGTH, SPEED, FORCE, ENERGY, TIME, NUMBER = (
-    (1, 0, 0),
-    (1, -1, 0),
-    (1, -2, 1),
-    (2, -2, 1),
-    (0, 1, 0),
-    (0, 0, 0),
-)
+LENGTH, SPEED, FORCE = (1, 0, 0), (1, -1, 0), (1, -2, 1)
+ENERGY, TIME, NUMBER = (2, -2, 1), (0, 1, 0), (0, 0, 0)
 COLUMN_UNITS = {
     **dict.fromkeys(("u_x", "u_y", "X", "Y"), LENGTH),
     **dict.fromkeys(("w_x", "w_y", "X_rate", "Y_rate"), SPEED),
@@ -302,18 +290,6 @@ def drive_velocity(scene: Scene, t: float) -> float:
     return float(np.interp(t, scene.time, scene.velocity))
 
 
-def distance(scene: Scene, time: np.ndarray) -> np.ndarray:
-    """D(t) [m] in extended precision."""
-    knots, velocity = (np.asarray(x, dtype=np.longdouble) for x in (scene.time, scene.velocity))
-    way = np.concatenate([[0], np.cumsum(np.diff(knots) * (velocity[1:] + velocity[:-1]) / 2)])
-    i = np.searchsorted(knots, time, side="right") - 1
-    elapsed = time.astype(np.longdouble) - knots[i]
-    rise = np.append(np.diff(velocity), 0)[i]
-    span = np.append(np.diff(knots), 1)[i]
-    share = np.divide(elapsed, span, out=np.zeros_like(elapsed), where=span > 0)
-    return np.asarray(way[i] + elapsed * (velocity[i] + rise * share / 2))
-
-
 # -------------------------------------------------------------------------------------------------------- comparing them
 
 
@@ -344,13 +320,6 @@ def scales_of(side: Side, columns: Columns) -> dict[str, np.ndarray]:
         "zeta": np.where(told, largest.get("zeta", 0.0), np.inf),
     }
     return {name: np.maximum(found[name], 1e-300) * np.ones_like(speed) for name in columns}
-
-
-def gap_of(name: str, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    gap = a - b
-    if name in {"theta", "psi"}:
-        gap = gap - 2 * np.pi * np.round(gap / (2 * np.pi))
-    return np.asarray(np.abs(gap))
 
 
 @dataclass
@@ -384,7 +353,7 @@ def conditioning(side: Side) -> Conditioning | None:
         always = np.ones_like(same)
         for column, values in columns.items():
             comparable = same if column in JUMPING else always
-            gap = np.where(comparable, gap_of(column, there[column], values) / scales[column], 0.0)
+            gap = np.where(comparable, differences(column, there[column], values) / scales[column], 0.0)
             found[column] = np.maximum(found[column], gap / CHANGE)
         if np.array_equal(there.events["kind"], here.events["kind"]):
             shift = np.abs(there.events["time"] - here.events["time"]).max(initial=0.0)
@@ -396,9 +365,7 @@ def conditioning(side: Side) -> Conditioning | None:
                 summary[key] = max(summary[key], abs(there.summary[key] / number - 1) / CHANGE)
             elif key not in there.summary:
                 summary[key] = np.inf
-    for column, values in found.items():
-        wide = np.concatenate([values[:1], values, values[-1:]])
-        found[column] = np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
+    found = {column: widest(values) for column, values in found.items()}
     worst = max(float(values.max(initial=0.0)) for name, values in found.items() if name != "sticking")
     return Conditioning(found, events, summary, vary, worst)
 
@@ -423,7 +390,7 @@ def compare_exactly(
     for name, image in images.items():
         values = theirs[name]
         if outcome.kind == "mirror_phi" and name in {"theta", "psi"}:
-            wrong = gap_of(name, values, image) > 1e-15  # backwards is pi, and not -pi, in both
+            wrong = differences(name, values, image) > 1e-15  # backwards is pi, and not -pi, in both
         elif outcome.kind == "mirror_phi" and name == "X":
             way = max(float(np.abs(ours[key]).max()) for key in ("X", "u_x"))
             wrong = np.abs(values - image) > 1e-15 * way
@@ -434,7 +401,7 @@ def compare_exactly(
         if wrong.any():
             k = int(np.argmax(wrong))
             scale = float(np.abs(image).max()) or 1.0
-            largest = float(gap_of(name, values, image).max()) / scale
+            largest = float(differences(name, values, image).max()) / scale
             outcome.faults.append(
                 f"{name} differs in {np.count_nonzero(wrong)} of {wrong.size} samples, first at t = {ours.time[k]:.9g}, at most by {largest:.1e}"
             )
@@ -503,7 +470,7 @@ def compare_closely(outcome: Outcome, ours: ds.Result, theirs: ds.Result, later:
         comparable = same if name in JUMPING else always
         if name not in CONTINUOUS:
             comparable = comparable & ~apart
-        gap = np.where(comparable, gap_of(name, theirs[name][rows], image) / scales[name], 0.0)
+        gap = np.where(comparable, differences(name, theirs[name][rows], image) / scales[name], 0.0)
         over = np.maximum(0, gap / (1 + condition.columns[name]) - 1e-12) / side.rtol
         k = int(np.argmax(over))
         if over[k] > FACTOR:
@@ -578,7 +545,7 @@ def position_fault(side: Side, result: ds.Result) -> str:
     if side.model == "high_frequency" or side.method in {"moreau_jean", "rk4"}:
         return ""
     c, s = side.scene.along
-    driven = distance(side.scene, result.time)
+    driven = distance(side.scene.velocity, side.scene.time, result.time)
     stretch = result["u_x"].astype(np.longdouble) * c + result["u_y"].astype(np.longdouble) * s
     open_ = np.asarray(result["X"] - (driven - stretch), dtype=float)
     way = float(

@@ -236,9 +236,14 @@ def conditioning(scene: Scene, truth: Truth, perturbed: list[Truth]) -> dict[str
                 gap = np.where(other.sticking == truth.sticking, gap, 0.0)
             # What the changed scene's own parameters do to the column is in it where it is not in the state.
             most = np.maximum(most, np.nan_to_num(gap, nan=0.0) / CHANGE)
-        wide = np.concatenate([most[:1], most, most[-1:]])
-        found[name] = np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
+        found[name] = widest(most)
     return found
+
+
+def widest(values: np.ndarray) -> np.ndarray:
+    """At each sample the largest of it and its neighbours."""
+    wide = np.concatenate([values[:1], values, values[-1:]])
+    return np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
 
 
 JUMPING = ("friction", "theta", "psi", "zeta")

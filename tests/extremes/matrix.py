@@ -8,12 +8,8 @@ from __future__ import annotations
 
 import itertools
 import math
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from fig3 import CONSTANT, GROUPS, Groups, changed
 
@@ -166,10 +162,7 @@ def scene_of(groups: Groups, kind: Kind, profile: Profile = ()) -> Groups:
     if kind.smoothed:
         groups["friction"].update(contact="smoothed", v_smooth=0.1 * (numbers.velocity_scale or 1e-3))
     _drop_unused(groups, kind)
-    return {
-        group: {key: value for key, value in keys.items() if value is not None}
-        for group, keys in groups.items()
-    }
+    return changed(groups)
 
 
 def _drop_unused(groups: Groups, kind: Kind) -> None:

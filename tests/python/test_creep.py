@@ -160,8 +160,9 @@ def test_out_of_range_in_si_units(name: str, value: float, valid: str) -> None:
 
 
 def test_speed() -> None:
+    """Below 10 us of the processor a point: tens of times what it takes."""
     tau = np.linspace(0.0, 2.0, 500_000)
-    start = time.perf_counter()
+    start = time.process_time()
     creep = ds.creep_exact(tau, np.radians(1.0))
-    print(f"{tau.size / (time.perf_counter() - start):.2g} points/s")
+    assert time.process_time() - start < 1e-5 * tau.size
     assert np.all(np.isfinite(creep))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import pty
 import re
+from functools import partial
 
 import pytest
 from fig3 import DECK
-from programs import INPUTS, Program
+from programs import INPUTS, Program, on_terminal
 
 WIPED = "\r\x1b[K"
 
@@ -16,24 +15,12 @@ pytestmark = pytest.mark.deck
 ENDLESS = ("run", DECK, "-o", "x.h5", "--set", "scene.t_end=1e5", "--set", "output.interval=1.0")
 
 
-def on_terminal(program: Program, *arguments: object) -> str:
-    """What a command writes to a terminal as its standard error, until it ends."""
-    ours, theirs = pty.openpty()
-    process = program.start(*arguments, stderr=theirs, env={"OMP_NUM_THREADS": "2"})
-    os.close(theirs)
-    text = b""
-    try:
-        while data := os.read(ours, 4096):
-            text += data
-    except OSError:  # Linux: the other end was closed
-        pass
-    os.close(ours)
-    process.wait(timeout=60)
-    return text.decode()
+def shown_by(program: Program, *arguments: object) -> str:
+    return on_terminal(partial(program.start, *arguments, env={"OMP_NUM_THREADS": "2"}))
 
 
 def test_a_run_on_a_terminal(program):
-    text = on_terminal(program, *ENDLESS, "--set", "output.wall_limit=0.7")
+    text = shown_by(program, *ENDLESS, "--set", "output.wall_limit=0.7")
     shown = re.findall(r"\r(\S+fig3\.nml): +([\d.]+) %, t = (\S+) of (\S+) s, ([\w. ]+) left\x1b\[K", text)
     assert len(shown) >= 2
     times = [float(time) for _, _, time, _, _ in shown]
@@ -51,7 +38,7 @@ def test_a_sweep_on_a_terminal(program, tmp_path):
     deck = tmp_path / "map.nml"
     grid = "\n&sweep\n parameter = 'system.misalignment_deg', first = 1.0, last = 8.0, count = 400000\n/\n"
     deck.write_text((INPUTS / "low_frequency.nml").read_text() + grid)
-    text = on_terminal(program, "run", "map.nml", "-o", "x.h5", "--set", "output.wall_limit=0.7")
+    text = shown_by(program, "run", "map.nml", "-o", "x.h5", "--set", "output.wall_limit=0.7")
     shown = re.findall(r"\rmap\.nml: (\d+) of 400000 cases, 0 failed, [\d.e]+ cases/s, ([\w. ]+) left\x1b\[K", text)
     assert len(shown) >= 2
     assert 0 < int(shown[0][0]) <= int(shown[-1][0]) < 400000
@@ -59,7 +46,7 @@ def test_a_sweep_on_a_terminal(program, tmp_path):
 
 
 def test_a_comparison_on_a_terminal(program):
-    text = on_terminal(program, "trade", DECK, "-o", "x.h5", "--budget", "1")
+    text = shown_by(program, "trade", DECK, "-o", "x.h5", "--budget", "1")
     shown = re.findall(r"%, (.+?) = +(\S+) of +(\S+) s, ", text)
     assert shown
     assert {what for what, *_ in shown} == {"wall time"}
@@ -67,7 +54,7 @@ def test_a_comparison_on_a_terminal(program):
 
 
 def test_nothing_is_said_when_that_is_asked_for(program):
-    text = on_terminal(program, *ENDLESS, "--quiet", "--set", "output.wall_limit=0.5")
+    text = shown_by(program, *ENDLESS, "--quiet", "--set", "output.wall_limit=0.5")
     assert text.startswith("dynstiction: ")
     assert text.count("\n") == 1
 

@@ -7,7 +7,6 @@ import io
 import json
 import re
 import shutil
-import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -18,6 +17,7 @@ import pytest
 from dynstiction.__main__ import main
 from dynstiction.report import FRAMES, report
 from matplotlib import image
+from programs import Program
 
 
 @pytest.fixture(scope="module")
@@ -141,20 +141,9 @@ def browse(page: str, folder: Path, *options: str) -> tuple[str, list[str]]:
     """The page's elements after its scripts, and what it wrote on the console: errors, and loads that failed."""
     assert BROWSER is not None
     (folder / "page.html").write_text(page, encoding="utf-8")
-    command = [
-        BROWSER,
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--no-first-run",
-        f"--user-data-dir={folder / 'profile'}",
-        "--host-resolver-rules=MAP * ~NOTFOUND",
-        "--enable-logging=stderr",
-        "--virtual-time-budget=8000",
-        *options,
-        f"file://{folder / 'page.html'}",
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    browser = Program((BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", f"--user-data-dir={folder / 'profile'}"))
+    network = ("--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr", "--virtual-time-budget=8000")
+    done = browser(*network, *options, f"file://{folder / 'page.html'}", status=0)
     return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE:" in line]
 
 

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import errno
-import os
-import pty
 import re
 import resource
-import select
 import shutil
 import signal
 import time
+from functools import partial
 from pathlib import Path
 
 import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
-from programs import end_group, limited, wait_until
+from programs import end_group, limited, on_terminal, wait_until
 from sweeps import GRID, HEADER_BYTES, SCENE, Sweep, cases_in, same, values
 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
@@ -328,28 +325,14 @@ LINE = re.compile(r"map\.nml: (\d+) of 12 cases, 0 failed(, [\d.e]+ cases/s, ([\
 
 
 def test_progress_on_a_terminal(sweep):
-    leader, follower = pty.openpty()
-    process = sweep.start("a.h5", "--set", "scene.t_end=3000", quiet=False, stderr=follower)
-    os.close(follower)
-    text = b""
-    try:
-        while process.poll() is None or select.select([leader], [], [], 0.1)[0]:
-            if select.select([leader], [], [], 0.1)[0]:
-                text += os.read(leader, 4096)
-    except OSError as error:
-        # The other end of a terminal is closed.
-        assert error.errno == errno.EIO
-    finally:
-        os.close(leader)
-        end_group(process)
-    assert process.returncode == 0
-    pieces = text.decode().split("\r")
-    lines = [found for piece in pieces if (found := LINE.search(piece))]
+    text = on_terminal(partial(sweep.start, "a.h5", "--set", "scene.t_end=3000", quiet=False))
+    lines = [found for piece in text.split("\r") if (found := LINE.search(piece))]
     counts = [int(line[1]) for line in lines]
     assert counts == sorted(counts) and len(counts) > 1
     assert any(line[2] for line in lines)
     # One line, wiped at the end.
-    assert b"\n" not in text and text.endswith(b"\r\x1b[K")
+    assert "\n" not in text and text.endswith("\r\x1b[K")
+    assert (sweep.folder / "a.h5").exists()
 
 
 def test_progress_in_a_pipe_is_a_plain_line_every_ten_seconds(sweep):
@@ -367,9 +350,5 @@ def test_progress_in_a_pipe_is_a_plain_line_every_ten_seconds(sweep):
 
 
 def test_no_progress_when_quiet(sweep):
-    leader, follower = pty.openpty()
-    process = sweep.start("a.h5", stderr=follower)
-    assert process.wait(60) == 0
-    assert not select.select([leader], [], [], 0.2)[0]
-    os.close(follower)
-    os.close(leader)
+    assert on_terminal(partial(sweep.start, "a.h5")) == ""
+    assert (sweep.folder / "a.h5").exists()
