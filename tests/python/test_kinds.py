@@ -14,6 +14,7 @@ from dynstiction.plot.paper import deck
 from dynstiction.plot.spectra import predicted_ridge
 from dynstiction.plot.style import new_figure
 from dynstiction.plot.theory import damping_crossing, slider
+from fig3 import CONSTANT
 from matplotlib.figure import Figure
 
 SHORT = {"t_end": 0.3}
@@ -163,7 +164,7 @@ ANY_FILE = {
     "strained": {"initial": {"elongation_x": 1e-4}},
     "isotropic": {"system": {"stiffness_y": 1e3}},
     "without friction": {"friction": {"mu_0": 0.0, "mu_inf": 0.0}},
-    "constant": {"friction": {"law": "constant", "mu_inf": None, "v_f": None}},
+    "constant": {"friction": CONSTANT},
     "smoothed": {"friction": {"contact": "smoothed", "v_smooth": 1e-6}},
     "every step": {"output": {"interval": 0.0}, "scene": {"t_end": 0.1}},
     "coarse": {"output": {"interval": 0.01}},

@@ -1,6 +1,7 @@
 """`model = 'auto'`: which model it is, why, and that its error stays below `accuracy`."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import dynstiction as ds
@@ -31,6 +32,18 @@ def deck(scene: dict[str, float], model: str, lengths: float, more: str = "") ->
     &integrator rtol=1e-7 /
     &output interval={t_end / 200!r} /
     """
+
+
+@cache
+def full_run(lengths: float, **scene: float) -> ds.Result:
+    """What several choices are compared with."""
+    return ds.run(deck(scene, "full", lengths))
+
+
+def choice_of(scene: dict[str, float], lengths: float, accuracy: float, quantities: str = "stick_slip", **groups: object) -> str:
+    """Why it is that model."""
+    text = deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}")
+    return str(ds.run(text, **groups).attributes["model_choice"])
 
 
 def error_in_creep(result: ds.Result, full: ds.Result) -> float:
@@ -81,7 +94,7 @@ def test_error_stays_below_accuracy(change: dict[str, float]) -> None:
     checks = {"creep": (0.3, 0.95, error_in_creep), "stick_slip": (2.6, error_in_stick_slip)}
     for quantities, (*spans, error_of) in checks.items():
         for lengths in spans:
-            full = ds.run(deck(scene, "full", lengths))
+            full = full_run(lengths, **scene)
             errors: dict[str, float] = {}
             for accuracy in ACCURACIES:
                 more = f"quantities='{quantities}', accuracy={accuracy}"
@@ -108,17 +121,13 @@ def test_error_stays_below_accuracy(change: dict[str, float]) -> None:
         ("high_frequency", 1e-1, 0.5, 1.0, "full"),
     ],
 )
-def test_the_cheapest_is_found(
-    quantities: str, accuracy: float, lengths: float, angle: float, model: str
-) -> None:
-    more = f"quantities='{quantities}', accuracy={accuracy}"
-    text = deck(FIG3 | {"misalignment_deg": angle}, "auto", lengths, more)
-    assert ds.run(text).attributes["model"] == model
+def test_the_cheapest_is_found(quantities: str, accuracy: float, lengths: float, angle: float, model: str) -> None:
+    scene = FIG3 | {"misalignment_deg": angle}
+    assert choice_of(scene, lengths, accuracy, quantities).startswith(f"{model}: ")
 
 
 def test_stiffer_springs_need_less() -> None:
-    scene = FIG3 | {"stiffness_y": 1e9}
-    assert ds.run(deck(scene, "auto", 2.6, "accuracy=1e-2")).attributes["model"] == "low_frequency"
+    assert choice_of(FIG3 | {"stiffness_y": 1e9}, 2.6, 1e-2).startswith("low_frequency: ")
 
 
 # What a unit of length, time and mass is in these scenes. Powers of two: not one bit of a ratio changes.
@@ -154,20 +163,15 @@ def test_the_choice_depends_on_ratios_only(
 
     def choice(angle: float, to: tuple[float, float, float, float, float]) -> str:
         m, s, k, v, f = to
-        result = ds.run(
-            deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}"),
+        units = {"mass": m, "stiffness_x": k, "stiffness_y": k}
+        return choice_of(
+            scene, lengths, accuracy, quantities,
             scene={"t_end": t_end * s},
-            system={
-                "mass": scene["mass"] * m,
-                "stiffness_x": scene["stiffness_x"] * k,
-                "stiffness_y": scene["stiffness_y"] * k,
-                "misalignment_deg": angle,
-            },
+            system={"misalignment_deg": angle, **{name: scene[name] * unit for name, unit in units.items()}},
             friction={"v_f": scene["v_f"] * v, "normal_load": 10.0 * f},
             drive={"velocity": scene["velocity"] * v},
             output={"interval": t_end / 10 * s},
-        )
-        return str(result.attributes["model_choice"])
+        )  # fmt: skip
 
     angle = scene["misalignment_deg"]
     plain = choice(angle, (1.0, 1.0, 1.0, 1.0, 1.0))
@@ -201,10 +205,16 @@ def test_the_choice_depends_on_ratios_only(
 )
 def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object]], reason: str) -> None:
     """Each says why; what it says is what is the matter."""
-    text = deck(FIG3, "auto", 0.05, "quantities='creep', accuracy=1.0")
-    choice = str(ds.run(text, **groups).attributes["model_choice"])
+    choice = choice_of(FIG3, 0.05, 1.0, "creep", **groups)
     assert choice.startswith("full: ")
     assert reason in choice
+
+
+def estimated(choice: str) -> float:
+    """The error that a choice speaks of."""
+    found = re.search(r"may err by +([-+.\dE]+)", choice)
+    assert found, choice
+    return float(found[1])
 
 
 @pytest.mark.parametrize("velocity", [1e-3, 2e-3])
@@ -212,11 +222,7 @@ def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object
 def test_what_the_fast_oscillation_may_do_to_creep(velocity: float, stiffness: float, mass: float) -> None:
     """The square of its force over the static limit, and the way of half a period over the advance (docs/models.md)."""
     scene = FIG3 | {"stiffness_y": stiffness, "mass": mass, "mu_inf": 0.20, "velocity": velocity}
-    choice = str(
-        ds.run(deck(scene, "auto", 0.5, "quantities='creep', accuracy=1e-9")).attributes["model_choice"]
-    )
-    found = re.search(r"may err by +([-+.\dE]+)", choice)
-    assert found, choice
+    estimate = estimated(choice_of(scene, 0.5, 1e-9, "creep"))
     across, limit, length = velocity * np.sin(np.radians(1.0)), 2.0, 2e-3
     tau = np.linspace(0.0, 0.5, 65)
     elastic, rigid = (ds.creep_exact(tau, np.radians(1.0), kappa).X for kappa in (1e3 / stiffness, 0.0))
@@ -224,7 +230,7 @@ def test_what_the_fast_oscillation_may_do_to_creep(velocity: float, stiffness: f
     ripple += 2.0 * (across / limit) ** 2 * mass * stiffness
     expected = 2.0 * ripple + 3.0 * np.abs(elastic - rigid).max() / elastic[-1]
     # The text has one digit or two.
-    assert float(found[1]) == pytest.approx(expected, rel=0.1)
+    assert estimate == pytest.approx(expected, rel=0.1)
 
 
 def test_small_cycles_are_sensitive() -> None:
@@ -232,10 +238,7 @@ def test_small_cycles_are_sensitive() -> None:
     estimate, swing = [], []
     for mu_inf in (0.15, 0.16):
         scene = FIG3 | {"mu_inf": mu_inf}
-        choice = str(ds.run(deck(scene, "auto", 5.0, "accuracy=1e-6")).attributes["model_choice"])
-        found = re.search(r"may err by +([-+.\dE]+)", choice)
-        assert found, choice
-        estimate.append(float(found[1]))
+        estimate.append(estimated(choice_of(scene, 5.0, 1e-6)))
         summary = ds.run(deck(scene, "low_frequency", 5.0), system={"stiffness_y": None}).summary
         swing.append(abs(summary["peak_force"] - summary["valley_force"]) / 2.0)
     assert swing[1] < 0.9 * swing[0]
@@ -268,7 +271,7 @@ def errors_of_columns(
         for accuracy in (0.3, 0.03, 1e-3):
             result = chosen_for(column, scene, quantities, lengths, accuracy)
             if result is not None:
-                full = full or ds.run(deck(scene, "full", lengths))
+                full = full or full_run(lengths, **scene)
                 error = np.abs(result[column] - full[column]).max() / np.abs(full[column]).max()
                 errors[column, accuracy] = float(error)
     return errors
@@ -317,10 +320,8 @@ def test_every_column_is_that_of_full_in_random_scenes() -> None:
 
 
 def test_a_column_that_a_model_lacks_rules_it_out() -> None:
-    text = deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=2e-2")
-
     def choice(*fields: str) -> str:
-        return str(ds.run(text, output={"fields": list(fields)}).attributes["model_choice"])
+        return choice_of(FIG3, 0.5, 2e-2, "creep", output={"fields": list(fields)})
 
     assert choice("X").startswith("creep_asymptotic: ")
     found = choice("X", "spring_force_x")
@@ -329,9 +330,7 @@ def test_a_column_that_a_model_lacks_rules_it_out() -> None:
         "full: creep_asymptotic does not give u_y; creep gives u_y without the fast oscillation; "
         "low_frequency holds u_y constant"
     )
-    assert choice("X", "X_rate").startswith(
-        "full: creep_asymptotic gives X_rate without the fast oscillation; "
-    )
+    assert choice("X", "X_rate").startswith("full: creep_asymptotic gives X_rate without the fast oscillation; ")
 
 
 @pytest.mark.parametrize(("quantities", "lengths"), [("creep", 0.5), ("creep", 0.95), ("stick_slip", 5.0)])

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
+import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import CONSTANT
 from programs import INPUTS, Program
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    import dynstiction as ds
+from results import assert_same
 
 METHODS = ["radau5", "radau9", "radau13", "dopri5", "dop853"]
 
@@ -21,14 +19,10 @@ UNUSED: dict[str, dict[str, None]] = {"system": {"stiffness_y": None}, "friction
 
 
 def run(deck: str, **groups: dict[str, Any]) -> ds.Result:
-    import dynstiction as ds  # noqa: PLC0415
-
     return ds.run(INPUTS / f"{deck}.nml", **groups)
 
 
 def refusal(deck: str, **groups: dict[str, Any]) -> str:
-    import dynstiction as ds  # noqa: PLC0415
-
     with pytest.raises(ds.DeckError) as refused:
         run(deck, **groups)
     return str(refused.value)
@@ -260,7 +254,7 @@ def test_frequency_of_the_fast_oscillation() -> None:
     for load in (0.0, 0.5, 0.9):
         result = run(
             "high_frequency",
-            friction={"law": "constant", "mu_inf": None, "v_f": None},
+            friction=CONSTANT,
             initial={"elongation_x": 2e-3 * load},
             scene={"t_end": 0.05},
             output={"interval": 1e-6},
@@ -327,8 +321,6 @@ def test_load_at_the_static_limit_is_refused() -> None:
 
 
 def test_creep_is_the_closed_form() -> None:
-    import dynstiction as ds  # noqa: PLC0415
-
     result = run("creep")
     exact = ds.creep_exact(result.time * 0.5, np.radians(1.0), 1e-4)
     slides = result["sticking"] == 0.0
@@ -377,8 +369,6 @@ def test_creep_in_other_quadrants(angle: float, velocity: float) -> None:
 
 @pytest.mark.parametrize("form", ["first_power", "printed", "third_order"])
 def test_forms_of_the_asymptotics(form: str) -> None:
-    import dynstiction as ds  # noqa: PLC0415
-
     result = run("creep_asymptotic", scene={"form": form}, output={"interval": 1e-4})
     assert list(result) == ["time", "X", "X_rate"]
     rate = ds.creep_asymptotic(result.time * 0.5, np.radians(1.0), form=form)  # type: ignore[arg-type]
@@ -449,14 +439,9 @@ def test_creep_that_has_not_begun_is_rest() -> None:
 
 @pytest.mark.parametrize("deck", ["low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"])
 def test_executable_writes_what_python_returns(deck: str, program: Program, tmp_path: Path) -> None:
-    import dynstiction as ds  # noqa: PLC0415
-
     program("run", INPUTS / f"{deck}.nml", status=0)
     written, returned = ds.open(tmp_path / f"{deck}.h5"), run(deck)
-    assert set(written) == set(returned)
-    for name in returned:
-        np.testing.assert_array_equal(written[name], returned[name])
-    np.testing.assert_array_equal(written.events, returned.events)
+    assert_same(written, returned)
     for name in ("model", "method", "model_choice"):
         assert written.attributes.get(name) == returned.attributes.get(name)
 

@@ -27,6 +27,7 @@ import pytest
 from dynstiction import _native, _sweep
 from dynstiction.errors import error_for
 from programs import SCRIPT, Program, small_disk
+from results import assert_same
 
 SHORT = {"t_end": 0.05}
 
@@ -41,12 +42,6 @@ def process(script: str, deck: str, **how: object) -> str:
     """What a script prints, which has the deck as DECK; it must end by itself, and well."""
     head = f"import faulthandler; faulthandler.enable()\nimport dynstiction as ds\nDECK = {deck!r}\n"
     return SCRIPT(head + script, status=0, **how).stdout
-
-
-def same(a: ds.Result, b: ds.Result) -> bool:
-    return (
-        all(a[name].tobytes() == b[name].tobytes() for name in a) and a.events.tobytes() == b.events.tobytes()
-    )
 
 
 # Threads
@@ -217,7 +212,7 @@ def test_what_is_data_is_copied(fig3: ds.Scene, fig3_result: ds.Result) -> None:
         ):
             assert type(again) is type(thing)
             assert repr(again) == repr(thing)
-    assert same(pickle.loads(pickle.dumps(fig3_result)), fig3_result)
+    assert_same(pickle.loads(pickle.dumps(fig3_result)), fig3_result)
 
 
 SENT = """

@@ -22,16 +22,9 @@ import pytest
 import xarray
 from fig3 import SLIDER
 from programs import SCRIPT, Program
+from results import assert_same
 
 SHORT = {"t_end": 0.05}
-
-
-def assert_same(a: ds.Result, b: ds.Result) -> None:
-    """Two results agree to the last bit."""
-    assert set(a.columns) == set(b.columns)
-    for name in a:
-        assert a[name].tobytes() == b[name].tobytes(), name
-    assert a.events.tobytes() == b.events.tobytes()
 
 
 # Scenes and overrides

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fig3 import changed
 from programs import ROOT, Program
+from results import assert_same
 
 REFERENCE = json.loads((ROOT / "tests/reference/fig3.json").read_text())
 SCENES = REFERENCE["scenes"]
@@ -115,11 +116,7 @@ def test_writing_a_file_changes_no_number(
     results_in_memory: dict[str, ds.Result], results_in_files: dict[str, ds.Result]
 ) -> None:
     for name, in_memory in results_in_memory.items():
-        in_file = results_in_files[name]
-        assert set(in_file.columns) == set(in_memory.columns)
-        for column in in_memory:
-            np.testing.assert_array_equal(in_file[column], in_memory[column], err_msg=column)
-        np.testing.assert_array_equal(in_file.events, in_memory.events)
+        assert_same(results_in_files[name], in_memory)
 
 
 def agrees(value: float, printed: str) -> bool:

@@ -13,6 +13,7 @@ from typing import ClassVar
 import dynstiction as ds
 import numpy as np
 import pytest
+import results
 from dynstiction import _progress
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -36,11 +37,9 @@ SCENES = {
 
 def assert_same(a: ds.Result, b: ds.Result) -> None:
     """Two results agree to the last bit, but for the wall time and when they were made."""
+    results.assert_same(a, b)
     assert list(a) == list(b)
-    for name in a:
-        assert a[name].tobytes() == b[name].tobytes(), name
-        assert a[name].flags.c_contiguous
-    assert a.events.tobytes() == b.events.tobytes()
+    assert all(a[name].flags.c_contiguous for name in a)
     assert dict(a.summary) == dict(b.summary)
     assert {**a.statistics, "wall_time": 0} == {**b.statistics, "wall_time": 0}
     assert {**a.attributes, "created": ""} == {**b.attributes, "created": ""}
