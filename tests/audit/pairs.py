@@ -67,6 +67,14 @@ HALF_TURNS = {"mirror_V": ("theta", "psi"), "mirror_x": ("theta",), "turned": ("
 # Units as powers of length, time, mass.
 LENGTH, SPEED, FORCE = (1, 0, 0), (1, -1, 0), (1, -2, 1)
 ENERGY, TIME, NUMBER = (2, -2, 1), (0, 1, 0), (0, 0, 0)
+SCENE_UNITS = {
+    "mass": (0, 0, 1),
+    **dict.fromkeys(("stiffness_x", "stiffness_y"), (0, -2, 1)),
+    **dict.fromkeys(("velocity", "v_f"), SPEED),
+    **dict.fromkeys(("time", "t_end"), TIME),
+    **dict.fromkeys(("elongation_x", "elongation_y"), LENGTH),
+    "normal_load": FORCE,
+}
 COLUMN_UNITS = {
     **dict.fromkeys(("u_x", "u_y", "X", "Y"), LENGTH),
     **dict.fromkeys(("w_x", "w_y", "X_rate", "Y_rate"), SPEED),
@@ -236,29 +244,14 @@ def unit(dimension: tuple[int, int, int], powers: tuple[int, int, int]) -> float
 
 def in_units(side: Side, powers: tuple[int, int, int]) -> Side:
     """The same scene in other units."""
-    scene = side.scene
-    length, time, mass = powers
-    stiffness = 2.0 ** (mass - 2 * time)
-    speed = unit(SPEED, powers)
-    return replace(
-        side,
-        scene=replace(
-            scene,
-            mass=scene.mass * 2.0**mass,
-            stiffness_x=scene.stiffness_x * stiffness,
-            stiffness_y=scene.stiffness_y * stiffness,
-            v_f=scene.v_f * speed,
-            normal_load=scene.normal_load * unit(FORCE, powers),
-            velocity=tuple(v * speed for v in scene.velocity),
-            time=tuple(t * 2.0**time for t in scene.time),
-            elongation_x=scene.elongation_x * 2.0**length,
-            elongation_y=scene.elongation_y * 2.0**length,
-            t_end=scene.t_end * 2.0**time,
-        ),
-        step=side.step * 2.0**time,
-        v_smooth=side.v_smooth * speed,
-        interval=scene.interval * 2.0**time,
-    )
+
+    def scaled(value: float | tuple[float, ...], dimension: tuple[int, int, int]) -> float | tuple[float, ...]:
+        factor = unit(dimension, powers)
+        return tuple(x * factor for x in value) if isinstance(value, tuple) else value * factor
+
+    scene = replace(side.scene, **{name: scaled(getattr(side.scene, name), of) for name, of in SCENE_UNITS.items()})
+    step, v_smooth = scaled(side.step, TIME), scaled(side.v_smooth, SPEED)
+    return replace(side, scene=scene, step=step, v_smooth=v_smooth, interval=scaled(side.scene.interval, TIME))
 
 
 def cut(chance: random.Random, scene: Scene) -> Scene:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 Groups = dict[str, dict[str, object]]
 
@@ -46,29 +46,17 @@ class Scene:
         """Time between the samples of the audit [s]."""
         return self.t_end / 100
 
+    def _keys(self, *names: str) -> dict[str, object]:
+        return {name: getattr(self, name) for name in names}
+
     def groups(self, model: str = "full", **integrator: object) -> Groups:
         """The groups of a deck."""
         groups: Groups = {
             "scene": {"model": model, "t_end": self.t_end},
-            "system": {
-                "mass": self.mass,
-                "stiffness_x": self.stiffness_x,
-                "stiffness_y": self.stiffness_y,
-                "misalignment_deg": self.misalignment_deg,
-            },
-            "friction": {
-                "law": "weakening",
-                "mu_0": self.mu_0,
-                "mu_inf": self.mu_inf,
-                "v_f": self.v_f,
-                "normal_load": self.normal_load,
-            },
+            "system": self._keys("mass", "stiffness_x", "stiffness_y", "misalignment_deg"),
+            "friction": {"law": "weakening", **self._keys("mu_0", "mu_inf", "v_f", "normal_load")},
             "drive": {"velocity": self.velocity[0]},
-            "initial": {
-                "velocity_ratio": self.velocity_ratio,
-                "elongation_x": self.elongation_x,
-                "elongation_y": self.elongation_y,
-            },
+            "initial": self._keys("velocity_ratio", "elongation_x", "elongation_y"),
             "integrator": dict(integrator),
             "output": {"interval": self.interval},
         }
@@ -80,20 +68,7 @@ class Scene:
 
     def reference_input(self, samples: bool = True, **settings: float) -> str:
         """What tests/audit/reference.cpp reads."""
-        names = (
-            "mass",
-            "stiffness_x",
-            "stiffness_y",
-            "misalignment_deg",
-            "mu_0",
-            "mu_inf",
-            "v_f",
-            "normal_load",
-            "velocity_ratio",
-            "elongation_x",
-            "elongation_y",
-            "t_end",
-        )
+        names = [field.name for field in fields(self) if field.type == "float"]
         lines = [f"{name} {getattr(self, name)!r}" for name in names]
         lines += [f"velocity {' '.join(map(repr, self.velocity))}", f"time {' '.join(map(repr, self.time))}"]
         if samples:

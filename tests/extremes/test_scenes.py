@@ -114,53 +114,33 @@ def profile(*knots: tuple[float, float]) -> dict[str, list[float]]:
 
 
 V = 1e-3
+ALIGNED = {"system": {"misalignment_deg": 0.0}}
+
+
+def family(
+    name: str, group: str, key: str, values: tuple[float, ...], unit: float = 1.0, t_end: float | None = None, **more: dict[str, object]
+) -> list[Case]:
+    """One key with several values; the name has a place for each."""
+    return [Case(name.format(value), {**more, group: {**more.get(group, {}), key: unit * value}}, t_end) for value in values]
+
+
+def with_ratio(name: str, ratios: tuple[float, ...], t_end: float | None = None, **more: dict[str, object]) -> list[Case]:
+    return family(name, "system", "stiffness_y", ratios, 1e3, t_end, **more)
+
+
 CASES = [
-    *(
-        Case(f"phi = {phi} deg", {"system": {"misalignment_deg": phi}})
-        for phi in (1e-9, 90.0, -90.0, -1.0, 45.0, 8.655, 30.0, 76.3, 89.999)
-    ),
-    *(
-        Case(f"phi = {phi} deg, cycles", {"system": {"misalignment_deg": phi}}, t_end=4.0)
-        for phi in (0.0, 180.0, 1e-9, 8.15)
-    ),
-    *(
-        Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}}, t_end=3.0)
-        for ratio in (0.1, 1.0, 10.0, 100.0)
-    ),
-    *(
-        Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}})
-        for ratio in (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)
-    ),
-    *(
-        Case(
-            f"k_y/k_x = {ratio:g}, constant friction",
-            {"system": {"stiffness_y": 1e3 * ratio}, "friction": CONSTANT},
-        )
-        for ratio in (0.1, 1.0, 1e3, 1e6, 1e9)
-    ),
-    *(
-        Case(f"m = {mass:g} kg", {"system": {"mass": mass}})
-        for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 10.0, 100.0)
-    ),
-    *(
-        Case(f"m = {mass:g} kg, phi = 0", {"system": {"mass": mass, "misalignment_deg": 0.0}}, t_end=4.0)
-        for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 100.0)
-    ),
-    *(
-        Case(f"V = {v:g} m/s", {"drive": {"velocity": v}})
-        for v in (1e-9, 1e-8, 1e-6, 1e-5, 1e-4, -1e-3, 1e-2, 0.1, 1.0)
-    ),
-    *(Case(f"V = {v:g} m/s, cycles", {"drive": {"velocity": v}}, t_end=0.5) for v in (1e-2, 0.02, 0.1, 1.0)),
-    *(Case(f"v_f = {v_f:g} m/s", {"friction": {"v_f": v_f}}) for v_f in (1e-5, 1e-4, 1e-3, 0.1, 1.0, 1e3)),
-    *(Case(f"v_f = {v_f:g} m/s, cycles", {"friction": {"v_f": v_f}}, t_end=3.0) for v_f in (1e-5, 1e-3, 1e3)),
-    *(
-        Case(
-            f"phi = 0, v_f = {v_f:g} m/s",
-            {"system": {"misalignment_deg": 0.0}, "friction": {"v_f": v_f}},
-            t_end=4.0,
-        )
-        for v_f in (1e-5, 1e-3, 1e3)
-    ),
+    *family("phi = {} deg", "system", "misalignment_deg", (1e-9, 90.0, -90.0, -1.0, 45.0, 8.655, 30.0, 76.3, 89.999)),
+    *family("phi = {} deg, cycles", "system", "misalignment_deg", (0.0, 180.0, 1e-9, 8.15), t_end=4.0),
+    *with_ratio("k_y/k_x = {:g}", (0.1, 1.0, 10.0, 100.0), 3.0),
+    *with_ratio("k_y/k_x = {:g}", (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)),
+    *with_ratio("k_y/k_x = {:g}, constant friction", (0.1, 1.0, 1e3, 1e6, 1e9), friction=CONSTANT),
+    *family("m = {:g} kg", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 10.0, 100.0)),
+    *family("m = {:g} kg, phi = 0", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 100.0), t_end=4.0, **ALIGNED),
+    *family("V = {:g} m/s", "drive", "velocity", (1e-9, 1e-8, 1e-6, 1e-5, 1e-4, -1e-3, 1e-2, 0.1, 1.0)),
+    *family("V = {:g} m/s, cycles", "drive", "velocity", (1e-2, 0.02, 0.1, 1.0), t_end=0.5),
+    *family("v_f = {:g} m/s", "friction", "v_f", (1e-5, 1e-4, 1e-3, 0.1, 1.0, 1e3)),
+    *family("v_f = {:g} m/s, cycles", "friction", "v_f", (1e-5, 1e-3, 1e3), t_end=3.0),
+    *family("phi = 0, v_f = {:g} m/s", "friction", "v_f", (1e-5, 1e-3, 1e3), t_end=4.0, **ALIGNED),
     Case("equal coefficients", {"friction": {"mu_inf": 0.20}}, t_end=3.0),
     Case("constant friction", {"friction": CONSTANT}, t_end=3.0),
     Case("strengthening", {"friction": {"mu_inf": 0.30}}, t_end=4.0),
@@ -168,7 +148,7 @@ CASES = [
     # Harmonic motion that touches w = 0 once a period without ever resting there.
     Case(
         "grazing: constant friction, phi = 0",
-        {"system": {"misalignment_deg": 0.0}, "friction": CONSTANT},
+        {**ALIGNED, "friction": CONSTANT},
         t_end=10.0,
     ),
     Case(
@@ -186,7 +166,7 @@ CASES = [
     Case("no friction at rest", {"friction": {"mu_0": 0.0, "mu_inf": 0.1}}, t_end=0.5),
     Case(
         "no friction, phi = 0",
-        {"system": {"misalignment_deg": 0.0}, "friction": {**CONSTANT, "mu_0": 0.0}},
+        {**ALIGNED, "friction": {**CONSTANT, "mu_0": 0.0}},
         t_end=0.5,
     ),
     Case(
@@ -197,7 +177,7 @@ CASES = [
     Case(
         "no friction, phi = 0, from rest",
         {
-            "system": {"misalignment_deg": 0.0},
+            **ALIGNED,
             "friction": {**CONSTANT, "mu_0": 0.0},
             "initial": {"velocity_ratio": 0.0},
         },
@@ -223,13 +203,10 @@ CASES = [
         {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 4e-2, "elongation_y": 2e-5}},
         t_end=3.0,
     ),
-    *(
-        Case(f"velocity_ratio = {ratio:g}", {"initial": {"velocity_ratio": ratio}}, t_end=0.5)
-        for ratio in (0.0, 1.0, -1.0, 1e3, -1e3)
-    ),
+    *family("velocity_ratio = {:g}", "initial", "velocity_ratio", (0.0, 1.0, -1.0, 1e3, -1e3), t_end=0.5),
     Case(
         "velocity_ratio = 1, phi = 0",
-        {"system": {"misalignment_deg": 0.0}, "initial": {"velocity_ratio": 1.0}},
+        {**ALIGNED, "initial": {"velocity_ratio": 1.0}},
         t_end=4.0,
     ),
     *(
@@ -257,7 +234,7 @@ CASES = [
     *(
         Case(
             f"elongation {x:g} m, phi = 0",
-            {"system": {"misalignment_deg": 0.0}, "initial": {"elongation_x": x, "velocity_ratio": 0.0}},
+            {**ALIGNED, "initial": {"elongation_x": x, "velocity_ratio": 0.0}},
             t_end=3.0,
         )
         for x in (2e-3, 2.1e-3, -2e-3, -2.1e-3, 4e-3, -4e-3, 6e-3, -1e-2)
@@ -286,15 +263,12 @@ CASES = [
     Case("kicks", {"drive": profile((0, V), (1, V), (1, 1.0), (1.00001, 1.0), (1.00001, V))}, t_end=2.0),
     Case(
         "reversal, phi = 0",
-        {"system": {"misalignment_deg": 0.0}, "drive": profile((0, V), (2.5, V), (3, -V))},
+        {**ALIGNED, "drive": profile((0, V), (2.5, V), (3, -V))},
         t_end=8.0,
     ),
     Case("hold while it slips", {"drive": profile((0, V), (2.05, V), (2.05, 0), (3, 0), (3, V))}, t_end=4.0),
     Case("reversal while it slips", {"drive": profile((0, V), (2.05, V), (2.05, -V))}, t_end=4.0),
-    *(
-        Case(f"m = {mass:g} kg, cycles", {"system": {"mass": mass}}, t_end=4.0)
-        for mass in (1e-12, 1e-9, 1e-6, 1e-4)
-    ),
+    *family("m = {:g} kg, cycles", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-4), t_end=4.0),
     # Nearly without mass, friction that grows with speed makes u creep with the time constant F'(v)/k.
     *(
         Case(
