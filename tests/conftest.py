@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import signal
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
+
+sys.path.insert(0, str(Path(__file__).with_name("python")))
+
 import fig3 as fig3_deck
 import programs
-import pytest
 from programs import Program
 
 # The tests of the executable need no Python extension, so it is imported where it is used.

@@ -32,7 +32,7 @@ import numpy as np
 from scenes import Groups, Scene, log_uniform, random_scene
 from truth import differences, widest
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
 
 from drives import distance
 

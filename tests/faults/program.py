@@ -19,7 +19,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
 
 SEAL = re.compile(rb"dynstiction CRC-32 ([0-9A-F]{8})\n")
 

@@ -33,7 +33,7 @@ from typing import Any
 import dynstiction as ds
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
 
 from fig3 import SLIDER, TEXT
 

@@ -35,7 +35,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("", "python", "faults"))
+sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("python", "faults"))
 
 from program import compiled_shim, is_complete
 from programs import Program

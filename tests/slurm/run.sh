@@ -8,7 +8,7 @@ set -euo pipefail
 folder=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 DYNSTICTION_EXE=$(realpath "${1:?program}")
 shift
-export DYNSTICTION_EXE PYTHONPATH=$folder/../python:$folder/..
+export DYNSTICTION_EXE PYTHONPATH=$folder/../python
 unset DYNSTICTION_OPENMPI_EXE DYNSTICTION_MPICH_EXE
 while [[ ${2:-} == pm* ]]; do
   case $2 in

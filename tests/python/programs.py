@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 INPUTS = ROOT / "inputs"
 DONE, FILE_ERROR, STOPPED = 0, 3, 75
 """Exit statuses: docs/errors.md."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import ast
 import math
 import re
-from pathlib import Path
+
+from programs import INPUTS
 
 Groups = dict[str, dict[str, object]]
 
-DECK = Path(__file__).resolve().parents[1] / "inputs" / "fig3.nml"
+DECK = INPUTS / "fig3.nml"
 # Without comments, what is so by default, and the name of the file; twice as many samples.
 TEXT = re.sub(r" *!.*|\n  (contact|file) = .*", "", DECK.read_text(encoding="utf-8")).lstrip().replace("2.0e-4", "1.0e-4")
 GROUPS: Groups = {
