@@ -21,9 +21,11 @@ SYSTEM, FRICTION, DRIVE = GROUPS["system"], GROUPS["friction"], GROUPS["drive"]
 CONSTANT = {"law": "constant", "mu_inf": None, "v_f": None}
 """What makes friction constant."""
 SLIDER: dict[str, float] = {
-    **SYSTEM, "misalignment_deg": math.radians(SYSTEM["misalignment_deg"]), **FRICTION, **DRIVE
+    key.removesuffix("_deg"): math.radians(value) if key.endswith("_deg") else value
+    for group in (SYSTEM, FRICTION, DRIVE)
+    for key, value in group.items()
+    if key != "law"
 }
-SLIDER = {key.removesuffix("_deg"): value for key, value in SLIDER.items() if key != "law"}
 
 
 def changed(groups: Groups, *changes: Groups) -> Groups:
