@@ -150,15 +150,11 @@ class Outcome:
 # ------------------------------------------------------------------------------------------------------- making the pairs
 
 
-def random_pair(
-    seed: int, number: int, kinds: tuple[str, ...] = KINDS
-) -> tuple[str, Side, Side, float, float]:
+def random_pair(seed: int, number: int, kinds: tuple[str, ...] = KINDS) -> tuple[str, Side, Side, float, float]:
     """Kind, both sides, the time by which the second is later, and the power of two of each unit packed in `units_of`."""
     chance = random.Random(f"pair {seed}/{number}")
     kind = kinds[number % len(kinds)]
-    model = chance.choice(
-        ["full"] * 13 + ["low_frequency"] * 5 + (["high_frequency"] * 2 if kind != "shift" else [])
-    )
+    model = chance.choice(["full"] * 13 + ["low_frequency"] * 5 + (["high_frequency"] * 2 if kind != "shift" else []))
     scene = random_scene(seed + 1000, number, profiles=model == "full" and kind != "knots")
     if model == "low_frequency":
         scene = _slow(chance, scene)
@@ -166,16 +162,10 @@ def random_pair(
         share = chance.uniform(-0.95, 0.95)
         scene = replace(scene, elongation_x=share * scene.limit / scene.stiffness_x, elongation_y=0.0)
     if kind == "shift":
-        share = (
-            math.hypot(scene.stiffness_x * scene.elongation_x, scene.stiffness_y * scene.elongation_y)
-            / scene.limit
-        )
+        share = math.hypot(scene.stiffness_x * scene.elongation_x, scene.stiffness_y * scene.elongation_y) / scene.limit
         shrink = chance.uniform(0.3, 0.99) / share if share > 0.99 else 1.0
         scene = replace(
-            scene,
-            velocity_ratio=0.0,
-            elongation_x=scene.elongation_x * shrink,
-            elongation_y=scene.elongation_y * shrink,
+            scene, velocity_ratio=0.0, elongation_x=scene.elongation_x * shrink, elongation_y=scene.elongation_y * shrink
         )
     if kind == "knots":
         scene = _ramp(chance, scene)
@@ -270,10 +260,7 @@ def shifted(chance: random.Random, first: Side) -> tuple[Side, Side, float]:
     interval = scene.interval
     later = k * interval
     second = replace(
-        scene,
-        time=(0.0, later, *(later + t for t in scene.time)),
-        velocity=(0.0, 0.0, *scene.velocity),
-        t_end=later + scene.t_end,
+        scene, time=(0.0, later, *(later + t for t in scene.time)), velocity=(0.0, 0.0, *scene.velocity), t_end=later + scene.t_end
     )
     first = replace(first, interval=interval)
     return first, replace(first, scene=second), later
@@ -376,9 +363,7 @@ def expected(kind: str, columns: Columns, powers: tuple[int, int, int]) -> Colum
     return found
 
 
-def compare_exactly(
-    outcome: Outcome, ours: ds.Result, theirs: ds.Result, powers: tuple[int, int, int]
-) -> None:
+def compare_exactly(outcome: Outcome, ours: ds.Result, theirs: ds.Result, powers: tuple[int, int, int]) -> None:
     images = expected(outcome.kind, columns_of(ours), powers)
     for name, image in images.items():
         values = theirs[name]
@@ -406,9 +391,7 @@ def compare_exactly(
     compare_summary_exactly(outcome, ours, theirs, powers)
 
 
-def compare_summary_exactly(
-    outcome: Outcome, ours: ds.Result, theirs: ds.Result, powers: tuple[int, int, int]
-) -> None:
+def compare_summary_exactly(outcome: Outcome, ours: ds.Result, theirs: ds.Result, powers: tuple[int, int, int]) -> None:
     for key in sorted({*ours.summary} | {*theirs.summary}):
         a, b = ours.summary.get(key), theirs.summary.get(key)
         if a is None or b is None:
@@ -456,9 +439,7 @@ def compare_closely(outcome: Outcome, ours: ds.Result, theirs: ds.Result, later:
             event = np.concatenate([ours.events["time"], theirs.events["time"] - later])
             off = [np.abs(event - t).min(initial=np.inf) for t in ours.time[~same]]
             if any(distance > near for distance in off) and not condition.sticks_vary:
-                outcome.faults.append(
-                    f"sticking differs in {len(off)} samples, up to {max(off):.3g} s from an event"
-                )
+                outcome.faults.append(f"sticking differs in {len(off)} samples, up to {max(off):.3g} s from an event")
             continue
         comparable = same if name in JUMPING else always
         if name not in CONTINUOUS:
@@ -475,9 +456,7 @@ def compare_closely(outcome: Outcome, ours: ds.Result, theirs: ds.Result, later:
         compare_summary(outcome, ours, theirs, condition)
 
 
-def compare_events(
-    outcome: Outcome, ours: ds.Result, theirs: ds.Result, later: float, condition: Conditioning
-) -> bool:
+def compare_events(outcome: Outcome, ours: ds.Result, theirs: ds.Result, later: float, condition: Conditioning) -> bool:
     """Whether the events are the same; a fault if they must be."""
     side = outcome.first
     # What is before the shift is the first rest and, unless the scene begins at rest, its end.
@@ -508,8 +487,7 @@ def compare_summary(outcome: Outcome, ours: ds.Result, theirs: ds.Result, condit
         **dict.fromkeys(("first_peak_force", "peak_force", "valley_force", "swing"), scene.limit),
         **dict.fromkeys(("period", "slip_duration", "stick_duration", "sticking_time"), scene.t_end),
         **dict.fromkeys(
-            ("drive_work", "friction_work"),
-            sum(abs(ours.summary.get(k, 0.0)) for k in ("drive_work", "friction_work")),
+            ("drive_work", "friction_work"), sum(abs(ours.summary.get(k, 0.0)) for k in ("drive_work", "friction_work"))
         ),
         "max_X_rate": fastest,
         "slip_length": float(np.ptp(ours["X"])),
@@ -542,17 +520,12 @@ def position_fault(side: Side, result: ds.Result) -> str:
     stretch = result["u_x"].astype(np.longdouble) * c + result["u_y"].astype(np.longdouble) * s
     open_ = np.asarray(result["X"] - (driven - stretch), dtype=float)
     way = float(
-        np.abs(np.diff(np.asarray((*side.scene.time, side.scene.t_end), dtype=float)))
-        @ np.abs(np.asarray(side.scene.velocity))
+        np.abs(np.diff(np.asarray((*side.scene.time, side.scene.t_end), dtype=float))) @ np.abs(np.asarray(side.scene.velocity))
     )
     scale = max(way, float(np.abs(stretch).max()))
     gap = float(np.abs(open_).max())
     k = int(np.argmax(np.abs(open_)))
-    return (
-        f"X differs from D - u.e by {gap / scale:.1e} at t = {result.time[k]:.9g}"
-        if gap > POSITION * scale
-        else ""
-    )
+    return f"X differs from D - u.e by {gap / scale:.1e} at t = {result.time[k]:.9g}" if gap > POSITION * scale else ""
 
 
 def compare(seed: int, number: int, kinds: tuple[str, ...] = KINDS) -> Outcome:
@@ -584,16 +557,10 @@ def summary(outcomes: list[Outcome]) -> str:
     for kind in KINDS:
         rows = [o for o in outcomes if o.kind == kind]
         if rows:
-            faulty, ended = (
-                sum(bool(o.faults) for o in rows),
-                sum(bool(o.ended) and not o.faults for o in rows),
-            )
+            faulty, ended = (sum(bool(o.faults) for o in rows), sum(bool(o.ended) and not o.faults for o in rows))
             text.append(f"| {kind} | {len(rows)} | {len(rows) - faulty - ended} | {faulty} | {ended} |")
     by_method = collections.Counter((o.first.model, o.first.method) for o in outcomes if o.faults)
-    text.append(
-        "unequal by model and method: "
-        + ", ".join(f"{' '.join(k)} {n}" for k, n in sorted(by_method.items()))
-    )
+    text.append("unequal by model and method: " + ", ".join(f"{' '.join(k)} {n}" for k, n in sorted(by_method.items())))
     good = sum(not o.faults for o in outcomes)
     text.append(f"{good} of {len(outcomes)} pairs equal as they must be")
     return "\n".join(text)
@@ -616,9 +583,7 @@ def report(outcomes: list[Outcome]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pairs", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=lambda s: [int(x) for x in s.split(",")])

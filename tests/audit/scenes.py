@@ -116,9 +116,7 @@ def _draw(chance: random.Random, profiles: bool) -> Scene | None:
         scene, release = _stretch(chance, scene, release)
         kinds.append("stretched")
     if chance.random() < 0.2:
-        scene = replace(
-            scene, velocity_ratio=chance.choice([1e-6, chance.uniform(-2, 2), chance.uniform(0, 1)])
-        )
+        scene = replace(scene, velocity_ratio=chance.choice([1e-6, chance.uniform(-2, 2), chance.uniform(0, 1)]))
         kinds.append("moving")
 
     cycles = log_uniform(chance, 40, 500)
@@ -142,17 +140,13 @@ def _draw(chance: random.Random, profiles: bool) -> Scene | None:
 
 def _stretch(chance: random.Random, scene: Scene, release: float) -> tuple[Scene, float]:
     """Springs stretched to some share of the static limit, within it or beyond."""
-    share = chance.choice(
-        [chance.uniform(0, 1), chance.uniform(0.9, 1), chance.uniform(1, 1.5), chance.uniform(0, 3)]
-    )
+    share = chance.choice([chance.uniform(0, 1), chance.uniform(0.9, 1), chance.uniform(1, 1.5), chance.uniform(0, 3)])
     angle = chance.choice([0.0, math.pi, chance.uniform(-math.pi, math.pi)])
     if angle == 0.0 and scene.velocity[0] < 0:
         angle = math.pi
     force = share * scene.limit
     stretched = replace(
-        scene,
-        elongation_x=force * math.cos(angle) / scene.stiffness_x,
-        elongation_y=force * math.sin(angle) / scene.stiffness_y,
+        scene, elongation_x=force * math.cos(angle) / scene.stiffness_x, elongation_y=force * math.sin(angle) / scene.stiffness_y
     )
     return stretched, release * max(0.0, 1 - share) * 2
 

@@ -47,10 +47,7 @@ def _ends(axis: str, group: str, key: str, *values: float) -> list[End]:
 
 ENDS: list[End] = [
     *_ends("misalignment", "system", "misalignment_deg", 0.0, 1e-12, -1.0, 45.0, 90.0, 180.0),
-    *(
-        End("anisotropy", f"k_y/k_x = {ratio:g}", (("system", "stiffness_y", 1e3 * ratio),))
-        for ratio in (1e-3, 1.0, 1e12)
-    ),
+    *(End("anisotropy", f"k_y/k_x = {ratio:g}", (("system", "stiffness_y", 1e3 * ratio),)) for ratio in (1e-3, 1.0, 1e12)),
     *_ends("mass", "system", "mass", 1e-12, 1e6),
     *_ends("velocity", "drive", "velocity", 0.0, 1e-12, -1e-3, 1e2),
     *_ends("v_f", "friction", "v_f", 1e-9, 1e9),
@@ -94,11 +91,7 @@ class Kind:
 
 RADAU = ("radau5", "radau9", "radau13")
 KINDS: list[Kind] = [
-    *(
-        Kind(f"{model} {method}", model, method)
-        for model in ("full", "low_frequency", "high_frequency")
-        for method in RADAU
-    ),
+    *(Kind(f"{model} {method}", model, method) for model in ("full", "low_frequency", "high_frequency") for method in RADAU),
     Kind("full radau9 smoothed", "full", "radau9", smoothed=True),
     *(Kind(f"full {method}", "full", method) for method in ("dopri5", "dop853", "moreau_jean")),
     Kind("full rk4 smoothed", "full", "rk4", smoothed=True),
@@ -109,10 +102,7 @@ KINDS: list[Kind] = [
         for quantities in ("stick_slip", "creep")
     ),
     Kind("creep", "creep"),
-    *(
-        Kind(f"creep_asymptotic {form}", "creep_asymptotic", None, (("form", form),))
-        for form in ("first_power", "third_order")
-    ),
+    *(Kind(f"creep_asymptotic {form}", "creep_asymptotic", None, (("form", form),)) for form in ("first_power", "third_order")),
 ]
 
 

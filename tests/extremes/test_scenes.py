@@ -27,8 +27,7 @@ def deck_text(groups: Groups) -> str:
         return f"'{x}'" if isinstance(x, str) else repr(x)
 
     return "".join(
-        f"&{group}\n" + "".join(f"  {key} = {value(x)}\n" for key, x in keys.items()) + "/\n"
-        for group, keys in groups.items()
+        f"&{group}\n" + "".join(f"  {key} = {value(x)}\n" for key, x in keys.items()) + "/\n" for group, keys in groups.items()
     )
 
 
@@ -82,8 +81,7 @@ def run(program: Program, groups: Groups) -> Run:
     assert done.returncode == 0, f"exit status {done.returncode}: {done.stderr}\n{deck_text(groups)}"
     with h5py.File(program.folder / "case.h5") as opened:
         read = [
-            {key: data[()] for key, data in opened[name].items()}
-            for name in ("time_series", "events", "summary", "statistics")
+            {key: data[()] for key, data in opened[name].items()} for name in ("time_series", "events", "summary", "statistics")
         ]
         friction = groups["friction"]
         return Run(friction["mu_0"] * friction["normal_load"], dict(opened.attrs), *read)
@@ -118,7 +116,13 @@ ALIGNED = {"system": {"misalignment_deg": 0.0}}
 
 
 def family(
-    name: str, group: str, key: str, values: tuple[float, ...], unit: float = 1.0, t_end: float | None = None, **more: dict[str, object]
+    name: str,
+    group: str,
+    key: str,
+    values: tuple[float, ...],
+    unit: float = 1.0,
+    t_end: float | None = None,
+    **more: dict[str, object],
 ) -> list[Case]:
     """One key with several values; the name has a place for each."""
     return [Case(name.format(value), {**more, group: {**more.get(group, {}), key: unit * value}}, t_end) for value in values]
@@ -146,16 +150,8 @@ CASES = [
     Case("strengthening", {"friction": {"mu_inf": 0.30}}, t_end=4.0),
     Case("friction that vanishes at speed", {"friction": {"mu_inf": 0.0}}, t_end=2.5),
     # Harmonic motion that touches w = 0 once a period without ever resting there.
-    Case(
-        "grazing: constant friction, phi = 0",
-        {**ALIGNED, "friction": CONSTANT},
-        t_end=10.0,
-    ),
-    Case(
-        "grazing: constant friction, phi = 90",
-        {"system": {"misalignment_deg": 90.0}, "friction": CONSTANT},
-        t_end=0.1,
-    ),
+    Case("grazing: constant friction, phi = 0", {**ALIGNED, "friction": CONSTANT}, t_end=10.0),
+    Case("grazing: constant friction, phi = 90", {"system": {"misalignment_deg": 90.0}, "friction": CONSTANT}, t_end=0.1),
     Case(
         "grazing: constant friction, k_y = k_x",
         {"system": {"stiffness_y": 1e3, "misalignment_deg": 30.0}, "friction": CONSTANT},
@@ -164,23 +160,11 @@ CASES = [
     Case("no friction", {"friction": {**CONSTANT, "mu_0": 0.0}}, t_end=0.5),
     Case("no friction, weakening", {"friction": {"mu_0": 0.0, "mu_inf": 0.0}}, t_end=0.5),
     Case("no friction at rest", {"friction": {"mu_0": 0.0, "mu_inf": 0.1}}, t_end=0.5),
-    Case(
-        "no friction, phi = 0",
-        {**ALIGNED, "friction": {**CONSTANT, "mu_0": 0.0}},
-        t_end=0.5,
-    ),
-    Case(
-        "no friction, from rest",
-        {"friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}},
-        t_end=0.5,
-    ),
+    Case("no friction, phi = 0", {**ALIGNED, "friction": {**CONSTANT, "mu_0": 0.0}}, t_end=0.5),
+    Case("no friction, from rest", {"friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}}, t_end=0.5),
     Case(
         "no friction, phi = 0, from rest",
-        {
-            **ALIGNED,
-            "friction": {**CONSTANT, "mu_0": 0.0},
-            "initial": {"velocity_ratio": 0.0},
-        },
+        {**ALIGNED, "friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}},
         t_end=3.0,
     ),
     Case("no load", {"friction": {"normal_load": 0.0}}, t_end=0.5),
@@ -195,26 +179,14 @@ CASES = [
         t_end=0.2,
     ),
     Case("no drive, let go", {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 5e-3}}, t_end=1.0),
+    Case("no drive, let go along y", {"drive": {"velocity": 0.0}, "initial": {"elongation_y": 2e-5}}, t_end=1.0),
     Case(
-        "no drive, let go along y", {"drive": {"velocity": 0.0}, "initial": {"elongation_y": 2e-5}}, t_end=1.0
-    ),
-    Case(
-        "no drive, let go askew",
-        {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 4e-2, "elongation_y": 2e-5}},
-        t_end=3.0,
+        "no drive, let go askew", {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 4e-2, "elongation_y": 2e-5}}, t_end=3.0
     ),
     *family("velocity_ratio = {:g}", "initial", "velocity_ratio", (0.0, 1.0, -1.0, 1e3, -1e3), t_end=0.5),
-    Case(
-        "velocity_ratio = 1, phi = 0",
-        {**ALIGNED, "initial": {"velocity_ratio": 1.0}},
-        t_end=4.0,
-    ),
+    Case("velocity_ratio = 1, phi = 0", {**ALIGNED, "initial": {"velocity_ratio": 1.0}}, t_end=4.0),
     *(
-        Case(
-            f"elongation ({x:g}, {y:g}) m",
-            {"initial": {"elongation_x": x, "elongation_y": y, "velocity_ratio": 0.0}},
-            t_end=0.5,
-        )
+        Case(f"elongation ({x:g}, {y:g}) m", {"initial": {"elongation_x": x, "elongation_y": y, "velocity_ratio": 0.0}}, t_end=0.5)
         for x, y in (
             (3e-3, 0.0),
             (-3e-3, 0.0),
@@ -232,23 +204,11 @@ CASES = [
         )
     ),
     *(
-        Case(
-            f"elongation {x:g} m, phi = 0",
-            {**ALIGNED, "initial": {"elongation_x": x, "velocity_ratio": 0.0}},
-            t_end=3.0,
-        )
+        Case(f"elongation {x:g} m, phi = 0", {**ALIGNED, "initial": {"elongation_x": x, "velocity_ratio": 0.0}}, t_end=3.0)
         for x in (2e-3, 2.1e-3, -2e-3, -2.1e-3, 4e-3, -4e-3, 6e-3, -1e-2)
     ),
-    Case(
-        "load below the limit, thrown back",
-        {"initial": {"elongation_x": 1.9e-3, "velocity_ratio": -10.0}},
-        t_end=0.5,
-    ),
-    Case(
-        "jump down and up",
-        {"drive": profile((0, V), (1, V), (1, 0.1 * V), (1.5, 0.1 * V), (1.5, 3 * V))},
-        t_end=3.0,
-    ),
+    Case("load below the limit, thrown back", {"initial": {"elongation_x": 1.9e-3, "velocity_ratio": -10.0}}, t_end=0.5),
+    Case("jump down and up", {"drive": profile((0, V), (1, V), (1, 0.1 * V), (1.5, 0.1 * V), (1.5, 3 * V))}, t_end=3.0),
     Case("hold from a jump", {"drive": profile((0, V), (1, V), (1, 0), (2, 0), (2, V))}, t_end=3.0),
     Case("hold from a ramp", {"drive": profile((0, V), (1, V), (1.5, 0), (2, 0), (2.5, V))}, t_end=3.0),
     Case("reversal at once", {"drive": profile((0, V), (1, V), (1, -V))}, t_end=4.0),
@@ -257,15 +217,9 @@ CASES = [
     Case("ramp from rest", {"drive": profile((0, 0), (1, V)), "initial": {"velocity_ratio": 0.0}}, t_end=2.5),
     Case("ramp without end of the hold", {"drive": profile((0, V), (0.5, 0))}, t_end=5.0),
     Case("hold first", {"drive": profile((0, 0), (1, 0), (1, V))}, t_end=2.0),
-    Case(
-        "many short ramps", {"drive": profile(*((0.01 * i, V * (i % 3 - 0.5)) for i in range(50)))}, t_end=1.0
-    ),
+    Case("many short ramps", {"drive": profile(*((0.01 * i, V * (i % 3 - 0.5)) for i in range(50)))}, t_end=1.0),
     Case("kicks", {"drive": profile((0, V), (1, V), (1, 1.0), (1.00001, 1.0), (1.00001, V))}, t_end=2.0),
-    Case(
-        "reversal, phi = 0",
-        {**ALIGNED, "drive": profile((0, V), (2.5, V), (3, -V))},
-        t_end=8.0,
-    ),
+    Case("reversal, phi = 0", {**ALIGNED, "drive": profile((0, V), (2.5, V), (3, -V))}, t_end=8.0),
     Case("hold while it slips", {"drive": profile((0, V), (2.05, V), (2.05, 0), (3, 0), (3, V))}, t_end=4.0),
     Case("reversal while it slips", {"drive": profile((0, V), (2.05, V), (2.05, -V))}, t_end=4.0),
     *family("m = {:g} kg, cycles", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-4), t_end=4.0),
@@ -280,11 +234,7 @@ CASES = [
             },
             t_end=4.0,
         )
-        for name, system in (
-            ("phi = 0", {"misalignment_deg": 0.0}),
-            ("phi = 1", {}),
-            ("k_y = k_x", {"stiffness_y": 1e3}),
-        )
+        for name, system in (("phi = 0", {"misalignment_deg": 0.0}), ("phi = 1", {}), ("k_y = k_x", {"stiffness_y": 1e3}))
     ),
     *(
         Case(
@@ -329,11 +279,7 @@ CASES = [
         for v, mass in ((1e-5, 1e-6), (1e-7, 1e-6), (1e-9, 1e-3), (1e-7, 1e-12))
     ),
     *(
-        Case(
-            f"smoothed, v_s = {v_s:g} m/s, {name}",
-            {**changes, "friction": {"contact": "smoothed", "v_smooth": v_s}},
-            t_end=t_end,
-        )
+        Case(f"smoothed, v_s = {v_s:g} m/s, {name}", {**changes, "friction": {"contact": "smoothed", "v_smooth": v_s}}, t_end=t_end)
         for name, changes, t_end in (
             ("Fig. 3", {}, 0.5),
             ("phi = 0", {"system": {"misalignment_deg": 0.0}}, 3.0),
@@ -386,8 +332,7 @@ def state(result: Run) -> tuple[np.ndarray, np.ndarray]:
 def test_orders_agree_on_profiles(program: Program, drive: dict[str, list[float]], t_end: float) -> None:
     changes = {"scene": {"t_end": t_end}, "drive": drive, "output": {"interval": 0.05}}
     nine, thirteen = (
-        run(program, changed(FIG3, changes, {"integrator": {"method": method, "rtol": 1e-9}}))
-        for method in ("radau9", "radau13")
+        run(program, changed(FIG3, changes, {"integrator": {"method": method, "rtol": 1e-9}})) for method in ("radau9", "radau13")
     )
     (u, w), (other_u, other_w) = state(nine), state(thirteen)
     assert np.linalg.norm(u - other_u, axis=0).max() <= 1e-9 * np.linalg.norm(u, axis=0).max()

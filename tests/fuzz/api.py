@@ -251,7 +251,10 @@ def run_call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[], An
 
         return f"{words} step_to {times}", steps
     if name == "trade":
-        given = {"budget": rng.choice([0.02, 1e-3, numbers(rng)]), "accuracy": rng.choice([None, 1e-3, argument("x", rng, objects)])}
+        given = {
+            "budget": rng.choice([0.02, 1e-3, numbers(rng)]),
+            "accuracy": rng.choice([None, 1e-3, argument("x", rng, objects)]),
+        }
         given["budget"] = min(given["budget"], 0.05) if isinstance(given["budget"], float) else given["budget"]
         if isinstance(given["budget"], int) and given["budget"] > 0:
             given["budget"] = 0.02
@@ -446,7 +449,18 @@ def findings(seed: int, calls: int) -> Iterator[str]:
     first = 0
     while first < calls:
         count = min(BATCH, calls - first)
-        command = [sys.executable, "-X", "faulthandler", os.path.abspath(__file__), "--batch", str(first), "--calls", str(count), "--seed", str(seed)]
+        command = [
+            sys.executable,
+            "-X",
+            "faulthandler",
+            os.path.abspath(__file__),
+            "--batch",
+            str(first),
+            "--calls",
+            str(count),
+            "--seed",
+            str(seed),
+        ]
         with tempfile.TemporaryFile("w+") as log:
             try:
                 ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=log, text=True, timeout=BATCH * 2.0, check=False)

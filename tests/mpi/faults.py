@@ -270,9 +270,7 @@ class Launch:
     def is_held(self, rank: int) -> bool:
         """Whether the program of a rank is held in a call of the system."""
         log = self.room / f"log.{rank}"
-        return log.exists() and any(
-            line.startswith("hit ") and " hold " in line for line in log.read_text().splitlines()
-        )
+        return log.exists() and any(line.startswith("hit ") and " hold " in line for line in log.read_text().splitlines())
 
     def has_come(self, moment: str) -> bool:
         """Whether it has come to this moment."""
@@ -437,9 +435,7 @@ class Laboratory:
         if not for_ever and case.fault != "slow, then SIGTERM":
             time.sleep(0.2)
             launch.open_gates()
-        if not until(launch.has_ended, SOON + lasting) and not (
-            may_fail_itself(case) and launch.has_left_mpirun()
-        ):
+        if not until(launch.has_ended, SOON + lasting) and not (may_fail_itself(case) and launch.has_left_mpirun()):
             left = {pid: name_of(pid) for pid in launch.processes()}
             return [f"hangs: {', '.join(sorted(left.values())) or 'mpirun'}"]
         return []
@@ -586,23 +582,17 @@ def laboratory(folder: Path) -> Laboratory:
     assert other.run("other.h5").returncode == DONE
     assert Sweep(folder, DECK).run("reference.h5").returncode == DONE
     reference = values(folder / "reference.h5")
-    return Laboratory(
-        folder, compiled_shim(folder), reference, (folder / "other.h5").read_bytes(), itertools.count()
-    )
+    return Laboratory(folder, compiled_shim(folder), reference, (folder / "other.h5").read_bytes(), itertools.count())
 
 
 @cache
 def flavours() -> list[str]:
     """The MPIs whose mpirun and build are there."""
-    return [
-        name for name, variable in MPI.items() if os.environ.get(variable) and shutil.which(f"mpirun.{name}")
-    ]
+    return [name for name, variable in MPI.items() if os.environ.get(variable) and shutil.which(f"mpirun.{name}")]
 
 
 def main() -> int:
-    options = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--flavour", action="append", choices=list(MPI))
     options.add_argument("--only", default="", help="cases whose name has this in it")
     options.add_argument("--every", type=int, default=1, help="try every so manieth case")
@@ -610,9 +600,7 @@ def main() -> int:
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--list", action="store_true", help="print the names of the cases")
     given = options.parse_args()
-    cases = [case for case in every_case(given.flavour or flavours()) if given.only in str(case)][
-        :: given.every
-    ]
+    cases = [case for case in every_case(given.flavour or flavours()) if given.only in str(case)][:: given.every]
     if given.count is not None:
         cases = random.Random(given.seed).sample(cases, min(given.count, len(cases)))
     if given.list:

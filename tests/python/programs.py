@@ -43,7 +43,12 @@ class Program:
         return {"cwd": self.folder, "encoding": "utf-8", "env": variables, **options}
 
     def __call__(
-        self, *arguments: object, settings: Iterable[str] = (), status: int | None = None, timeout: float | None = 600.0, **options: object
+        self,
+        *arguments: object,
+        settings: Iterable[str] = (),
+        status: int | None = None,
+        timeout: float | None = 600.0,
+        **options: object,
     ) -> subprocess.CompletedProcess[str]:
         """Status, output and errors; `status` is the only one that may be."""
         given = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **self.options(**options)}

@@ -60,8 +60,7 @@ def values(path):
 def same(a, b):
     """Whether two files hold the same bits."""
     return a.keys() == b.keys() and all(
-        list(x) == list(b[name]) if x.dtype == object else x.tobytes() == b[name].tobytes()
-        for name, x in a.items()
+        list(x) == list(b[name]) if x.dtype == object else x.tobytes() == b[name].tobytes() for name, x in a.items()
     )
 
 

@@ -35,9 +35,7 @@ def test_friction_turns_from_across_to_along(fig4_result: ds.Result) -> None:
         expected = np.degrees(ds.creep_exact(0.5 * time, np.radians(1.0), 1e-4).theta)
         assert theta == pytest.approx(expected, abs=1.0)
         row = np.searchsorted(fig4_result.time, time)
-        assert place == pytest.approx(
-            1e3 * np.array([fig4_result["X"][row], fig4_result["Y"][row]]), abs=1e-3
-        )
+        assert place == pytest.approx(1e3 * np.array([fig4_result["X"][row], fig4_result["Y"][row]]), abs=1e-3)
         assert figure.axes[0].texts[0].get_text() == f"$t$ = {time:.3f} s"
     assert np.ptp(lengths) < 0.02 * np.mean(lengths)
 
@@ -57,11 +55,7 @@ def test_dots_follow_the_traces(fig4_result: ds.Result) -> None:
     figure, show = view_from_above(fig4_result, np.array([0.5, 1.5]))
     show(1)
     row = np.searchsorted(fig4_result.time, 1.5)
-    expected = (
-        fig4_result["spring_force_x"][row],
-        np.degrees(fig4_result["theta"][row]),
-        1e3 * fig4_result["X"][row],
-    )
+    expected = (fig4_result["spring_force_x"][row], np.degrees(fig4_result["theta"][row]), 1e3 * fig4_result["X"][row])
     for axis, value in zip(figure.axes[1:], expected, strict=True):
         dot = axis.lines[1]
         assert dot.get_xdata()[0] == pytest.approx(1.5, abs=6e-3)
@@ -103,9 +97,7 @@ def test_mp4(fig4_result: ds.Result, tmp_path: Path) -> None:
     assert (tmp_path / "run.mp4").read_bytes()[4:8] == b"ftyp"
 
 
-def test_mp4_without_ffmpeg_names_the_ways_out(
-    fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mp4_without_ffmpeg_names_the_ways_out(fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda _: False))
     with pytest.raises(ds.UsageError, match=r"ffmpeg.*GIF.*folder"):
         animate(fig4_result, tmp_path / "run.mp4")
@@ -149,9 +141,7 @@ def test_unfit_outputs_and_results_are_refused(fig4_result: ds.Result, tmp_path:
 def test_an_object_at_rest_is_shown(tmp_path: Path) -> None:
     from dynstiction.plot.paper import deck  # noqa: PLC0415
 
-    still = ds.run(
-        deck("fig3"), scene={"t_end": 0.01}, drive={"velocity": 0.0}, initial={"velocity_ratio": 0.0}
-    )
+    still = ds.run(deck("fig3"), scene={"t_end": 0.01}, drive={"velocity": 0.0}, initial={"velocity_ratio": 0.0})
     figure, show = view_from_above(still, np.array([0.0, 0.005, 0.01]))
     show(2)
     for axis in figure.axes[1:]:

@@ -54,10 +54,7 @@ def test_closed_form_against_integration(kappa: float, degrees: float) -> None:
     np.testing.assert_allclose(creep.alpha, path.y[0], rtol=0, atol=1e-11)
     # Eq. (6): X = V t - u_x c - u_y s, and the velocity along its direction
     np.testing.assert_allclose(
-        creep.X,
-        tau - np.sin(creep.alpha) * np.cos(phi) - kappa * np.cos(creep.alpha) * np.sin(phi),
-        rtol=0,
-        atol=1e-14,
+        creep.X, tau - np.sin(creep.alpha) * np.cos(phi) - kappa * np.cos(creep.alpha) * np.sin(phi), rtol=0, atol=1e-14
     )
     np.testing.assert_allclose(creep.X_rate, creep.v * np.cos(creep.psi), rtol=1e-13)
     np.testing.assert_allclose(creep.Y_rate, creep.v * np.sin(creep.psi), rtol=1e-13)

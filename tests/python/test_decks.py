@@ -49,12 +49,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "blank": ("  \n\n", 1, "no group", "&scene"),
     "comment only": ("! nothing\n", 1, "no group", "&scene"),
     "no scene": (GOOD[GOOD.index("&system") :], 14, "&scene", "t_end"),
-    "no system": (
-        GOOD[: GOOD.index("&system")] + GOOD[GOOD.index("&friction") :],
-        12,
-        "&system",
-        "stiffness_x",
-    ),
+    "no system": (GOOD[: GOOD.index("&system")] + GOOD[GOOD.index("&friction") :], 12, "&system", "stiffness_x"),
     "unknown group": (GOOD + "&sytem\n x = 1\n/\n", 19, "'&sytem'", "nearest is &system"),
     "unlike any group": (GOOD + "&zz\n/\n", 19, "'&zz'", "scene system friction"),
     "sweep": (GOOD + "&sweep\n count = 2\n/\n", 19, "&sweep varies nothing", "name parameter"),
@@ -66,12 +61,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "key with hyphen": (instead("t_end =", "t-end ="), 3, "'t-end'", "nearest is 't_end'"),
     "misnamed group": (instead("&system", "&sistem"), 5, "'&sistem'", "nearest is &system"),
     "short key": (instead("stiffness_x", "stiffness"), 7, "'stiffness'", "nearest is 'stiffness_x'"),
-    "part of a key": (
-        instead("misalignment_deg", "misalignment"),
-        9,
-        "'misalignment'",
-        "nearest is 'misalignment_deg'",
-    ),
+    "part of a key": (instead("misalignment_deg", "misalignment"), 9, "'misalignment'", "nearest is 'misalignment_deg'"),
     "unlike any key": (with_line("mass", " damping = 1.0"), 7, "'damping'", "mass stiffness_x"),
     "letter that is not ASCII": (with_line("mu_0", " µ_0 = 0.2"), 13, "'µ_0'", "mu_0"),
     "wrong group": (with_line("t_end", " rtol = 1e-6"), 4, "'rtol'", "&integrator"),
@@ -79,12 +69,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "repeated key": (with_line("t_end", "  t_end = 2.0"), 4, "'t_end'", "line 3"),
     "repeated key in capitals": (with_line("t_end", "  T_END = 2.0"), 4, "'t_end'", "line 3"),
     "empty value": (instead("mass = 0.25", "mass ="), 6, "'mass' has an empty value", "give a value"),
-    "empty value before the end": (
-        instead("= 1.0e-3\n/\n&system", "=\n/\n&system"),
-        3,
-        "'t_end'",
-        "give a value",
-    ),
+    "empty value before the end": (instead("= 1.0e-3\n/\n&system", "=\n/\n&system"), 3, "'t_end'", "give a value"),
     "empty value before a comment": (instead("mass = 0.25", "mass = ! 0.25"), 6, "'mass'", "give a value"),
     "only a comma": (instead("mass = 0.25", "mass = ,"), 6, "'mass'", "remove the ','"),
     "two commas": (instead("mu_0 = 0.20,", "mu_0 = 0.20,,"), 12, "'mu_0'", "remove the ','"),
@@ -106,21 +91,11 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "underflow": (instead("0.25", "1e-400"), 6, "'1e-400'", "finite real number"),
     "complex": (instead("0.25", "(0.25, 0)"), 6, "(0.25, 0)", "separate values"),
     "real for integer": (GOOD + "&integrator max_steps = 10.0 /\n", 19, "'10.0'", "integer, like 1000"),
-    "integer overflow": (
-        GOOD + "&integrator max_steps = 99999999999999999999 /\n",
-        19,
-        "99999999999999999999",
-        "integer",
-    ),
+    "integer overflow": (GOOD + "&integrator max_steps = 99999999999999999999 /\n", 19, "99999999999999999999", "integer"),
     "negative integer": (GOOD + "&integrator max_steps = -1 /\n", 19, "'-1'", ">= 0"),
     "no mass": (instead("mass = 0.25", "mass = 0.0"), 6, "mass = '0.0'", "> 0.0 (in kg)"),
     "negative load": (instead("= 10.0", "= -10.0"), 14, "normal_load = '-10.0'", ">= 0.0 (in N)"),
-    "more than a turn": (
-        instead("_deg = 1.0", "_deg = 361"),
-        9,
-        "misalignment_deg = '361'",
-        "<= 360.0 (in deg)",
-    ),
+    "more than a turn": (instead("_deg = 1.0", "_deg = 361"), 9, "misalignment_deg = '361'", "<= 360.0 (in deg)"),
     "tolerance too large": (GOOD + "&integrator rtol = 1.0 /\n", 19, "rtol = '1.0'", "<= 0.1"),
     "tolerance too small": (GOOD + "&integrator rtol = 1e-16 /\n", 19, "rtol = '1e-16'", ">= 1.0e-13"),
     "negative end": (instead("t_end = 1.0e-3", "t_end = -1"), 3, "t_end = '-1'", "> 0.0 (in s)"),
@@ -135,20 +110,10 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "zero repeat count": (instead("0.25", "0*0.25"), 6, "'0*'", "1 or more"),
     "repeated nothing": (instead("0.25", "2*"), 6, "'2*'", "after the '*'"),
     "long text": (instead("a test", "x" * 257), 2, "xxx", "at most 256"),
-    "missing slash": (
-        instead("1.0\n/\n&friction", "1.0\n&friction"),
-        10,
-        "missing '/'",
-        "end the group &system",
-    ),
+    "missing slash": (instead("1.0\n/\n&friction", "1.0\n&friction"), 10, "missing '/'", "end the group &system"),
     "missing last slash": (GOOD.rstrip("/\n"), 17, "missing '/'", "end the group &drive"),
     "unclosed quote": (instead("'a test'", "'a test"), 2, "unclosed quote 'a test", "close it with '"),
-    "unclosed double quote": (
-        instead("'a test'", "\"a test'"),
-        2,
-        "unclosed quote \"a test'",
-        'close it with "',
-    ),
+    "unclosed double quote": (instead("'a test'", "\"a test'"), 2, "unclosed quote \"a test'", 'close it with "'),
     "quote inside": (instead("'a test'", "'a dog's'"), 2, "'s''", "double a quote"),
     "text before": ("my deck\n" + GOOD, 1, "'my deck'", "after a '!'"),
     "text between": (instead("/\n&system", "/\n# system\n&system"), 5, "'# system'", "after a '!'"),
@@ -159,12 +124,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "no equals": (instead("mass =", "mass"), 6, "'mass' without '='", "KEY = VALUE"),
     "colon": (instead("mass =", "mass:"), 6, "'mass:' without '='", "KEY = VALUE"),
     "two equals": (instead("mass =", "mass = ="), 6, "'= 0.25'", "separate values"),
-    "array element": (
-        instead("velocity =", "velocity(1) ="),
-        17,
-        "velocity(1) = 1.0e-3",
-        "all values at once",
-    ),
+    "array element": (instead("velocity =", "velocity(1) ="), 17, "velocity(1) = 1.0e-3", "all values at once"),
     "component": (instead("mass =", "mass%kg ="), 6, "mass%kg = 0.25", "all values at once"),
     "NUL": (GOOD.encode() + b"\0", 19, "NUL", "plain UTF-8 text"),
     "binary": (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), 2, "control characters", "plain UTF-8 text"),
@@ -179,8 +139,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "unknown contact": (with_line("v_f", " contact = 'smooth'"), 14, "'smooth'", "nearest is 'smoothed'"),
     "unknown method": (GOOD + "&integrator method = 'radau7' /\n", 19, "'radau7'", "nearest is 'radau5'"),
     "moreau_jean with smoothed": (
-        with_line("v_f", " contact = 'smoothed' v_smooth = 1e-6")
-        + "&integrator method = 'moreau_jean' step = 1e-6 /\n",
+        with_line("v_f", " contact = 'smoothed' v_smooth = 1e-6") + "&integrator method = 'moreau_jean' step = 1e-6 /\n",
         20,
         "'moreau_jean'",
         "contact = 'exact'",
@@ -191,46 +150,16 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "v_smooth with exact": (with_line("v_f", " v_smooth = 1e-6"), 14, "'v_smooth'", "contact smoothed"),
     "step with radau9": (GOOD + "&integrator step = 1e-6 /\n", 19, "'step'", "method rk4"),
     "v_cut with radau9": (GOOD + "&integrator v_cut = 1e-6 /\n", 19, "'v_cut'", "method dopri5 | dop853"),
-    "smoothed without v_smooth": (
-        with_line("v_f", " contact = 'smoothed'"),
-        11,
-        "'v_smooth'",
-        "add v_smooth",
-    ),
-    "rk4 with exact": (
-        GOOD + "&integrator method = 'rk4' step = 1e-6 /\n",
-        19,
-        "'rk4'",
-        "contact = 'smoothed'",
-    ),
+    "smoothed without v_smooth": (with_line("v_f", " contact = 'smoothed'"), 11, "'v_smooth'", "add v_smooth"),
+    "rk4 with exact": (GOOD + "&integrator method = 'rk4' step = 1e-6 /\n", 19, "'rk4'", "contact = 'smoothed'"),
     "missing key": (instead("  mass = 0.25\n", ""), 5, "'mass'", "add mass = VALUE in kg"),
     "missing v_f": (instead("  v_f = 0.010\n", ""), 11, "'v_f'", "law weakening"),
     "missing end": (instead("  t_end = 1.0e-3\n", ""), 1, "'t_end'", "add t_end = VALUE in s"),
-    "profile without times": (
-        instead("velocity = 1.0e-3", "velocity = 1, 2"),
-        17,
-        "2 value(s)",
-        "one velocity for each time",
-    ),
-    "profile too short": (
-        with_line("velocity", " time = 0, 1"),
-        18,
-        "1 value(s)",
-        "one velocity for each time",
-    ),
-    "profile backwards": (
-        instead("velocity = 1.0e-3", "velocity = 1, 2, 3 time = 0, 2, 1"),
-        17,
-        "'1.0'",
-        "must not decrease",
-    ),
+    "profile without times": (instead("velocity = 1.0e-3", "velocity = 1, 2"), 17, "2 value(s)", "one velocity for each time"),
+    "profile too short": (with_line("velocity", " time = 0, 1"), 18, "1 value(s)", "one velocity for each time"),
+    "profile backwards": (instead("velocity = 1.0e-3", "velocity = 1, 2, 3 time = 0, 2, 1"), 17, "'1.0'", "must not decrease"),
     "profile not from 0": (instead("velocity = 1.0e-3", "velocity = 1 time = 1"), 17, "'1.0'", "must be 0.0"),
-    "profile, three equal": (
-        instead("velocity = 1.0e-3", "velocity = 4*1 time = 0, 3*1"),
-        17,
-        "time(4)",
-        "twice for a jump",
-    ),
+    "profile, three equal": (instead("velocity = 1.0e-3", "velocity = 4*1 time = 0, 3*1"), 17, "time(4)", "twice for a jump"),
 }
 
 
@@ -274,12 +203,7 @@ def test_good_deck_is_good(program, tmp_path):
 
 
 def test_all_faults_in_one_go(program, tmp_path):
-    text = (
-        GOOD.replace("'a test'", "'a test")
-        .replace("0.25", "NaN")
-        .replace("v_f", "vf")
-        .replace("velocity", "speed")
-    )
+    text = GOOD.replace("'a test'", "'a test").replace("0.25", "NaN").replace("v_f", "vf").replace("velocity", "speed")
     result = program("check", write(tmp_path, text + "&sytem /\nstray\n"))
     lines = [int(m.split(":")[2]) for m in result.stderr.splitlines()]
     assert lines == sorted(lines)
@@ -301,9 +225,7 @@ def test_faults_of_several_decks(program, tmp_path):
 
 @pytest.mark.parametrize("kind", ["missing", "folder", "pipe", "device", "no name"])
 def test_not_a_file(kind, program, tmp_path):
-    name = {"missing": "none.nml", "folder": "folder", "pipe": "pipe", "device": "/dev/zero", "no name": ""}[
-        kind
-    ]
+    name = {"missing": "none.nml", "folder": "folder", "pipe": "pipe", "device": "/dev/zero", "no name": ""}[kind]
     if kind == "folder":
         (tmp_path / name).mkdir()
     if kind == "pipe":
@@ -317,9 +239,7 @@ GOOD_BUT_ODD = {
     "CRLF": GOOD.replace("\n", "\r\n"),
     "no final newline": GOOD.rstrip("\n"),
     "groups in any order": "".join(reversed(re.findall(r"&.*?\n/\n", GOOD, re.DOTALL))),
-    "repeat counts": GOOD.replace("velocity = 1.0e-3", "time = 0.0 velocity = 1*1.0e-3").replace(
-        "0.25", "1*0.25"
-    ),
+    "repeat counts": GOOD.replace("velocity = 1.0e-3", "time = 0.0 velocity = 1*1.0e-3").replace("0.25", "1*0.25"),
     "tabs": GOOD.replace(" = ", "\t=\t").replace("  ", "\t"),
     "comments with quotes": GOOD.replace("\n", " ! don't \" / & = mass = 3\n"),
     "comment without a blank": GOOD.replace("0.25", "0.25!it's"),
@@ -336,8 +256,7 @@ GOOD_BUT_ODD = {
     "blank lines": GOOD.replace("\n", "\n\n   \n"),
     "long line": "! " + "x" * 200_000 + "\n" + GOOD,
     "other alphabets": "! 摩擦, трение, µ\n" + GOOD,
-    "off switches of unused keys": GOOD.replace("v_f", "v_smooth = 0.0\n v_f")
-    + "&integrator step = 0.0, v_cut = 0.0 /\n",
+    "off switches of unused keys": GOOD.replace("v_f", "v_smooth = 0.0\n v_f") + "&integrator step = 0.0, v_cut = 0.0 /\n",
 }
 
 
@@ -410,9 +329,7 @@ def test_bad_setting(setting, word, remedy, program, tmp_path):
 
 
 def test_empty_setting_takes_a_key_out(program, tmp_path):
-    text = resolved(
-        program, GOOD, "friction.law=constant", "friction.mu_inf=", "friction.v_f= ", "scene.title="
-    )
+    text = resolved(program, GOOD, "friction.law=constant", "friction.mu_inf=", "friction.v_f= ", "scene.title=")
     assert "mu_inf" not in text
     assert "v_f" not in text
     assert re.search(r"^  title = '' +! default", text, re.MULTILINE)
@@ -462,9 +379,7 @@ def test_template_is_a_deck(program, tmp_path):
     text = resolved(program, result.stdout)
     fig3 = program("check", str(INPUTS / "fig3.nml")).stdout
     own = ("  file = ", "  interval = ")
-    assert [v for v in values(text) if not v.startswith(own)] == [
-        v for v in values(fig3) if not v.startswith(own)
-    ]
+    assert [v for v in values(text) if not v.startswith(own)] == [v for v in values(fig3) if not v.startswith(own)]
 
 
 @pytest.mark.parametrize("deck", DECKS, ids=lambda path: path.stem)
@@ -567,14 +482,7 @@ def test_wrong_usage(arguments, remedy, program, tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        ["--help"],
-        ["run", "--help"],
-        ["check", "--help"],
-        ["template", "-h"],
-        ["stability", "--help"],
-        ["trade", "--help"],
-    ],
+    [["--help"], ["run", "--help"], ["check", "--help"], ["template", "-h"], ["stability", "--help"], ["trade", "--help"]],
 )
 def test_help(arguments, program):
     result = program(*arguments)

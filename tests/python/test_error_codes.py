@@ -39,9 +39,7 @@ def test_every_code_is_explained() -> None:
     assert len(codes()) >= 12
     for name, code in codes().items():
         assert code in explained, f"{name} = {code} is not in {PAGE}"
-        assert all(len(cell) > 3 for cell in explained[code][-2:]) or code == 0, (
-            f"{PAGE} says too little of {code}"
-        )
+        assert all(len(cell) > 3 for cell in explained[code][-2:]) or code == 0, f"{PAGE} says too little of {code}"
 
 
 def words_of(code: int) -> list[str]:

@@ -13,13 +13,7 @@ from programs import INPUTS
 
 pytestmark = pytest.mark.deck
 
-RK4 = (
-    "friction.contact=smoothed",
-    "friction.v_smooth=1e-5",
-    "integrator.method=rk4",
-    "integrator.step=1e-5",
-    "integrator.rtol=",
-)
+RK4 = ("friction.contact=smoothed", "friction.v_smooth=1e-5", "integrator.method=rk4", "integrator.step=1e-5", "integrator.rtol=")
 # Settings on fig3.nml, and why the full model is taken.
 OBSTACLES: dict[str, tuple[str, ...]] = {
     "the high-frequency motion alone costs as much": ("scene.quantities=high_frequency",),

@@ -23,12 +23,7 @@ def result(fig3: ds.Scene) -> ds.Result:
 
 
 @pytest.fixture(scope="module", params=["program", "package"])
-def file(
-    request: pytest.FixtureRequest,
-    executable: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    result: ds.Result,
-) -> Path:
+def file(request: pytest.FixtureRequest, executable: Path, tmp_path_factory: pytest.TempPathFactory, result: ds.Result) -> Path:
     """A result file of the executable, and one of `Result.save`."""
     path = tmp_path_factory.mktemp(request.param) / "run.h5"
     if request.param == "package":
@@ -52,11 +47,7 @@ def read_csv(path: Path) -> dict[str, np.ndarray]:
 def test_a_run_as_csv_keeps_every_bit(file: Path, result: ds.Result, tmp_path: Path) -> None:
     assert main(["export", str(file), "--csv", "-o", str(tmp_path / "new" / "folder")]) == 0
     folder = tmp_path / "new" / "folder"
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "run_events.csv",
-        "run_summary.csv",
-        "run_time_series.csv",
-    ]
+    assert sorted(path.name for path in folder.iterdir()) == ["run_events.csv", "run_summary.csv", "run_time_series.csv"]
     series = read_csv(folder / "run_time_series.csv")
     assert "u_x [m]" in series
     assert "w_x [m s-1]" in series

@@ -114,11 +114,7 @@ def changes(calls: list[Call]) -> list[Call]:
 
 def named(calls: list[Call]) -> int:
     """Number of the call that gives the result its name, and of its process."""
-    return next(
-        call.all
-        for call in calls
-        if call.name in ("link", "linkat", "rename", "renameat2") and call.path.endswith(RESULT)
-    )
+    return next(call.all for call in calls if call.name in ("link", "linkat", "rename", "renameat2") and call.path.endswith(RESULT))
 
 
 # Shares of the whole proof.

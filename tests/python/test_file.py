@@ -93,10 +93,7 @@ def test_every_dataset_has_units_and_a_long_name(result_file):
 
 def test_strings_are_variable_length_utf8(result_file):
     with h5py.File(result_file) as file:
-        kinds = [
-            h5py.check_string_dtype(file["deck/text"].dtype),
-            h5py.check_string_dtype(file.attrs.get_id("model").dtype),
-        ]
+        kinds = [h5py.check_string_dtype(file["deck/text"].dtype), h5py.check_string_dtype(file.attrs.get_id("model").dtype)]
         assert file["deck/text"].asstr()[()] == DECK.read_text(encoding="utf-8")
     assert all(kind.encoding == "utf-8" and kind.length is None for kind in kinds)
 

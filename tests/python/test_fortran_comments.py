@@ -94,9 +94,7 @@ def test_the_check_finds_norm2() -> None:
 
 
 def test_the_check_finds_what_is_missing() -> None:
-    module = (
-        "!> What it is.\nmodule m\n  public :: one, two, three\n  integer, parameter :: three = 3\ncontains\n"
-    )
+    module = "!> What it is.\nmodule m\n  public :: one, two, three\n  integer, parameter :: three = 3\ncontains\n"
     routines = "  !> Said.\n  subroutine one()\n  end subroutine one\n  pure real(wp) function two()\n  end function two\n"
     assert undocumented(module + routines) == ["three", "two"]
     assert undocumented("module m\nend module m\n") == ["the file"]

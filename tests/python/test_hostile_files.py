@@ -117,9 +117,7 @@ DAMAGES: dict[str, Callable[[Path], None]] = {
     "no deck": edit(lambda data: data.__delitem__("deck/text")),
     "no checksum of the deck": edit(lambda data: data.attrs.__delitem__("deck_sha256")),
     "a group as column": edit(lambda data: data.create_group("time_series/extra")),
-    "a broken link as column": edit(
-        lambda data: data["time_series"].__setitem__("extra", h5py.SoftLink("/nowhere"))
-    ),
+    "a broken link as column": edit(lambda data: data["time_series"].__setitem__("extra", h5py.SoftLink("/nowhere"))),
     "a link to another file as column": edit(
         lambda data: data["time_series"].__setitem__("extra", h5py.ExternalLink("none.h5", "/"))
     ),

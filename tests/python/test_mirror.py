@@ -59,20 +59,13 @@ SCENES: dict[str, Groups] = {
         "system": SOFTER,
         "friction": {"contact": "smoothed", "v_smooth": 1e-5},
     },
-    "full, 83 degrees": {
-        "scene": {"model": "full", "t_end": 0.5},
-        "system": {"stiffness_y": 3e4, "misalignment_deg": 83.0},
-    },
+    "full, 83 degrees": {"scene": {"model": "full", "t_end": 0.5}, "system": {"stiffness_y": 3e4, "misalignment_deg": 83.0}},
     "full, 90 degrees": {
         "scene": {"model": "full", "t_end": 0.5},
         "system": {"stiffness_y": 3e4, "misalignment_deg": 90.0},
         "initial": {"elongation_x": 1e-4},
     },
-    "high_frequency": {
-        "scene": {"model": "high_frequency", "t_end": 0.05},
-        "system": STIFF,
-        "initial": {"elongation_x": 1e-3},
-    },
+    "high_frequency": {"scene": {"model": "high_frequency", "t_end": 0.05}, "system": STIFF, "initial": {"elongation_x": 1e-3}},
     "creep": {
         "scene": {"model": "creep", "t_end": 1.5},
         "system": {**STIFF, "mass": None},
@@ -85,10 +78,7 @@ SCENES: dict[str, Groups] = {
     "a drive that reverses and rests, full": {
         "scene": {"model": "full", "t_end": 9.0},
         "system": SOFTER,
-        "drive": {
-            "velocity": (0.0, 0.0, -1e-3, -1e-3, 0.0, 0.0, 2e-3),
-            "time": (0, 0.5, 0.5, 4, 4.2, 5.0, 5.0),
-        },
+        "drive": {"velocity": (0.0, 0.0, -1e-3, -1e-3, 0.0, 0.0, 2e-3), "time": (0, 0.5, 0.5, 4, 4.2, 5.0, 5.0)},
     },
     "a drive that rests": {
         "scene": {"model": "full", "t_end": 1.0},
@@ -177,12 +167,8 @@ def test_the_images_of_random_sweeps_have_one_summary(method: str) -> None:
     kept = swept(points)
     assert (kept["cycles"] > 0).sum() > 20
     for mirror, become in IMAGES.items():
-        v, phi, x, _ = become(
-            points["drive.velocity"], points["system.misalignment_deg"], points["initial.elongation_x"], 0.0
-        )
-        mirrored = swept(
-            {**points, "drive.velocity": v, "system.misalignment_deg": phi, "initial.elongation_x": x}
-        )
+        v, phi, x, _ = become(points["drive.velocity"], points["system.misalignment_deg"], points["initial.elongation_x"], 0.0)
+        mirrored = swept({**points, "drive.velocity": v, "system.misalignment_deg": phi, "initial.elongation_x": x})
         for name, values in kept.items():
             if name in (*MADE_OF_ROUNDOFF, "wall_time", "steps") or "." in name:
                 continue
@@ -202,11 +188,7 @@ def test_a_reversing_drive_has_the_cycles_of_its_strokes() -> None:
     for i in range(6):
         times += [6.0 * i, 6.0 * (i + 1)]
         velocities += [(-1) ** i * 1e-3] * 2
-    there_and_back = ds.run(
-        ds.Scene(**stroke),
-        scene={"t_end": 36.0},
-        drive={"time": tuple(times), "velocity": tuple(velocities)},
-    )
+    there_and_back = ds.run(ds.Scene(**stroke), scene={"t_end": 36.0}, drive={"time": tuple(times), "velocity": tuple(velocities)})
     cycles = ds.stick_slip_statistics(there_and_back)
     assert np.nanmax(cycles["period"]) == pytest.approx(alone.summary["period"], rel=1e-3)
     assert np.isfinite(cycles["period"]).sum() == there_and_back.summary["cycles"]

@@ -148,13 +148,7 @@ UNITS = [(2.0**10, 1.0, 1.0), (1.0, 2.0**-6, 1.0), (1.0, 1.0, 2.0**12), (2.0**-2
     ids=str,
 )
 def test_the_choice_depends_on_ratios_only(
-    quantities: str,
-    accuracy: float,
-    lengths: float,
-    change: dict[str, float],
-    length: float,
-    time: float,
-    mass: float,
+    quantities: str, accuracy: float, lengths: float, change: dict[str, float], length: float, time: float, mass: float
 ) -> None:
     """Model and estimated error are the same in all units and for the mirrored scene."""
     scene = FIG3 | change
@@ -250,9 +244,7 @@ COLUMNS = tuple(name for name in ds.run(deck(FIG3, "full", 1e-4)) if name != "ti
 SPANS = (("creep", 0.1), ("creep", 0.5), ("creep", 0.95), ("stick_slip", 2.6), ("stick_slip", 4.0))
 
 
-def chosen_for(
-    column: str, scene: dict[str, float], quantities: str, lengths: float, accuracy: float
-) -> ds.Result | None:
+def chosen_for(column: str, scene: dict[str, float], quantities: str, lengths: float, accuracy: float) -> ds.Result | None:
     """What `auto` gives of one column; None if it takes the full model."""
     more = f"quantities='{quantities}', accuracy={accuracy}"
     with ds.Simulation(deck(scene, "auto", lengths, more), output={"fields": [column]}) as simulation:
@@ -261,9 +253,7 @@ def chosen_for(
         return simulation.finish()
 
 
-def errors_of_columns(
-    scene: dict[str, float], quantities: str, lengths: float
-) -> dict[tuple[str, float], float]:
+def errors_of_columns(scene: dict[str, float], quantities: str, lengths: float) -> dict[tuple[str, float], float]:
     """Largest error over the largest value, by column and accuracy, where the model is not the full one."""
     full: ds.Result | None = None
     errors = {}
@@ -327,8 +317,7 @@ def test_a_column_that_a_model_lacks_rules_it_out() -> None:
     found = choice("X", "spring_force_x")
     assert found.startswith("creep: ") and "; creep_asymptotic does not give spring_force_x" in found
     assert choice("u_y") == (
-        "full: creep_asymptotic does not give u_y; creep gives u_y without the fast oscillation; "
-        "low_frequency holds u_y constant"
+        "full: creep_asymptotic does not give u_y; creep gives u_y without the fast oscillation; low_frequency holds u_y constant"
     )
     assert choice("X", "X_rate").startswith("full: creep_asymptotic gives X_rate without the fast oscillation; ")
 

@@ -117,9 +117,7 @@ def test_thinning_keeps_every_extreme() -> None:
     assert np.all(np.diff(thin_time) > 0)
     edges = np.linspace(time[0], time[-1], bins + 1)[1:-1]
     for kept, every in zip(
-        np.split(thin_values, np.searchsorted(thin_time, edges)),
-        np.split(values, np.searchsorted(time, edges)),
-        strict=True,
+        np.split(thin_values, np.searchsorted(thin_time, edges)), np.split(values, np.searchsorted(time, edges)), strict=True
     ):
         assert (kept.min(), kept.max()) == (every.min(), every.max())
 
@@ -144,14 +142,7 @@ def test_path_is_that_of_the_friction_vector() -> None:
     np.testing.assert_allclose(np.hypot(*points.T), 2.0)
 
 
-NEEDED = {
-    "history": "theta",
-    "velocities": "w_x",
-    "spectrogram": "w_y",
-    "damping": "theta",
-    "creep": "X",
-    "path": "friction",
-}
+NEEDED = {"history": "theta", "velocities": "w_x", "spectrogram": "w_y", "damping": "theta", "creep": "X", "path": "friction"}
 
 
 @pytest.mark.parametrize("kind", NEEDED)
@@ -164,9 +155,7 @@ def test_missing_column_names_the_remedy(fig4_result: ds.Result, kind: str) -> N
 
 
 def test_unknown_kind_and_empty_result_are_refused() -> None:
-    with pytest.raises(
-        ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns"
-    ):
+    with pytest.raises(ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns"):
         plot.draw(sawtooth(), "hystory")
     with pytest.raises(ds.UsageError, match="fewer than two samples"):
         plot.draw(result_of(time=np.empty(0)))
@@ -263,9 +252,7 @@ def test_command_refuses_in_one_line(package: Program, tmp_path: Path, fig3_resu
         assert done.stderr.count("\n") == 1
 
 
-def test_command_draws_an_incomplete_file_and_says_so(
-    package: Program, tmp_path: Path, fig3_result: ds.Result
-) -> None:
+def test_command_draws_an_incomplete_file_and_says_so(package: Program, tmp_path: Path, fig3_result: ds.Result) -> None:
     fig3_result.save(tmp_path / "run.h5")
     with h5py.File(tmp_path / "run.h5", "r+") as file:
         file.attrs["complete"] = 0
@@ -281,9 +268,7 @@ LOW = INPUTS / "low_frequency.nml"
 def grid():
     """A small map, coarse enough to be quick."""
     pytest.importorskip("xarray")
-    return ds.sweep(
-        LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, threads=1
-    )
+    return ds.sweep(LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, threads=1)
 
 
 def colours(figure) -> np.ndarray:
@@ -314,10 +299,7 @@ def test_map_shows_the_grid_and_the_line_of_stability(grid) -> None:
 def test_map_of_the_full_model_has_both_modes_and_the_crossover(fig3: ds.Scene) -> None:
     pytest.importorskip("xarray")
     data = ds.sweep(
-        fig3,
-        {"system.misalignment_deg": [0.1, 1.0, 10.0], "system.stiffness_y": [1e3, 1e5, 1e7]},
-        scene={"t_end": 0.1},
-        threads=1,
+        fig3, {"system.misalignment_deg": [0.1, 1.0, 10.0], "system.stiffness_y": [1e3, 1e5, 1e7]}, scene={"t_end": 0.1}, threads=1
     )
     axis = plot.draw(data, quantity="sticking_time").axes[0]
     slow, fast, crossover = axis.lines
@@ -337,11 +319,7 @@ def test_map_of_a_list_that_is_a_grid(grid) -> None:
     order = np.random.default_rng(3).permutation(phi.size)
     data = ds.sweep(
         LOW,
-        {
-            "system.misalignment_deg": phi[order],
-            "drive.velocity": velocity[order],
-            "scene.t_end": 5.0 + 0.0 * phi,
-        },
+        {"system.misalignment_deg": phi[order], "drive.velocity": velocity[order], "scene.t_end": 5.0 + 0.0 * phi},
         points=True,
         threads=1,
     )
@@ -353,14 +331,10 @@ def test_map_of_one_parameter_and_of_a_list(grid) -> None:
     axis = plot.draw(line, quantity="period").axes[0]
     np.testing.assert_array_equal(axis.lines[0].get_ydata(), line["period"].values)
     assert axis.get_xscale() == "log" and axis.get_ylabel().endswith("[s]")
-    points = ds.sweep(
-        LOW, {"drive.velocity": VELOCITY[:3], "system.misalignment_deg": PHI}, points=True, threads=1
-    )
+    points = ds.sweep(LOW, {"drive.velocity": VELOCITY[:3], "system.misalignment_deg": PHI}, points=True, threads=1)
     axis = plot.draw(points, quantity="slip_angle").axes[0]
     offsets = axis.collections[0].get_offsets()
-    np.testing.assert_allclose(
-        offsets, np.column_stack([1e3 * VELOCITY[:3], np.degrees(points["slip_angle"].values)])
-    )
+    np.testing.assert_allclose(offsets, np.column_stack([1e3 * VELOCITY[:3], np.degrees(points["slip_angle"].values)]))
 
 
 def test_lambda_puts_every_case_at_its_number(grid) -> None:

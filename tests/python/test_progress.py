@@ -26,9 +26,7 @@ def test_a_run_on_a_terminal(program):
     times = [float(time) for _, _, time, _, _ in shown]
     assert times == sorted(times)
     assert {float(total) for *_, total, _ in shown} == {1e5}
-    assert all(
-        abs(float(share) - time / 1e3) < 0.06 + 6e-3 * time / 1e3 for (_, share, *_), time in zip(shown, times, strict=True)
-    )
+    assert all(abs(float(share) - time / 1e3) < 0.06 + 6e-3 * time / 1e3 for (_, share, *_), time in zip(shown, times, strict=True))
     # The line is wiped before the last word, which stays.
     assert WIPED + "dynstiction: " in text
     assert text.count("\n") == 1

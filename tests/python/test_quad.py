@@ -21,12 +21,7 @@ SCENES = REFERENCE["scenes"]
 COLUMNS = ("u_x", "u_y", "w_x", "w_y")
 # Fig. 3 beyond its third cycle costs minutes; docs/numerics.md has 10 s.
 LATEST = {"fig3": Decimal("2.5")}
-STATES = [
-    (name, state)
-    for name, scene in SCENES.items()
-    for state in scene["states"]
-    if state[0] <= LATEST.get(name, Decimal(10))
-]
+STATES = [(name, state) for name, scene in SCENES.items() for state in scene["states"] if state[0] <= LATEST.get(name, Decimal(10))]
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +59,7 @@ def state_at(file: Path, time: Decimal) -> list[Decimal]:
     with h5py.File(file) as content, localcontext(prec=40):
         row = int(np.argmin(np.abs(content["time_series/time"][:] - float(time))))
         return [
-            sum(
-                Decimal(float(content[f"{group}/{column}"][row]))
-                for group in ("time_series", "remainder/time_series")
-            )
+            sum(Decimal(float(content[f"{group}/{column}"][row])) for group in ("time_series", "remainder/time_series"))
             for column in COLUMNS
         ]
 
@@ -101,9 +93,7 @@ def test_digits_beyond_those_of_a_double(quad_executable: Path, tmp_path: Path) 
         assert abs(value - expected) <= Decimal("1e-19") * abs(expected)
 
 
-def test_double_precision_has_the_digits_that_the_manual_says(
-    executable: Path, files: dict[str, Path], tmp_path: Path
-) -> None:
+def test_double_precision_has_the_digits_that_the_manual_says(executable: Path, files: dict[str, Path], tmp_path: Path) -> None:
     """docs/numerics.md, section 8: radau9 at rtol = 1e-10."""
     in_double = run(executable, tmp_path, "fig3", "1e-10", integrator__method="'radau9'")
     times = [float(state[0]) for name, state in STATES if name == "fig3"]

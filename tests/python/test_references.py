@@ -74,9 +74,7 @@ def assert_state(result: ds.Result, state: list[float], u_y_bound: float) -> Non
 
 
 @pytest.mark.parametrize(("name", "state"), STATES)
-def test_state_agrees_with_quadruple_precision(
-    results: dict[str, ds.Result], name: str, state: list[float]
-) -> None:
+def test_state_agrees_with_quadruple_precision(results: dict[str, ds.Result], name: str, state: list[float]) -> None:
     # At 10 s roundoff has grown: 3.4e-11 of u_y was measured, and other machines round otherwise.
     assert_state(results[name], state, u_y_bound=3e-10 if state[0] == 10.0 else 1e-10)
 
@@ -112,9 +110,7 @@ def test_equal_coefficients_are_constant_friction(results_in_memory: dict[str, d
     np.testing.assert_allclose(equal["u_x"], constant["u_x"], rtol=1e-9, atol=1e-15)
 
 
-def test_writing_a_file_changes_no_number(
-    results_in_memory: dict[str, ds.Result], results_in_files: dict[str, ds.Result]
-) -> None:
+def test_writing_a_file_changes_no_number(results_in_memory: dict[str, ds.Result], results_in_files: dict[str, ds.Result]) -> None:
     for name, in_memory in results_in_memory.items():
         assert_same(results_in_files[name], in_memory)
 

@@ -28,9 +28,7 @@ SCENES = {
     "high_frequency": ds.Scene(INPUTS / "high_frequency.nml"),
     "creep": ds.Scene(INPUTS / "creep.nml"),
     "moreau_jean": ds.Scene(
-        INPUTS / "fig3.nml",
-        scene={"t_end": 0.05},
-        integrator={"method": "moreau_jean", "rtol": None, "step": 1e-5},
+        INPUTS / "fig3.nml", scene={"t_end": 0.05}, integrator={"method": "moreau_jean", "rtol": None, "step": 1e-5}
     ),
 }
 
@@ -196,11 +194,7 @@ def grid(scene: ds.Scene, **options: bool | None) -> object:
     return ds.sweep(scene, {"system.misalignment_deg": [1.0, 2.0, 3.0]}, **options)
 
 
-CALLS = {
-    "run": (ds.run, 0.05),
-    "sweep": (grid, 3.0),
-    "trade": (lambda scene, **how: ds.trade(scene, budget=1.0, **how), None),
-}
+CALLS = {"run": (ds.run, 0.05), "sweep": (grid, 3.0), "trade": (lambda scene, **how: ds.trade(scene, budget=1.0, **how), None)}
 
 
 @pytest.mark.parametrize("name", CALLS)
@@ -219,9 +213,7 @@ def test_a_bar_is_drawn_if_it_is_wanted(fig3: ds.Scene, bars: list[Bar], name: s
         assert bar.total == end
 
 
-def test_on_a_terminal_only_what_is_long_has_a_bar(
-    fig3: ds.Scene, bars: list[Bar], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_on_a_terminal_only_what_is_long_has_a_bar(fig3: ds.Scene, bars: list[Bar], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     ds.run(fig3, scene=SHORT)
     assert bars == []

@@ -55,8 +55,7 @@ def test_table_of_fig3(stability):
 
 @pytest.mark.deck
 @pytest.mark.parametrize(
-    ("angle", "verdict"),
-    [(8.6560, "not stable"), (8.6561, "stable"), (76.26, "stable"), (76.27, "not stable"), (-10, "stable")],
+    ("angle", "verdict"), [(8.6560, "not stable"), (8.6561, "stable"), (76.26, "stable"), (76.27, "not stable"), (-10, "stable")]
 )
 def test_table_gives_the_verdict(angle, verdict, stability):
     table = stability(f"system.misalignment_deg={angle}").stdout

@@ -109,10 +109,7 @@ def test_redundant_knots_change_no_bit():
         groups = slider({"system": {"misalignment_deg": angle, **stiff}})
         one, other = (
             run(groups, 1.0, velocity, "radau9", 1e-6, time=time, interval=0.01, model=model)
-            for time, velocity in (
-                ((0.0, 1.0), (1e-3, -1e-3)),
-                ((0.0, 0.25, 0.5, 0.625, 1.0), (1e-3, 5e-4, 0.0, -2.5e-4, -1e-3)),
-            )
+            for time, velocity in (((0.0, 1.0), (1e-3, -1e-3)), ((0.0, 0.25, 0.5, 0.625, 1.0), (1e-3, 5e-4, 0.0, -2.5e-4, -1e-3)))
         )
         assert all((one[name] == other[name]).all() for name in ("u_x", "X", "w_x"))
 

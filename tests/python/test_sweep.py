@@ -109,9 +109,7 @@ def test_a_file_of_a_list_with_failures_opens_too(sweep, tmp_path):
     with pytest.warns(ds.IncompleteWarning, match="1 of 3 cases failed"):
         data = ds.open_sweep(tmp_path / "l.h5")
     assert list(data["scene.t_end"].values) == [3.0, 6.0, 30.0]
-    assert list(data["result_code"].values) == [0, 0, 42] and "max_steps" in str(
-        data["result_text"].values[2]
-    )
+    assert list(data["result_code"].values) == [0, 0, 42] and "max_steps" in str(data["result_text"].values[2])
     with pytest.warns(ds.IncompleteWarning):
         assert identical(data, ds.sweep(sweep.deck, integrator={"max_steps": 600}))
 

@@ -131,9 +131,7 @@ def test_fewer_threads_than_asked_for(sweep, threads):
     sweep.run("a.h5", env={"OMP_THREAD_LIMIT": "2"}, threads=threads, status=0)
 
 
-@pytest.mark.parametrize(
-    "value", ["0/3", "4/3", "1", "1/", "/3", "-1/3", "a/b", "1/0", "1/3/5", "1.5/3", "1/9999999"]
-)
+@pytest.mark.parametrize("value", ["0/3", "4/3", "1", "1/", "/3", "-1/3", "a/b", "1/0", "1/3/5", "1.5/3", "1/9999999"])
 def test_bad_shards(sweep, value):
     assert "write --shard I/N" in sweep.run("a.h5", "--shard", value, status=1).stderr
     assert not sweep.shards("a.h5")

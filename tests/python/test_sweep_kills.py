@@ -219,10 +219,7 @@ def main():
             sweeps = kill_workers(Path(folder), kind, share, seed + i, exe)
         total = sum(seen["kills"] for seen in sweeps)
         at = [count for seen in sweeps for count in seen["cases at kills"]]
-        print(
-            f"{name}: {total} kills in {len(sweeps)} sweeps, with {at} of 240 cases done: none lost, none twice",
-            flush=True,
-        )
+        print(f"{name}: {total} kills in {len(sweeps)} sweeps, with {at} of 240 cases done: none lost, none twice", flush=True)
 
 
 if __name__ == "__main__":

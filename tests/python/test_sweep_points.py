@@ -32,9 +32,7 @@ def test_a_list_has_a_case_a_row(sweep, expected, tmp_path):
     with h5py.File(tmp_path / "expected.h5") as file:
         assert file["sweep"].attrs["grid"] == "list"
         assert file["sweep"].attrs["parameters"] == "system.misalignment_deg drive.velocity"
-    single = ds.run(
-        sweep.deck.read_text().replace(LIST, ""), drive={"velocity": 4e-3}, system={"misalignment_deg": 4.0}
-    )
+    single = ds.run(sweep.deck.read_text().replace(LIST, ""), drive={"velocity": 4e-3}, system={"misalignment_deg": 4.0})
     assert expected["summary/final_u_x"][2] == single["u_x"][-1]
 
 
@@ -108,9 +106,7 @@ def test_faults_have_their_place(sweep, tmp_path, text, place, words):
 
 def test_a_missing_file_and_a_folder(sweep, tmp_path):
     done = sweep.run("a.h5")
-    assert (
-        done.returncode == 3 and f"{tmp_path}/cases.csv: cannot be read: there is no such file" in done.stderr
-    )
+    assert done.returncode == 3 and f"{tmp_path}/cases.csv: cannot be read: there is no such file" in done.stderr
     (tmp_path / "cases.csv").mkdir()
     assert "it is a folder" in sweep.run("a.h5").stderr
 
@@ -147,9 +143,7 @@ def with_hdf5(sweep):
 
 def test_hdf5_gives_the_same(sweep, expected, write, tmp_path):
     # Other programs add coordinates and indices; single precision and integers are numbers too.
-    write(
-        **{"system.misalignment_deg": ANGLES, "drive.velocity": VELOCITIES, "case": [1, 2, 3], "note": "text"}
-    )
+    write(**{"system.misalignment_deg": ANGLES, "drive.velocity": VELOCITIES, "case": [1, 2, 3], "note": "text"})
     done = with_hdf5(sweep)
     assert done.returncode == 0, done.stderr
     # HDF5 keeps names in alphabetical order.

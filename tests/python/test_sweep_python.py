@@ -30,9 +30,7 @@ def test_coordinates_units_and_order():
 
 
 def test_points_go_along_case():
-    data = ds.sweep(
-        SHORT, {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3]}, points=True
-    )
+    data = ds.sweep(SHORT, {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3]}, points=True)
     assert data["final_u_x"].dims == ("case",) and data["drive.velocity"].dims == ("case",)
 
 

@@ -18,9 +18,7 @@ def scene(angle, t_end, method, rtol, drive, model="full", **initial):
     if model == "low_frequency":
         groups = changed(groups, {"system": {"stiffness_y": None}, "initial": {"elongation_y": None}})
     integrator = {"method": method, "rtol": rtol}
-    return ds.Scene(
-        **groups, scene={"model": model, "t_end": t_end}, integrator=integrator, output={"interval": t_end / 100}
-    )
+    return ds.Scene(**groups, scene={"model": model, "t_end": t_end}, integrator=integrator, output={"interval": t_end / 100})
 
 
 def pushed(angle, push, t_end, method, rtol, model="full"):
@@ -74,9 +72,7 @@ def test_the_lanes_of_a_sweep_follow_slow_growth():
 
 @pytest.mark.parametrize("angle", [80.0, 83.0])
 def test_fast_branch_from_a_push(angle):
-    sticks = {
-        ds.run(pushed(angle, 1e-6, 1.0, method, rtol)).summary["sticks"] for method in METHODS for rtol in RTOL
-    }
+    sticks = {ds.run(pushed(angle, 1e-6, 1.0, method, rtol)).summary["sticks"] for method in METHODS for rtol in RTOL}
     assert len(sticks) == 1 and sticks.pop() > 600
 
 

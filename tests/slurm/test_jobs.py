@@ -20,9 +20,7 @@ import pytest
 from programs import ROOT, Program, executable, small_disk, wait_until
 from sweeps import GRID, SCENE, Sweep, cases_in, same, values
 
-pytestmark = pytest.mark.skipif(
-    "SLURM_TEST_FOLDER" not in os.environ, reason="tests/slurm/run.sh starts the Slurm"
-)
+pytestmark = pytest.mark.skipif("SLURM_TEST_FOLDER" not in os.environ, reason="tests/slurm/run.sh starts the Slurm")
 
 RANK = Path(__file__).with_name("rank.sh")
 CASES = 60
@@ -82,7 +80,9 @@ class Job:
         log = folder / f"{len(list(folder.glob('job*.log')))}.log"
         log = log.with_name("job" + log.name)
         log.touch()
-        sbatch = Program(("sbatch", "--parsable", "--cpus-per-task=1", f"--output={log}"), folder, {"DYNSTICTION": str(executable())})
+        sbatch = Program(
+            ("sbatch", "--parsable", "--cpus-per-task=1", f"--output={log}"), folder, {"DYNSTICTION": str(executable())}
+        )
         return cls(sbatch(*command, env=env, status=0).stdout.strip(), log)
 
     def queued(self) -> bool:
@@ -170,9 +170,7 @@ def test_a_failed_index_is_run_again_by_its_number(tmp_path):
     """And so is an irregular list of them; a merge that waits for the array by afterany shows what is missing meanwhile."""
     sweep = Sweep(tmp_path, deck())
     dying = tmp_path / "dying.sh"
-    dying.write_text(
-        '#!/bin/sh\ncase $SLURM_ARRAY_TASK_ID/$1 in [236]/run) kill -KILL $$ ;; esac\nexec "$REAL" "$@"\n'
-    )
+    dying.write_text('#!/bin/sh\ncase $SLURM_ARRAY_TASK_ID/$1 in [236]/run) kill -KILL $$ ;; esac\nexec "$REAL" "$@"\n')
     dying.chmod(0o755)
     first = array(sweep, "1-6", "m.h5", env={"DYNSTICTION": str(dying), "REAL": str(executable())})
     merge = f"{executable()} merge {sweep.deck} -o m.h5"
@@ -321,8 +319,7 @@ def step(request, tmp_path) -> Step:
 WHO = {"rank 0": (0,), "another": (1,), "all": (0, 1, 2)}
 SOME = [("rank 0", True), ("another", False), ("all", True)]
 who = pytest.mark.parametrize(
-    "faulty",
-    [pytest.param(WHO[name], id=name, marks=pytest.mark.full if full else ()) for name, full in SOME],
+    "faulty", [pytest.param(WHO[name], id=name, marks=pytest.mark.full if full else ()) for name, full in SOME]
 )
 every_who = pytest.mark.parametrize("faulty", WHO.values(), ids=list(WHO))
 
@@ -418,9 +415,7 @@ def test_a_signal_to_srun(step, cpu_seconds):
     step.goes_on()
 
 
-@pytest.mark.parametrize(
-    "faulty", [pytest.param((0,), id="rank 0", marks=pytest.mark.full), pytest.param((1,), id="another")]
-)
+@pytest.mark.parametrize("faulty", [pytest.param((0,), id="rank 0", marks=pytest.mark.full), pytest.param((1,), id="another")])
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGUSR1, marks=pytest.mark.full)])
 def test_a_rank_that_stands_still_while_the_others_stop(step, cpu_seconds, faulty, number):
     step.sweep.deck.write_text(cpu_seconds(4.0))
@@ -462,9 +457,7 @@ def test_a_signal_while_all_stop(step, cpu_seconds, faulty, number):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGUSR1])
 def test_a_signal_while_the_shards_are_merged(step, faulty, number):
     """200 000 cases, so that it takes a while."""
-    step.sweep.deck.write_text(
-        deck(0.01).replace("count = 12, 5", "count = 400, 500").replace("'radau9'", "'rodas4p'")
-    )
+    step.sweep.deck.write_text(deck(0.01).replace("count = 12, 5", "count = 400, 500").replace("'radau9'", "'rodas4p'"))
     before = set(step.sweep.folder.iterdir())
 
     def merging() -> bool:
