@@ -1,15 +1,19 @@
-"""What the Python tests share: the deck of Fig. 3 and the executable."""
+"""What the Python tests share: Fig. 3 and its results, the executable and the package as commands in the test's folder."""
 
 from __future__ import annotations
 
-import os
-import shutil
 import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).with_name("python")))
+
+import fig3 as fig3_deck
+import programs
+from programs import Program
 
 # The tests of the executable need no Python extension, so it is imported where it is used.
 if TYPE_CHECKING:
@@ -19,50 +23,17 @@ if TYPE_CHECKING:
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-FIG3_TEXT = """\
-&scene
-  title = 'Fig. 3, Nakano & Popov (2020)'
-  model = 'full'
-  t_end = 10.0
-/
-&system
-  mass = 0.25
-  stiffness_x = 1.0e3
-  stiffness_y = 1.0e7
-  misalignment_deg = 1.0
-/
-&friction
-  law = 'weakening'
-  mu_0 = 0.20, mu_inf = 0.15
-  v_f = 0.010
-  normal_load = 10.0
-/
-&drive
-  velocity = 1.0e-3
-/
-&initial
-  velocity_ratio = 1.0e-6
-/
-&integrator
-  method = 'radau9'
-  rtol = 1.0e-8
-/
-&output
-  interval = 1.0e-4
-/
-"""
-
 
 @pytest.fixture(scope="session")
 def fig3_text() -> str:
-    return FIG3_TEXT
+    return fig3_deck.TEXT
 
 
 @pytest.fixture(scope="session")
 def fig3() -> ds.Scene:
     import dynstiction as ds  # noqa: PLC0415
 
-    return ds.Scene(FIG3_TEXT)
+    return ds.Scene(fig3_deck.TEXT)
 
 
 @pytest.fixture(scope="session")
@@ -83,13 +54,16 @@ def fig4_result() -> ds.Result:
 
 @pytest.fixture(scope="session")
 def executable() -> Path:
-    """The program under test: DYNSTICTION_EXE, beside this Python, or on the PATH."""
-    named = os.environ.get("DYNSTICTION_EXE")
-    if named:
-        assert Path(named).is_file(), f"DYNSTICTION_EXE={named} is no file"
-        return Path(named)
-    search = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    found = shutil.which("dynstiction", path=search)
-    if found is None:
-        pytest.fail("no executable: set DYNSTICTION_EXE or put dynstiction on the path")
-    return Path(found)
+    return programs.executable()
+
+
+@pytest.fixture
+def program(executable: Path, tmp_path: Path) -> Program:
+    """The executable, in the test's folder."""
+    return Program((executable,), tmp_path)
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Program:
+    """`python -m dynstiction`, in the test's folder."""
+    return Program(programs.PACKAGE.first, tmp_path)

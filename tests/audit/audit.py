@@ -253,11 +253,7 @@ def line(v: Verdict) -> str:
 
 
 def audit(
-    scenes: dict[int, Scene],
-    methods: tuple[str, ...],
-    tolerances: tuple[float, ...],
-    reference: tr.Reference,
-    say: bool = True,
+    scenes: dict[int, Scene], methods: tuple[str, ...], tolerances: tuple[float, ...], reference: tr.Reference, say: bool = True
 ) -> tuple[dict[int, Judged], list[Verdict], list[str]]:
     """Judge all runs; also the scenes that the reference could not do."""
     cases, verdicts, skipped = {}, [], []
@@ -296,18 +292,14 @@ def summary(cases: dict[int, Judged], verdicts: list[Verdict]) -> str:
             len(rows) - len(done),
         ]
         errors = [v.error for v in done]
-        text.append(
-            f"| {method} | {rtol:.0e} | {' | '.join(map(str, counts))} | {np.median(errors):.2g} | {max(errors):.3g} |"
-        )
+        text.append(f"| {method} | {rtol:.0e} | {' | '.join(map(str, counts))} | {np.median(errors):.2g} | {max(errors):.3g} |")
     good = sum(all(v.good for v in verdicts if v.number == number) for number in cases)
     text.append(f"{good} of {len(cases)} scenes within {FACTOR:g} rtol")
     return "\n".join(text)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=lambda s: [int(x) for x in s.split(",")], help="numbers of scenes")
@@ -319,11 +311,7 @@ def main() -> None:
     parser.add_argument("--worst", type=int, default=30)
     parser.add_argument("--prepare", action="store_true", help="the reference alone")
     arguments = parser.parse_args()
-    every = dict(
-        enumerate(
-            random_scenes(arguments.seed, arguments.first + arguments.scenes, not arguments.constant_drive)
-        )
-    )
+    every = dict(enumerate(random_scenes(arguments.seed, arguments.first + arguments.scenes, not arguments.constant_drive)))
     chosen = arguments.only or range(arguments.first, arguments.first + arguments.scenes)
     scenes = {number: every[number] for number in chosen}
     reference = tr.Reference()
@@ -331,12 +319,7 @@ def main() -> None:
         for number, scene in scenes.items():
             began = time.perf_counter()
             try:
-                print(
-                    number,
-                    describe(judge(reference, number, scene)),
-                    f"{time.perf_counter() - began:.1f} s",
-                    flush=True,
-                )
+                print(number, describe(judge(reference, number, scene)), f"{time.perf_counter() - began:.1f} s", flush=True)
             except tr.ReferenceFailed as error:
                 print(number, error, scene, flush=True)
         return

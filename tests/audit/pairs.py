@@ -30,6 +30,11 @@ from pathlib import Path
 import dynstiction as ds
 import numpy as np
 from scenes import Groups, Scene, log_uniform, random_scene
+from truth import differences, widest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
+
+from drives import distance
 
 Columns = dict[str, np.ndarray]
 
@@ -53,32 +58,23 @@ CONTINUOUS = ("u_x", "u_y", "X", "Y", "spring_force_x")
 # What changes its sign, and what becomes of the angles.
 SIGNS: dict[str, tuple[str, ...]] = {
     "mirror_phi": ("u_y", "w_y", "Y", "Y_rate", "spring_force_y", "theta", "psi"),
-    "mirror_V": (
-        "u_x",
-        "u_y",
-        "w_x",
-        "w_y",
-        "X",
-        "Y",
-        "X_rate",
-        "Y_rate",
-        "spring_force_x",
-        "spring_force_y",
-    ),
+    "mirror_V": ("u_x", "u_y", "w_x", "w_y", "X", "Y", "X_rate", "Y_rate", "spring_force_x", "spring_force_y"),
     "mirror_x": ("u_x", "w_x", "Y", "Y_rate", "spring_force_x", "theta", "psi"),
     "turned": ("u_x", "u_y", "w_x", "w_y", "spring_force_x", "spring_force_y"),
 }
 HALF_TURNS = {"mirror_V": ("theta", "psi"), "mirror_x": ("theta",), "turned": ("theta",)}
 
 # Units as powers of length, time, mass.
-LENGTH, SPEED, FORCE, ENERGY, TIME, NUMBER = (
-    (1, 0, 0),
-    (1, -1, 0),
-    (1, -2, 1),
-    (2, -2, 1),
-    (0, 1, 0),
-    (0, 0, 0),
-)
+LENGTH, SPEED, FORCE = (1, 0, 0), (1, -1, 0), (1, -2, 1)
+ENERGY, TIME, NUMBER = (2, -2, 1), (0, 1, 0), (0, 0, 0)
+SCENE_UNITS = {
+    "mass": (0, 0, 1),
+    **dict.fromkeys(("stiffness_x", "stiffness_y"), (0, -2, 1)),
+    **dict.fromkeys(("velocity", "v_f"), SPEED),
+    **dict.fromkeys(("time", "t_end"), TIME),
+    **dict.fromkeys(("elongation_x", "elongation_y"), LENGTH),
+    "normal_load": FORCE,
+}
 COLUMN_UNITS = {
     **dict.fromkeys(("u_x", "u_y", "X", "Y"), LENGTH),
     **dict.fromkeys(("w_x", "w_y", "X_rate", "Y_rate"), SPEED),
@@ -154,15 +150,11 @@ class Outcome:
 # ------------------------------------------------------------------------------------------------------- making the pairs
 
 
-def random_pair(
-    seed: int, number: int, kinds: tuple[str, ...] = KINDS
-) -> tuple[str, Side, Side, float, float]:
+def random_pair(seed: int, number: int, kinds: tuple[str, ...] = KINDS) -> tuple[str, Side, Side, float, float]:
     """Kind, both sides, the time by which the second is later, and the power of two of each unit packed in `units_of`."""
     chance = random.Random(f"pair {seed}/{number}")
     kind = kinds[number % len(kinds)]
-    model = chance.choice(
-        ["full"] * 13 + ["low_frequency"] * 5 + (["high_frequency"] * 2 if kind != "shift" else [])
-    )
+    model = chance.choice(["full"] * 13 + ["low_frequency"] * 5 + (["high_frequency"] * 2 if kind != "shift" else []))
     scene = random_scene(seed + 1000, number, profiles=model == "full" and kind != "knots")
     if model == "low_frequency":
         scene = _slow(chance, scene)
@@ -170,16 +162,10 @@ def random_pair(
         share = chance.uniform(-0.95, 0.95)
         scene = replace(scene, elongation_x=share * scene.limit / scene.stiffness_x, elongation_y=0.0)
     if kind == "shift":
-        share = (
-            math.hypot(scene.stiffness_x * scene.elongation_x, scene.stiffness_y * scene.elongation_y)
-            / scene.limit
-        )
+        share = math.hypot(scene.stiffness_x * scene.elongation_x, scene.stiffness_y * scene.elongation_y) / scene.limit
         shrink = chance.uniform(0.3, 0.99) / share if share > 0.99 else 1.0
         scene = replace(
-            scene,
-            velocity_ratio=0.0,
-            elongation_x=scene.elongation_x * shrink,
-            elongation_y=scene.elongation_y * shrink,
+            scene, velocity_ratio=0.0, elongation_x=scene.elongation_x * shrink, elongation_y=scene.elongation_y * shrink
         )
     if kind == "knots":
         scene = _ramp(chance, scene)
@@ -248,29 +234,14 @@ def unit(dimension: tuple[int, int, int], powers: tuple[int, int, int]) -> float
 
 def in_units(side: Side, powers: tuple[int, int, int]) -> Side:
     """The same scene in other units."""
-    scene = side.scene
-    length, time, mass = powers
-    stiffness = 2.0 ** (mass - 2 * time)
-    speed = unit(SPEED, powers)
-    return replace(
-        side,
-        scene=replace(
-            scene,
-            mass=scene.mass * 2.0**mass,
-            stiffness_x=scene.stiffness_x * stiffness,
-            stiffness_y=scene.stiffness_y * stiffness,
-            v_f=scene.v_f * speed,
-            normal_load=scene.normal_load * unit(FORCE, powers),
-            velocity=tuple(v * speed for v in scene.velocity),
-            time=tuple(t * 2.0**time for t in scene.time),
-            elongation_x=scene.elongation_x * 2.0**length,
-            elongation_y=scene.elongation_y * 2.0**length,
-            t_end=scene.t_end * 2.0**time,
-        ),
-        step=side.step * 2.0**time,
-        v_smooth=side.v_smooth * speed,
-        interval=scene.interval * 2.0**time,
-    )
+
+    def scaled(value: float | tuple[float, ...], dimension: tuple[int, int, int]) -> float | tuple[float, ...]:
+        factor = unit(dimension, powers)
+        return tuple(x * factor for x in value) if isinstance(value, tuple) else value * factor
+
+    scene = replace(side.scene, **{name: scaled(getattr(side.scene, name), of) for name, of in SCENE_UNITS.items()})
+    step, v_smooth = scaled(side.step, TIME), scaled(side.v_smooth, SPEED)
+    return replace(side, scene=scene, step=step, v_smooth=v_smooth, interval=scaled(side.scene.interval, TIME))
 
 
 def cut(chance: random.Random, scene: Scene) -> Scene:
@@ -289,10 +260,7 @@ def shifted(chance: random.Random, first: Side) -> tuple[Side, Side, float]:
     interval = scene.interval
     later = k * interval
     second = replace(
-        scene,
-        time=(0.0, later, *(later + t for t in scene.time)),
-        velocity=(0.0, 0.0, *scene.velocity),
-        t_end=later + scene.t_end,
+        scene, time=(0.0, later, *(later + t for t in scene.time)), velocity=(0.0, 0.0, *scene.velocity), t_end=later + scene.t_end
     )
     first = replace(first, interval=interval)
     return first, replace(first, scene=second), later
@@ -300,18 +268,6 @@ def shifted(chance: random.Random, first: Side) -> tuple[Side, Side, float]:
 
 def drive_velocity(scene: Scene, t: float) -> float:
     return float(np.interp(t, scene.time, scene.velocity))
-
-
-def distance(scene: Scene, time: np.ndarray) -> np.ndarray:
-    """D(t) [m] in extended precision."""
-    knots, velocity = (np.asarray(x, dtype=np.longdouble) for x in (scene.time, scene.velocity))
-    way = np.concatenate([[0], np.cumsum(np.diff(knots) * (velocity[1:] + velocity[:-1]) / 2)])
-    i = np.searchsorted(knots, time, side="right") - 1
-    elapsed = time.astype(np.longdouble) - knots[i]
-    rise = np.append(np.diff(velocity), 0)[i]
-    span = np.append(np.diff(knots), 1)[i]
-    share = np.divide(elapsed, span, out=np.zeros_like(elapsed), where=span > 0)
-    return np.asarray(way[i] + elapsed * (velocity[i] + rise * share / 2))
 
 
 # -------------------------------------------------------------------------------------------------------- comparing them
@@ -346,13 +302,6 @@ def scales_of(side: Side, columns: Columns) -> dict[str, np.ndarray]:
     return {name: np.maximum(found[name], 1e-300) * np.ones_like(speed) for name in columns}
 
 
-def gap_of(name: str, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    gap = a - b
-    if name in {"theta", "psi"}:
-        gap = gap - 2 * np.pi * np.round(gap / (2 * np.pi))
-    return np.asarray(np.abs(gap))
-
-
 @dataclass
 class Conditioning:
     """How columns, events and summary values change with the parameters."""
@@ -384,7 +333,7 @@ def conditioning(side: Side) -> Conditioning | None:
         always = np.ones_like(same)
         for column, values in columns.items():
             comparable = same if column in JUMPING else always
-            gap = np.where(comparable, gap_of(column, there[column], values) / scales[column], 0.0)
+            gap = np.where(comparable, differences(column, there[column], values) / scales[column], 0.0)
             found[column] = np.maximum(found[column], gap / CHANGE)
         if np.array_equal(there.events["kind"], here.events["kind"]):
             shift = np.abs(there.events["time"] - here.events["time"]).max(initial=0.0)
@@ -396,9 +345,7 @@ def conditioning(side: Side) -> Conditioning | None:
                 summary[key] = max(summary[key], abs(there.summary[key] / number - 1) / CHANGE)
             elif key not in there.summary:
                 summary[key] = np.inf
-    for column, values in found.items():
-        wide = np.concatenate([values[:1], values, values[-1:]])
-        found[column] = np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
+    found = {column: widest(values) for column, values in found.items()}
     worst = max(float(values.max(initial=0.0)) for name, values in found.items() if name != "sticking")
     return Conditioning(found, events, summary, vary, worst)
 
@@ -416,14 +363,12 @@ def expected(kind: str, columns: Columns, powers: tuple[int, int, int]) -> Colum
     return found
 
 
-def compare_exactly(
-    outcome: Outcome, ours: ds.Result, theirs: ds.Result, powers: tuple[int, int, int]
-) -> None:
+def compare_exactly(outcome: Outcome, ours: ds.Result, theirs: ds.Result, powers: tuple[int, int, int]) -> None:
     images = expected(outcome.kind, columns_of(ours), powers)
     for name, image in images.items():
         values = theirs[name]
         if outcome.kind == "mirror_phi" and name in {"theta", "psi"}:
-            wrong = gap_of(name, values, image) > 1e-15  # backwards is pi, and not -pi, in both
+            wrong = differences(name, values, image) > 1e-15  # backwards is pi, and not -pi, in both
         elif outcome.kind == "mirror_phi" and name == "X":
             way = max(float(np.abs(ours[key]).max()) for key in ("X", "u_x"))
             wrong = np.abs(values - image) > 1e-15 * way
@@ -434,7 +379,7 @@ def compare_exactly(
         if wrong.any():
             k = int(np.argmax(wrong))
             scale = float(np.abs(image).max()) or 1.0
-            largest = float(gap_of(name, values, image).max()) / scale
+            largest = float(differences(name, values, image).max()) / scale
             outcome.faults.append(
                 f"{name} differs in {np.count_nonzero(wrong)} of {wrong.size} samples, first at t = {ours.time[k]:.9g}, at most by {largest:.1e}"
             )
@@ -446,9 +391,7 @@ def compare_exactly(
     compare_summary_exactly(outcome, ours, theirs, powers)
 
 
-def compare_summary_exactly(
-    outcome: Outcome, ours: ds.Result, theirs: ds.Result, powers: tuple[int, int, int]
-) -> None:
+def compare_summary_exactly(outcome: Outcome, ours: ds.Result, theirs: ds.Result, powers: tuple[int, int, int]) -> None:
     for key in sorted({*ours.summary} | {*theirs.summary}):
         a, b = ours.summary.get(key), theirs.summary.get(key)
         if a is None or b is None:
@@ -496,14 +439,12 @@ def compare_closely(outcome: Outcome, ours: ds.Result, theirs: ds.Result, later:
             event = np.concatenate([ours.events["time"], theirs.events["time"] - later])
             off = [np.abs(event - t).min(initial=np.inf) for t in ours.time[~same]]
             if any(distance > near for distance in off) and not condition.sticks_vary:
-                outcome.faults.append(
-                    f"sticking differs in {len(off)} samples, up to {max(off):.3g} s from an event"
-                )
+                outcome.faults.append(f"sticking differs in {len(off)} samples, up to {max(off):.3g} s from an event")
             continue
         comparable = same if name in JUMPING else always
         if name not in CONTINUOUS:
             comparable = comparable & ~apart
-        gap = np.where(comparable, gap_of(name, theirs[name][rows], image) / scales[name], 0.0)
+        gap = np.where(comparable, differences(name, theirs[name][rows], image) / scales[name], 0.0)
         over = np.maximum(0, gap / (1 + condition.columns[name]) - 1e-12) / side.rtol
         k = int(np.argmax(over))
         if over[k] > FACTOR:
@@ -515,9 +456,7 @@ def compare_closely(outcome: Outcome, ours: ds.Result, theirs: ds.Result, later:
         compare_summary(outcome, ours, theirs, condition)
 
 
-def compare_events(
-    outcome: Outcome, ours: ds.Result, theirs: ds.Result, later: float, condition: Conditioning
-) -> bool:
+def compare_events(outcome: Outcome, ours: ds.Result, theirs: ds.Result, later: float, condition: Conditioning) -> bool:
     """Whether the events are the same; a fault if they must be."""
     side = outcome.first
     # What is before the shift is the first rest and, unless the scene begins at rest, its end.
@@ -548,8 +487,7 @@ def compare_summary(outcome: Outcome, ours: ds.Result, theirs: ds.Result, condit
         **dict.fromkeys(("first_peak_force", "peak_force", "valley_force", "swing"), scene.limit),
         **dict.fromkeys(("period", "slip_duration", "stick_duration", "sticking_time"), scene.t_end),
         **dict.fromkeys(
-            ("drive_work", "friction_work"),
-            sum(abs(ours.summary.get(k, 0.0)) for k in ("drive_work", "friction_work")),
+            ("drive_work", "friction_work"), sum(abs(ours.summary.get(k, 0.0)) for k in ("drive_work", "friction_work"))
         ),
         "max_X_rate": fastest,
         "slip_length": float(np.ptp(ours["X"])),
@@ -578,21 +516,16 @@ def position_fault(side: Side, result: ds.Result) -> str:
     if side.model == "high_frequency" or side.method in {"moreau_jean", "rk4"}:
         return ""
     c, s = side.scene.along
-    driven = distance(side.scene, result.time)
+    driven = distance(side.scene.velocity, side.scene.time, result.time)
     stretch = result["u_x"].astype(np.longdouble) * c + result["u_y"].astype(np.longdouble) * s
     open_ = np.asarray(result["X"] - (driven - stretch), dtype=float)
     way = float(
-        np.abs(np.diff(np.asarray((*side.scene.time, side.scene.t_end), dtype=float)))
-        @ np.abs(np.asarray(side.scene.velocity))
+        np.abs(np.diff(np.asarray((*side.scene.time, side.scene.t_end), dtype=float))) @ np.abs(np.asarray(side.scene.velocity))
     )
     scale = max(way, float(np.abs(stretch).max()))
     gap = float(np.abs(open_).max())
     k = int(np.argmax(np.abs(open_)))
-    return (
-        f"X differs from D - u.e by {gap / scale:.1e} at t = {result.time[k]:.9g}"
-        if gap > POSITION * scale
-        else ""
-    )
+    return f"X differs from D - u.e by {gap / scale:.1e} at t = {result.time[k]:.9g}" if gap > POSITION * scale else ""
 
 
 def compare(seed: int, number: int, kinds: tuple[str, ...] = KINDS) -> Outcome:
@@ -624,16 +557,10 @@ def summary(outcomes: list[Outcome]) -> str:
     for kind in KINDS:
         rows = [o for o in outcomes if o.kind == kind]
         if rows:
-            faulty, ended = (
-                sum(bool(o.faults) for o in rows),
-                sum(bool(o.ended) and not o.faults for o in rows),
-            )
+            faulty, ended = (sum(bool(o.faults) for o in rows), sum(bool(o.ended) and not o.faults for o in rows))
             text.append(f"| {kind} | {len(rows)} | {len(rows) - faulty - ended} | {faulty} | {ended} |")
     by_method = collections.Counter((o.first.model, o.first.method) for o in outcomes if o.faults)
-    text.append(
-        "unequal by model and method: "
-        + ", ".join(f"{' '.join(k)} {n}" for k, n in sorted(by_method.items()))
-    )
+    text.append("unequal by model and method: " + ", ".join(f"{' '.join(k)} {n}" for k, n in sorted(by_method.items())))
     good = sum(not o.faults for o in outcomes)
     text.append(f"{good} of {len(outcomes)} pairs equal as they must be")
     return "\n".join(text)
@@ -656,9 +583,7 @@ def report(outcomes: list[Outcome]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pairs", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=lambda s: [int(x) for x in s.split(",")])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 Groups = dict[str, dict[str, object]]
 
@@ -46,29 +46,17 @@ class Scene:
         """Time between the samples of the audit [s]."""
         return self.t_end / 100
 
+    def _keys(self, *names: str) -> dict[str, object]:
+        return {name: getattr(self, name) for name in names}
+
     def groups(self, model: str = "full", **integrator: object) -> Groups:
         """The groups of a deck."""
         groups: Groups = {
             "scene": {"model": model, "t_end": self.t_end},
-            "system": {
-                "mass": self.mass,
-                "stiffness_x": self.stiffness_x,
-                "stiffness_y": self.stiffness_y,
-                "misalignment_deg": self.misalignment_deg,
-            },
-            "friction": {
-                "law": "weakening",
-                "mu_0": self.mu_0,
-                "mu_inf": self.mu_inf,
-                "v_f": self.v_f,
-                "normal_load": self.normal_load,
-            },
+            "system": self._keys("mass", "stiffness_x", "stiffness_y", "misalignment_deg"),
+            "friction": {"law": "weakening", **self._keys("mu_0", "mu_inf", "v_f", "normal_load")},
             "drive": {"velocity": self.velocity[0]},
-            "initial": {
-                "velocity_ratio": self.velocity_ratio,
-                "elongation_x": self.elongation_x,
-                "elongation_y": self.elongation_y,
-            },
+            "initial": self._keys("velocity_ratio", "elongation_x", "elongation_y"),
             "integrator": dict(integrator),
             "output": {"interval": self.interval},
         }
@@ -80,20 +68,7 @@ class Scene:
 
     def reference_input(self, samples: bool = True, **settings: float) -> str:
         """What tests/audit/reference.cpp reads."""
-        names = (
-            "mass",
-            "stiffness_x",
-            "stiffness_y",
-            "misalignment_deg",
-            "mu_0",
-            "mu_inf",
-            "v_f",
-            "normal_load",
-            "velocity_ratio",
-            "elongation_x",
-            "elongation_y",
-            "t_end",
-        )
+        names = [field.name for field in fields(self) if field.type == "float"]
         lines = [f"{name} {getattr(self, name)!r}" for name in names]
         lines += [f"velocity {' '.join(map(repr, self.velocity))}", f"time {' '.join(map(repr, self.time))}"]
         if samples:
@@ -141,9 +116,7 @@ def _draw(chance: random.Random, profiles: bool) -> Scene | None:
         scene, release = _stretch(chance, scene, release)
         kinds.append("stretched")
     if chance.random() < 0.2:
-        scene = replace(
-            scene, velocity_ratio=chance.choice([1e-6, chance.uniform(-2, 2), chance.uniform(0, 1)])
-        )
+        scene = replace(scene, velocity_ratio=chance.choice([1e-6, chance.uniform(-2, 2), chance.uniform(0, 1)]))
         kinds.append("moving")
 
     cycles = log_uniform(chance, 40, 500)
@@ -167,17 +140,13 @@ def _draw(chance: random.Random, profiles: bool) -> Scene | None:
 
 def _stretch(chance: random.Random, scene: Scene, release: float) -> tuple[Scene, float]:
     """Springs stretched to some share of the static limit, within it or beyond."""
-    share = chance.choice(
-        [chance.uniform(0, 1), chance.uniform(0.9, 1), chance.uniform(1, 1.5), chance.uniform(0, 3)]
-    )
+    share = chance.choice([chance.uniform(0, 1), chance.uniform(0.9, 1), chance.uniform(1, 1.5), chance.uniform(0, 3)])
     angle = chance.choice([0.0, math.pi, chance.uniform(-math.pi, math.pi)])
     if angle == 0.0 and scene.velocity[0] < 0:
         angle = math.pi
     force = share * scene.limit
     stretched = replace(
-        scene,
-        elongation_x=force * math.cos(angle) / scene.stiffness_x,
-        elongation_y=force * math.sin(angle) / scene.stiffness_y,
+        scene, elongation_x=force * math.cos(angle) / scene.stiffness_x, elongation_y=force * math.sin(angle) / scene.stiffness_y
     )
     return stretched, release * max(0.0, 1 - share) * 2
 

@@ -50,10 +50,7 @@ def test_reference_depends_on_neither_stages_nor_tolerance(reference: tr.Referen
         scale, here, there = tr.scales(scene, truth), tr.columns(scene, truth), tr.columns(scene, again)
         np.testing.assert_array_equal(again.event_kind, truth.event_kind)
         for name in here:
-            assert (tr.differences(name, there[name], here[name]) <= 1e-13 * scale[name]).all(), (
-                number,
-                name,
-            )
+            assert (tr.differences(name, there[name], here[name]) <= 1e-13 * scale[name]).all(), (number, name)
 
 
 def failures(verdicts: list[audit.Verdict]) -> list[str]:
@@ -96,16 +93,12 @@ def test_a_thousand_pairs() -> None:
 # The checks see what they are for.
 
 
-def test_an_error_of_the_size_of_a_looser_tolerance_is_found(
-    reference: tr.Reference, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_error_of_the_size_of_a_looser_tolerance_is_found(reference: tr.Reference, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = random_scene(audit.SEED, 1)
     case = audit.judge(reference, 1, scene)
     assert case.truth.sticks > 10
     run = audit.ds.run
-    monkeypatch.setattr(
-        audit.ds, "run", lambda deck: run(audit.ds.Scene(**scene.groups(method="radau9", rtol=1e-4)))
-    )
+    monkeypatch.setattr(audit.ds, "run", lambda deck: run(audit.ds.Scene(**scene.groups(method="radau9", rtol=1e-4))))
     assert not audit.compare(reference, case, "radau9", 1e-10).good
 
 

@@ -110,9 +110,7 @@ class Reference:
         if file.exists():
             return parse(json.loads(file.read_text())["output"])
         try:
-            done = subprocess.run(
-                [self.program], input=text, capture_output=True, text=True, timeout=limit, check=False
-            )
+            done = subprocess.run([self.program], input=text, capture_output=True, text=True, timeout=limit, check=False)
             output = done.stdout
         except subprocess.TimeoutExpired:
             output = f"failed: more than {limit} s"
@@ -124,9 +122,7 @@ class Reference:
         found = []
         for name in PERTURBED:
             value = getattr(scene, name)
-            changed = (
-                tuple(v * (1 + change) for v in value) if isinstance(value, tuple) else value * (1 + change)
-            )
+            changed = tuple(v * (1 + change) for v in value) if isinstance(value, tuple) else value * (1 + change)
             found.append(self.run(replace(scene, **{name: changed})))
         return found
 
@@ -137,15 +133,9 @@ def columns(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
     (u_x, u_y), (w_x, w_y) = truth.u, truth.w
     speed = np.hypot(w_x, w_y)
     rest = truth.sticking == 1
-    slip_friction = (
-        scene.mu_inf + (scene.mu_0 - scene.mu_inf) * np.exp(-speed / scene.v_f)
-    ) * scene.normal_load
+    slip_friction = (scene.mu_inf + (scene.mu_0 - scene.mu_inf) * np.exp(-speed / scene.v_f)) * scene.normal_load
     with np.errstate(divide="ignore"):
-        damping = (
-            scene.limit
-            * np.abs(np.sin(truth.theta)) ** 3
-            / (2 * np.abs(truth.velocity * s) * math.sqrt(scene.mass * k_x))
-        )
+        damping = scene.limit * np.abs(np.sin(truth.theta)) ** 3 / (2 * np.abs(truth.velocity * s) * math.sqrt(scene.mass * k_x))
     return {
         "u_x": u_x,
         "u_y": u_y,
@@ -193,16 +183,12 @@ def scales(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
     tiny = 1e-300
     u_x = max(np.abs(every["u_x"]).max(), tiny)
     u_y = max(np.abs(every["u_y"]).max(), limit / k_y)
-    across = max(
-        np.abs(every["u_x"]).max() * abs(scene.along[1]), np.abs(every["u_y"]).max() * abs(scene.along[0])
-    )
+    across = max(np.abs(every["u_x"]).max() * abs(scene.along[1]), np.abs(every["u_y"]).max() * abs(scene.along[0]))
     load = np.hypot(every["spring_force_x"], every["spring_force_y"])
     told = np.where(truth.sticking == 1, load > 1e-3 * limit, np.hypot(*truth.w) > 1e-3 * fastest)
     angle = np.where(told, 1.0, np.inf)
     with np.errstate(divide="ignore"):
-        damping = limit / (
-            2 * np.abs(truth.velocity * scene.along[1]) * math.sqrt(scene.mass * scene.stiffness_x)
-        )
+        damping = limit / (2 * np.abs(truth.velocity * scene.along[1]) * math.sqrt(scene.mass * scene.stiffness_x))
     found = {
         "u_x": u_x,
         "u_y": u_y,
@@ -236,9 +222,14 @@ def conditioning(scene: Scene, truth: Truth, perturbed: list[Truth]) -> dict[str
                 gap = np.where(other.sticking == truth.sticking, gap, 0.0)
             # What the changed scene's own parameters do to the column is in it where it is not in the state.
             most = np.maximum(most, np.nan_to_num(gap, nan=0.0) / CHANGE)
-        wide = np.concatenate([most[:1], most, most[-1:]])
-        found[name] = np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
+        found[name] = widest(most)
     return found
+
+
+def widest(values: np.ndarray) -> np.ndarray:
+    """At each sample the largest of it and its neighbours."""
+    wide = np.concatenate([values[:1], values, values[-1:]])
+    return np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
 
 
 JUMPING = ("friction", "theta", "psi", "zeta")

@@ -63,21 +63,15 @@ def against_published(program: Path, until: float = np.inf) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--seed", type=int, default=12)
-    parser.add_argument(
-        "--quadruple", action="store_true", help="compare with __float128, not with other stages"
-    )
+    parser.add_argument("--quadruple", action="store_true", help="compare with __float128, not with other stages")
     arguments = parser.parse_args()
     reference = tr.Reference()
     print(f"largest difference from the published values: {against_published(reference.program):.1e}")
     other = tr.Reference(quadruple=True) if arguments.quadruple else reference
-    settings = (
-        {"tolerance": 1e-16, "stages": 14} if arguments.quadruple else {"tolerance": 1e-14, "stages": 9}
-    )
+    settings = {"tolerance": 1e-16, "stages": 14} if arguments.quadruple else {"tolerance": 1e-14, "stages": 9}
     worst = 0.0
     for number, scene in enumerate(random_scenes(arguments.seed, arguments.scenes)):
         truth, again = reference.run(scene), other.run(scene, **settings)

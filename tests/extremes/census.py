@@ -10,19 +10,14 @@ import collections
 import multiprocessing
 import sys
 import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
 
 from invariants import Ending, finish
 from matrix import KINDS, Cell, cells
 
-CODES = {
-    0: "result",
-    2: "refused",
-    42: "max_steps",
-    43: "not finite",
-    44: "rejections",
-    45: "chattering",
-    75: "hangs",
-}
+CODES = {0: "result", 2: "refused", 42: "max_steps", 43: "not finite", 44: "rejections", 45: "chattering", 75: "hangs"}
 
 
 def end_of(cell: Cell) -> tuple[Cell, Ending, float]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import dynstiction as ds
 import numpy as np
+from drives import distance
 from matrix import FIG3, Groups
 
 WALL_LIMIT = 60.0
@@ -87,9 +88,7 @@ def contact_faults(result: ds.Result, groups: Groups) -> list[str]:
     forward = result["X_rate"] * np.cos(result["psi"]) + result["Y_rate"] * np.sin(result["psi"])
     faults = []
     if (load[stuck] > limit * (1 + 1e-9)).any():
-        faults.append(
-            f"sticks under {load[stuck].max() / limit if limit else np.inf:.16g} of the static limit"
-        )
+        faults.append(f"sticks under {load[stuck].max() / limit if limit else np.inf:.16g} of the static limit")
     if speed[stuck].any():
         faults.append("moves while it sticks")
     if (forward < -1e-9 * speed.max(initial=0.0)).any():
@@ -105,24 +104,11 @@ def position_faults(result: ds.Result, groups: Groups) -> list[str]:
         return []
     phi = np.radians(groups["system"]["misalignment_deg"])  # type: ignore[call-overload]
     stretch = result["u_x"] * np.cos(phi) + result["u_y"] * np.sin(phi)
-    driven = distance(groups["drive"], result.time)
+    driven = distance(groups["drive"]["velocity"], groups["drive"].get("time", 0.0), result.time)
     open_ = result["X"] - (driven - stretch)
     scale = max(np.abs(driven).max(), np.abs(result["u_x"]).max(), np.abs(result["u_y"]).max())
     gap = np.abs(open_ - open_[0]).max()
     return [f"X differs from D - u.e by {gap / scale:.1e}"] if gap > 1e-9 * scale else []
-
-
-def distance(drive: dict[str, object], time: np.ndarray) -> np.ndarray:
-    """Way of the drive D [m] at times [s]: the integral of a piecewise-linear velocity."""
-    velocity = np.atleast_1d(np.asarray(drive["velocity"], dtype=float))
-    knots = np.atleast_1d(np.asarray(drive.get("time", [0.0]), dtype=float))
-    way = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (velocity[1:] + velocity[:-1]) / 2)])
-    i = np.searchsorted(knots, time, side="right") - 1
-    elapsed = time - knots[i]
-    last = np.append(np.diff(velocity), 0.0)[i]
-    span = np.append(np.diff(knots), 1.0)[i]
-    share = np.divide(elapsed, span, out=np.zeros_like(elapsed), where=span > 0)
-    return np.asarray(way[i] + elapsed * (velocity[i] + last * share / 2))
 
 
 def event_faults(result: ds.Result) -> list[str]:

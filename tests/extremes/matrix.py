@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-Group = Mapping[str, object]
-Groups = dict[str, dict[str, object]]
+from fig3 import CONSTANT, GROUPS, Groups, changed
 
 MAX_STEPS = 10_000
 RTOL = 1e-8
@@ -20,11 +19,8 @@ FAST_CYCLES = 60
 """Periods of the fast oscillation that a run of the full model follows after the first release."""
 
 FIG3: Groups = {
+    **changed(GROUPS, {"initial": {"elongation_x": 0.0, "elongation_y": 0.0}}),
     "scene": {},
-    "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment_deg": 1.0},
-    "friction": {"law": "weakening", "mu_0": 0.20, "mu_inf": 0.15, "v_f": 0.010, "normal_load": 10.0},
-    "drive": {"velocity": 1e-3},
-    "initial": {"velocity_ratio": 1e-6, "elongation_x": 0.0, "elongation_y": 0.0},
     "integrator": {"rtol": RTOL, "max_steps": MAX_STEPS},
     "output": {},
 }
@@ -51,10 +47,7 @@ def _ends(axis: str, group: str, key: str, *values: float) -> list[End]:
 
 ENDS: list[End] = [
     *_ends("misalignment", "system", "misalignment_deg", 0.0, 1e-12, -1.0, 45.0, 90.0, 180.0),
-    *(
-        End("anisotropy", f"k_y/k_x = {ratio:g}", (("system", "stiffness_y", 1e3 * ratio),))
-        for ratio in (1e-3, 1.0, 1e12)
-    ),
+    *(End("anisotropy", f"k_y/k_x = {ratio:g}", (("system", "stiffness_y", 1e3 * ratio),)) for ratio in (1e-3, 1.0, 1e12)),
     *_ends("mass", "system", "mass", 1e-12, 1e6),
     *_ends("velocity", "drive", "velocity", 0.0, 1e-12, -1e-3, 1e2),
     *_ends("v_f", "friction", "v_f", 1e-9, 1e9),
@@ -62,11 +55,7 @@ ENDS: list[End] = [
     End("coefficients", "mu_0 < mu_inf", (("friction", "mu_inf", 0.30),)),
     End("coefficients", "mu_inf = 0", (("friction", "mu_inf", 0.0),)),
     End("coefficients", "mu = 0", (("friction", "mu_0", 0.0), ("friction", "mu_inf", 0.0))),
-    End(
-        "coefficients",
-        "constant",
-        (("friction", "law", "constant"), ("friction", "mu_inf", None), ("friction", "v_f", None)),
-    ),
+    End("coefficients", "constant", tuple(("friction", key, value) for key, value in CONSTANT.items())),
     *_ends("load", "friction", "normal_load", 0.0, 1e-9, 1e9),
     *_ends("start", "initial", "velocity_ratio", 0.0, -1.0, 1e3),
     *_ends("elongation_x", "initial", "elongation_x", 2e-3, -5e-3, 1.0),
@@ -102,11 +91,7 @@ class Kind:
 
 RADAU = ("radau5", "radau9", "radau13")
 KINDS: list[Kind] = [
-    *(
-        Kind(f"{model} {method}", model, method)
-        for model in ("full", "low_frequency", "high_frequency")
-        for method in RADAU
-    ),
+    *(Kind(f"{model} {method}", model, method) for model in ("full", "low_frequency", "high_frequency") for method in RADAU),
     Kind("full radau9 smoothed", "full", "radau9", smoothed=True),
     *(Kind(f"full {method}", "full", method) for method in ("dopri5", "dop853", "moreau_jean")),
     Kind("full rk4 smoothed", "full", "rk4", smoothed=True),
@@ -117,10 +102,7 @@ KINDS: list[Kind] = [
         for quantities in ("stick_slip", "creep")
     ),
     Kind("creep", "creep"),
-    *(
-        Kind(f"creep_asymptotic {form}", "creep_asymptotic", None, (("form", form),))
-        for form in ("first_power", "third_order")
-    ),
+    *(Kind(f"creep_asymptotic {form}", "creep_asymptotic", None, (("form", form),)) for form in ("first_power", "third_order")),
 ]
 
 
@@ -170,10 +152,7 @@ def scene_of(groups: Groups, kind: Kind, profile: Profile = ()) -> Groups:
     if kind.smoothed:
         groups["friction"].update(contact="smoothed", v_smooth=0.1 * (numbers.velocity_scale or 1e-3))
     _drop_unused(groups, kind)
-    return {
-        group: {key: value for key, value in keys.items() if value is not None}
-        for group, keys in groups.items()
-    }
+    return changed(groups)
 
 
 def _drop_unused(groups: Groups, kind: Kind) -> None:

@@ -38,9 +38,7 @@ def factor(least: float, most: float) -> st.SearchStrategy[float]:
 
 
 def signed(strategy: st.SearchStrategy[float]) -> st.SearchStrategy[float]:
-    return st.one_of(
-        st.just(0.0), st.builds(lambda x, side: x * side, strategy, st.sampled_from([1.0, -1.0]))
-    )
+    return st.one_of(st.just(0.0), st.builds(lambda x, side: x * side, strategy, st.sampled_from([1.0, -1.0])))
 
 
 def linear(least: float, most: float) -> st.SearchStrategy[float]:
@@ -48,11 +46,7 @@ def linear(least: float, most: float) -> st.SearchStrategy[float]:
     return st.floats(least, most, allow_nan=False).map(lambda x: round(x, 12))
 
 
-misalignments = st.one_of(
-    st.sampled_from([1.0, 0.0, 90.0, -90.0, 180.0, 8.655]),
-    signed(factor(-12, 0)),
-    linear(-360.0, 360.0),
-)
+misalignments = st.one_of(st.sampled_from([1.0, 0.0, 90.0, -90.0, 180.0, 8.655]), signed(factor(-12, 0)), linear(-360.0, 360.0))
 
 
 @st.composite
@@ -69,11 +63,7 @@ def parameters(draw: st.DrawFn) -> Groups:
     friction["mu_inf"] = friction["mu_0"] * draw(st.one_of(st.just(0.75), st.just(1.0), linear(0, 3)))
     friction["v_f"] = 0.010 * draw(factor(-7, 11))
     groups["drive"]["velocity"] = 1e-3 * draw(st.one_of(st.just(1.0), signed(factor(-9, 5))))
-    limit = (
-        0.20 * 10.0
-        if friction["mu_0"] * friction["normal_load"] == 0
-        else friction["mu_0"] * friction["normal_load"]
-    )
+    limit = 0.20 * 10.0 if friction["mu_0"] * friction["normal_load"] == 0 else friction["mu_0"] * friction["normal_load"]
     initial = groups["initial"]
     initial["velocity_ratio"] = draw(st.one_of(st.just(0.0), signed(factor(-9, 3))))
     initial["elongation_x"] = limit / system["stiffness_x"] * draw(st.one_of(st.just(0.0), linear(-3, 3)))
@@ -100,9 +90,7 @@ def test_an_open_balance_is_seen(rtol: float) -> None:
     result = finish(groups).result
     assert result is not None and balance_faults(result, groups) == []
     for lost in (5e2 * rtol, -5e2 * rtol, np.nan):
-        summary = Described(
-            [(info, lost if info.name == "energy_residual" else x) for info, x in result.summary.info()]
-        )
+        summary = Described([(info, lost if info.name == "energy_residual" else x) for info, x in result.summary.info()])
         assert len(balance_faults(replace(result, summary=summary), groups)) == 1
 
 
@@ -115,11 +103,7 @@ def test_any_scene_ends_well(groups: Groups, kind: Kind, profile: Profile) -> No
 def columns(ending: Ending) -> dict[str, np.ndarray]:
     assert ending.result is not None, ending.text
     result = ending.result
-    return {
-        **{name: result[name] for name in result},
-        "event time": result.events["time"],
-        "event": result.events["kind"],
-    }
+    return {**{name: result[name] for name in result}, "event time": result.events["time"], "event": result.events["kind"]}
 
 
 @examples
@@ -140,17 +124,7 @@ def test_mirror_image(groups: Groups, kind: Kind, profile: Profile) -> None:
     if here.code == 2:
         return
     ours, theirs = columns(here), columns(there)
-    for name in (
-        "time",
-        "u_x",
-        "w_x",
-        "X_rate",
-        "spring_force_x",
-        "friction",
-        "sticking",
-        "event time",
-        "event",
-    ):
+    for name in ("time", "u_x", "w_x", "X_rate", "spring_force_x", "friction", "sticking", "event time", "event"):
         np.testing.assert_array_equal(ours[name], theirs[name], err_msg=name)
     for name in ("u_y", "w_y", "Y", "Y_rate", "spring_force_y"):
         np.testing.assert_array_equal(ours[name], -theirs[name], err_msg=name)
@@ -187,13 +161,7 @@ def test_units(kind: Kind, groups: Groups, profile: Profile, length: float, time
 
 @pytest.mark.filterwarnings("ignore::dynstiction.IncompleteWarning")
 @few_examples
-@given(
-    parameters(),
-    st.sampled_from(["rodas4p", "radau5", "radau9", "radau13", "dopri5", "dop853"]),
-    powers,
-    powers,
-    powers,
-)
+@given(parameters(), st.sampled_from(["rodas4p", "radau5", "radau9", "radau13", "dopri5", "dop853"]), powers, powers, powers)
 def test_units_of_a_sweep(groups: Groups, method: str, length: float, time: float, mass: float) -> None:
     """The cases of a sweep of the slow motion, side by side (rodas4p) and one by one."""
     pytest.importorskip("xarray")
@@ -203,10 +171,7 @@ def test_units_of_a_sweep(groups: Groups, method: str, length: float, time: floa
     angles, speeds = np.linspace(0.5, 60.0, 12), speed * 2.0 ** np.arange(-6.0, 6.0)
     ours, theirs = (
         ds.sweep(
-            ds.Scene(**each),
-            {"system.misalignment_deg": angles, "drive.velocity": unit * speeds},
-            points=True,
-            progress=False,
+            ds.Scene(**each), {"system.misalignment_deg": angles, "drive.velocity": unit * speeds}, points=True, progress=False
         )
         for each, unit in ((scene, 1.0), (units.rescaled(scene), length / time))
     )
@@ -214,9 +179,7 @@ def test_units_of_a_sweep(groups: Groups, method: str, length: float, time: floa
     assert set(ours) == set(theirs)
     for name in set(ours) - {"result_text", "wall_time"}:
         factor = units.factor(ours[name].attrs["units"])
-        np.testing.assert_allclose(
-            theirs[name].values, factor * ours[name].values, rtol=0, atol=1e-290, err_msg=name
-        )
+        np.testing.assert_allclose(theirs[name].values, factor * ours[name].values, rtol=0, atol=1e-290, err_msg=name)
 
 
 def numbers(result: ds.Result) -> dict[str, tuple[np.ndarray, str]]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import subprocess
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from fig3 import CONSTANT, GROUPS, Groups, changed
+from programs import Program
 
 pytestmark = pytest.mark.deck
 
@@ -18,40 +17,21 @@ METHODS = ("radau5", "radau9", "radau13")
 RTOL = 1e-8
 STICKS, SLIPS = 1, 2
 
-FIG3 = {
-    "scene": {"model": "full"},
-    "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment_deg": 1.0},
-    "friction": {"law": "weakening", "mu_0": 0.20, "mu_inf": 0.15, "v_f": 0.010, "normal_load": 10.0},
-    "drive": {"velocity": 1e-3},
-    "initial": {"velocity_ratio": 1e-6},
-    "integrator": {"rtol": RTOL},
-    "output": {"interval": 0.0},
-}
-CONSTANT = {"law": "constant", "mu_inf": None, "v_f": None}
+FIG3 = changed(GROUPS, {"integrator": {"rtol": RTOL}, "output": {"interval": 0.0}})
 
 
-def changed(*changes: dict[str, dict[str, object]]) -> dict[str, dict[str, object]]:
-    """Fig. 3 with changes; None takes a key out."""
-    groups: dict[str, dict[str, object]] = copy.deepcopy(FIG3)
-    for change in changes:
-        for group, keys in change.items():
-            groups[group].update(keys)
-    return {group: {k: v for k, v in keys.items() if v is not None} for group, keys in groups.items()}
-
-
-def deck_text(groups: dict[str, dict[str, object]]) -> str:
+def deck_text(groups: Groups) -> str:
     def value(x: object) -> str:
         if isinstance(x, (list, tuple)):
             return ", ".join(map(value, x))
         return f"'{x}'" if isinstance(x, str) else repr(x)
 
     return "".join(
-        f"&{group}\n" + "".join(f"  {key} = {value(x)}\n" for key, x in keys.items()) + "/\n"
-        for group, keys in groups.items()
+        f"&{group}\n" + "".join(f"  {key} = {value(x)}\n" for key, x in keys.items()) + "/\n" for group, keys in groups.items()
     )
 
 
-def first_release(groups: dict[str, dict[str, object]]) -> float:
+def first_release(groups: Groups) -> float:
     """Time at which an object that is stuck from time 0 on at u = 0 is released."""
     system, friction = groups["system"], groups["friction"]
     phi = math.radians(system["misalignment_deg"])
@@ -61,7 +41,7 @@ def first_release(groups: dict[str, dict[str, object]]) -> float:
     return friction["mu_0"] * friction["normal_load"] / rate
 
 
-def fast_period(groups: dict[str, dict[str, object]]) -> float:
+def fast_period(groups: Groups) -> float:
     system = groups["system"]
     return 2 * math.pi * math.sqrt(system["mass"] / max(system["stiffness_x"], system["stiffness_y"]))
 
@@ -85,57 +65,29 @@ class Case:
     """A scene; without an end of its own it lasts for `cycles` fast periods after the first release."""
 
     name: str
-    changes: dict[str, dict[str, object]] = field(default_factory=dict)
+    changes: Groups = field(default_factory=dict)
     t_end: float | None = None
     cycles: float = 300.0
 
-    def groups(self, method: str, rtol: float = RTOL) -> dict[str, dict[str, object]]:
-        groups = changed(self.changes, {"integrator": {"method": method, "rtol": rtol}})
-        groups["scene"]["t_end"] = (
-            first_release(groups) + self.cycles * fast_period(groups) if self.t_end is None else self.t_end
-        )
-        return groups
+    def groups(self, method: str, rtol: float = RTOL) -> Groups:
+        groups = changed(FIG3, self.changes, {"integrator": {"method": method, "rtol": rtol}})
+        lasts = first_release(groups) + self.cycles * fast_period(groups) if self.t_end is None else self.t_end
+        return changed(groups, {"scene": {"t_end": lasts}})
 
 
-def execute(
-    executable: Path, folder: Path, groups: dict[str, dict[str, object]]
-) -> subprocess.CompletedProcess[str]:
-    deck = folder / "case.nml"
-    deck.write_text(deck_text(groups))
-    return subprocess.run(
-        [executable, "run", deck, "-o", folder / "case.h5", "--quiet", "--overwrite"],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-
-
-def run(executable: Path, folder: Path, groups: dict[str, dict[str, object]]) -> Run:
-    done = execute(executable, folder, groups)
+def run(program: Program, groups: Groups) -> Run:
+    (program.folder / "case.nml").write_text(deck_text(groups))
+    done = program("run", "case.nml", "--quiet", "--overwrite")
     assert done.returncode == 0, f"exit status {done.returncode}: {done.stderr}\n{deck_text(groups)}"
-    return read(folder / "case.h5", groups)
+    with h5py.File(program.folder / "case.h5") as opened:
+        read = [
+            {key: data[()] for key, data in opened[name].items()} for name in ("time_series", "events", "summary", "statistics")
+        ]
+        friction = groups["friction"]
+        return Run(friction["mu_0"] * friction["normal_load"], dict(opened.attrs), *read)
 
 
-def read(file: Path, groups: dict[str, dict[str, object]]) -> Run:
-    with h5py.File(file) as opened:
-        read = {
-            name: {key: data[()] for key, data in opened[name].items()}
-            for name in ("time_series", "events", "summary", "statistics")
-        }
-        attributes = dict(opened.attrs)
-    friction = groups["friction"]
-    return Run(
-        friction["mu_0"] * friction["normal_load"],
-        attributes,
-        read["time_series"],
-        read["events"],
-        read["summary"],
-        read["statistics"],
-    )
-
-
-def assert_sound(result: Run, groups: dict[str, dict[str, object]], rtol: float = RTOL) -> None:
+def assert_sound(result: Run, groups: Groups, rtol: float = RTOL) -> None:
     """What holds for every scene."""
     assert result.attributes["result_code"] == 0
     assert result.attributes["complete"] == 1
@@ -160,68 +112,46 @@ def profile(*knots: tuple[float, float]) -> dict[str, list[float]]:
 
 
 V = 1e-3
+ALIGNED = {"system": {"misalignment_deg": 0.0}}
+
+
+def family(
+    name: str,
+    group: str,
+    key: str,
+    values: tuple[float, ...],
+    unit: float = 1.0,
+    t_end: float | None = None,
+    **more: dict[str, object],
+) -> list[Case]:
+    """One key with several values; the name has a place for each."""
+    return [Case(name.format(value), {**more, group: {**more.get(group, {}), key: unit * value}}, t_end) for value in values]
+
+
+def with_ratio(name: str, ratios: tuple[float, ...], t_end: float | None = None, **more: dict[str, object]) -> list[Case]:
+    return family(name, "system", "stiffness_y", ratios, 1e3, t_end, **more)
+
+
 CASES = [
-    *(
-        Case(f"phi = {phi} deg", {"system": {"misalignment_deg": phi}})
-        for phi in (1e-9, 90.0, -90.0, -1.0, 45.0, 8.655, 30.0, 76.3, 89.999)
-    ),
-    *(
-        Case(f"phi = {phi} deg, cycles", {"system": {"misalignment_deg": phi}}, t_end=4.0)
-        for phi in (0.0, 180.0, 1e-9, 8.15)
-    ),
-    *(
-        Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}}, t_end=3.0)
-        for ratio in (0.1, 1.0, 10.0, 100.0)
-    ),
-    *(
-        Case(f"k_y/k_x = {ratio:g}", {"system": {"stiffness_y": 1e3 * ratio}})
-        for ratio in (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)
-    ),
-    *(
-        Case(
-            f"k_y/k_x = {ratio:g}, constant friction",
-            {"system": {"stiffness_y": 1e3 * ratio}, "friction": CONSTANT},
-        )
-        for ratio in (0.1, 1.0, 1e3, 1e6, 1e9)
-    ),
-    *(
-        Case(f"m = {mass:g} kg", {"system": {"mass": mass}})
-        for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 10.0, 100.0)
-    ),
-    *(
-        Case(f"m = {mass:g} kg, phi = 0", {"system": {"mass": mass, "misalignment_deg": 0.0}}, t_end=4.0)
-        for mass in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 100.0)
-    ),
-    *(
-        Case(f"V = {v:g} m/s", {"drive": {"velocity": v}})
-        for v in (1e-9, 1e-8, 1e-6, 1e-5, 1e-4, -1e-3, 1e-2, 0.1, 1.0)
-    ),
-    *(Case(f"V = {v:g} m/s, cycles", {"drive": {"velocity": v}}, t_end=0.5) for v in (1e-2, 0.02, 0.1, 1.0)),
-    *(Case(f"v_f = {v_f:g} m/s", {"friction": {"v_f": v_f}}) for v_f in (1e-5, 1e-4, 1e-3, 0.1, 1.0, 1e3)),
-    *(Case(f"v_f = {v_f:g} m/s, cycles", {"friction": {"v_f": v_f}}, t_end=3.0) for v_f in (1e-5, 1e-3, 1e3)),
-    *(
-        Case(
-            f"phi = 0, v_f = {v_f:g} m/s",
-            {"system": {"misalignment_deg": 0.0}, "friction": {"v_f": v_f}},
-            t_end=4.0,
-        )
-        for v_f in (1e-5, 1e-3, 1e3)
-    ),
+    *family("phi = {} deg", "system", "misalignment_deg", (1e-9, 90.0, -90.0, -1.0, 45.0, 8.655, 30.0, 76.3, 89.999)),
+    *family("phi = {} deg, cycles", "system", "misalignment_deg", (0.0, 180.0, 1e-9, 8.15), t_end=4.0),
+    *with_ratio("k_y/k_x = {:g}", (0.1, 1.0, 10.0, 100.0), 3.0),
+    *with_ratio("k_y/k_x = {:g}", (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)),
+    *with_ratio("k_y/k_x = {:g}, constant friction", (0.1, 1.0, 1e3, 1e6, 1e9), friction=CONSTANT),
+    *family("m = {:g} kg", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 10.0, 100.0)),
+    *family("m = {:g} kg, phi = 0", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 100.0), t_end=4.0, **ALIGNED),
+    *family("V = {:g} m/s", "drive", "velocity", (1e-9, 1e-8, 1e-6, 1e-5, 1e-4, -1e-3, 1e-2, 0.1, 1.0)),
+    *family("V = {:g} m/s, cycles", "drive", "velocity", (1e-2, 0.02, 0.1, 1.0), t_end=0.5),
+    *family("v_f = {:g} m/s", "friction", "v_f", (1e-5, 1e-4, 1e-3, 0.1, 1.0, 1e3)),
+    *family("v_f = {:g} m/s, cycles", "friction", "v_f", (1e-5, 1e-3, 1e3), t_end=3.0),
+    *family("phi = 0, v_f = {:g} m/s", "friction", "v_f", (1e-5, 1e-3, 1e3), t_end=4.0, **ALIGNED),
     Case("equal coefficients", {"friction": {"mu_inf": 0.20}}, t_end=3.0),
     Case("constant friction", {"friction": CONSTANT}, t_end=3.0),
     Case("strengthening", {"friction": {"mu_inf": 0.30}}, t_end=4.0),
     Case("friction that vanishes at speed", {"friction": {"mu_inf": 0.0}}, t_end=2.5),
     # Harmonic motion that touches w = 0 once a period without ever resting there.
-    Case(
-        "grazing: constant friction, phi = 0",
-        {"system": {"misalignment_deg": 0.0}, "friction": CONSTANT},
-        t_end=10.0,
-    ),
-    Case(
-        "grazing: constant friction, phi = 90",
-        {"system": {"misalignment_deg": 90.0}, "friction": CONSTANT},
-        t_end=0.1,
-    ),
+    Case("grazing: constant friction, phi = 0", {**ALIGNED, "friction": CONSTANT}, t_end=10.0),
+    Case("grazing: constant friction, phi = 90", {"system": {"misalignment_deg": 90.0}, "friction": CONSTANT}, t_end=0.1),
     Case(
         "grazing: constant friction, k_y = k_x",
         {"system": {"stiffness_y": 1e3, "misalignment_deg": 30.0}, "friction": CONSTANT},
@@ -230,23 +160,11 @@ CASES = [
     Case("no friction", {"friction": {**CONSTANT, "mu_0": 0.0}}, t_end=0.5),
     Case("no friction, weakening", {"friction": {"mu_0": 0.0, "mu_inf": 0.0}}, t_end=0.5),
     Case("no friction at rest", {"friction": {"mu_0": 0.0, "mu_inf": 0.1}}, t_end=0.5),
-    Case(
-        "no friction, phi = 0",
-        {"system": {"misalignment_deg": 0.0}, "friction": {**CONSTANT, "mu_0": 0.0}},
-        t_end=0.5,
-    ),
-    Case(
-        "no friction, from rest",
-        {"friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}},
-        t_end=0.5,
-    ),
+    Case("no friction, phi = 0", {**ALIGNED, "friction": {**CONSTANT, "mu_0": 0.0}}, t_end=0.5),
+    Case("no friction, from rest", {"friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}}, t_end=0.5),
     Case(
         "no friction, phi = 0, from rest",
-        {
-            "system": {"misalignment_deg": 0.0},
-            "friction": {**CONSTANT, "mu_0": 0.0},
-            "initial": {"velocity_ratio": 0.0},
-        },
+        {**ALIGNED, "friction": {**CONSTANT, "mu_0": 0.0}, "initial": {"velocity_ratio": 0.0}},
         t_end=3.0,
     ),
     Case("no load", {"friction": {"normal_load": 0.0}}, t_end=0.5),
@@ -261,29 +179,14 @@ CASES = [
         t_end=0.2,
     ),
     Case("no drive, let go", {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 5e-3}}, t_end=1.0),
+    Case("no drive, let go along y", {"drive": {"velocity": 0.0}, "initial": {"elongation_y": 2e-5}}, t_end=1.0),
     Case(
-        "no drive, let go along y", {"drive": {"velocity": 0.0}, "initial": {"elongation_y": 2e-5}}, t_end=1.0
+        "no drive, let go askew", {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 4e-2, "elongation_y": 2e-5}}, t_end=3.0
     ),
-    Case(
-        "no drive, let go askew",
-        {"drive": {"velocity": 0.0}, "initial": {"elongation_x": 4e-2, "elongation_y": 2e-5}},
-        t_end=3.0,
-    ),
+    *family("velocity_ratio = {:g}", "initial", "velocity_ratio", (0.0, 1.0, -1.0, 1e3, -1e3), t_end=0.5),
+    Case("velocity_ratio = 1, phi = 0", {**ALIGNED, "initial": {"velocity_ratio": 1.0}}, t_end=4.0),
     *(
-        Case(f"velocity_ratio = {ratio:g}", {"initial": {"velocity_ratio": ratio}}, t_end=0.5)
-        for ratio in (0.0, 1.0, -1.0, 1e3, -1e3)
-    ),
-    Case(
-        "velocity_ratio = 1, phi = 0",
-        {"system": {"misalignment_deg": 0.0}, "initial": {"velocity_ratio": 1.0}},
-        t_end=4.0,
-    ),
-    *(
-        Case(
-            f"elongation ({x:g}, {y:g}) m",
-            {"initial": {"elongation_x": x, "elongation_y": y, "velocity_ratio": 0.0}},
-            t_end=0.5,
-        )
+        Case(f"elongation ({x:g}, {y:g}) m", {"initial": {"elongation_x": x, "elongation_y": y, "velocity_ratio": 0.0}}, t_end=0.5)
         for x, y in (
             (3e-3, 0.0),
             (-3e-3, 0.0),
@@ -301,23 +204,11 @@ CASES = [
         )
     ),
     *(
-        Case(
-            f"elongation {x:g} m, phi = 0",
-            {"system": {"misalignment_deg": 0.0}, "initial": {"elongation_x": x, "velocity_ratio": 0.0}},
-            t_end=3.0,
-        )
+        Case(f"elongation {x:g} m, phi = 0", {**ALIGNED, "initial": {"elongation_x": x, "velocity_ratio": 0.0}}, t_end=3.0)
         for x in (2e-3, 2.1e-3, -2e-3, -2.1e-3, 4e-3, -4e-3, 6e-3, -1e-2)
     ),
-    Case(
-        "load below the limit, thrown back",
-        {"initial": {"elongation_x": 1.9e-3, "velocity_ratio": -10.0}},
-        t_end=0.5,
-    ),
-    Case(
-        "jump down and up",
-        {"drive": profile((0, V), (1, V), (1, 0.1 * V), (1.5, 0.1 * V), (1.5, 3 * V))},
-        t_end=3.0,
-    ),
+    Case("load below the limit, thrown back", {"initial": {"elongation_x": 1.9e-3, "velocity_ratio": -10.0}}, t_end=0.5),
+    Case("jump down and up", {"drive": profile((0, V), (1, V), (1, 0.1 * V), (1.5, 0.1 * V), (1.5, 3 * V))}, t_end=3.0),
     Case("hold from a jump", {"drive": profile((0, V), (1, V), (1, 0), (2, 0), (2, V))}, t_end=3.0),
     Case("hold from a ramp", {"drive": profile((0, V), (1, V), (1.5, 0), (2, 0), (2.5, V))}, t_end=3.0),
     Case("reversal at once", {"drive": profile((0, V), (1, V), (1, -V))}, t_end=4.0),
@@ -326,21 +217,12 @@ CASES = [
     Case("ramp from rest", {"drive": profile((0, 0), (1, V)), "initial": {"velocity_ratio": 0.0}}, t_end=2.5),
     Case("ramp without end of the hold", {"drive": profile((0, V), (0.5, 0))}, t_end=5.0),
     Case("hold first", {"drive": profile((0, 0), (1, 0), (1, V))}, t_end=2.0),
-    Case(
-        "many short ramps", {"drive": profile(*((0.01 * i, V * (i % 3 - 0.5)) for i in range(50)))}, t_end=1.0
-    ),
+    Case("many short ramps", {"drive": profile(*((0.01 * i, V * (i % 3 - 0.5)) for i in range(50)))}, t_end=1.0),
     Case("kicks", {"drive": profile((0, V), (1, V), (1, 1.0), (1.00001, 1.0), (1.00001, V))}, t_end=2.0),
-    Case(
-        "reversal, phi = 0",
-        {"system": {"misalignment_deg": 0.0}, "drive": profile((0, V), (2.5, V), (3, -V))},
-        t_end=8.0,
-    ),
+    Case("reversal, phi = 0", {**ALIGNED, "drive": profile((0, V), (2.5, V), (3, -V))}, t_end=8.0),
     Case("hold while it slips", {"drive": profile((0, V), (2.05, V), (2.05, 0), (3, 0), (3, V))}, t_end=4.0),
     Case("reversal while it slips", {"drive": profile((0, V), (2.05, V), (2.05, -V))}, t_end=4.0),
-    *(
-        Case(f"m = {mass:g} kg, cycles", {"system": {"mass": mass}}, t_end=4.0)
-        for mass in (1e-12, 1e-9, 1e-6, 1e-4)
-    ),
+    *family("m = {:g} kg, cycles", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-4), t_end=4.0),
     # Nearly without mass, friction that grows with speed makes u creep with the time constant F'(v)/k.
     *(
         Case(
@@ -352,11 +234,7 @@ CASES = [
             },
             t_end=4.0,
         )
-        for name, system in (
-            ("phi = 0", {"misalignment_deg": 0.0}),
-            ("phi = 1", {}),
-            ("k_y = k_x", {"stiffness_y": 1e3}),
-        )
+        for name, system in (("phi = 0", {"misalignment_deg": 0.0}), ("phi = 1", {}), ("k_y = k_x", {"stiffness_y": 1e3}))
     ),
     *(
         Case(
@@ -401,11 +279,7 @@ CASES = [
         for v, mass in ((1e-5, 1e-6), (1e-7, 1e-6), (1e-9, 1e-3), (1e-7, 1e-12))
     ),
     *(
-        Case(
-            f"smoothed, v_s = {v_s:g} m/s, {name}",
-            {**changes, "friction": {"contact": "smoothed", "v_smooth": v_s}},
-            t_end=t_end,
-        )
+        Case(f"smoothed, v_s = {v_s:g} m/s, {name}", {**changes, "friction": {"contact": "smoothed", "v_smooth": v_s}}, t_end=t_end)
         for name, changes, t_end in (
             ("Fig. 3", {}, 0.5),
             ("phi = 0", {"system": {"misalignment_deg": 0.0}}, 3.0),
@@ -436,9 +310,9 @@ CASES = [
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_extreme(executable: Path, tmp_path: Path, case: Case, method: str) -> None:
+def test_extreme(program: Program, case: Case, method: str) -> None:
     groups = case.groups(method)
-    assert_sound(run(executable, tmp_path, groups), groups)
+    assert_sound(run(program, groups), groups)
 
 
 def state(result: Run) -> tuple[np.ndarray, np.ndarray]:
@@ -455,13 +329,10 @@ def state(result: Run) -> tuple[np.ndarray, np.ndarray]:
     ],
     ids=["slide, hold, slide", "reversal"],
 )
-def test_orders_agree_on_profiles(
-    executable: Path, tmp_path: Path, drive: dict[str, list[float]], t_end: float
-) -> None:
+def test_orders_agree_on_profiles(program: Program, drive: dict[str, list[float]], t_end: float) -> None:
     changes = {"scene": {"t_end": t_end}, "drive": drive, "output": {"interval": 0.05}}
     nine, thirteen = (
-        run(executable, tmp_path, changed(changes, {"integrator": {"method": method, "rtol": 1e-9}}))
-        for method in ("radau9", "radau13")
+        run(program, changed(FIG3, changes, {"integrator": {"method": method, "rtol": 1e-9}})) for method in ("radau9", "radau13")
     )
     (u, w), (other_u, other_w) = state(nine), state(thirteen)
     assert np.linalg.norm(u - other_u, axis=0).max() <= 1e-9 * np.linalg.norm(u, axis=0).max()

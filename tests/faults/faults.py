@@ -23,21 +23,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from program import (
-    DONE,
-    FILE_ERROR,
-    INPUTS,
-    STOPPED,
-    Call,
-    Ended,
-    Program,
-    content,
-    fault_of_unfinished,
-    is_complete,
-    is_sealed,
-    rows_of,
-    snapshot,
-)
+from program import Call, Ended, Program, content, fault_of_unfinished, is_complete, is_sealed, rows_of, snapshot
+from programs import DONE, FILE_ERROR, INPUTS, STOPPED, executable
 
 DECK_ERROR = 2
 CLOCK = 0.05
@@ -288,25 +275,10 @@ class Laboratory:
         """How the operation may end, and what may be there then."""
         operation = OPERATIONS[case.operation]
         struck = [hit for hit in ended.hits if hit.letters not in ("TERM",) or case.kind in SIGNALS]
-        if ended.hung:
-            yield "it hangs"
-        elif ended.status == -9 and not case.kind.startswith("kill"):
-            yield "killed by nobody"
-        elif ended.status < 0 and ended.status not in (-9, SIGNALS.get(case.kind)):
-            yield f"ended by signal {-ended.status}"
-        elif ended.status == DECK_ERROR and any(hit.path.endswith(".nml") for hit in ended.hits):
-            pass  # the deck could not be read
-        elif ended.status not in (DONE, FILE_ERROR, STOPPED, -9, SIGNALS.get(case.kind)):
-            yield f"exit status {ended.status}"
-        if ended.status == STOPPED and operation.status != STOPPED and case.kind not in SIGNALS:
-            yield "exit status 75 without a stop"
         killed = ended.status < 0 or ended.hung
+        yield from self.faults_of_status(case, ended)
         if killed and case.kind in SIGNALS and snapshot(folder) != before:
             yield f"{case.kind} ends it as if it were no request to stop"
-        if ended.status > 0 and not killed and not ended.text.startswith("dynstiction: "):
-            yield "it says nothing about its failure"
-        if any(word in ended.text for word in ("Fortran runtime error", "HDF5-DIAG", "Backtrace")):
-            yield "internal errors are printed"
         file = folder / RESULT
         if ended.status == DONE:
             yield from self.faults_of_result(operation, file)
@@ -321,6 +293,26 @@ class Laboratory:
         may_stay = killed or any(hit.name in REMOVING for hit in struck)
         if not may_stay and f"{RESULT}.lock" not in before:
             yield from (f"{name} is left behind" for name in self.litter(folder, shards=True))
+
+    @staticmethod
+    def faults_of_status(case: Case, ended: Ended) -> Iterator[str]:
+        """The exit status, and what is said with it."""
+        if ended.hung:
+            yield "it hangs"
+        elif ended.status == -9 and not case.kind.startswith("kill"):
+            yield "killed by nobody"
+        elif ended.status < 0 and ended.status not in (-9, SIGNALS.get(case.kind)):
+            yield f"ended by signal {-ended.status}"
+        elif ended.status == DECK_ERROR and any(hit.path.endswith(".nml") for hit in ended.hits):
+            pass  # the deck could not be read
+        elif ended.status not in (DONE, FILE_ERROR, STOPPED, -9, SIGNALS.get(case.kind)):
+            yield f"exit status {ended.status}"
+        if ended.status == STOPPED and OPERATIONS[case.operation].status != STOPPED and case.kind not in SIGNALS:
+            yield "exit status 75 without a stop"
+        if ended.status > 0 and not ended.hung and not ended.text.startswith("dynstiction: "):
+            yield "it says nothing about its failure"
+        if any(word in ended.text for word in ("Fortran runtime error", "HDF5-DIAG", "Backtrace")):
+            yield "internal errors are printed"
 
     @staticmethod
     def is_torn(case: Case, ended: Ended) -> bool:
@@ -342,8 +334,8 @@ class Laboratory:
     @staticmethod
     def faults_of_bystanders(before: dict, folder: Path) -> Iterator[str]:
         after = snapshot(folder)
-        for name in before:
-            if name in OTHERS and after.get(name) != before[name]:
+        for name, was in before.items():
+            if name in OTHERS and after.get(name) != was:
                 yield f"the file of others {name} is {'changed' if name in after else 'gone'}"
 
     @staticmethod
@@ -412,18 +404,11 @@ def room_for_files() -> str | None:
     return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 
 
-def executable() -> Path:
-    found = os.environ.get("DYNSTICTION_EXE") or shutil.which("dynstiction")
-    if not found:
-        sys.exit("no executable: set DYNSTICTION_EXE or put dynstiction on the path")
-    return Path(found).resolve()
-
-
 @cache
 def laboratory() -> Laboratory:
     """One for each process."""
     room = tempfile.mkdtemp(prefix="faults-", dir=room_for_files())
-    return Laboratory(Program(executable()).__enter__(), Path(room))
+    return Laboratory(Program(executable().resolve()).__enter__(), Path(room))
 
 
 def close_laboratory() -> None:

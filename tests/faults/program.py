@@ -9,6 +9,7 @@ import select
 import signal
 import struct
 import subprocess
+import sys
 import tempfile
 import time
 import zlib
@@ -18,8 +19,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-INPUTS = Path(__file__).parents[2] / "inputs"
-DONE, FILE_ERROR, STOPPED = 0, 3, 75
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
+
 SEAL = re.compile(rb"dynstiction CRC-32 ([0-9A-F]{8})\n")
 
 
@@ -28,9 +29,7 @@ def compiled_shim(folder: Path) -> Path:
     library = folder / "shim.so"
     source = Path(__file__).with_name("shim.c")
     compiler = os.environ.get("CC", "cc")
-    subprocess.run(
-        [compiler, "-shared", "-fPIC", "-O1", str(source), "-o", str(library), "-ldl"], check=True
-    )
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", source, "-o", library, "-ldl"], check=True)
     return library
 
 
@@ -130,24 +129,14 @@ class Server:
             "ASAN_OPTIONS": sanitizer,
         }
         self.popen = subprocess.Popen(
-            [executable],
-            stdin=subprocess.DEVNULL,
-            env=environment,
-            pass_fds=(requests, answers),
-            start_new_session=True,
+            [executable], stdin=subprocess.DEVNULL, env=environment, pass_fds=(requests, answers), start_new_session=True
         )
         os.close(requests)
         os.close(answers)
         self.process = 0
 
     def start(self, folder: Path, output: Path, settings: dict[str, str], arguments: list[str]) -> None:
-        texts = [
-            str(folder),
-            str(output),
-            str(len(settings)),
-            *(f"{k}={v}" for k, v in settings.items()),
-            *arguments,
-        ]
+        texts = [str(folder), str(output), str(len(settings)), *(f"{k}={v}" for k, v in settings.items()), *arguments]
         request = b"".join(os.fsencode(text) + b"\0" for text in texts)
         os.write(self.to, struct.pack("i", len(request)) + request)
         (self.process,) = struct.unpack("i", os.read(self.replies, 4))
@@ -249,10 +238,7 @@ def content(file: Path) -> dict[str, tuple]:
 
     with h5py.File(file) as data:
         data.visititems(visit)
-        found |= {
-            name: (str(data.attrs[name]),)
-            for name in ("result_code", "result_text", "complete", "deck_sha256")
-        }
+        found |= {name: (str(data.attrs[name]),) for name in ("result_code", "result_text", "complete", "deck_sha256")}
     return found
 
 
@@ -306,8 +292,6 @@ def snapshot(folder: Path) -> dict[str, tuple]:
     found: dict[str, tuple] = {}
     for path in sorted(folder.rglob("*")):
         status = path.lstat()
-        what = (
-            os.readlink(path) if path.is_symlink() else b"folder" if path.is_dir() else path.read_bytes()
-        )
+        what = os.readlink(path) if path.is_symlink() else b"folder" if path.is_dir() else path.read_bytes()
         found[str(path.relative_to(folder))] = (status.st_ino, status.st_mode, what)
     return found

@@ -23,39 +23,12 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from faults import (
-    GRID,
-    OWN,
-    RESULT,
-    Laboratory,
-    close_laboratory,
-    executable,
-    laboratory,
-    write_bystanders,
-)
-from program import (
-    DONE,
-    FILE_ERROR,
-    INPUTS,
-    STOPPED,
-    Ended,
-    Running,
-    content,
-    fault_of_unfinished,
-    is_complete,
-    is_sealed,
-    rows_of,
-    snapshot,
-)
+from faults import GRID, OWN, RESULT, Laboratory, close_laboratory, executable, laboratory, write_bystanders
+from program import Ended, Running, content, fault_of_unfinished, is_complete, is_sealed, rows_of, snapshot
+from programs import DONE, FILE_ERROR, INPUTS, STOPPED
 
 # What the closed forms do not use.
-ABSENT = (
-    "system.mass=",
-    "friction.law=",
-    "initial.velocity_ratio=",
-    "integrator.method=",
-    "integrator.rtol=",
-)
+ABSENT = ("system.mass=", "friction.law=", "initial.velocity_ratio=", "integrator.method=", "integrator.rtol=")
 SMOOTHED = ("friction.contact=smoothed", "friction.v_smooth=1.0e-5")
 FIG3 = ("scene.t_end=0.02", "output.interval=1e-4", "integrator.step_max=5e-5")
 FIXED = ("integrator.step=2e-6", "integrator.rtol=", "scene.t_end=5e-4", "output.interval=1e-5")
@@ -197,12 +170,7 @@ class Sequence:
 
     def must_resume(self) -> bool:
         """Whether a refusal would lose something."""
-        return (
-            not self.is_meddled
-            and not self.is_sweep
-            and rows_of(self.file) > 0
-            and not is_complete(self.file)
-        )
+        return not (self.is_meddled or self.is_sweep or rows_of(self.file) == 0 or is_complete(self.file))
 
     # What may happen.
 
@@ -221,10 +189,8 @@ class Sequence:
         allowed: tuple[int, ...] = (DONE, FILE_ERROR)
         fault, settings, extra = "", {}, ()
         if what == "signal":
-            fault, allowed = (
-                f"{self.chance.choice(SIGNALS)}:parent:{n}",
-                (DONE, STOPPED, FILE_ERROR, -1, -2, -10, -15),
-            )
+            fault = f"{self.chance.choice(SIGNALS)}:parent:{n}"
+            allowed = (DONE, STOPPED, FILE_ERROR, -1, -2, -10, -15)
         elif what == "kill":
             fault, allowed = f"{self.chance.choice(KILLS)}:{n}", (DONE, -9, FILE_ERROR)
         elif what == "full":
@@ -233,10 +199,8 @@ class Sequence:
             settings = {"FAULT_FSIZE": self.chance.randrange(1000, 80000)}
         elif what == "wall" and kind != "resume":
             self.has_limit = True
-            extra, allowed = (
-                ("--set", f"output.wall_limit={self.chance.uniform(0.1, 3.0):.3f}"),
-                (DONE, STOPPED, FILE_ERROR),
-            )
+            extra = ("--set", f"output.wall_limit={self.chance.uniform(0.1, 3.0):.3f}")
+            allowed = (DONE, STOPPED, FILE_ERROR)
         ended = self.end(self.start(kind, fault, extra=extra, **settings), *allowed)
         if kind == "run --overwrite" and ended.status in (DONE, STOPPED):
             self.is_meddled = False
@@ -404,12 +368,7 @@ class Sequence:
 
     def live(self) -> None:
         acts: list[Callable[[], None]] = [self.disturbed] * 6
-        acts += [self.second_copies] * 2 + [
-            self.all_at_once,
-            self.meddling,
-            self.meddling,
-            self.exchanged_while_it_runs,
-        ]
+        acts += [self.second_copies] * 2 + [self.all_at_once, self.meddling, self.meddling, self.exchanged_while_it_runs]
         for _ in range(self.chance.randrange(2, 7)):
             self.chance.choice(acts)()
         if self.is_small:
@@ -427,11 +386,7 @@ class Sequence:
             if ended.status != STOPPED:
                 break
             del self.trace[-2:]
-        if (
-            ended.status == FILE_ERROR
-            and is_complete(self.file)
-            and ("complete" in ended.text or self.is_sweep)
-        ):
+        if ended.status == FILE_ERROR and is_complete(self.file) and ("complete" in ended.text or self.is_sweep):
             if numbers(self.file) != self.lab.numbers[self.name]:
                 raise Wrong("the finished numbers differ")
         elif ended.status == FILE_ERROR:

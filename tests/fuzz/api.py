@@ -33,6 +33,10 @@ from typing import Any
 import dynstiction as ds
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
+
+from fig3 import SLIDER, TEXT
+
 BATCH = 500
 """Calls of one process."""
 
@@ -41,18 +45,10 @@ PATIENCE = 20.0
 
 MEMORY = 4 * 2**30
 
-DECK = """\
-&scene model = 'full', t_end = 0.02 /
-&system mass = 0.25, stiffness_x = 1e3, stiffness_y = 1e7, misalignment_deg = 1.0 /
-&friction law = 'weakening', mu_0 = 0.2, mu_inf = 0.15, v_f = 0.01, normal_load = 10.0 /
-&drive velocity = 1e-3 /
-&initial velocity_ratio = 1e-6 /
-&output interval = 1e-4 /
-"""
+DECK = TEXT.replace("t_end = 10.0", "t_end = 0.02")
 
 GOOD = {
-    "mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment": 0.02, "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01,
-    "normal_load": 10.0, "velocity": 1e-3, "v_smooth": 1e-5, "theta": 0.3, "t": 0.5, "tau": 0.5, "phi": 0.1, "kappa": 1e-3,
+    **SLIDER, "misalignment": 0.02, "v_smooth": 1e-5, "theta": 0.3, "t": 0.5, "tau": 0.5, "phi": 0.1, "kappa": 1e-3,
     "above": 10.0, "window": 0.01, "count": 20, "until": 0.01,
 }  # fmt: skip
 
@@ -132,7 +128,7 @@ def odd(rng: random.Random, objects: Objects) -> Any:
             {"a": 1}, {1: 2}, {"a\nb": {"c": 1}}, set(), object(), Hostile(), ds, ds.run, int, ..., slice(3), [None], ["a", 1],
             [[1, 2], [3]], infinite, np.array("x"), np.array([None]), np.ma.array([1.0, 2.0], mask=[0, 1]), np.float32(1), np.int8(3),
             np.longdouble("1e4000"), np.datetime64("2020-01-01"), np.empty((0, 4)), np.empty((3, 0)), np.broadcast_to(1.0, (2**40,)),
-            np.ones((2,) * 33) if False else np.ones((2,) * 9), np.ones((1, 4), order="F"), np.zeros((3, 4)), lambda: 0,
+            np.ones((2,) * 9), np.ones((1, 4), order="F"), np.zeros((3, 4)), lambda: 0,
             (x for x in (1, 2)), Path("/"), Path("no.nml"), objects.folder, objects.scene, objects.result, objects.closed, objects.busy,
             objects.spectrum, objects.cycles, objects.folder / "text.h5", 10**5000, range(3), memoryview(b"12"),
         ]
@@ -255,7 +251,10 @@ def run_call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[], An
 
         return f"{words} step_to {times}", steps
     if name == "trade":
-        given = {"budget": rng.choice([0.02, 1e-3, numbers(rng)]), "accuracy": rng.choice([None, 1e-3, argument("x", rng, objects)])}
+        given = {
+            "budget": rng.choice([0.02, 1e-3, numbers(rng)]),
+            "accuracy": rng.choice([None, 1e-3, argument("x", rng, objects)]),
+        }
         given["budget"] = min(given["budget"], 0.05) if isinstance(given["budget"], float) else given["budget"]
         if isinstance(given["budget"], int) and given["budget"] > 0:
             given["budget"] = 0.02
@@ -450,7 +449,18 @@ def findings(seed: int, calls: int) -> Iterator[str]:
     first = 0
     while first < calls:
         count = min(BATCH, calls - first)
-        command = [sys.executable, "-X", "faulthandler", os.path.abspath(__file__), "--batch", str(first), "--calls", str(count), "--seed", str(seed)]
+        command = [
+            sys.executable,
+            "-X",
+            "faulthandler",
+            os.path.abspath(__file__),
+            "--batch",
+            str(first),
+            "--calls",
+            str(count),
+            "--seed",
+            str(seed),
+        ]
         with tempfile.TemporaryFile("w+") as log:
             try:
                 ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=log, text=True, timeout=BATCH * 2.0, check=False)

@@ -35,11 +35,10 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
-sys.path.insert(0, str(Path(__file__).parents[1] / "faults"))
+sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("python", "faults"))
 
-import h5py
-from program import compiled_shim
+from program import compiled_shim, is_complete
+from programs import Program
 from sweeps import GRID, SCENE, Sweep, cases_in, same, values
 from test_sweep_kills import ALLOWED, MPI
 
@@ -217,20 +216,19 @@ class Launch:
         self.mark = f"FAULT_CASE={room}".encode()
         self.exe = Path(os.environ[MPI[case.flavour]]).resolve()
         self.result = self.work / "res" / "x.h5"
-        environment = (
-            os.environ | ALLOWED | {"OMP_NUM_THREADS": "1", "FAULT_CASE": str(room), "FAULT_SHIM": str(shim)}
-        )
+        wrapper = Path(__file__).with_name("rank.sh")
+        mpirun = Program(
+            (f"mpirun.{case.flavour}", "-n", RANKS, wrapper, room, self.exe), self.work,
+            ALLOWED | {"FAULT_CASE": str(room), "FAULT_SHIM": str(shim)},
+        )  # fmt: skip
         deck, output = str(self.work / "map.nml"), str(self.result)
         if case.fault == "bad deck":
             deck = "map.nml"
         if case.fault in ("missing folder", "file exists"):
             output = "res/x.h5"
         with (room / "said").open("wb") as said:
-            self.process = subprocess.Popen(
-                [f"mpirun.{case.flavour}", "-n", str(RANKS), Path(__file__).with_name("rank.sh"), room, self.exe,
-                 "run", deck, "-o", output, "--quiet"],
-                cwd=self.work, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
-            )  # fmt: skip
+            own = {"stdin": subprocess.DEVNULL, "stdout": said, "stderr": said, "start_new_session": True}
+            self.process = mpirun.start("run", deck, "-o", output, "--quiet", **own)
 
     def processes(self) -> dict[int, list[bytes]]:
         """What is left of it: the environment of each process."""
@@ -272,9 +270,7 @@ class Launch:
     def is_held(self, rank: int) -> bool:
         """Whether the program of a rank is held in a call of the system."""
         log = self.room / f"log.{rank}"
-        return log.exists() and any(
-            line.startswith("hit ") and " hold " in line for line in log.read_text().splitlines()
-        )
+        return log.exists() and any(line.startswith("hit ") and " hold " in line for line in log.read_text().splitlines())
 
     def has_come(self, moment: str) -> bool:
         """Whether it has come to this moment."""
@@ -354,11 +350,7 @@ def orders(case: Case) -> dict[int, list[str]]:
             found[rank].append("exit 7")
         if case.fault == "missing program":
             found[rank].append('exec "$room/no such program"')
-        if (
-            case.moment == "launch"
-            and case.who != "all"
-            and case.fault in ("missing folder", "file exists", "bad deck")
-        ):
+        if case.moment == "launch" and case.who != "all" and case.fault in ("missing folder", "file exists", "bad deck"):
             found[rank].append('cd "$room/elsewhere"')
     for rank, what in faults.items():
         if what:
@@ -443,9 +435,7 @@ class Laboratory:
         if not for_ever and case.fault != "slow, then SIGTERM":
             time.sleep(0.2)
             launch.open_gates()
-        if not until(launch.has_ended, SOON + lasting) and not (
-            may_fail_itself(case) and launch.has_left_mpirun()
-        ):
+        if not until(launch.has_ended, SOON + lasting) and not (may_fail_itself(case) and launch.has_left_mpirun()):
             left = {pid: name_of(pid) for pid in launch.processes()}
             return [f"hangs: {', '.join(sorted(left.values())) or 'mpirun'}"]
         return []
@@ -528,16 +518,10 @@ class Laboratory:
                 return wrong
         keep = () if is_complete(result) else ("--keep-shards",)
         number = 1 + next(self.numbers) % 2
-        again = subprocess.run(
-            [f"mpirun.{launch.case.flavour}", "-n", str(number), launch.exe, "run", launch.work / "map.nml", "-o", result,
-             "--quiet", *keep],
-            env=os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"}, capture_output=True, text=True, check=False, timeout=60,
-        )  # fmt: skip
+        mpirun = Program((f"mpirun.{launch.case.flavour}", "-n", number, launch.exe), env=ALLOWED)
+        again = mpirun("run", launch.work / "map.nml", "-o", result, "--quiet", *keep, timeout=60)
         if again.returncode != DONE:
-            return [
-                *wrong,
-                f"started again it ends with {again.returncode}: {' '.join(again.stderr.split())[:300]}",
-            ]
+            return [*wrong, f"started again it ends with {again.returncode}: {' '.join(again.stderr.split())[:300]}"]
         if keep:
             now = launch.finished()
             if not set(before) <= set(now):
@@ -549,14 +533,6 @@ class Laboratory:
         if not is_complete(result) or not same(values(result), self.reference):
             wrong.append("started again it gives other bits")
         return wrong
-
-
-def is_complete(result: Path) -> bool:
-    """Whether a result is there and says that it is complete."""
-    if not result.exists():
-        return False
-    with h5py.File(result) as file:
-        return file.attrs["complete"] == 1
 
 
 def until(condition: Callable[[], bool], seconds: float) -> bool:
@@ -606,23 +582,17 @@ def laboratory(folder: Path) -> Laboratory:
     assert other.run("other.h5").returncode == DONE
     assert Sweep(folder, DECK).run("reference.h5").returncode == DONE
     reference = values(folder / "reference.h5")
-    return Laboratory(
-        folder, compiled_shim(folder), reference, (folder / "other.h5").read_bytes(), itertools.count()
-    )
+    return Laboratory(folder, compiled_shim(folder), reference, (folder / "other.h5").read_bytes(), itertools.count())
 
 
 @cache
 def flavours() -> list[str]:
     """The MPIs whose mpirun and build are there."""
-    return [
-        name for name, variable in MPI.items() if os.environ.get(variable) and shutil.which(f"mpirun.{name}")
-    ]
+    return [name for name, variable in MPI.items() if os.environ.get(variable) and shutil.which(f"mpirun.{name}")]
 
 
 def main() -> int:
-    options = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--flavour", action="append", choices=list(MPI))
     options.add_argument("--only", default="", help="cases whose name has this in it")
     options.add_argument("--every", type=int, default=1, help="try every so manieth case")
@@ -630,9 +600,7 @@ def main() -> int:
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--list", action="store_true", help="print the names of the cases")
     given = options.parse_args()
-    cases = [case for case in every_case(given.flavour or flavours()) if given.only in str(case)][
-        :: given.every
-    ]
+    cases = [case for case in every_case(given.flavour or flavours()) if given.only in str(case)][:: given.every]
     if given.count is not None:
         cases = random.Random(given.seed).sample(cases, min(given.count, len(cases)))
     if given.list:

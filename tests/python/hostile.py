@@ -216,10 +216,7 @@ def make(sound: Path, file: Path, kind: str, seed: int) -> None:
         KINDS[kind](data, dice, file.parent)
         places = {}
         if kind == "length":
-            places = {
-                "one": data["parameters/forged"].id.get_offset(),
-                "many": data["more/forged"].id.get_offset(),
-            }
+            places = {"one": data["parameters/forged"].id.get_offset(), "many": data["more/forged"].id.get_offset()}
     if places:
         _forge_lengths(file, places, dice)
 

@@ -16,7 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+from programs import ROOT
+
+DOCS = ROOT / "docs"
 TOLERANCE = 0.02
 
 
@@ -45,11 +47,7 @@ def run_page(page: Path, folder: Path, environment: dict[str, str]) -> int:
             continue
         count += 1
         place = f"{page.name}:{block.line}"
-        printed = (
-            run_shell(block, folder, environment, place)
-            if block.kind == "sh"
-            else run_python(block, folder, names)
-        )
+        printed = run_shell(block, folder, environment, place) if block.kind == "sh" else run_python(block, folder, names)
         shown = found[index + 1] if index + 1 < len(found) else None
         if shown and shown.kind == "text":
             missing = first_missing(shown.text, printed)

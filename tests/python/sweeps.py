@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import signal
-import subprocess
-import time
-from pathlib import Path
-
 import h5py
+from programs import INPUTS, Program, executable
 
-INPUTS = Path(__file__).parents[2] / "inputs"
 SCENE = (INPUTS / "low_frequency.nml").read_text()
 GRID = """
 &sweep
@@ -24,42 +17,28 @@ GRID = """
 """
 
 
-def executable():
-    return os.environ.get("DYNSTICTION_EXE") or shutil.which("dynstiction")
-
-
 class Sweep:
     """A deck in a folder, and the program that runs it."""
 
     def __init__(self, folder, text=SCENE + GRID, exe=None):
         self.folder = folder
         self.exe = exe or executable()
+        # Nothing of a job or a launcher around the tests.
+        self.program = Program((self.exe,), base={"PATH": "/usr/bin:/bin"})
         self.deck = folder / "map.nml"
         self.deck.write_text(text)
 
     def command(self, output, *arguments, command="run", quiet=True):
-        quietly = ["--quiet"] if quiet else []
-        return [self.exe, command, self.deck, "-o", self.folder / output, *quietly, *arguments]
+        return [command, self.deck, "-o", self.folder / output, *(["--quiet"] if quiet else []), *arguments]
 
-    def run(self, output, *arguments, threads=2, command="run", env=None, **kwargs):
-        return subprocess.run(
-            self.command(output, *arguments, command=command),
-            env={"PATH": "/usr/bin:/bin", "OMP_NUM_THREADS": str(threads)} | (env or {}),
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=300,
-            **kwargs,
-        )
+    def run(self, output, *arguments, threads=2, command="run", env=None, **options):
+        env = {"OMP_NUM_THREADS": str(threads), **(env or {})}
+        return self.program(*self.command(output, *arguments, command=command), env=env, timeout=300, **options)
 
-    def start(self, output, *arguments, quiet=True, launcher=(), env=None, **kwargs):
+    def start(self, output, *arguments, quiet=True, launcher=(), env=None, **options):
         """A run that goes on meanwhile, in a process group of its own."""
-        return subprocess.Popen(
-            [*launcher, *self.command(output, *arguments, quiet=quiet)],
-            env=os.environ | {"OMP_NUM_THREADS": "2"} | (env or {}),
-            start_new_session=True,
-            **kwargs,
-        )
+        program = Program((*launcher, self.exe), env={"OMP_NUM_THREADS": "2", **(env or {})})
+        return program.start(*self.command(output, *arguments, quiet=quiet), start_new_session=True, **options)
 
     def shards(self, output):
         return sorted(self.folder.glob(f"{output}.shard-??????"))
@@ -81,17 +60,8 @@ def values(path):
 def same(a, b):
     """Whether two files hold the same bits."""
     return a.keys() == b.keys() and all(
-        list(x) == list(b[name]) if x.dtype == object else x.tobytes() == b[name].tobytes()
-        for name, x in a.items()
+        list(x) == list(b[name]) if x.dtype == object else x.tobytes() == b[name].tobytes() for name, x in a.items()
     )
-
-
-def wait_until(condition, seconds=60.0):
-    """Wait for a condition that comes true sooner or later."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not come true in time"
-        time.sleep(0.002)
 
 
 HEADER_BYTES = 12 * 8
@@ -117,10 +87,3 @@ def cases_in(shard):
         found.append(int.from_bytes(data[place : place + 4], "little"))
         place += length
     return found
-
-
-def end_group(process):
-    """Kill a process that `Sweep.start` began, with all its children."""
-    if process.poll() is None:
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait(30)

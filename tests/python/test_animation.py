@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from dynstiction.plot.animation import animate, view_from_above
 from matplotlib import image
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
+from programs import Program
 
 
 def friction_vector(figure: object) -> tuple[np.ndarray, np.ndarray]:
@@ -36,9 +35,7 @@ def test_friction_turns_from_across_to_along(fig4_result: ds.Result) -> None:
         expected = np.degrees(ds.creep_exact(0.5 * time, np.radians(1.0), 1e-4).theta)
         assert theta == pytest.approx(expected, abs=1.0)
         row = np.searchsorted(fig4_result.time, time)
-        assert place == pytest.approx(
-            1e3 * np.array([fig4_result["X"][row], fig4_result["Y"][row]]), abs=1e-3
-        )
+        assert place == pytest.approx(1e3 * np.array([fig4_result["X"][row], fig4_result["Y"][row]]), abs=1e-3)
         assert figure.axes[0].texts[0].get_text() == f"$t$ = {time:.3f} s"
     assert np.ptp(lengths) < 0.02 * np.mean(lengths)
 
@@ -58,11 +55,7 @@ def test_dots_follow_the_traces(fig4_result: ds.Result) -> None:
     figure, show = view_from_above(fig4_result, np.array([0.5, 1.5]))
     show(1)
     row = np.searchsorted(fig4_result.time, 1.5)
-    expected = (
-        fig4_result["spring_force_x"][row],
-        np.degrees(fig4_result["theta"][row]),
-        1e3 * fig4_result["X"][row],
-    )
+    expected = (fig4_result["spring_force_x"][row], np.degrees(fig4_result["theta"][row]), 1e3 * fig4_result["X"][row])
     for axis, value in zip(figure.axes[1:], expected, strict=True):
         dot = axis.lines[1]
         assert dot.get_xdata()[0] == pytest.approx(1.5, abs=6e-3)
@@ -104,9 +97,7 @@ def test_mp4(fig4_result: ds.Result, tmp_path: Path) -> None:
     assert (tmp_path / "run.mp4").read_bytes()[4:8] == b"ftyp"
 
 
-def test_mp4_without_ffmpeg_names_the_ways_out(
-    fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mp4_without_ffmpeg_names_the_ways_out(fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda _: False))
     with pytest.raises(ds.UsageError, match=r"ffmpeg.*GIF.*folder"):
         animate(fig4_result, tmp_path / "run.mp4")
@@ -150,9 +141,7 @@ def test_unfit_outputs_and_results_are_refused(fig4_result: ds.Result, tmp_path:
 def test_an_object_at_rest_is_shown(tmp_path: Path) -> None:
     from dynstiction.plot.paper import deck  # noqa: PLC0415
 
-    still = ds.run(
-        deck("fig3"), scene={"t_end": 0.01}, drive={"velocity": 0.0}, initial={"velocity_ratio": 0.0}
-    )
+    still = ds.run(deck("fig3"), scene={"t_end": 0.01}, drive={"velocity": 0.0}, initial={"velocity_ratio": 0.0})
     figure, show = view_from_above(still, np.array([0.0, 0.005, 0.01]))
     show(2)
     for axis in figure.axes[1:]:
@@ -162,22 +151,11 @@ def test_an_object_at_rest_is_shown(tmp_path: Path) -> None:
         assert 0.005 <= dot.get_xdata()[0] <= 0.01
 
 
-def test_command(fig4_result: ds.Result, tmp_path: Path) -> None:
+def test_command(package: Program, fig4_result: ds.Result, tmp_path: Path) -> None:
     fig4_result.save(tmp_path / "run.h5")
     options = ["--from", "1", "--to", "1.5", "--fps", "2", "--seconds", "1"]
-
-    def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "dynstiction", "animate", *arguments],
-            capture_output=True,
-            text=True,
-            check=False,
-            cwd=tmp_path,
-        )
-
-    done = command("run.h5", "-o", "frames", *options)
+    done = package("animate", "run.h5", "-o", "frames", *options)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert len(list((tmp_path / "frames").iterdir())) == 2
-    refused = command("run.h5", "-o", "x.gif", "--from", "9")
-    assert refused.returncode == 1
+    refused = package("animate", "run.h5", "-o", "x.gif", "--from", "9", status=1)
     assert refused.stderr == "dynstiction: from 9 to 2 s: the run has samples from 0 to 2 s\n"

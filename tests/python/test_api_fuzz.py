@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from programs import ROOT, Program
 
-FUZZER = Path(__file__).parents[1] / "fuzz" / "api.py"
+FUZZER = Program((sys.executable, ROOT / "tests" / "fuzz" / "api.py"))
 
 
 def fuzz(calls: int, seed: int) -> None:
-    done = subprocess.run(
-        [sys.executable, FUZZER, "--calls", str(calls), "--seed", str(seed)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = FUZZER("--calls", calls, "--seed", seed, timeout=None)
     assert done.returncode == 0, done.stdout[-5000:] + done.stderr[-2000:]
     assert f"{calls} calls, seed {seed}: 0 findings" in done.stdout
 

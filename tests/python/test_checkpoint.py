@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import os
 import random
-import re
 import resource
 import shutil
 import signal
@@ -20,14 +18,15 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import programs
 import pytest
+from damage import changed, flipped, killed, replaced, signed, without_seal
+from programs import FILE_ERROR, INPUTS, STOPPED, limited, small_disk
+from programs import wait_until as wait_for
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "faults"))
 
 from program import compiled_shim
-
-INPUTS = Path(__file__).parents[2] / "inputs"
-FILE_ERROR, STOPPED = 3, 75
 
 pytestmark = pytest.mark.deck
 
@@ -97,7 +96,7 @@ class Program:
 
 
 def finished(command: list[str], timeout: float = 300.0, **options) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False, **options)
+    return programs.Program(tuple(command))(timeout=timeout, **options)
 
 
 def checkpoint_of(file: Path) -> Path:
@@ -136,13 +135,6 @@ def assert_readable(file: Path) -> int:
         assert len(data["events/time"][:]) == len(data["events/kind"][:])
         assert (np.diff(data["time_series/time"][:]) > 0).all()
     return rows.pop()
-
-
-def wait_for(condition: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < deadline, f"no {what}"
-        time.sleep(0.005)
 
 
 @pytest.fixture(scope="module")
@@ -370,7 +362,7 @@ def run_with_shim(
     program: Program, shim: Path, file: Path, fault: str = ""
 ) -> subprocess.CompletedProcess[str]:
     """A run that flushes as often as it can."""
-    environment = os.environ | {
+    environment = {
         "LD_PRELOAD": str(shim),
         "ASAN_OPTIONS": os.environ.get("ASAN_OPTIONS", "") + ":verify_asan_link_order=0",
         "FAULT_DIR": str(file.parent),
@@ -448,42 +440,12 @@ def copied(stopped, tmp_path, request) -> Path:
     return file
 
 
-def killed(checkpoint: bytes) -> bytes:
-    """A checkpoint that was not written when the run was stopped."""
-    return replaced(rb"result_checksum \S+", b"result_checksum -")(checkpoint)
-
-
-def without_seal(data: bytes) -> bytes:
-    seal = data[-len("dynstiction CRC-32 01234567\n") :]
-    assert seal.startswith(b"dynstiction CRC-32 ")
-    return data[: -len(seal)]
-
-
 def assert_refused(done: subprocess.CompletedProcess[str], *words: str) -> None:
     assert done.returncode == FILE_ERROR, done
     assert done.stderr.startswith("dynstiction: ")
     assert done.stderr.count("\n") == 1
     for word in words:
         assert word in done.stderr
-
-
-def changed(path: Path, change: Callable[[bytes], bytes]) -> None:
-    before = path.read_bytes()
-    after = change(before)
-    assert after != before
-    path.write_bytes(after)
-
-
-def flipped(data: bytes, place: int, bit: int = 0) -> bytes:
-    """One bit the other way; a negative place counts from the end."""
-    place %= len(data)
-    return data[:place] + bytes([data[place] ^ (1 << bit)]) + data[place + 1 :]
-
-
-def signed(data: bytes) -> bytes:
-    """A checkpoint with the digest of what it now says."""
-    body = data[: data.rindex(b"sha256 ")]
-    return body + b"sha256 " + hashlib.sha256(body).hexdigest().encode() + b"\n"
 
 
 def after(data: bytes, name: bytes) -> int:
@@ -493,10 +455,6 @@ def after(data: bytes, name: bytes) -> int:
 
 def state(data: bytes) -> int:
     return data.index(b"\n", after(data, b"state")) + 1
-
-
-def replaced(old: bytes, new: bytes) -> Callable[[bytes], bytes]:
-    return lambda data: signed(re.sub(old, new, data, count=1))
 
 
 DAMAGED_CHECKPOINTS: dict[str, Callable[[bytes], bytes]] = {
@@ -811,7 +769,7 @@ def test_a_run_that_cannot_write_its_first_checkpoint_leaves_nothing(program, tm
 def test_a_limit_that_is_met_is_not_the_end(program, references, tmp_path):
     """The file-size limit ends the run; with a higher limit it goes on."""
     file = tmp_path / "x.h5"
-    limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (1_500_000, 1_500_000))
+    limit = limited(resource.RLIMIT_FSIZE, 1_500_000)
     process = program.start(SCENES["every step"], file, "output.checkpoint_interval=0.02", preexec_fn=limit)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == FILE_ERROR, errors
@@ -824,22 +782,15 @@ def test_a_limit_that_is_met_is_not_the_end(program, references, tmp_path):
 
 
 def test_a_disk_that_was_full(program, references, tmp_path):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(disk)]
-    if os.geteuid() != 0 or not shutil.which("mount") or finished(mount).returncode != 0:
-        pytest.skip("a small disk cannot be mounted here: not root, or mount is not permitted")
-    try:
-        file = disk / "x.h5"
+    with small_disk(tmp_path / "disk", "1m") as grow:
+        file = tmp_path / "disk" / "x.h5"
         done = program.run(SCENES["every step"], file, "output.checkpoint_interval=0.02")
         assert done.returncode == FILE_ERROR
         assert "disk is full" in done.stderr
         assert_readable(file)
-        assert finished(["mount", "-o", "remount,size=40m", str(disk)]).returncode == 0
+        grow("40m")
         assert program.resume(file).returncode == 0
         assert_same(file, references("every step"))
-    finally:
-        subprocess.run(["umount", str(disk)], check=True)
 
 
 def test_a_folder_that_vanishes(program, tmp_path):

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import dynstiction as ds
 import numpy as np
 import pytest
+from programs import INPUTS
 
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 MASS, STIFFNESS, LIMIT = 0.25, np.array([1e3, 1e5]), 2.0
 INTERVAL = 1e-5
 
@@ -53,9 +51,7 @@ def test_position_and_rates_are_turned_by_the_misalignment(motion: tuple[ds.Resu
     r, angle, velocity = motion
     length = np.abs(r["u_x"]).max()
     np.testing.assert_allclose(r["Y"], -across(angle, r["u_x"], r["u_y"]), atol=1e-14 * length)
-    np.testing.assert_allclose(
-        r["X"], velocity * r.time - along(angle, r["u_x"], r["u_y"]), atol=1e-12 * length
-    )
+    np.testing.assert_allclose(r["X"], velocity * r.time - along(angle, r["u_x"], r["u_y"]), atol=1e-12 * length)
     speed = np.hypot(r["w_x"], r["w_y"]).max()
     np.testing.assert_allclose(r["X_rate"], along(angle, r["w_x"], r["w_y"]), atol=1e-14 * speed)
     np.testing.assert_allclose(r["Y_rate"], across(angle, r["w_x"], r["w_y"]), atol=1e-14 * speed)

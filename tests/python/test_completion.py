@@ -8,33 +8,29 @@ import re
 import select
 import shutil
 import signal
-import subprocess
 import time
 from pathlib import Path
 
 import pytest
+from programs import ROOT, Program
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "tools" / "completion"
+SCRIPTS = ROOT / "tools" / "completion"
 
 
 def offered(executable: Path, line: str) -> list[str]:
     """What the program offers after `line`; a blank at its end begins a new word."""
-    said = subprocess.run(
-        [executable, "complete", *line.split(" ")[1:]], capture_output=True, text=True, timeout=60, check=True
-    )
+    said = Program((executable, "complete"))(*line.split(" ")[1:], status=0)
     assert said.stderr == ""
     return said.stdout.splitlines()
 
 
 def keys(executable: Path) -> list[str]:
-    said = subprocess.run([executable, "keys"], capture_output=True, text=True, timeout=60, check=True)
+    said = Program((executable, "keys"))(status=0)
     return [line.split("\t")[0] for line in said.stdout.splitlines()]
 
 
 def help_of(executable: Path, *command: str) -> str:
-    return subprocess.run(
-        [executable, *command, "--help"], capture_output=True, text=True, timeout=60, check=True
-    ).stdout
+    return Program((executable,))(*command, "--help", status=0).stdout
 
 
 def test_commands_are_those_of_the_help(executable):
@@ -57,13 +53,7 @@ def test_every_option_in_the_help_is_offered_and_taken(executable, command):
     assert mentioned <= options
     for option in options:
         value = {"--set": ["scene.t_end=1"], "--shard": ["1/2"], "-o": ["x.h5"]}.get(option, ["1"])
-        taken = subprocess.run(
-            [executable, command, "missing.nml", option, *(value if option_takes_value(option) else [])],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        taken = Program((executable,))(command, "missing.nml", option, *(value if option_takes_value(option) else []))
         assert "takes no -" not in taken.stderr
 
 
@@ -79,10 +69,7 @@ def test_an_option_of_another_command_is_refused(executable):
         "trade --shard 1/2",
         "template -o x",
     ):
-        said = subprocess.run(
-            [executable, *line.split()], capture_output=True, text=True, timeout=60, check=False
-        )
-        assert said.returncode == 1
+        said = Program((executable,))(*line.split(), status=1)
         assert f"takes no {line.split()[1]}: " in said.stderr
 
 
@@ -209,14 +196,7 @@ def test_zsh(executable, folder, line, completed):
 
 @pytest.mark.parametrize(("line", "completed"), LINES.items())
 def test_fish(executable, folder, line, completed):
-    said = subprocess.run(
-        [shell("fish"), "--no-config", "-c", f"source '{SCRIPTS}/dynstiction.fish'; complete -C '{line}'"],
-        cwd=folder,
-        env=environment(executable, folder),
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    )
+    fish = Program((shell("fish"), "--no-config", "-c"), folder, environment(executable, folder))
+    said = fish(f"source '{SCRIPTS}/dynstiction.fish'; complete -C '{line}'", status=0)
     offers = [offer.split("\t")[0] for offer in said.stdout.splitlines()]
     assert offers == [completed.split(" ")[-1] or completed.split(" ")[-2]]

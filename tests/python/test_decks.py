@@ -9,44 +9,16 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from fig3 import TEXT
+from programs import INPUTS, Program
 
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 DECKS = sorted(INPUTS.glob("*.nml"))
 
 pytestmark = pytest.mark.deck
 
-GOOD = """\
-&scene
-  title = 'a test'
-  t_end = 1.0e-3
-/
-&system
-  mass = 0.25
-  stiffness_x = 1.0e3
-  stiffness_y = 1.0e7
-  misalignment_deg = 1.0
-/
-&friction
-  mu_0 = 0.20, mu_inf = 0.15
-  v_f = 0.010
-  normal_load = 10.0
-/
-&drive
-  velocity = 1.0e-3
-/
-"""
-
-
-@pytest.fixture
-def call(executable, tmp_path):
-    """Run the executable in an empty directory."""
-
-    def run(*arguments: str) -> subprocess.CompletedProcess:
-        return subprocess.run(
-            [executable, *arguments], cwd=tmp_path, capture_output=True, timeout=60, check=False
-        )
-
-    return run
+# The first four groups of Fig. 3, in 18 lines: &scene (1), &system (5), &friction (11), &drive (16).
+GOOD = TEXT[: TEXT.index("&initial")].replace("Fig. 3, Nakano & Popov (2020)", "a test").replace("t_end = 10.0", "t_end = 1.0e-3")
+GOOD = re.sub(r"\n  (model|law) = .*", "", GOOD)
 
 
 def write(folder: Path, content: str | bytes, name: str = "deck.nml") -> str:
@@ -77,12 +49,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "blank": ("  \n\n", 1, "no group", "&scene"),
     "comment only": ("! nothing\n", 1, "no group", "&scene"),
     "no scene": (GOOD[GOOD.index("&system") :], 14, "&scene", "t_end"),
-    "no system": (
-        GOOD[: GOOD.index("&system")] + GOOD[GOOD.index("&friction") :],
-        12,
-        "&system",
-        "stiffness_x",
-    ),
+    "no system": (GOOD[: GOOD.index("&system")] + GOOD[GOOD.index("&friction") :], 12, "&system", "stiffness_x"),
     "unknown group": (GOOD + "&sytem\n x = 1\n/\n", 19, "'&sytem'", "nearest is &system"),
     "unlike any group": (GOOD + "&zz\n/\n", 19, "'&zz'", "scene system friction"),
     "sweep": (GOOD + "&sweep\n count = 2\n/\n", 19, "&sweep varies nothing", "name parameter"),
@@ -94,12 +61,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "key with hyphen": (instead("t_end =", "t-end ="), 3, "'t-end'", "nearest is 't_end'"),
     "misnamed group": (instead("&system", "&sistem"), 5, "'&sistem'", "nearest is &system"),
     "short key": (instead("stiffness_x", "stiffness"), 7, "'stiffness'", "nearest is 'stiffness_x'"),
-    "part of a key": (
-        instead("misalignment_deg", "misalignment"),
-        9,
-        "'misalignment'",
-        "nearest is 'misalignment_deg'",
-    ),
+    "part of a key": (instead("misalignment_deg", "misalignment"), 9, "'misalignment'", "nearest is 'misalignment_deg'"),
     "unlike any key": (with_line("mass", " damping = 1.0"), 7, "'damping'", "mass stiffness_x"),
     "letter that is not ASCII": (with_line("mu_0", " µ_0 = 0.2"), 13, "'µ_0'", "mu_0"),
     "wrong group": (with_line("t_end", " rtol = 1e-6"), 4, "'rtol'", "&integrator"),
@@ -107,12 +69,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "repeated key": (with_line("t_end", "  t_end = 2.0"), 4, "'t_end'", "line 3"),
     "repeated key in capitals": (with_line("t_end", "  T_END = 2.0"), 4, "'t_end'", "line 3"),
     "empty value": (instead("mass = 0.25", "mass ="), 6, "'mass' has an empty value", "give a value"),
-    "empty value before the end": (
-        instead("= 1.0e-3\n/\n&system", "=\n/\n&system"),
-        3,
-        "'t_end'",
-        "give a value",
-    ),
+    "empty value before the end": (instead("= 1.0e-3\n/\n&system", "=\n/\n&system"), 3, "'t_end'", "give a value"),
     "empty value before a comment": (instead("mass = 0.25", "mass = ! 0.25"), 6, "'mass'", "give a value"),
     "only a comma": (instead("mass = 0.25", "mass = ,"), 6, "'mass'", "remove the ','"),
     "two commas": (instead("mu_0 = 0.20,", "mu_0 = 0.20,,"), 12, "'mu_0'", "remove the ','"),
@@ -134,21 +91,11 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "underflow": (instead("0.25", "1e-400"), 6, "'1e-400'", "finite real number"),
     "complex": (instead("0.25", "(0.25, 0)"), 6, "(0.25, 0)", "separate values"),
     "real for integer": (GOOD + "&integrator max_steps = 10.0 /\n", 19, "'10.0'", "integer, like 1000"),
-    "integer overflow": (
-        GOOD + "&integrator max_steps = 99999999999999999999 /\n",
-        19,
-        "99999999999999999999",
-        "integer",
-    ),
+    "integer overflow": (GOOD + "&integrator max_steps = 99999999999999999999 /\n", 19, "99999999999999999999", "integer"),
     "negative integer": (GOOD + "&integrator max_steps = -1 /\n", 19, "'-1'", ">= 0"),
     "no mass": (instead("mass = 0.25", "mass = 0.0"), 6, "mass = '0.0'", "> 0.0 (in kg)"),
     "negative load": (instead("= 10.0", "= -10.0"), 14, "normal_load = '-10.0'", ">= 0.0 (in N)"),
-    "more than a turn": (
-        instead("_deg = 1.0", "_deg = 361"),
-        9,
-        "misalignment_deg = '361'",
-        "<= 360.0 (in deg)",
-    ),
+    "more than a turn": (instead("_deg = 1.0", "_deg = 361"), 9, "misalignment_deg = '361'", "<= 360.0 (in deg)"),
     "tolerance too large": (GOOD + "&integrator rtol = 1.0 /\n", 19, "rtol = '1.0'", "<= 0.1"),
     "tolerance too small": (GOOD + "&integrator rtol = 1e-16 /\n", 19, "rtol = '1e-16'", ">= 1.0e-13"),
     "negative end": (instead("t_end = 1.0e-3", "t_end = -1"), 3, "t_end = '-1'", "> 0.0 (in s)"),
@@ -163,20 +110,10 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "zero repeat count": (instead("0.25", "0*0.25"), 6, "'0*'", "1 or more"),
     "repeated nothing": (instead("0.25", "2*"), 6, "'2*'", "after the '*'"),
     "long text": (instead("a test", "x" * 257), 2, "xxx", "at most 256"),
-    "missing slash": (
-        instead("1.0\n/\n&friction", "1.0\n&friction"),
-        10,
-        "missing '/'",
-        "end the group &system",
-    ),
+    "missing slash": (instead("1.0\n/\n&friction", "1.0\n&friction"), 10, "missing '/'", "end the group &system"),
     "missing last slash": (GOOD.rstrip("/\n"), 17, "missing '/'", "end the group &drive"),
     "unclosed quote": (instead("'a test'", "'a test"), 2, "unclosed quote 'a test", "close it with '"),
-    "unclosed double quote": (
-        instead("'a test'", "\"a test'"),
-        2,
-        "unclosed quote \"a test'",
-        'close it with "',
-    ),
+    "unclosed double quote": (instead("'a test'", "\"a test'"), 2, "unclosed quote \"a test'", 'close it with "'),
     "quote inside": (instead("'a test'", "'a dog's'"), 2, "'s''", "double a quote"),
     "text before": ("my deck\n" + GOOD, 1, "'my deck'", "after a '!'"),
     "text between": (instead("/\n&system", "/\n# system\n&system"), 5, "'# system'", "after a '!'"),
@@ -187,12 +124,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "no equals": (instead("mass =", "mass"), 6, "'mass' without '='", "KEY = VALUE"),
     "colon": (instead("mass =", "mass:"), 6, "'mass:' without '='", "KEY = VALUE"),
     "two equals": (instead("mass =", "mass = ="), 6, "'= 0.25'", "separate values"),
-    "array element": (
-        instead("velocity =", "velocity(1) ="),
-        17,
-        "velocity(1) = 1.0e-3",
-        "all values at once",
-    ),
+    "array element": (instead("velocity =", "velocity(1) ="), 17, "velocity(1) = 1.0e-3", "all values at once"),
     "component": (instead("mass =", "mass%kg ="), 6, "mass%kg = 0.25", "all values at once"),
     "NUL": (GOOD.encode() + b"\0", 19, "NUL", "plain UTF-8 text"),
     "binary": (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), 2, "control characters", "plain UTF-8 text"),
@@ -207,8 +139,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "unknown contact": (with_line("v_f", " contact = 'smooth'"), 14, "'smooth'", "nearest is 'smoothed'"),
     "unknown method": (GOOD + "&integrator method = 'radau7' /\n", 19, "'radau7'", "nearest is 'radau5'"),
     "moreau_jean with smoothed": (
-        with_line("v_f", " contact = 'smoothed' v_smooth = 1e-6")
-        + "&integrator method = 'moreau_jean' step = 1e-6 /\n",
+        with_line("v_f", " contact = 'smoothed' v_smooth = 1e-6") + "&integrator method = 'moreau_jean' step = 1e-6 /\n",
         20,
         "'moreau_jean'",
         "contact = 'exact'",
@@ -219,51 +150,21 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "v_smooth with exact": (with_line("v_f", " v_smooth = 1e-6"), 14, "'v_smooth'", "contact smoothed"),
     "step with radau9": (GOOD + "&integrator step = 1e-6 /\n", 19, "'step'", "method rk4"),
     "v_cut with radau9": (GOOD + "&integrator v_cut = 1e-6 /\n", 19, "'v_cut'", "method dopri5 | dop853"),
-    "smoothed without v_smooth": (
-        with_line("v_f", " contact = 'smoothed'"),
-        11,
-        "'v_smooth'",
-        "add v_smooth",
-    ),
-    "rk4 with exact": (
-        GOOD + "&integrator method = 'rk4' step = 1e-6 /\n",
-        19,
-        "'rk4'",
-        "contact = 'smoothed'",
-    ),
+    "smoothed without v_smooth": (with_line("v_f", " contact = 'smoothed'"), 11, "'v_smooth'", "add v_smooth"),
+    "rk4 with exact": (GOOD + "&integrator method = 'rk4' step = 1e-6 /\n", 19, "'rk4'", "contact = 'smoothed'"),
     "missing key": (instead("  mass = 0.25\n", ""), 5, "'mass'", "add mass = VALUE in kg"),
     "missing v_f": (instead("  v_f = 0.010\n", ""), 11, "'v_f'", "law weakening"),
     "missing end": (instead("  t_end = 1.0e-3\n", ""), 1, "'t_end'", "add t_end = VALUE in s"),
-    "profile without times": (
-        instead("velocity = 1.0e-3", "velocity = 1, 2"),
-        17,
-        "2 value(s)",
-        "one velocity for each time",
-    ),
-    "profile too short": (
-        with_line("velocity", " time = 0, 1"),
-        18,
-        "1 value(s)",
-        "one velocity for each time",
-    ),
-    "profile backwards": (
-        instead("velocity = 1.0e-3", "velocity = 1, 2, 3 time = 0, 2, 1"),
-        17,
-        "'1.0'",
-        "must not decrease",
-    ),
+    "profile without times": (instead("velocity = 1.0e-3", "velocity = 1, 2"), 17, "2 value(s)", "one velocity for each time"),
+    "profile too short": (with_line("velocity", " time = 0, 1"), 18, "1 value(s)", "one velocity for each time"),
+    "profile backwards": (instead("velocity = 1.0e-3", "velocity = 1, 2, 3 time = 0, 2, 1"), 17, "'1.0'", "must not decrease"),
     "profile not from 0": (instead("velocity = 1.0e-3", "velocity = 1 time = 1"), 17, "'1.0'", "must be 0.0"),
-    "profile, three equal": (
-        instead("velocity = 1.0e-3", "velocity = 4*1 time = 0, 3*1"),
-        17,
-        "time(4)",
-        "twice for a jump",
-    ),
+    "profile, three equal": (instead("velocity = 1.0e-3", "velocity = 4*1 time = 0, 3*1"), 17, "time(4)", "twice for a jump"),
 }
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_deck(name, call, tmp_path):
+def test_bad_deck(name, program, tmp_path):
     """Exit status 2; file, line, offending word and remedy in one message; nothing written, nothing overwritten."""
     content, line, word, remedy = BAD[name]
     deck = write(tmp_path, content)
@@ -271,17 +172,17 @@ def test_bad_deck(name, call, tmp_path):
     (tmp_path / "old.h5").write_bytes(kept)
     before = {path.name for path in tmp_path.iterdir()}
 
-    result = call("run", deck, "-o", "old.h5", "--overwrite")
+    result = program("run", deck, "-o", "old.h5", "--overwrite")
     place = f"dynstiction: {deck}:{line}: " if line else f"dynstiction: {deck}: "
-    messages = result.stderr.decode().splitlines()
+    messages = result.stderr.splitlines()
     assert result.returncode == 2, messages
     assert any(m.startswith(place) and word in m and remedy in m for m in messages), messages
     assert all(re.match(r"dynstiction: deck\.nml(:\d+)?: .+: .+", m) for m in messages), messages
-    assert result.stdout == b""
+    assert result.stdout == ""
     assert (tmp_path / "old.h5").read_bytes() == kept
 
-    assert call("run", deck).returncode == 2
-    assert call("check", deck).returncode == 2
+    assert program("run", deck).returncode == 2
+    assert program("check", deck).returncode == 2
     assert {path.name for path in tmp_path.iterdir()} == before
 
 
@@ -290,64 +191,55 @@ SEVERAL = {"blank", "comment only", "v_f with constant"}
 
 
 @pytest.mark.parametrize("name", sorted(BAD.keys() - SEVERAL))
-def test_one_fault_one_message(name, call, tmp_path):
-    result = call("check", write(tmp_path, BAD[name][0]))
-    assert len(result.stderr.splitlines()) == 1, result.stderr.decode()
+def test_one_fault_one_message(name, program, tmp_path):
+    result = program("check", write(tmp_path, BAD[name][0]))
+    assert len(result.stderr.splitlines()) == 1, result.stderr
 
 
-def test_good_deck_is_good(call, tmp_path):
+def test_good_deck_is_good(program, tmp_path):
     """What the bad decks are made from has no fault of its own."""
-    result = call("check", write(tmp_path, GOOD))
-    assert (result.returncode, result.stderr) == (0, b"")
+    result = program("check", write(tmp_path, GOOD))
+    assert (result.returncode, result.stderr) == (0, "")
 
 
-def test_all_faults_in_one_go(call, tmp_path):
-    text = (
-        GOOD.replace("'a test'", "'a test")
-        .replace("0.25", "NaN")
-        .replace("v_f", "vf")
-        .replace("velocity", "speed")
-    )
-    result = call("check", write(tmp_path, text + "&sytem /\nstray\n"))
-    lines = [int(m.split(":")[2]) for m in result.stderr.decode().splitlines()]
+def test_all_faults_in_one_go(program, tmp_path):
+    text = GOOD.replace("'a test'", "'a test").replace("0.25", "NaN").replace("v_f", "vf").replace("velocity", "speed")
+    result = program("check", write(tmp_path, text + "&sytem /\nstray\n"))
+    lines = [int(m.split(":")[2]) for m in result.stderr.splitlines()]
     assert lines == sorted(lines)
     assert {2, 6, 13, 17, 19, 20} <= set(lines)
 
 
-def test_faults_of_several_decks(call, tmp_path):
+def test_faults_of_several_decks(program, tmp_path):
     """All decks are checked before the first one runs."""
     write(tmp_path, GOOD, "good.nml")
     write(tmp_path, GOOD.replace("0.25", "x"), "one.nml")
     write(tmp_path, GOOD.replace("0.25", "y"), "two.nml")
-    result = call("run", "good.nml", "one.nml", "two.nml")
+    result = program("run", "good.nml", "one.nml", "two.nml")
     assert result.returncode == 2
     assert len(result.stderr.splitlines()) == 2
-    assert "one.nml:6: 'x'" in result.stderr.decode()
-    assert "two.nml:6: 'y'" in result.stderr.decode()
+    assert "one.nml:6: 'x'" in result.stderr
+    assert "two.nml:6: 'y'" in result.stderr
     assert not list(tmp_path.glob("*.h5"))
 
 
 @pytest.mark.parametrize("kind", ["missing", "folder", "pipe", "device", "no name"])
-def test_not_a_file(kind, call, tmp_path):
-    name = {"missing": "none.nml", "folder": "folder", "pipe": "pipe", "device": "/dev/zero", "no name": ""}[
-        kind
-    ]
+def test_not_a_file(kind, program, tmp_path):
+    name = {"missing": "none.nml", "folder": "folder", "pipe": "pipe", "device": "/dev/zero", "no name": ""}[kind]
     if kind == "folder":
         (tmp_path / name).mkdir()
     if kind == "pipe":
         os.mkfifo(tmp_path / name)
-    result = call("run", name)
+    result = program("run", name)
     assert result.returncode == 2
-    assert re.match(rf"dynstiction: {re.escape(name)}: .+: .+", result.stderr.decode()), result.stderr
+    assert re.match(rf"dynstiction: {re.escape(name)}: .+: .+", result.stderr), result.stderr
 
 
 GOOD_BUT_ODD = {
     "CRLF": GOOD.replace("\n", "\r\n"),
     "no final newline": GOOD.rstrip("\n"),
     "groups in any order": "".join(reversed(re.findall(r"&.*?\n/\n", GOOD, re.DOTALL))),
-    "repeat counts": GOOD.replace("velocity = 1.0e-3", "time = 0.0 velocity = 1*1.0e-3").replace(
-        "0.25", "1*0.25"
-    ),
+    "repeat counts": GOOD.replace("velocity = 1.0e-3", "time = 0.0 velocity = 1*1.0e-3").replace("0.25", "1*0.25"),
     "tabs": GOOD.replace(" = ", "\t=\t").replace("  ", "\t"),
     "comments with quotes": GOOD.replace("\n", " ! don't \" / & = mass = 3\n"),
     "comment without a blank": GOOD.replace("0.25", "0.25!it's"),
@@ -364,36 +256,31 @@ GOOD_BUT_ODD = {
     "blank lines": GOOD.replace("\n", "\n\n   \n"),
     "long line": "! " + "x" * 200_000 + "\n" + GOOD,
     "other alphabets": "! 摩擦, трение, µ\n" + GOOD,
-    "off switches of unused keys": GOOD.replace("v_f", "v_smooth = 0.0\n v_f")
-    + "&integrator step = 0.0, v_cut = 0.0 /\n",
+    "off switches of unused keys": GOOD.replace("v_f", "v_smooth = 0.0\n v_f") + "&integrator step = 0.0, v_cut = 0.0 /\n",
 }
 
 
 @pytest.mark.parametrize("name", GOOD_BUT_ODD)
-def test_odd_deck_reads_as_the_plain_one(name, call, tmp_path):
-    plain = call("check", write(tmp_path, GOOD, "plain.nml"))
-    odd = call("check", write(tmp_path, GOOD_BUT_ODD[name]))
-    assert (odd.returncode, odd.stderr) == (0, b"")
-    assert values(odd.stdout.decode()) == values(plain.stdout.decode())
+def test_odd_deck_reads_as_the_plain_one(name, program, tmp_path):
+    plain = program("check", write(tmp_path, GOOD, "plain.nml"))
+    odd = program("check", write(tmp_path, GOOD_BUT_ODD[name]))
+    assert (odd.returncode, odd.stderr) == (0, "")
+    assert values(odd.stdout) == values(plain.stdout)
 
 
-def test_text_survives(call, tmp_path):
+def test_text_survives(program, tmp_path):
     deck = GOOD.replace("'a test'", "'it''s \"φ = 1°\", a/b & c ! not a comment'")
-    result = call("check", write(tmp_path, deck))
-    assert "title = 'it''s \"φ = 1°\", a/b & c ! not a comment' ! user" in result.stdout.decode()
+    result = program("check", write(tmp_path, deck))
+    assert "title = 'it''s \"φ = 1°\", a/b & c ! not a comment' ! user" in result.stdout
 
 
-def resolved(call, folder: Path, content: str, *settings: str) -> str:
-    arguments = [word for setting in settings for word in ("--set", setting)]
-    result = call("check", write(folder, content), *arguments)
-    assert result.returncode == 0, result.stderr.decode()
-    return result.stdout.decode()
+def resolved(program: Program, content: str, *settings: str) -> str:
+    return program("check", write(program.folder, content), settings=settings, status=0).stdout
 
 
-def test_settings_win(call, tmp_path):
+def test_settings_win(program, tmp_path):
     text = resolved(
-        call,
-        tmp_path,
+        program,
         GOOD,
         "system.mass=0.5",
         "integrator.method=dopri5",
@@ -428,9 +315,9 @@ def test_settings_win(call, tmp_path):
         ("sweep.count=3", "&sweep varies nothing", "name parameter"),
     ],
 )
-def test_bad_setting(setting, word, remedy, call, tmp_path):
-    result = call("run", write(tmp_path, GOOD), "--set", "scene.t_end=2e-3", "--set", setting)
-    text = result.stderr.decode()
+def test_bad_setting(setting, word, remedy, program, tmp_path):
+    result = program("run", write(tmp_path, GOOD), "--set", "scene.t_end=2e-3", "--set", setting)
+    text = result.stderr
     assert result.returncode == 2
     if setting == "friction.law=constant":
         assert "deck.nml:13: " in text
@@ -441,36 +328,33 @@ def test_bad_setting(setting, word, remedy, call, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"deck.nml"}
 
 
-def test_empty_setting_takes_a_key_out(call, tmp_path):
-    text = resolved(
-        call, tmp_path, GOOD, "friction.law=constant", "friction.mu_inf=", "friction.v_f= ", "scene.title="
-    )
+def test_empty_setting_takes_a_key_out(program, tmp_path):
+    text = resolved(program, GOOD, "friction.law=constant", "friction.mu_inf=", "friction.v_f= ", "scene.title=")
     assert "mu_inf" not in text
     assert "v_f" not in text
     assert re.search(r"^  title = '' +! default", text, re.MULTILINE)
-    refused = call("check", "deck.nml", "--set", "system.mass=")
+    refused = program("check", "deck.nml", "--set", "system.mass=")
     assert refused.returncode == 2
-    assert b"deck.nml:5: 'mass' is missing" in refused.stderr
+    assert "deck.nml:5: 'mass' is missing" in refused.stderr
 
 
-def test_resolved_deck_is_a_fixpoint(call, tmp_path):
+def test_resolved_deck_is_a_fixpoint(program, tmp_path):
     once = resolved(
-        call,
-        tmp_path,
+        program,
         GOOD,
         "system.mass=0.1234567890123456789",
         "drive.velocity=-1e-300",
         "scene.title=it's",
         "friction.mu_0=3.3333333333333335e-1",
     )
-    twice = resolved(call, tmp_path, once)
+    twice = resolved(program, once)
     assert values(twice) == values(once)
-    assert resolved(call, tmp_path, twice) == twice
+    assert resolved(program, twice) == twice
     assert "mass = 0.12345678901234568 " in once
 
 
-def test_resolved_marks_user_and_default(call, tmp_path):
-    keys = [line for line in resolved(call, tmp_path, GOOD).splitlines() if " = " in line]
+def test_resolved_marks_user_and_default(program, tmp_path):
+    keys = [line for line in resolved(program, GOOD).splitlines() if " = " in line]
     assert all(re.search(r" ! (user|default)[,;] ", line) for line in keys)
     marked = {line.split()[0] for line in keys if " ! user" in line}
     assert marked == {
@@ -488,23 +372,21 @@ def test_resolved_marks_user_and_default(call, tmp_path):
     }
 
 
-def test_template_is_a_deck(call, tmp_path):
-    result = call("template")
+def test_template_is_a_deck(program, tmp_path):
+    result = program("template")
     assert result.returncode == 0
-    assert call("template", "full").stdout == result.stdout
-    text = resolved(call, tmp_path, result.stdout.decode())
-    fig3 = call("check", str(INPUTS / "fig3.nml")).stdout.decode()
+    assert program("template", "full").stdout == result.stdout
+    text = resolved(program, result.stdout)
+    fig3 = program("check", str(INPUTS / "fig3.nml")).stdout
     own = ("  file = ", "  interval = ")
-    assert [v for v in values(text) if not v.startswith(own)] == [
-        v for v in values(fig3) if not v.startswith(own)
-    ]
+    assert [v for v in values(text) if not v.startswith(own)] == [v for v in values(fig3) if not v.startswith(own)]
 
 
 @pytest.mark.parametrize("deck", DECKS, ids=lambda path: path.stem)
-def test_inputs(deck, call, tmp_path):
+def test_inputs(deck, program, tmp_path):
     """Every deck of inputs/ is sound, begins with a comment that explains it, and writes a file of its own name."""
-    result = call("check", str(deck))
-    assert (result.returncode, result.stderr) == (0, b"")
+    result = program("check", str(deck))
+    assert (result.returncode, result.stderr) == (0, "")
     text = deck.read_text()
     assert text.startswith("! ")
     assert f"  file = '{deck.stem}.h5'" in text
@@ -522,12 +404,12 @@ def same(ours: dict, theirs: dict) -> bool:
 
 
 @pytest.mark.parametrize("source", [*DECKS, "template"], ids=lambda s: s if isinstance(s, str) else s.stem)
-def test_f90nml_reads_the_same(source, call, tmp_path):
+def test_f90nml_reads_the_same(source, program, tmp_path):
     f90nml = pytest.importorskip("f90nml")
-    text = call("template").stdout.decode() if source == "template" else source.read_text()
+    text = program("template").stdout if source == "template" else source.read_text()
     for points in INPUTS.glob("*.csv"):
         shutil.copy(points, tmp_path)
-    used = f90nml.reads(resolved(call, tmp_path, text))
+    used = f90nml.reads(resolved(program, text))
     given = f90nml.reads(text)
     # Keys that are switched off stand in the template but are not used.
     for group, keys in given.items():
@@ -538,38 +420,38 @@ def test_f90nml_reads_the_same(source, call, tmp_path):
     assert same(given, used)
 
 
-def test_f90nml_reads_long_lists_and_quotes(call, tmp_path):
+def test_f90nml_reads_long_lists_and_quotes(program, tmp_path):
     f90nml = pytest.importorskip("f90nml")
     times = [i**0.5 for i in range(300)]
     speeds = [1e-3 / (i + 3) for i in range(300)]
     text = GOOD.replace("velocity = 1.0e-3", f"velocity = {str(speeds)[1:-1]}\n time = {str(times)[1:-1]}")
-    used = f90nml.reads(resolved(call, tmp_path, text.replace("a test", "it''s a ! test")))
+    used = f90nml.reads(resolved(program, text.replace("a test", "it''s a ! test")))
     assert used["drive"]["time"] == times
     assert used["drive"]["velocity"] == speeds
     assert used["scene"]["title"] == "it's a ! test"
 
 
-def test_existing_output_is_refused(call, tmp_path):
+def test_existing_output_is_refused(program, tmp_path):
     (tmp_path / "deck.h5").write_bytes(b"kept")
-    result = call("run", write(tmp_path, GOOD), "--quiet")
+    result = program("run", write(tmp_path, GOOD), "--quiet")
     assert result.returncode == 3
-    assert "deck.h5" in result.stderr.decode()
-    assert "--overwrite" in result.stderr.decode()
+    assert "deck.h5" in result.stderr
+    assert "--overwrite" in result.stderr
     assert (tmp_path / "deck.h5").read_bytes() == b"kept"
 
 
-def test_output_folder_must_exist(call, tmp_path):
-    result = call("run", write(tmp_path, GOOD), "-o", "none/out.h5")
+def test_output_folder_must_exist(program, tmp_path):
+    result = program("run", write(tmp_path, GOOD), "-o", "none/out.h5")
     assert result.returncode == 3
-    assert "the folder none does not exist: create it" in result.stderr.decode()
+    assert "the folder none does not exist: create it" in result.stderr
 
 
-def test_two_decks_cannot_share_an_output(call, tmp_path):
+def test_two_decks_cannot_share_an_output(program, tmp_path):
     for name in ("one.nml", "two.nml"):
         write(tmp_path, GOOD + f"&output file = '{'./' if name == 'two.nml' else ''}same.h5' /\n", name)
-    result = call("run", "one.nml", "two.nml")
+    result = program("run", "one.nml", "two.nml")
     assert result.returncode == 3
-    assert "two decks write this file" in result.stderr.decode()
+    assert "two decks write this file" in result.stderr
     assert not (tmp_path / "same.h5").exists()
 
 
@@ -589,39 +471,32 @@ def test_two_decks_cannot_share_an_output(call, tmp_path):
         (["trade"], "trade DECK"),
     ],
 )
-def test_wrong_usage(arguments, remedy, call, tmp_path):
+def test_wrong_usage(arguments, remedy, program, tmp_path):
     write(tmp_path, GOOD)
-    result = call(*arguments)
+    result = program(*arguments)
     assert result.returncode == 1
-    assert result.stderr.decode().startswith("dynstiction: ")
-    assert remedy in result.stderr.decode()
+    assert result.stderr.startswith("dynstiction: ")
+    assert remedy in result.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"deck.nml"}
 
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        ["--help"],
-        ["run", "--help"],
-        ["check", "--help"],
-        ["template", "-h"],
-        ["stability", "--help"],
-        ["trade", "--help"],
-    ],
+    [["--help"], ["run", "--help"], ["check", "--help"], ["template", "-h"], ["stability", "--help"], ["trade", "--help"]],
 )
-def test_help(arguments, call):
-    result = call(*arguments)
-    assert (result.returncode, result.stderr) == (0, b"")
-    text = result.stdout.decode()
+def test_help(arguments, program):
+    result = program(*arguments)
+    assert (result.returncode, result.stderr) == (0, "")
+    text = result.stdout
     assert "Usage:" in text
     assert "Exit status:" in text
     assert arguments[0] == "--help" or f"dynstiction {arguments[0]}" in text
 
 
-def test_version(call):
-    result = call("--version")
+def test_version(program):
+    result = program("--version")
     assert result.returncode == 0
-    assert re.match(r"dynstiction \d+\.\d+", result.stdout.decode())
+    assert re.match(r"dynstiction \d+\.\d+", result.stdout)
 
 
 def bounded(executable: Path, folder: Path, megabytes: int, *arguments: str) -> tuple[int, str, float]:

@@ -6,7 +6,6 @@ import ast
 import importlib.util
 import inspect
 import re
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from typing import Any
 import dynstiction as ds
 import pytest
 from dynstiction.plot.paper import deck
+from programs import SCRIPT, Program
 
 PACKAGE = Path(ds.__file__).parent
 
@@ -153,22 +153,9 @@ def test_mypy_is_content_with_package_and_use(tmp_path: Path) -> None:
         "ds.System(mass='heavy')\n"
     )
 
-    def mypy(*files: Path) -> tuple[int, str]:
-        command = [
-            sys.executable,
-            "-m",
-            "mypy",
-            "--strict",
-            "--cache-dir",
-            str(tmp_path / "cache"),
-            *map(str, files),
-        ]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
-        return done.returncode, done.stdout
-
-    assert mypy(use) == (0, "Success: no issues found in 1 source file\n")
-    status, report = mypy(wrong)
-    assert status == 1
+    mypy = Program((sys.executable, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache"), tmp_path)
+    assert mypy(use, status=0, timeout=None).stdout == "Success: no issues found in 1 source file\n"
+    report = mypy(wrong, status=1, timeout=None).stdout
     for line in range(2, 7):
         assert f"wrong.py:{line}: error" in report, report
 
@@ -179,9 +166,7 @@ SLOW = ("matplotlib", "scipy", "xarray", "pandas", "tqdm", "h5py", "h5netcdf")
 
 
 def python(code: str) -> str:
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    ).stdout.strip()
+    return SCRIPT(code, status=0).stdout.strip()
 
 
 def test_importing_and_running_takes_nothing_that_is_not_used(fig3_text: str) -> None:

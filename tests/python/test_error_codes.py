@@ -7,13 +7,12 @@ state, in a work or in a column alone.
 from __future__ import annotations
 
 import re
-import subprocess
-from pathlib import Path
 
 import h5py
 import pytest
+from fig3 import DECK
+from programs import INPUTS, ROOT, STOPPED, Program
 
-ROOT = Path(__file__).parents[2]
 PAGE = "docs/errors.md"
 
 pytestmark = pytest.mark.deck
@@ -40,9 +39,7 @@ def test_every_code_is_explained() -> None:
     assert len(codes()) >= 12
     for name, code in codes().items():
         assert code in explained, f"{name} = {code} is not in {PAGE}"
-        assert all(len(cell) > 3 for cell in explained[code][-2:]) or code == 0, (
-            f"{PAGE} says too little of {code}"
-        )
+        assert all(len(cell) > 3 for cell in explained[code][-2:]) or code == 0, f"{PAGE} says too little of {code}"
 
 
 def words_of(code: int) -> list[str]:
@@ -56,25 +53,16 @@ DECKS: dict[str, tuple[int, tuple[str, ...]]] = {
     "too_many_steps": (42, ("integrator.max_steps=50",)),
     "not_finite": (43, ("friction.normal_load=1e300",)),
     "too_many_rejections": (44, ("initial.elongation_x=1e300",)),
-    "release_failed": (
-        46,
-        ("friction.normal_load=0", "initial.velocity_ratio=0", "integrator.method=dopri5"),
-    ),
+    "release_failed": (46, ("friction.normal_load=0", "initial.velocity_ratio=0", "integrator.method=dopri5")),
     "stopped_early": (75, ("output.wall_limit=1e-9",)),
 }
 
 
 @pytest.mark.parametrize("name", DECKS)
-def test_the_message_names_the_page_and_the_file_the_code(
-    executable: Path, tmp_path: Path, name: str
-) -> None:
+def test_the_message_names_the_page_and_the_file_the_code(program: Program, name: str) -> None:
     code, settings = DECKS[name]
     assert codes()[name] == code
-    file = tmp_path / "x.h5"
-    command = [executable, "run", ROOT / "inputs/fig3.nml", "-o", file, "--quiet", "--set", "scene.t_end=0.3"]
-    for setting in settings:
-        command += ["--set", setting]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = program("run", DECK, "-o", "x.h5", "--quiet", settings=("scene.t_end=0.3", *settings))
     if done.returncode == -8:
         pytest.skip("this build ends at an overflow by itself")
     assert done.returncode == (75 if code == 75 else 4), done
@@ -83,43 +71,29 @@ def test_the_message_names_the_page_and_the_file_the_code(
     assert re.search(r" at t = +\d\.\d+E[-+]\d{3} s| after t = +\d", done.stderr)
     if code != 75:
         assert any(words in done.stderr for words in words_of(code)), (done.stderr, words_of(code))
-    with h5py.File(file) as data:
+    with h5py.File(program.folder / "x.h5") as data:
         assert (data.attrs["result_code"], data.attrs["complete"]) == (code, 0)
-        assert f"dynstiction: {ROOT / 'inputs/fig3.nml'}: {data.attrs['result_text']}\n" == done.stderr
+        assert f"dynstiction: {DECK}: {data.attrs['result_text']}\n" == done.stderr
 
 
-def test_failed_and_forgotten_cases_of_a_sweep(executable: Path, tmp_path: Path) -> None:
-    deck = tmp_path / "map.nml"
+def test_failed_and_forgotten_cases_of_a_sweep(program: Program) -> None:
+    folder = program.folder
     grid = "\n&sweep\n parameter = 'system.misalignment_deg', first = 1.0, last = 8.0, count = 4\n/\n"
-    deck.write_text((ROOT / "inputs/low_frequency.nml").read_text() + grid)
-
-    def call(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [executable, *arguments, "--quiet"]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
-
-    limit = ("--set", "integrator.max_steps=20")
-    done = call("run", "map.nml", "-o", "failed.h5", *limit)
+    (folder / "map.nml").write_text((INPUTS / "low_frequency.nml").read_text() + grid)
+    limit = ("--quiet", "--set", "integrator.max_steps=20")
+    done = program("run", "map.nml", "-o", "failed.h5", *limit)
     assert done.returncode == codes()["some_failed"] == 5
     assert PAGE in done.stderr
-    with h5py.File(tmp_path / "failed.h5") as data:
+    with h5py.File(folder / "failed.h5") as data:
         assert (data["sweep/result_code"][:] == 42).all()
         assert all(PAGE.encode() in text for text in data["sweep/failures/result_text"][:])
         assert data.attrs["result_code"] == 5
-    part = call("run", "map.nml", "-o", "part.h5", *limit, "--shard", "1/2")
-    assert part.returncode == 5
-    done = call("merge", "map.nml", "-o", "part.h5", *limit)
-    assert done.returncode == 75
-    assert PAGE in done.stderr
-    with h5py.File(tmp_path / "part.h5") as data:
+    program("run", "map.nml", "-o", "part.h5", *limit, "--shard", "1/2", status=5)
+    assert PAGE in program("merge", "map.nml", "-o", "part.h5", *limit, status=STOPPED).stderr
+    with h5py.File(folder / "part.h5") as data:
         assert sorted(data["sweep/result_code"][:]) == [-1, -1, 42, 42]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code"), [(["fly"], 1), (["run", "none.nml"], 2), (["resume", "none.h5"], 3)]
-)
-def test_refusals(executable: Path, tmp_path: Path, arguments: list[str], code: int) -> None:
-    done = subprocess.run(
-        [executable, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == code
-    assert done.stderr.startswith("dynstiction: ")
+@pytest.mark.parametrize(("arguments", "code"), [(["fly"], 1), (["run", "none.nml"], 2), (["resume", "none.h5"], 3)])
+def test_refusals(program: Program, arguments: list[str], code: int) -> None:
+    assert program(*arguments, status=code).stderr.startswith("dynstiction: ")

@@ -4,45 +4,21 @@ refused when they are set up, faults of &sweep, a sweep that keeps its series.
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-
-INPUTS = Path(__file__).parents[2] / "inputs"
+from programs import INPUTS
 
 pytestmark = pytest.mark.deck
 
-
-@pytest.fixture
-def call(executable, tmp_path):
-    def run(*arguments: str, settings: tuple[str, ...] = ()) -> subprocess.CompletedProcess[str]:
-        command = [executable, *arguments]
-        for setting in settings:
-            command += ["--set", setting]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
-
-    return run
-
-
-RK4 = (
-    "friction.contact=smoothed",
-    "friction.v_smooth=1e-5",
-    "integrator.method=rk4",
-    "integrator.step=1e-5",
-    "integrator.rtol=",
-)
+RK4 = ("friction.contact=smoothed", "friction.v_smooth=1e-5", "integrator.method=rk4", "integrator.step=1e-5", "integrator.rtol=")
 # Settings on fig3.nml, and why the full model is taken.
 OBSTACLES: dict[str, tuple[str, ...]] = {
     "the high-frequency motion alone costs as much": ("scene.quantities=high_frequency",),
     "the reduced models have the exact contact": RK4,
-    "the method has a fixed step": (
-        "integrator.method=moreau_jean",
-        "integrator.step=1e-5",
-        "integrator.rtol=",
-    ),
+    "the method has a fixed step": ("integrator.method=moreau_jean", "integrator.step=1e-5", "integrator.rtol="),
     "known for a constant drive velocity": ("drive.velocity=0",),
     "known for unstretched springs": ("initial.elongation_x=1e-6",),
     "known for a slow start": ("initial.velocity_ratio=2",),
@@ -56,10 +32,9 @@ OBSTACLES: dict[str, tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("reason", OBSTACLES)
-def test_auto_says_why_it_is_the_full_model(call, tmp_path, reason):
+def test_auto_says_why_it_is_the_full_model(program, tmp_path, reason):
     settings = ("scene.model=auto", "scene.t_end=1e-3", *OBSTACLES[reason])
-    done = call("run", str(INPUTS / "fig3.nml"), "-o", "x.h5", settings=settings)
-    assert done.returncode == 0, done.stderr
+    done = program("run", INPUTS / "fig3.nml", "-o", "x.h5", settings=settings, status=0)
     with h5py.File(tmp_path / "x.h5") as file:
         assert file.attrs["model"] == "full"
         assert file.attrs["model_choice"].startswith("full: ")
@@ -67,28 +42,15 @@ def test_auto_says_why_it_is_the_full_model(call, tmp_path, reason):
         assert file.attrs["model_choice"] in done.stderr
 
 
-def test_auto_takes_a_closed_form_of_creep(call, tmp_path):
-    settings = (
-        "scene.model=auto",
-        "scene.quantities=creep",
-        "scene.t_end=0.5",
-        "scene.accuracy=0.05",
-        "output.fields=X,u_x",
-    )
-    done = call("run", str(INPUTS / "fig3_constant.nml"), "-o", "x.h5", settings=settings)
-    assert done.returncode == 0, done.stderr
+def test_auto_takes_a_closed_form_of_creep(program, tmp_path):
+    settings = ("scene.model=auto", "scene.quantities=creep", "scene.t_end=0.5", "scene.accuracy=0.05", "output.fields=X,u_x")
+    program("run", INPUTS / "fig3_constant.nml", "-o", "x.h5", settings=settings, status=0)
     with h5py.File(tmp_path / "x.h5") as file:
         assert file.attrs["model"] in {"creep_asymptotic", "creep"}
         assert "(estimated), accuracy = " in file.attrs["model_choice"]
 
 
-ABSENT = (
-    "system.mass=",
-    "friction.law=",
-    "initial.velocity_ratio=",
-    "integrator.method=",
-    "integrator.rtol=",
-)
+ABSENT = ("system.mass=", "friction.law=", "initial.velocity_ratio=", "integrator.method=", "integrator.rtol=")
 REFUSED: dict[str, tuple[str, ...]] = {
     "does not give zeta": ("scene.model=creep", "output.fields=zeta", *ABSENT),
     "zeta has no value where V sin(phi) = 0": ("output.fields=zeta", "system.misalignment_deg=0"),
@@ -98,10 +60,8 @@ REFUSED: dict[str, tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("words", REFUSED)
-def test_a_scene_that_cannot_be_set_up_is_refused(call, tmp_path, words):
-    done = call("run", str(INPUTS / "fig3_constant.nml"), "-o", "x.h5", settings=REFUSED[words])
-    assert done.returncode == 2, done
-    assert words in done.stderr
+def test_a_scene_that_cannot_be_set_up_is_refused(program, tmp_path, words):
+    assert words in program("run", INPUTS / "fig3_constant.nml", "-o", "x.h5", settings=REFUSED[words], status=2).stderr
     assert not (tmp_path / "x.h5").exists()
 
 
@@ -129,25 +89,22 @@ def sweep_deck(folder: Path, lists: dict[str, str], *more: str) -> str:
 
 
 @pytest.mark.parametrize("words", SWEEP_FAULTS)
-def test_a_sweep_with_faults_is_refused(call, tmp_path, words):
+def test_a_sweep_with_faults_is_refused(program, tmp_path, words):
     key, value = SWEEP_FAULTS[words]
     lists = LISTS | {key: value}
     if words == "is out of range":
         lists["first"] = "-1.0, 1e-3"
-    done = call("run", sweep_deck(tmp_path, lists), "-o", "x.h5")
-    assert done.returncode == 2, done
-    assert words in done.stderr
+    assert words in program("run", sweep_deck(tmp_path, lists), "-o", "x.h5", status=2).stderr
     assert not list(tmp_path.glob("x.h5*"))
 
 
-def test_a_sweep_keeps_its_series(call, tmp_path):
+def test_a_sweep_keeps_its_series(program, tmp_path):
     """Each case has the samples that a run of its own gives."""
     short = ("scene.t_end=0.05", "output.fields=u_x,X_rate")
     deck = sweep_deck(tmp_path, LISTS, "  keep = 'series'")
-    assert call("run", deck, "-o", "x.h5", "--quiet", settings=short).returncode == 0
+    program("run", deck, "-o", "x.h5", "--quiet", settings=short, status=0)
     alone = ("system.misalignment_deg=4.0", "drive.velocity=2e-3")
-    one = call("run", str(INPUTS / "low_frequency.nml"), "-o", "one.h5", "--quiet", settings=(*short, *alone))
-    assert one.returncode == 0
+    program("run", INPUTS / "low_frequency.nml", "-o", "one.h5", "--quiet", settings=(*short, *alone), status=0)
     with h5py.File(tmp_path / "x.h5") as file, h5py.File(tmp_path / "one.h5") as single:
         assert file["sweep/drive.velocity"][:] == pytest.approx([1e-3, 2e-3, 4e-3] * 2, rel=1e-15)
         assert file["sweep/system.misalignment_deg"][:].tolist() == [1.0] * 3 + [4.0] * 3
@@ -158,29 +115,22 @@ def test_a_sweep_keeps_its_series(call, tmp_path):
             assert np.isnan(series[expected.size :]).all()
 
 
-def test_the_energy_balance_of_a_swing_back_to_rest(call, tmp_path):
+def test_the_energy_balance_of_a_swing_back_to_rest(program, tmp_path):
     """Without friction a pulled mass is at rest again after one period, and the works are 0: what was exchanged is not."""
     period = float(2 * np.pi * np.sqrt(0.25 / 1e3))
-    settings = (
-        "friction.normal_load=0",
-        "initial.velocity_ratio=0",
-        "system.misalignment_deg=0",
-        f"scene.t_end={period!r}",
-    )
-    done = call("run", str(INPUTS / "fig3_constant.nml"), "-o", "x.h5", "--quiet", settings=settings)
-    assert done.returncode == 0, done.stderr
+    settings = ("friction.normal_load=0", "initial.velocity_ratio=0", "system.misalignment_deg=0", f"scene.t_end={period!r}")
+    program("run", INPUTS / "fig3_constant.nml", "-o", "x.h5", "--quiet", settings=settings, status=0)
     with h5py.File(tmp_path / "x.h5") as file:
         kinetic = 0.5 * 0.25 * 1e-3**2
         assert abs(file["summary/drive_work"][()]) < 1e-8 * kinetic
         assert abs(file["summary/energy_residual"][()]) < 1e-8
 
 
-def test_moreau_jean_sticks_only_where_friction_can_hold(call, tmp_path):
+def test_moreau_jean_sticks_only_where_friction_can_hold(program, tmp_path):
     """A swing of the springs far beyond the static limit turns many times before it sticks."""
     settings = ("integrator.method=moreau_jean", "integrator.step=1e-4", "integrator.rtol=", "initial.elongation_x=0.05",
                 "scene.t_end=2.0", "output.interval=0")  # fmt: skip
-    done = call("run", str(INPUTS / "fig3.nml"), "-o", "x.h5", "--quiet", settings=settings)
-    assert done.returncode == 0, done.stderr
+    program("run", INPUTS / "fig3.nml", "-o", "x.h5", "--quiet", settings=settings, status=0)
     with h5py.File(tmp_path / "x.h5") as file:
         series = {name: column[:] for name, column in file["time_series"].items()}
     load = np.hypot(series["spring_force_x"], series["spring_force_y"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import shutil
-import subprocess
 from pathlib import Path
 
 import dynstiction as ds
@@ -13,10 +12,9 @@ import numpy as np
 import pytest
 import xarray
 from dynstiction.__main__ import main
+from programs import INPUTS, Program
 
 pandas = pytest.importorskip("pandas", reason="no pandas: pip install pandas")
-
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 
 
 @pytest.fixture(scope="module")
@@ -25,21 +23,14 @@ def result(fig3: ds.Scene) -> ds.Result:
 
 
 @pytest.fixture(scope="module", params=["program", "package"])
-def file(
-    request: pytest.FixtureRequest,
-    executable: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    result: ds.Result,
-) -> Path:
+def file(request: pytest.FixtureRequest, executable: Path, tmp_path_factory: pytest.TempPathFactory, result: ds.Result) -> Path:
     """A result file of the executable, and one of `Result.save`."""
     path = tmp_path_factory.mktemp(request.param) / "run.h5"
     if request.param == "package":
         result.save(path)
         return path
-    deck = path.with_suffix(".nml")
-    deck.write_text(result.deck)
-    command = [executable, "run", deck, "-o", path, "--set", "scene.t_end=0.1", "--quiet"]
-    subprocess.run(command, check=True)
+    path.with_suffix(".nml").write_text(result.deck)
+    Program((executable,), path.parent)("run", "run.nml", "--set", "scene.t_end=0.1", "--quiet", status=0)
     return path
 
 
@@ -56,11 +47,7 @@ def read_csv(path: Path) -> dict[str, np.ndarray]:
 def test_a_run_as_csv_keeps_every_bit(file: Path, result: ds.Result, tmp_path: Path) -> None:
     assert main(["export", str(file), "--csv", "-o", str(tmp_path / "new" / "folder")]) == 0
     folder = tmp_path / "new" / "folder"
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "run_events.csv",
-        "run_summary.csv",
-        "run_time_series.csv",
-    ]
+    assert sorted(path.name for path in folder.iterdir()) == ["run_events.csv", "run_summary.csv", "run_time_series.csv"]
     series = read_csv(folder / "run_time_series.csv")
     assert "u_x [m]" in series
     assert "w_x [m s-1]" in series
@@ -91,10 +78,8 @@ def test_existing_tables_are_kept(file: Path, tmp_path: Path, capsys: pytest.Cap
     assert main(["export", str(tmp_path / "none.h5"), "--csv"]) == 3
 
 
-def test_a_sweep_as_csv(executable: Path, tmp_path: Path) -> None:
-    deck = INPUTS / "map_anisotropy.nml"
-    command = [executable, "run", deck, "-o", "map.h5", "--quiet", "--set", "sweep.count=3,2"]
-    subprocess.run(command, check=True, cwd=tmp_path)
+def test_a_sweep_as_csv(program: Program, tmp_path: Path) -> None:
+    program("run", INPUTS / "map_anisotropy.nml", "-o", "map.h5", "--quiet", "--set", "sweep.count=3,2", status=0)
     assert main(["export", str(tmp_path / "map.h5"), "--csv", "-o", str(tmp_path)]) == 0
     table = read_csv(tmp_path / "map_sweep.csv")
     assert next(iter(table)) == "case"
@@ -105,10 +90,9 @@ def test_a_sweep_as_csv(executable: Path, tmp_path: Path) -> None:
             np.testing.assert_array_equal(table[column], file["sweep"][name][:])
 
 
-def test_a_comparison_as_csv(executable: Path, tmp_path: Path, fig3_text: str) -> None:
+def test_a_comparison_as_csv(program: Program, tmp_path: Path, fig3_text: str) -> None:
     (tmp_path / "deck.nml").write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.05"))
-    command = [executable, "trade", "deck.nml", "-o", "trade.h5", "--budget", "1", "--quiet"]
-    subprocess.run(command, check=True, cwd=tmp_path)
+    program("trade", "deck.nml", "-o", "trade.h5", "--budget", "1", "--quiet", status=0)
     assert main(["export", str(tmp_path / "trade.h5"), "--csv", "-o", str(tmp_path)]) == 0
     table = pandas.read_csv(tmp_path / "trade_trade.csv")
     trade = ds.open_trade(tmp_path / "trade.h5")
@@ -121,15 +105,13 @@ def test_a_comparison_as_csv(executable: Path, tmp_path: Path, fig3_text: str) -
 
 @pytest.mark.skipif(shutil.which("h5dump") is None, reason="no h5dump: apt-get install hdf5-tools")
 def test_h5dump_shows_the_file(file: Path, result: ds.Result) -> None:
-    def h5dump(*options: str) -> str:
-        return subprocess.run(["h5dump", *options, file], capture_output=True, text=True, check=True).stdout
-
-    contents = h5dump("-n")
+    h5dump = Program(("h5dump",))
+    contents = h5dump("-n", file, status=0).stdout
     assert all(f"/time_series/{name}" in contents for name in result)
-    values = h5dump("-y", "-w", "0", "-m", "%.17g", "-d", "/time_series/u_x")
+    values = h5dump("-y", "-w", "0", "-m", "%.17g", "-d", "/time_series/u_x", file, status=0).stdout
     data = values.partition("DATA {")[2].partition("}")[0]
     np.testing.assert_array_equal(np.array(data.replace(",", " ").split(), dtype=float), result["u_x"])
-    assert '"N"' in h5dump("-a", "/time_series/friction/units")
+    assert '"N"' in h5dump("-a", "/time_series/friction/units", file, status=0).stdout
 
 
 def test_h5py_reads_values_units_and_scales(file: Path, result: ds.Result) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 import pytest
+from programs import SCRIPT
 
 MOST_SECONDS = 15.0
 """For one figure, on a busy machine; what never ended took more than ten minutes."""
@@ -71,10 +70,7 @@ SCENES = [
 
 def draw(text, names):
     """Draw in another process: matplotlib cannot be interrupted where it does not end."""
-    done = subprocess.run(
-        [sys.executable, "-c", DRAW, *names], input=text, capture_output=True, text=True,
-        timeout=30 + MOST_SECONDS * len(names), check=False,
-    )  # fmt: skip
+    done = SCRIPT(DRAW, *names, input=text, timeout=30 + MOST_SECONDS * len(names))
     assert done.returncode == 0, done.stderr[-2000:]
     found = [json.loads(line) for line in done.stdout.splitlines()]
     assert [name for name, _, _ in found] == names

@@ -17,19 +17,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "faults"))
 import faults
 import sequences
 from faults import CLOCK, OPERATIONS, RESULT, Laboratory
-from program import (
-    DONE,
-    FILE_ERROR,
-    STOPPED,
-    Call,
-    Ended,
-    Program,
-    Running,
-    content,
-    is_complete,
-    is_sealed,
-    snapshot,
-)
+from program import Call, Ended, Program, Running, content, is_complete, is_sealed, snapshot
+from programs import DONE, FILE_ERROR, STOPPED
 
 pytestmark = pytest.mark.deck
 
@@ -125,11 +114,7 @@ def changes(calls: list[Call]) -> list[Call]:
 
 def named(calls: list[Call]) -> int:
     """Number of the call that gives the result its name, and of its process."""
-    return next(
-        call.all
-        for call in calls
-        if call.name in ("link", "linkat", "rename", "renameat2") and call.path.endswith(RESULT)
-    )
+    return next(call.all for call in calls if call.name in ("link", "linkat", "rename", "renameat2") and call.path.endswith(RESULT))
 
 
 # Shares of the whole proof.
@@ -146,8 +131,7 @@ def test_a_fault_at_any_call_loses_nothing(lab, name):
 
 
 @pytest.mark.full
-def test_faults_at_every_fifth_call_of_everything(executable, monkeypatch):
-    monkeypatch.setenv("DYNSTICTION_EXE", str(executable))
+def test_faults_at_every_fifth_call_of_everything(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["faults.py", "--every", "5"])
     assert faults.main() == 0
 
@@ -160,8 +144,7 @@ def test_random_lives_end_with_the_same_bits(lab):
 
 
 @pytest.mark.full
-def test_500_random_lives(executable, monkeypatch):
-    monkeypatch.setenv("DYNSTICTION_EXE", str(executable))
+def test_500_random_lives(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["sequences.py", "--count", "500"])
     assert sequences.main() == 0
 
@@ -345,16 +328,10 @@ def test_overwrite_replaces_results_of_this_program_only(program, begin):
     points = folder / "q.h5"
     with h5py.File(points, "w") as file:
         file["drive.velocity"] = [1e-3, 2e-3]
-    (folder / "q.nml").write_text(
-        faults.SCENE.replace("file = 'low_frequency.h5'", "") + "&sweep points = 'q.h5' /\n"
-    )
+    (folder / "q.nml").write_text(faults.SCENE.replace("file = 'low_frequency.h5'", "") + "&sweep points = 'q.h5' /\n")
     (folder / "foreign.h5").write_bytes(points.read_bytes())
     before = snapshot(folder)
-    for deck, output in (
-        ("q.nml", ()),
-        ("run.nml", ("-o", "foreign.h5")),
-        ("sweep.nml", ("-o", "foreign.h5")),
-    ):
+    for deck, output in (("q.nml", ()), ("run.nml", ("-o", "foreign.h5")), ("sweep.nml", ("-o", "foreign.h5"))):
         assert_refused(program.run(folder, "run", deck, *output, "--overwrite", "--quiet"))
         assert snapshot(folder) == before
 

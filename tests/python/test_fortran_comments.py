@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
+from programs import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "src"
 SOURCES = sorted([*FOLDER.rglob("*.f90*"), *(ROOT / "python" / "core").glob("*.f90")])
 PREFIX = r"(?:(?:pure|elemental|impure|recursive|module|logical|integer|real\(\w+\)|type\(\w+\)|character\([^)]*\))\s+)*"
@@ -94,9 +94,7 @@ def test_the_check_finds_norm2() -> None:
 
 
 def test_the_check_finds_what_is_missing() -> None:
-    module = (
-        "!> What it is.\nmodule m\n  public :: one, two, three\n  integer, parameter :: three = 3\ncontains\n"
-    )
+    module = "!> What it is.\nmodule m\n  public :: one, two, three\n  integer, parameter :: three = 3\ncontains\n"
     routines = "  !> Said.\n  subroutine one()\n  end subroutine one\n  pure real(wp) function two()\n  end function two\n"
     assert undocumented(module + routines) == ["three", "two"]
     assert undocumented("module m\nend module m\n") == ["the file"]

@@ -6,6 +6,7 @@ that of runs with step_max = 1e-5 s (radau9, rtol 1e-13), which no step can hide
 
 import dynstiction as ds
 import pytest
+from fig3 import slider
 
 TRUE = {0.05: 0.03726056964321908, 0.1: 0.06443316435171872}
 RTOL = (1e-5, 1e-6, 1e-8)
@@ -14,9 +15,7 @@ RTOL = (1e-5, 1e-6, 1e-8)
 def scene(stretch, method, rtol):
     return ds.Scene(
         scene={"model": "low_frequency", "t_end": 10.0},
-        system={"mass": 0.25, "stiffness_x": 1e3, "misalignment_deg": 1.0},
-        friction={"law": "weakening", "mu_0": 0.2, "mu_inf": 0.0, "v_f": 0.01, "normal_load": 10.0},
-        drive={"velocity": 1e-3},
+        **slider({"system": {"stiffness_y": None}, "friction": {"mu_inf": 0.0}}),
         initial={"velocity_ratio": 0.0, "elongation_x": stretch},
         integrator={"method": method, "rtol": rtol},
         output={"interval": 1.0},

@@ -4,29 +4,20 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import dynstiction as ds
 import pytest
+from programs import Program
 
 COMMANDS = ("plot", "report", "export", "animate", "paper", "validate-creep")
 
 
-def call(
-    program: Path, *arguments: object, cwd: Path, **environment: str | None
-) -> subprocess.CompletedProcess[str]:
-    """The executable with this interpreter, or with the variables that are given; None takes one out."""
-    variables = {**os.environ, "DYNSTICTION_PYTHON": sys.executable, **environment}
-    return subprocess.run(
-        [program, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=cwd,
-        env={name: value for name, value in variables.items() if value is not None},
-    )
+@pytest.fixture
+def program(executable: Path, tmp_path: Path) -> Program:
+    """The executable with this interpreter."""
+    return Program((executable,), tmp_path, {"DYNSTICTION_PYTHON": sys.executable})
 
 
 @pytest.fixture
@@ -35,21 +26,21 @@ def folder(tmp_path: Path, fig3: ds.Scene) -> Path:
     return tmp_path
 
 
-def test_commands_of_python_are_those_of_the_executable(executable: Path, folder: Path) -> None:
+def test_commands_of_python_are_those_of_the_executable(program: Program, folder: Path) -> None:
     name = "it's a run"
-    assert call(executable, "plot", f"{name}.h5", "--kind", "path", cwd=folder).returncode == 0
-    assert call(executable, "report", f"{name}.h5", cwd=folder).returncode == 0
-    export = call(executable, "export", f"{name}.h5", "--csv", "-o", "tables", cwd=folder)
+    program("plot", f"{name}.h5", "--kind", "path", status=0)
+    program("report", f"{name}.h5", status=0)
+    export = program("export", f"{name}.h5", "--csv", "-o", "tables")
     assert export.stdout.count(".csv\n") == 3
     assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / f"{name}.html").exists()
     for command in COMMANDS:
-        helped = call(executable, command, "--help", cwd=folder)
+        helped = program(command, "--help")
         assert (helped.returncode, helped.stderr) == (0, "")
         assert helped.stdout.startswith(f"usage: dynstiction {command}")
 
 
-def test_faults_have_the_exit_status_of_the_executable(executable: Path, folder: Path) -> None:
+def test_faults_have_the_exit_status_of_the_executable(program: Program, folder: Path) -> None:
     for arguments, status, named in (
         (("plot", "none.h5"), 3, "none.h5"),
         (("plot", "it's a run.h5", "--kind", "hystory"), 1, "history"),
@@ -58,39 +49,37 @@ def test_faults_have_the_exit_status_of_the_executable(executable: Path, folder:
         (("--quiet", "plot", "it's a run.h5"), 1, "'plot' comes first"),
         (("plto", "it's a run.h5"), 1, "the nearest is 'plot'"),
     ):
-        done = call(executable, *arguments, cwd=folder)
+        done = program(*arguments)
         assert (done.returncode, done.stdout) == (status, ""), arguments
         assert done.stderr.startswith("dynstiction: ")
         assert named in done.stderr
         assert done.stderr.count("\n") == 1
 
 
-def test_help_lists_them(executable: Path, tmp_path: Path) -> None:
-    text = call(executable, "--help", cwd=tmp_path).stdout
+def test_help_lists_them(program: Program) -> None:
+    text = program("--help").stdout
     for command in COMMANDS:
         assert f"  dynstiction {command} " in text or f"  dynstiction {command}\n" in text
     assert "DYNSTICTION_PYTHON" in text
 
 
-def test_without_interpreter_or_package_there_is_a_remedy(executable: Path, folder: Path) -> None:
-    done = call(executable, "plot", "x.h5", cwd=folder, DYNSTICTION_PYTHON="/no/python3")
-    assert done.returncode == 3
+def test_without_interpreter_or_package_there_is_a_remedy(program: Program, folder: Path) -> None:
+    done = program("plot", "x.h5", env={"DYNSTICTION_PYTHON": "/no/python3"}, status=3)
     assert "/no/python3: no Python interpreter" in done.stderr
     assert "DYNSTICTION_PYTHON" in done.stderr
     bare = folder / "bare"
     bare.write_text(f'#!/bin/sh\nexec "{sys.executable}" -I -S "$@"\n')
     bare.chmod(0o755)
-    done = call(executable, "plot", "x.h5", cwd=folder, DYNSTICTION_PYTHON=str(bare))
-    assert (done.returncode, done.stderr.count("\n")) == (3, 1)
+    done = program("plot", "x.h5", env={"DYNSTICTION_PYTHON": str(bare)}, status=3)
+    assert done.stderr.count("\n") == 1
     assert "No module named 'dynstiction'" in done.stderr
     assert "install the package there" in done.stderr
 
 
-def test_a_missing_package_of_python_s_is_named(executable: Path, folder: Path) -> None:
+def test_a_missing_package_of_python_s_is_named(program: Program, folder: Path) -> None:
     (folder / "matplotlib.py").write_text("raise ModuleNotFoundError('gone', name='matplotlib')")
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])
-    done = call(executable, "plot", "it's a run.h5", cwd=folder, PYTHONPATH=path)
-    assert done.returncode == 3
+    done = program("plot", "it's a run.h5", env={"PYTHONPATH": path}, status=3)
     assert "the Python package matplotlib is missing" in done.stderr
     assert "-m pip install matplotlib" in done.stderr
 
@@ -105,23 +94,22 @@ def interpreter(path: Path, says: str) -> Path:
 def test_which_interpreter(executable: Path, tmp_path: Path) -> None:
     """The variable, then beside the executable, then PATH."""
     path = f"{interpreter(tmp_path / 'path' / 'python3', 'path').parent}:{os.environ['PATH']}"
-    program = tmp_path / "bin" / "dynstiction"
-    program.parent.mkdir()
-    shutil.copy(executable, program)
-    link = tmp_path / "link"
-    link.symlink_to(program)
+    copy, link = tmp_path / "bin" / "dynstiction", tmp_path / "link"
+    copy.parent.mkdir()
+    shutil.copy(executable, copy)
+    link.symlink_to(copy)
 
-    def chosen(**variables: str | None) -> str:
-        return call(link, "plot", "x.h5", cwd=tmp_path, PATH=path, **variables).stdout.strip()
+    def chosen(variable: str | None) -> str:
+        return Program((link,), tmp_path, {"PATH": path, "DYNSTICTION_PYTHON": variable})("plot", "x.h5").stdout.strip()
 
-    assert chosen(DYNSTICTION_PYTHON=None) == "path"
-    interpreter(program.with_name("python3"), "beside")
-    assert chosen(DYNSTICTION_PYTHON=None) == "beside"
-    assert chosen(DYNSTICTION_PYTHON="") == "beside"
-    assert chosen(DYNSTICTION_PYTHON=str(interpreter(tmp_path / "own" / "py", "own"))) == "own"
+    assert chosen(None) == "path"
+    interpreter(copy.with_name("python3"), "beside")
+    assert chosen(None) == "beside"
+    assert chosen("") == "beside"
+    assert chosen(str(interpreter(tmp_path / "own" / "py", "own"))) == "own"
 
 
-def test_a_folder_of_the_package_s_name_is_not_the_package(executable: Path, folder: Path) -> None:
+def test_a_folder_of_the_package_s_name_is_not_the_package(program: Program, folder: Path) -> None:
     (folder / "dynstiction").mkdir()
     (folder / "dynstiction" / "__main__.py").write_text("raise SystemExit(99)")
-    assert call(executable, "plot", "it's a run.h5", cwd=folder).returncode == 0
+    program("plot", "it's a run.h5", status=0)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -13,9 +11,10 @@ import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
+from damage import SEAL_LENGTH, changed, flipped, without_seal
+from programs import SCRIPT, Program
 
 SHORT = {"t_end": 0.05}
-SEAL_LENGTH = len("dynstiction CRC-32 01234567\n")
 
 
 @pytest.fixture(scope="module", params=["executable", "python"])
@@ -26,34 +25,19 @@ def sound(request, executable: Path, fig3_text: str, tmp_path_factory) -> Path:
     if request.param == "python":
         ds.run(fig3_text, scene=SHORT).save(file)
     else:
-        deck = folder / "fig3.nml"
-        deck.write_text(fig3_text)
-        command = [executable, "run", deck, "-o", file, "--quiet", "--set", "scene.t_end=0.05"]
-        subprocess.run(command, check=True, timeout=60)
+        (folder / "fig3.nml").write_text(fig3_text)
+        Program((executable,), folder)("run", "fig3.nml", "-o", file, "--quiet", "--set", "scene.t_end=0.05", status=0)
     ds.open(file)
     return file
 
 
 def cut(bytes_left: Callable[[int], int]) -> Callable[[Path], None]:
     """Damage that keeps only the beginning of a file, given its size."""
-
-    def damage(file: Path) -> None:
-        os.truncate(file, bytes_left(file.stat().st_size))
-
-    return damage
-
-
-def flip(file: Path, place: int, bit: int = 0) -> None:
-    place %= file.stat().st_size
-    with open(file, "r+b") as stream:
-        stream.seek(place)
-        byte = stream.read(1)[0] ^ (1 << bit)
-        stream.seek(place)
-        stream.write(bytes([byte]))
+    return lambda file: os.truncate(file, bytes_left(file.stat().st_size))
 
 
 def flip_at(place: int) -> Callable[[Path], None]:
-    return lambda file: flip(file, place)
+    return lambda file: changed(file, lambda data: flipped(data, place))
 
 
 def flip_in_column(name: str) -> Callable[[Path], None]:
@@ -62,18 +46,14 @@ def flip_in_column(name: str) -> Callable[[Path], None]:
     def damage(file: Path) -> None:
         with h5py.File(file) as data:
             place = data[name].id.get_chunk_info(0).byte_offset + data[name].dtype.itemsize
-        flip(file, place)
+        flip_at(place)(file)
 
     return damage
 
 
 def flip_after(mark: bytes) -> Callable[[Path], None]:
     """Damage of the byte after the first `mark`."""
-
-    def damage(file: Path) -> None:
-        flip(file, file.read_bytes().index(mark) + len(mark))
-
-    return damage
+    return lambda file: flip_at(file.read_bytes().index(mark) + len(mark))(file)
 
 
 def edit(change: Callable[[h5py.File], object]) -> Callable[[Path], None]:
@@ -137,9 +117,7 @@ DAMAGES: dict[str, Callable[[Path], None]] = {
     "no deck": edit(lambda data: data.__delitem__("deck/text")),
     "no checksum of the deck": edit(lambda data: data.attrs.__delitem__("deck_sha256")),
     "a group as column": edit(lambda data: data.create_group("time_series/extra")),
-    "a broken link as column": edit(
-        lambda data: data["time_series"].__setitem__("extra", h5py.SoftLink("/nowhere"))
-    ),
+    "a broken link as column": edit(lambda data: data["time_series"].__setitem__("extra", h5py.SoftLink("/nowhere"))),
     "a link to another file as column": edit(
         lambda data: data["time_series"].__setitem__("extra", h5py.ExternalLink("none.h5", "/"))
     ),
@@ -198,16 +176,13 @@ print(refused)
 
 def refusals(file: Path, folder: Path, count: int, read: str = "open", flips: str = "1,1,10,100") -> int:
     """How many of so many damaged copies of a file are refused; every other ending is a failure."""
-    command = [sys.executable, "-c", FLIPS, str(file), str(folder), str(count), read, flips]
     # A read takes some 10 ms; one that never ends fails here.
-    done = subprocess.run(command, capture_output=True, text=True, timeout=20 + count, check=False)
-    assert done.returncode == 0, done.stderr
-    return int(done.stdout)
+    return int(SCRIPT(FLIPS, file, folder, count, read, flips, timeout=20 + count, status=0).stdout)
 
 
 def unsealed(file: Path, folder: Path) -> Path:
     copy = folder / "unsealed.h5"
-    copy.write_bytes(file.read_bytes()[:-SEAL_LENGTH])
+    copy.write_bytes(without_seal(file.read_bytes()))
     return copy
 
 
@@ -224,14 +199,8 @@ def test_a_list_of_texts_without_end_is_refused(sound: Path, tmp_path: Path, len
     heap = data.find(b"GCOL\x01\0\0\0")
     data[heap + 24 : heap + 32] = length.to_bytes(8, "little")
     (tmp_path / "bent.h5").write_bytes(data)
-    command = [
-        sys.executable,
-        "-c",
-        "import dynstiction as ds, sys; ds.open(sys.argv[1])",
-        tmp_path / "bent.h5",
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
-    assert done.returncode == 1 and "FileError" in done.stderr and "list of texts" in done.stderr
+    done = SCRIPT("import dynstiction as ds, sys; ds.open(sys.argv[1])", tmp_path / "bent.h5", timeout=30, status=1)
+    assert "FileError" in done.stderr and "list of texts" in done.stderr
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(2000, marks=pytest.mark.full)])
@@ -242,13 +211,9 @@ def test_no_flipped_bit_stays_unnoticed(sound: Path, tmp_path: Path, count: int)
 
 
 @pytest.mark.parametrize("count", [100, pytest.param(2000, marks=pytest.mark.full)])
-def test_a_damaged_comparison_is_read_or_refused(
-    executable: Path, fig3_text: str, tmp_path: Path, count: int
-) -> None:
-    deck = tmp_path / "short.nml"
-    deck.write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.02"))
-    command = [executable, "trade", deck, "--budget", "2", "-o", tmp_path / "trade.h5", "--quiet"]
-    subprocess.run(command, check=True, timeout=60, stdout=subprocess.DEVNULL)
+def test_a_damaged_comparison_is_read_or_refused(program: Program, fig3_text: str, tmp_path: Path, count: int) -> None:
+    (tmp_path / "short.nml").write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.02"))
+    program("trade", "short.nml", "--budget", "2", "-o", "trade.h5", "--quiet", status=0)
     assert refusals(tmp_path / "trade.h5", tmp_path, count, "open_trade", "1") >= count - 1
     assert refusals(unsealed(tmp_path / "trade.h5", tmp_path), tmp_path, count, "open_trade") > count / 8
     for name in ("empty", "text", "folder", "pipe", "foreign"):

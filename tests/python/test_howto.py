@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 from pages import DOCS, blocks, run_page
+from programs import ROOT, Program
 
-ROOT = DOCS.parent
 PAGES = {
     "friction_law": "src/physics/friction.f90",
     "method": "src/numerics/runge_kutta_tableaux.f90",
@@ -51,14 +50,11 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(ROOT / part, source / part)
     for page in PAGES:
         for patch in patches(page):
-            done = subprocess.run(
-                ["patch", "-p1"], input=patch, cwd=source, capture_output=True, text=True, check=False
-            )
+            done = Program(("patch", "-p1"), source)(input=patch)
             assert done.returncode == 0, f"howto/{page}.md: {done.stdout}{done.stderr}"
     build = source / "build"
-    for command in (["meson", "setup", build, "-Dpython=false", "-Dtests=false"], ["ninja", "-C", build]):
-        done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
+    for command in (("meson", "setup", build, "-Dpython=false", "-Dtests=false"), ("ninja", "-C", build)):
+        Program(command, source)(timeout=None, status=0)
     return build / "src"
 
 

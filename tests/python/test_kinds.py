@@ -14,6 +14,7 @@ from dynstiction.plot.paper import deck
 from dynstiction.plot.spectra import predicted_ridge
 from dynstiction.plot.style import new_figure
 from dynstiction.plot.theory import damping_crossing, slider
+from fig3 import CONSTANT
 from matplotlib.figure import Figure
 
 SHORT = {"t_end": 0.3}
@@ -69,10 +70,7 @@ def test_spectrogram_traces_are_the_velocities(fig4_result: ds.Result) -> None:
         axes = plot.draw(fig4_result, kind).axes
         for place, name in zip(places, ("w_x", "w_y"), strict=True):
             drawn = axes[place].lines[0].get_ydata()
-            assert (drawn.min(), drawn.max()) == (
-                1e3 * fig4_result[name].min(),
-                1e3 * fig4_result[name].max(),
-            )
+            assert (drawn.min(), drawn.max()) == (1e3 * fig4_result[name].min(), 1e3 * fig4_result[name].max())
 
 
 def test_velocities_show_five_periods(fig4_result: ds.Result) -> None:
@@ -93,9 +91,7 @@ def test_crossings_of_fig5(fig4_result: ds.Result, phi10_result: ds.Result) -> N
     assert weakened_ratio(10.873, 10.0) == pytest.approx(1.0, rel=1e-3)
     assert weakened_ratio(5.1033, 1.0) == pytest.approx(1.0, rel=1e-3)
     zeta = [ratio for _, ratio in found]
-    np.testing.assert_allclose(
-        zeta, [0.01926, 1.0, 1.0, 364.2 * np.sin(np.radians(10.0)) ** 3, 1.0], rtol=5e-4
-    )
+    np.testing.assert_allclose(zeta, [0.01926, 1.0, 1.0, 364.2 * np.sin(np.radians(10.0)) ** 3, 1.0], rtol=5e-4)
     triangles = [line.get_xdata()[0] for line in figure.axes[0].lines if line.get_marker() == "v"]
     assert triangles == [pytest.approx(4.316, abs=1e-3)]
 
@@ -163,7 +159,7 @@ ANY_FILE = {
     "strained": {"initial": {"elongation_x": 1e-4}},
     "isotropic": {"system": {"stiffness_y": 1e3}},
     "without friction": {"friction": {"mu_0": 0.0, "mu_inf": 0.0}},
-    "constant": {"friction": {"law": "constant", "mu_inf": None, "v_f": None}},
+    "constant": {"friction": CONSTANT},
     "smoothed": {"friction": {"contact": "smoothed", "v_smooth": 1e-6}},
     "every step": {"output": {"interval": 0.0}, "scene": {"t_end": 0.1}},
     "coarse": {"output": {"interval": 0.01}},
@@ -213,8 +209,7 @@ def test_a_result_without_parameters_is_refused_where_they_are_needed(fig4_resul
 
 def test_a_model_without_oscillation_has_an_empty_spectrogram(fig4_result: ds.Result) -> None:
     still = [
-        (info, np.full_like(values, 1e-5) if info.name in ("w_x", "w_y") else values)
-        for info, values in fig4_result.columns.info()
+        (info, np.full_like(values, 1e-5) if info.name in ("w_x", "w_y") else values) for info, values in fig4_result.columns.info()
     ]
     figure = plot.draw(replace(fig4_result, columns=ds.Described(still)), "spectrogram")
     figure.draw_without_rendering()

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import CONSTANT, slider
+from programs import INPUTS
 
 pytest.importorskip("xarray")
 
-SLOW = Path(__file__).parents[2] / "inputs" / "low_frequency.nml"
+SLOW = INPUTS / "low_frequency.nml"
 ANGLES = np.linspace(1.0, 8.0, 37)
 
 
 def sweep(values, method="rodas4p", rtol=1e-6, **groups):
-    return ds.sweep(
-        SLOW,
-        values,
-        points=True,
-        integrator={"method": method, "rtol": rtol},
-        scene={"t_end": 10.0},
-        **groups,
-    )
+    return ds.sweep(SLOW, values, points=True, integrator={"method": method, "rtol": rtol}, scene={"t_end": 10.0}, **groups)
 
 
 def largest_error(a, b, name):
@@ -40,16 +33,7 @@ def test_agrees_with_radau_as_well_as_asked(exact, rtol):
     found = sweep({"system.misalignment_deg": ANGLES}, rtol=rtol)
     assert (found["result_code"] == 0).all()
     assert np.array_equal(found["cycles"], exact["cycles"])
-    for name in (
-        "final_u_x",
-        "final_X",
-        "period",
-        "peak_force",
-        "valley_force",
-        "slip_length",
-        "drive_work",
-        "swing",
-    ):
+    for name in ("final_u_x", "final_X", "period", "peak_force", "valley_force", "slip_length", "drive_work", "swing"):
         assert largest_error(found, exact, name) < rtol, name
     for name in ("stick_duration", "slip_duration", "friction_work", "max_X_rate", "slip_angle"):
         assert largest_error(found, exact, name) < 3 * rtol, name
@@ -111,12 +95,8 @@ def test_random_scenes_agree_with_radau():
 
 
 def test_constant_friction():
-    constant = """
-&scene model = 'low_frequency', t_end = 3.0 /
-&system mass = 0.25, stiffness_x = 1.0e3, misalignment_deg = 2.0 /
-&friction law = 'constant', mu_0 = 0.2, normal_load = 10.0 /
-&drive velocity = 1.0e-3 /
-"""
+    groups = slider({"system": {"stiffness_y": None, "misalignment_deg": 2.0}, "friction": CONSTANT})
+    constant = ds.Scene(scene={"model": "low_frequency", "t_end": 3.0}, **groups)
     values = {"drive.velocity": [1e-3, 2e-3]}
     found, exact = (
         ds.sweep(constant, values, integrator={"method": method, "rtol": rtol})
@@ -154,18 +134,13 @@ def test_a_limit_of_steps_is_that_many_steps():
     ("groups", "words"),
     [
         ({"system": {"stiffness_y": 1e7}, "scene": {"model": "full"}}, "low_frequency"),
-        (
-            {"sweep": {"parameter": "drive.velocity", "first": 1, "last": 2, "count": 2, "keep": "series"}},
-            "no series",
-        ),
+        ({"sweep": {"parameter": "drive.velocity", "first": 1, "last": 2, "count": 2, "keep": "series"}}, "no series"),
     ],
 )
 def test_refused_decks(groups, words):
     with pytest.raises(ds.DeckError, match=words):
         ds.sweep(
-            SLOW,
-            {"drive.velocity": [1e-3]} if "system" in groups else None,
-            **({"integrator": {"method": "rodas4p"}} | groups),
+            SLOW, {"drive.velocity": [1e-3]} if "system" in groups else None, **({"integrator": {"method": "rodas4p"}} | groups)
         )
 
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
+from programs import ROOT, Program
 
 
 @pytest.fixture(scope="module")
 def page(executable, tmp_path_factory) -> Path:
     file = tmp_path_factory.mktemp("man") / "dynstiction.1"
-    subprocess.run([sys.executable, ROOT / "tools" / "man_page.py", executable, file], check=True, timeout=60)
+    Program((sys.executable, ROOT / "tools" / "man_page.py"))(executable, file, status=0)
     return file
 
 
@@ -28,18 +26,14 @@ def text(page) -> str:
 
 
 def said(executable: Path, *arguments: str) -> str:
-    return subprocess.run(
-        [executable, *arguments], capture_output=True, text=True, check=True, timeout=60
-    ).stdout
+    return Program((executable,))(*arguments, status=0).stdout
 
 
 def test_man_takes_the_page_without_warning(page):
     man = shutil.which("man")
     if man is None:
         pytest.skip("man is not installed")
-    shown = subprocess.run(
-        [man, "--warnings", "-l", page], capture_output=True, text=True, check=True, timeout=60
-    )
+    shown = Program((man,))("--warnings", "-l", page, status=0)
     assert shown.stderr == ""
     assert "misalignment_deg" in shown.stdout
 

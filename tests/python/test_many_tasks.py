@@ -5,12 +5,12 @@ from __future__ import annotations
 import importlib.util
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from pages import DOCS, run_page
+from programs import Program
 from sweeps import Sweep, same, values
 
 PAGE = DOCS / "howto" / "many_tasks.md"
@@ -18,12 +18,7 @@ PAGE = DOCS / "howto" / "many_tasks.md"
 
 def has_gnu_parallel() -> bool:
     """Other packages have programs of this name too."""
-    if shutil.which("parallel") is None:
-        return False
-    done = subprocess.run(
-        ["parallel", "--version"], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
-    )
-    return done.stdout.startswith("GNU parallel")
+    return shutil.which("parallel") is not None and Program(("parallel",))("--version", input="").stdout.startswith("GNU parallel")
 
 
 ENGINES = {
@@ -50,7 +45,7 @@ def test_the_lines_for_an_engine(
     if not ENGINES[engine]():
         pytest.skip(f"{engine} is not installed")
     sweep = Sweep(tmp_path, exe=str(executable))
-    assert sweep.run("one.h5").returncode == 0
+    sweep.run("one.h5", status=0)
     folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
     monkeypatch.setenv("PATH", ":".join(folders))
     page = tmp_path / "section.md"

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import runpy
-import subprocess
-from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import CONSTANT, SLIDER
+from programs import INPUTS, ROOT
 
-ROOT = Path(__file__).parents[2]
-INPUTS = ROOT / "inputs"
 STATIC_LIMIT = 2.0  # N, F_0 of Fig. 3
 LIMIT = 1.01627  # of theta (4 Lambda^2 tan phi)^(1/5) at slip, from the inner equation of docs/maps.md
 
@@ -61,9 +59,6 @@ def test_nothing_swings_in_steady_sliding():
     assert result.summary["creep_share"] == 0.0
 
 
-CONSTANT = {"friction": {"law": "constant", "mu_inf": None, "v_f": None}}
-
-
 def first_slip(number: float, phi: float, mass: float) -> float:
     """Angle [rad] at slip under constant friction for Lambda^2 tan(phi) and a mass."""
     degrees = np.degrees(phi)
@@ -78,7 +73,7 @@ def first_slip(number: float, phi: float, mass: float) -> float:
         initial={"velocity_ratio": 0.0},
         integrator={"rtol": 1e-10},
         output={"interval": end},
-        **CONSTANT,
+        friction=CONSTANT,
     )
     return result.summary["slip_angle"]
 
@@ -102,24 +97,14 @@ def test_lists_are_those_of_the_tool(tmp_path):
 
 
 @pytest.fixture
-def thinned(executable, tmp_path):
+def thinned(program, tmp_path):
     """Run a deck of a map with few cases: settings, or points in place of its list."""
 
     def run(deck: str, *settings: str, points: str = ""):
         if points:
             (tmp_path / "few.csv").write_text(points)
             settings = (*settings, f"sweep.points={tmp_path / 'few.csv'}")
-        words = [
-            str(executable),
-            "run",
-            str(INPUTS / f"{deck}.nml"),
-            "-o",
-            "few.h5",
-            "--quiet",
-            "--overwrite",
-        ]
-        words += [word for setting in settings for word in ("--set", setting)]
-        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+        done = program("run", INPUTS / f"{deck}.nml", "-o", "few.h5", "--quiet", "--overwrite", settings=settings)
         assert (done.returncode, done.stderr) == (0, "")
         return ds.open_sweep(tmp_path / "few.h5")
 
@@ -133,10 +118,7 @@ def test_stick_slip_ends_at_low_and_outlives_the_line_at_high_velocity(thinned):
     swing = thinned("map_phi_velocity", points=cases)["swing"].values / STATIC_LIMIT
     assert swing[0] > 0.4 and swing[2] > 0.9
     assert swing[1] < 1e-3 and swing[3] < 1e-3
-    critical = ds.critical_misalignment(
-        mass=0.25, stiffness_x=1e3, stiffness_y=1e7, mu_0=0.2, mu_inf=0.15, v_f=0.01, normal_load=10.0,
-        velocity=[1e-3, 0.075],
-    )  # fmt: skip
+    critical = ds.critical_misalignment(**(SLIDER | {"velocity": [1e-3, 0.075]}))
     np.testing.assert_allclose(np.degrees(critical.angle[:, 0]), [8.656, 2.129], atol=1e-3)
 
 
@@ -157,9 +139,7 @@ def test_stiction_fades_with_lambda(thinned):
 
 def test_true_rest_ends_where_tan_phi_is_kx_over_ky(thinned):
     """k_y/k_x = 1e4: rest below the crossover at 0.0057 degrees, creep above it; the swing is the same."""
-    data = thinned(
-        "map_anisotropy", "sweep.count=2,1", "sweep.first=5.7e-4,1e7", "sweep.last=0.57,1e7", "scene.t_end=4"
-    )
+    data = thinned("map_anisotropy", "sweep.count=2,1", "sweep.first=5.7e-4,1e7", "sweep.last=0.57,1e7", "scene.t_end=4")
     rest = data["sticking_time"].values[:, 0] / 4.0
     assert rest[0] > 0.9 and rest[1] < 0.2
     assert np.all(data["creep_share"].values > 0.85)

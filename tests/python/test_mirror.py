@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import Groups, changed, slider
 
 pytest.importorskip("xarray")
-
-Groups = dict[str, dict[str, object]]
 
 # What becomes of V, phi and the elongations of the springs at the start.
 IMAGES = {
@@ -28,21 +27,14 @@ SIGNS = {
 }
 MADE_OF_ROUNDOFF = ("energy_residual",)
 
-FIG3: Groups = {
-    "system": {"mass": 0.25, "stiffness_x": 1e3, "misalignment_deg": 1.0},
-    "friction": {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10.0},
-    "drive": {"velocity": 1e-3},
-}
+FIG3 = slider({"system": {"stiffness_y": None}})
 STIFF = {"stiffness_y": 1e7}
 SOFTER = {"stiffness_y": 3e4, "misalignment_deg": 5.0}
 
 SCENES: dict[str, Groups] = {
     "low_frequency": {"scene": {"model": "low_frequency", "t_end": 10.0}},
     "low_frequency, no cycle": {"scene": {"model": "low_frequency", "t_end": 2.5}},
-    "low_frequency, dopri5": {
-        "scene": {"model": "low_frequency", "t_end": 5.0},
-        "integrator": {"method": "dopri5"},
-    },
+    "low_frequency, dopri5": {"scene": {"model": "low_frequency", "t_end": 5.0}, "integrator": {"method": "dopri5"}},
     "low_frequency, stretched": {
         "scene": {"model": "low_frequency", "t_end": 6.0},
         "system": {"misalignment_deg": 4.0},
@@ -54,45 +46,26 @@ SCENES: dict[str, Groups] = {
         "system": SOFTER,
         "initial": {"elongation_x": 5e-4, "elongation_y": 2e-5},
     },
-    "full, radau5": {
-        "scene": {"model": "full", "t_end": 3.0},
-        "system": SOFTER,
-        "integrator": {"method": "radau5"},
-    },
-    "full, radau13": {
-        "scene": {"model": "full", "t_end": 3.0},
-        "system": SOFTER,
-        "integrator": {"method": "radau13"},
-    },
-    "full, dopri5": {
-        "scene": {"model": "full", "t_end": 3.0},
-        "system": SOFTER,
-        "integrator": {"method": "dopri5"},
-    },
-    "full, moreau_jean": {
-        "scene": {"model": "full", "t_end": 3.0},
-        "system": SOFTER,
-        "integrator": {"method": "moreau_jean", "step": 1e-4},
+    **{
+        f"full, {method}": {
+            "scene": {"model": "full", "t_end": 3.0},
+            "system": SOFTER,
+            "integrator": {"method": method, **({"step": 1e-4} if method == "moreau_jean" else {})},
+        }
+        for method in ("radau5", "radau13", "dopri5", "moreau_jean")
     },
     "full, smoothed": {
         "scene": {"model": "full", "t_end": 3.0},
         "system": SOFTER,
         "friction": {"contact": "smoothed", "v_smooth": 1e-5},
     },
-    "full, 83 degrees": {
-        "scene": {"model": "full", "t_end": 0.5},
-        "system": {"stiffness_y": 3e4, "misalignment_deg": 83.0},
-    },
+    "full, 83 degrees": {"scene": {"model": "full", "t_end": 0.5}, "system": {"stiffness_y": 3e4, "misalignment_deg": 83.0}},
     "full, 90 degrees": {
         "scene": {"model": "full", "t_end": 0.5},
         "system": {"stiffness_y": 3e4, "misalignment_deg": 90.0},
         "initial": {"elongation_x": 1e-4},
     },
-    "high_frequency": {
-        "scene": {"model": "high_frequency", "t_end": 0.05},
-        "system": STIFF,
-        "initial": {"elongation_x": 1e-3},
-    },
+    "high_frequency": {"scene": {"model": "high_frequency", "t_end": 0.05}, "system": STIFF, "initial": {"elongation_x": 1e-3}},
     "creep": {
         "scene": {"model": "creep", "t_end": 1.5},
         "system": {**STIFF, "mass": None},
@@ -105,10 +78,7 @@ SCENES: dict[str, Groups] = {
     "a drive that reverses and rests, full": {
         "scene": {"model": "full", "t_end": 9.0},
         "system": SOFTER,
-        "drive": {
-            "velocity": (0.0, 0.0, -1e-3, -1e-3, 0.0, 0.0, 2e-3),
-            "time": (0, 0.5, 0.5, 4, 4.2, 5.0, 5.0),
-        },
+        "drive": {"velocity": (0.0, 0.0, -1e-3, -1e-3, 0.0, 0.0, 2e-3), "time": (0, 0.5, 0.5, 4, 4.2, 5.0, 5.0)},
     },
     "a drive that rests": {
         "scene": {"model": "full", "t_end": 1.0},
@@ -117,11 +87,6 @@ SCENES: dict[str, Groups] = {
         "initial": {"elongation_x": 3e-3},
     },
 }
-
-
-def joined(scene: Groups) -> Groups:
-    groups = {group: {**FIG3.get(group, {}), **scene.get(group, {})} for group in {*FIG3, *scene}}
-    return {group: {k: v for k, v in keys.items() if v is not None} for group, keys in groups.items()}
 
 
 def image(scene: Groups, name: str) -> Groups:
@@ -133,17 +98,8 @@ def image(scene: Groups, name: str) -> Groups:
         initial.get("elongation_y", 0.0),
     )
     drive = {**scene["drive"], "velocity": tuple(velocity.tolist())}
-    elongations = {"elongation_x": x, "elongation_y": y} if initial else {}
-    return {
-        **scene,
-        "system": {**scene["system"], "misalignment_deg": phi},
-        "drive": drive,
-        **(
-            {"initial": {**initial, **{k: v for k, v in elongations.items() if k in initial}}}
-            if initial
-            else {}
-        ),
-    }
+    elongations = {k: v for k, v in {"elongation_x": x, "elongation_y": y}.items() if k in initial}
+    return changed(scene, {"system": {"misalignment_deg": phi}, "drive": drive, "initial": elongations})
 
 
 def scale_of(name: str, summary: dict[str, float]) -> float:
@@ -161,7 +117,7 @@ def differences(one: dict[str, float], other: dict[str, float], rel: float) -> I
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_images_have_one_summary(name: str) -> None:
-    scene = joined(SCENES[name])
+    scene = changed(FIG3, SCENES[name])
     summary = dict(ds.run(ds.Scene(**scene)).summary)
     for mirror in IMAGES:
         mirrored = dict(ds.run(ds.Scene(**image(scene, mirror))).summary)
@@ -169,7 +125,7 @@ def test_the_images_have_one_summary(name: str) -> None:
 
 
 def test_loads_and_lengths_are_counted_along_the_drive() -> None:
-    scene = joined(SCENES["low_frequency"])
+    scene = changed(FIG3, SCENES["low_frequency"])
     for mirror in IMAGES:
         summary = ds.run(ds.Scene(**image(scene, mirror))).summary
         assert summary["peak_force"] == pytest.approx(1.9933, abs=1e-4)
@@ -201,7 +157,7 @@ def random_points(n: int) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("method", ["rodas4p", "radau9"])
 def test_the_images_of_random_sweeps_have_one_summary(method: str) -> None:
     points = random_points(100)
-    deck = ds.Scene(**joined(SCENES["low_frequency"]))
+    deck = ds.Scene(**changed(FIG3, SCENES["low_frequency"]))
 
     def swept(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         data = ds.sweep(deck, values, points=True, integrator={"method": method, "rtol": 1e-7})
@@ -211,12 +167,8 @@ def test_the_images_of_random_sweeps_have_one_summary(method: str) -> None:
     kept = swept(points)
     assert (kept["cycles"] > 0).sum() > 20
     for mirror, become in IMAGES.items():
-        v, phi, x, _ = become(
-            points["drive.velocity"], points["system.misalignment_deg"], points["initial.elongation_x"], 0.0
-        )
-        mirrored = swept(
-            {**points, "drive.velocity": v, "system.misalignment_deg": phi, "initial.elongation_x": x}
-        )
+        v, phi, x, _ = become(points["drive.velocity"], points["system.misalignment_deg"], points["initial.elongation_x"], 0.0)
+        mirrored = swept({**points, "drive.velocity": v, "system.misalignment_deg": phi, "initial.elongation_x": x})
         for name, values in kept.items():
             if name in (*MADE_OF_ROUNDOFF, "wall_time", "steps") or "." in name:
                 continue
@@ -229,18 +181,14 @@ def test_the_images_of_random_sweeps_have_one_summary(method: str) -> None:
 
 def test_a_reversing_drive_has_the_cycles_of_its_strokes() -> None:
     """Six strokes, to and fro, have six times what one has, and no cycle is made of two strokes."""
-    stroke = joined(SCENES["low_frequency"])
+    stroke = changed(FIG3, SCENES["low_frequency"])
     stroke["scene"] = {**stroke["scene"], "t_end": 6.0}
     alone = ds.run(ds.Scene(**stroke))
     times, velocities = [], []
     for i in range(6):
         times += [6.0 * i, 6.0 * (i + 1)]
         velocities += [(-1) ** i * 1e-3] * 2
-    there_and_back = ds.run(
-        ds.Scene(**stroke),
-        scene={"t_end": 36.0},
-        drive={"time": tuple(times), "velocity": tuple(velocities)},
-    )
+    there_and_back = ds.run(ds.Scene(**stroke), scene={"t_end": 36.0}, drive={"time": tuple(times), "velocity": tuple(velocities)})
     cycles = ds.stick_slip_statistics(there_and_back)
     assert np.nanmax(cycles["period"]) == pytest.approx(alone.summary["period"], rel=1e-3)
     assert np.isfinite(cycles["period"]).sum() == there_and_back.summary["cycles"]

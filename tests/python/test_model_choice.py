@@ -1,23 +1,16 @@
 """`model = 'auto'`: which model it is, why, and that its error stays below `accuracy`."""
 
 import re
-import subprocess
+from functools import cache
 from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import DRIVE, FRICTION, SYSTEM
+from programs import Program
 
-FIG3 = {
-    "mass": 0.25,
-    "stiffness_x": 1e3,
-    "stiffness_y": 1e7,
-    "misalignment_deg": 1.0,
-    "mu_0": 0.20,
-    "mu_inf": 0.15,
-    "v_f": 0.01,
-    "velocity": 1e-3,
-}
+FIG3 = {name: value for name, value in {**SYSTEM, **FRICTION, **DRIVE}.items() if name not in ("law", "normal_load")}
 ACCURACIES = (0.3, 0.1, 0.02, 1e-2, 1e-3, 1e-4, 1e-6)
 
 
@@ -29,11 +22,7 @@ def duration_of(scene: dict[str, float], lengths: float) -> float:
 def deck(scene: dict[str, float], model: str, lengths: float, more: str = "") -> str:
     """A scene in which the drive moves by so many l_x."""
     t_end = duration_of(scene, lengths)
-    law = (
-        "law='constant'"
-        if scene["mu_inf"] == scene["mu_0"]
-        else f"mu_inf={scene['mu_inf']}, v_f={scene['v_f']}"
-    )
+    law = "law='constant'" if scene["mu_inf"] == scene["mu_0"] else f"mu_inf={scene['mu_inf']}, v_f={scene['v_f']}"
     return f"""
     &scene model='{model}', t_end={t_end!r} {more} /
     &system mass={scene["mass"]}, stiffness_x={scene["stiffness_x"]}, stiffness_y={scene["stiffness_y"]},
@@ -43,6 +32,18 @@ def deck(scene: dict[str, float], model: str, lengths: float, more: str = "") ->
     &integrator rtol=1e-7 /
     &output interval={t_end / 200!r} /
     """
+
+
+@cache
+def full_run(lengths: float, **scene: float) -> ds.Result:
+    """What several choices are compared with."""
+    return ds.run(deck(scene, "full", lengths))
+
+
+def choice_of(scene: dict[str, float], lengths: float, accuracy: float, quantities: str = "stick_slip", **groups: object) -> str:
+    """Why it is that model."""
+    text = deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}")
+    return str(ds.run(text, **groups).attributes["model_choice"])
 
 
 def error_in_creep(result: ds.Result, full: ds.Result) -> float:
@@ -93,7 +94,7 @@ def test_error_stays_below_accuracy(change: dict[str, float]) -> None:
     checks = {"creep": (0.3, 0.95, error_in_creep), "stick_slip": (2.6, error_in_stick_slip)}
     for quantities, (*spans, error_of) in checks.items():
         for lengths in spans:
-            full = ds.run(deck(scene, "full", lengths))
+            full = full_run(lengths, **scene)
             errors: dict[str, float] = {}
             for accuracy in ACCURACIES:
                 more = f"quantities='{quantities}', accuracy={accuracy}"
@@ -120,17 +121,13 @@ def test_error_stays_below_accuracy(change: dict[str, float]) -> None:
         ("high_frequency", 1e-1, 0.5, 1.0, "full"),
     ],
 )
-def test_the_cheapest_is_found(
-    quantities: str, accuracy: float, lengths: float, angle: float, model: str
-) -> None:
-    more = f"quantities='{quantities}', accuracy={accuracy}"
-    text = deck(FIG3 | {"misalignment_deg": angle}, "auto", lengths, more)
-    assert ds.run(text).attributes["model"] == model
+def test_the_cheapest_is_found(quantities: str, accuracy: float, lengths: float, angle: float, model: str) -> None:
+    scene = FIG3 | {"misalignment_deg": angle}
+    assert choice_of(scene, lengths, accuracy, quantities).startswith(f"{model}: ")
 
 
 def test_stiffer_springs_need_less() -> None:
-    scene = FIG3 | {"stiffness_y": 1e9}
-    assert ds.run(deck(scene, "auto", 2.6, "accuracy=1e-2")).attributes["model"] == "low_frequency"
+    assert choice_of(FIG3 | {"stiffness_y": 1e9}, 2.6, 1e-2).startswith("low_frequency: ")
 
 
 # What a unit of length, time and mass is in these scenes. Powers of two: not one bit of a ratio changes.
@@ -151,13 +148,7 @@ UNITS = [(2.0**10, 1.0, 1.0), (1.0, 2.0**-6, 1.0), (1.0, 1.0, 2.0**12), (2.0**-2
     ids=str,
 )
 def test_the_choice_depends_on_ratios_only(
-    quantities: str,
-    accuracy: float,
-    lengths: float,
-    change: dict[str, float],
-    length: float,
-    time: float,
-    mass: float,
+    quantities: str, accuracy: float, lengths: float, change: dict[str, float], length: float, time: float, mass: float
 ) -> None:
     """Model and estimated error are the same in all units and for the mirrored scene."""
     scene = FIG3 | change
@@ -166,20 +157,15 @@ def test_the_choice_depends_on_ratios_only(
 
     def choice(angle: float, to: tuple[float, float, float, float, float]) -> str:
         m, s, k, v, f = to
-        result = ds.run(
-            deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}"),
+        units = {"mass": m, "stiffness_x": k, "stiffness_y": k}
+        return choice_of(
+            scene, lengths, accuracy, quantities,
             scene={"t_end": t_end * s},
-            system={
-                "mass": scene["mass"] * m,
-                "stiffness_x": scene["stiffness_x"] * k,
-                "stiffness_y": scene["stiffness_y"] * k,
-                "misalignment_deg": angle,
-            },
+            system={"misalignment_deg": angle, **{name: scene[name] * unit for name, unit in units.items()}},
             friction={"v_f": scene["v_f"] * v, "normal_load": 10.0 * f},
             drive={"velocity": scene["velocity"] * v},
             output={"interval": t_end / 10 * s},
-        )
-        return str(result.attributes["model_choice"])
+        )  # fmt: skip
 
     angle = scene["misalignment_deg"]
     plain = choice(angle, (1.0, 1.0, 1.0, 1.0, 1.0))
@@ -213,10 +199,16 @@ def test_the_choice_depends_on_ratios_only(
 )
 def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object]], reason: str) -> None:
     """Each says why; what it says is what is the matter."""
-    text = deck(FIG3, "auto", 0.05, "quantities='creep', accuracy=1.0")
-    choice = str(ds.run(text, **groups).attributes["model_choice"])
+    choice = choice_of(FIG3, 0.05, 1.0, "creep", **groups)
     assert choice.startswith("full: ")
     assert reason in choice
+
+
+def estimated(choice: str) -> float:
+    """The error that a choice speaks of."""
+    found = re.search(r"may err by +([-+.\dE]+)", choice)
+    assert found, choice
+    return float(found[1])
 
 
 @pytest.mark.parametrize("velocity", [1e-3, 2e-3])
@@ -224,11 +216,7 @@ def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object
 def test_what_the_fast_oscillation_may_do_to_creep(velocity: float, stiffness: float, mass: float) -> None:
     """The square of its force over the static limit, and the way of half a period over the advance (docs/models.md)."""
     scene = FIG3 | {"stiffness_y": stiffness, "mass": mass, "mu_inf": 0.20, "velocity": velocity}
-    choice = str(
-        ds.run(deck(scene, "auto", 0.5, "quantities='creep', accuracy=1e-9")).attributes["model_choice"]
-    )
-    found = re.search(r"may err by +([-+.\dE]+)", choice)
-    assert found, choice
+    estimate = estimated(choice_of(scene, 0.5, 1e-9, "creep"))
     across, limit, length = velocity * np.sin(np.radians(1.0)), 2.0, 2e-3
     tau = np.linspace(0.0, 0.5, 65)
     elastic, rigid = (ds.creep_exact(tau, np.radians(1.0), kappa).X for kappa in (1e3 / stiffness, 0.0))
@@ -236,7 +224,7 @@ def test_what_the_fast_oscillation_may_do_to_creep(velocity: float, stiffness: f
     ripple += 2.0 * (across / limit) ** 2 * mass * stiffness
     expected = 2.0 * ripple + 3.0 * np.abs(elastic - rigid).max() / elastic[-1]
     # The text has one digit or two.
-    assert float(found[1]) == pytest.approx(expected, rel=0.1)
+    assert estimate == pytest.approx(expected, rel=0.1)
 
 
 def test_small_cycles_are_sensitive() -> None:
@@ -244,10 +232,7 @@ def test_small_cycles_are_sensitive() -> None:
     estimate, swing = [], []
     for mu_inf in (0.15, 0.16):
         scene = FIG3 | {"mu_inf": mu_inf}
-        choice = str(ds.run(deck(scene, "auto", 5.0, "accuracy=1e-6")).attributes["model_choice"])
-        found = re.search(r"may err by +([-+.\dE]+)", choice)
-        assert found, choice
-        estimate.append(float(found[1]))
+        estimate.append(estimated(choice_of(scene, 5.0, 1e-6)))
         summary = ds.run(deck(scene, "low_frequency", 5.0), system={"stiffness_y": None}).summary
         swing.append(abs(summary["peak_force"] - summary["valley_force"]) / 2.0)
     assert swing[1] < 0.9 * swing[0]
@@ -259,9 +244,7 @@ COLUMNS = tuple(name for name in ds.run(deck(FIG3, "full", 1e-4)) if name != "ti
 SPANS = (("creep", 0.1), ("creep", 0.5), ("creep", 0.95), ("stick_slip", 2.6), ("stick_slip", 4.0))
 
 
-def chosen_for(
-    column: str, scene: dict[str, float], quantities: str, lengths: float, accuracy: float
-) -> ds.Result | None:
+def chosen_for(column: str, scene: dict[str, float], quantities: str, lengths: float, accuracy: float) -> ds.Result | None:
     """What `auto` gives of one column; None if it takes the full model."""
     more = f"quantities='{quantities}', accuracy={accuracy}"
     with ds.Simulation(deck(scene, "auto", lengths, more), output={"fields": [column]}) as simulation:
@@ -270,9 +253,7 @@ def chosen_for(
         return simulation.finish()
 
 
-def errors_of_columns(
-    scene: dict[str, float], quantities: str, lengths: float
-) -> dict[tuple[str, float], float]:
+def errors_of_columns(scene: dict[str, float], quantities: str, lengths: float) -> dict[tuple[str, float], float]:
     """Largest error over the largest value, by column and accuracy, where the model is not the full one."""
     full: ds.Result | None = None
     errors = {}
@@ -280,7 +261,7 @@ def errors_of_columns(
         for accuracy in (0.3, 0.03, 1e-3):
             result = chosen_for(column, scene, quantities, lengths, accuracy)
             if result is not None:
-                full = full or ds.run(deck(scene, "full", lengths))
+                full = full or full_run(lengths, **scene)
                 error = np.abs(result[column] - full[column]).max() / np.abs(full[column]).max()
                 errors[column, accuracy] = float(error)
     return errors
@@ -329,21 +310,16 @@ def test_every_column_is_that_of_full_in_random_scenes() -> None:
 
 
 def test_a_column_that_a_model_lacks_rules_it_out() -> None:
-    text = deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=2e-2")
-
     def choice(*fields: str) -> str:
-        return str(ds.run(text, output={"fields": list(fields)}).attributes["model_choice"])
+        return choice_of(FIG3, 0.5, 2e-2, "creep", output={"fields": list(fields)})
 
     assert choice("X").startswith("creep_asymptotic: ")
     found = choice("X", "spring_force_x")
     assert found.startswith("creep: ") and "; creep_asymptotic does not give spring_force_x" in found
     assert choice("u_y") == (
-        "full: creep_asymptotic does not give u_y; creep gives u_y without the fast oscillation; "
-        "low_frequency holds u_y constant"
+        "full: creep_asymptotic does not give u_y; creep gives u_y without the fast oscillation; low_frequency holds u_y constant"
     )
-    assert choice("X", "X_rate").startswith(
-        "full: creep_asymptotic gives X_rate without the fast oscillation; "
-    )
+    assert choice("X", "X_rate").startswith("full: creep_asymptotic gives X_rate without the fast oscillation; ")
 
 
 @pytest.mark.parametrize(("quantities", "lengths"), [("creep", 0.5), ("creep", 0.95), ("stick_slip", 5.0)])
@@ -358,19 +334,14 @@ def test_no_column_is_a_constant_in_place_of_a_motion(quantities: str, lengths: 
 
 
 @pytest.mark.deck
-def test_the_choice_is_in_the_file_and_on_the_terminal(executable: Path, tmp_path: Path) -> None:
-    def run(*options: str) -> str:
-        command = [executable, "run", "auto.nml", *options]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stderr
-
-    path = tmp_path / "auto.nml"
-    path.write_text(deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=2e-2"))
-    assert "auto.nml: model 'auto' is creep_asymptotic: " in run()
+def test_the_choice_is_in_the_file_and_on_the_terminal(program: Program, tmp_path: Path) -> None:
+    (tmp_path / "auto.nml").write_text(deck(FIG3, "auto", 0.5, "quantities='creep', accuracy=2e-2"))
+    assert "auto.nml: model 'auto' is creep_asymptotic: " in program("run", "auto.nml", status=0).stderr
     attributes = ds.open(tmp_path / "auto.h5").attributes
     assert attributes["model"] == "creep_asymptotic"
     assert attributes["method"] == "closed form"
     assert str(attributes["model_choice"]).startswith("creep_asymptotic: ")
-    assert run("--quiet", "--overwrite") == ""
+    assert program("run", "auto.nml", "--quiet", "--overwrite", status=0).stderr == ""
 
 
 def test_other_models_have_no_choice() -> None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
+import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import CONSTANT
+from programs import INPUTS, Program
+from results import assert_same
 
-if TYPE_CHECKING:
-    from typing import Any
-
-    import dynstiction as ds
-
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 METHODS = ["radau5", "radau9", "radau13", "dopri5", "dop853"]
 
 # Off in the decks of models that do not use them.
@@ -22,14 +19,10 @@ UNUSED: dict[str, dict[str, None]] = {"system": {"stiffness_y": None}, "friction
 
 
 def run(deck: str, **groups: dict[str, Any]) -> ds.Result:
-    import dynstiction as ds  # noqa: PLC0415
-
     return ds.run(INPUTS / f"{deck}.nml", **groups)
 
 
 def refusal(deck: str, **groups: dict[str, Any]) -> str:
-    import dynstiction as ds  # noqa: PLC0415
-
     with pytest.raises(ds.DeckError) as refused:
         run(deck, **groups)
     return str(refused.value)
@@ -226,9 +219,7 @@ def test_the_end_of_slip_in_closed_form_keeps_the_energy(method: str) -> None:
     for cut in (1e-3, 3e-4):
         integrator = {"method": method, "rtol": 1e-10, "v_cut": cut}
         system = {"misalignment_deg": 0.0}
-        result = run(
-            "fig3", integrator=integrator, system=system, scene={"t_end": 4.5}, output={"interval": 0.1}
-        )
+        result = run("fig3", integrator=integrator, system=system, scene={"t_end": 4.5}, output={"interval": 0.1})
         assert result.sticks() == 4
         residual.append(abs(result.summary["energy_residual"]))
     assert residual[0] < 5e-7
@@ -261,7 +252,7 @@ def test_frequency_of_the_fast_oscillation() -> None:
     for load in (0.0, 0.5, 0.9):
         result = run(
             "high_frequency",
-            friction={"law": "constant", "mu_inf": None, "v_f": None},
+            friction=CONSTANT,
             initial={"elongation_x": 2e-3 * load},
             scene={"t_end": 0.05},
             output={"interval": 1e-6},
@@ -285,9 +276,7 @@ def test_fast_oscillation_sticks_and_slips(method: str) -> None:
     assert np.all(force[~slipping] <= 2.0 * (1.0 + 1e-12))
     assert abs(result.summary["energy_residual"]) < 1e-8
     # It saturates where the slip velocity touches zero.
-    assert (1e-3 * np.sin(np.radians(1.0)) - result["w_y"]).max() == pytest.approx(
-        1e-3 * np.sin(np.radians(1.0))
-    )
+    assert (1e-3 * np.sin(np.radians(1.0)) - result["w_y"]).max() == pytest.approx(1e-3 * np.sin(np.radians(1.0)))
 
 
 def test_fast_oscillation_without_load_is_that_of_the_full_model() -> None:
@@ -296,9 +285,7 @@ def test_fast_oscillation_without_load_is_that_of_the_full_model() -> None:
     full = run("fig3", initial={"velocity_ratio": 0.0}, scene=groups["scene"], output=groups["output"])
     assert alone.sticks() == full.sticks()
     late = alone.time > 0.02
-    assert np.ptp(alone["spring_force_y"][late]) == pytest.approx(
-        np.ptp(full["spring_force_y"][late]), rel=2e-2
-    )
+    assert np.ptp(alone["spring_force_y"][late]) == pytest.approx(np.ptp(full["spring_force_y"][late]), rel=2e-2)
 
 
 def test_mirrored_load_and_drive() -> None:
@@ -307,10 +294,7 @@ def test_mirrored_load_and_drive() -> None:
     np.testing.assert_array_equal(other["w_y"], -result["w_y"])
     np.testing.assert_array_equal(other["w_x"], result["w_x"])
     # An object that moves at the start moves to the side of the drive.
-    moving = [
-        run("high_frequency", system={"misalignment_deg": angle}, initial={"velocity_ratio": 1.0})
-        for angle in (30.0, -30.0)
-    ]
+    moving = [run("high_frequency", system={"misalignment_deg": angle}, initial={"velocity_ratio": 1.0}) for angle in (30.0, -30.0)]
     assert moving[0]["w_y"][0] > 0.0
     np.testing.assert_array_equal(moving[1]["w_y"], -moving[0]["w_y"])
     # Load and drive in opposite directions, seen from the other side.
@@ -328,8 +312,6 @@ def test_load_at_the_static_limit_is_refused() -> None:
 
 
 def test_creep_is_the_closed_form() -> None:
-    import dynstiction as ds  # noqa: PLC0415
-
     result = run("creep")
     exact = ds.creep_exact(result.time * 0.5, np.radians(1.0), 1e-4)
     slides = result["sticking"] == 0.0
@@ -343,9 +325,7 @@ def test_creep_is_the_closed_form() -> None:
     assert "zeta" not in result
     # X = V t - u_x c - u_y s, Eq. (6).
     c, s = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
-    np.testing.assert_allclose(
-        result["X"], 1e-3 * result.time - result["u_x"] * c - result["u_y"] * s, atol=1e-17
-    )
+    np.testing.assert_allclose(result["X"], 1e-3 * result.time - result["u_x"] * c - result["u_y"] * s, atol=1e-17)
 
 
 def forces(result: ds.Result) -> tuple[np.ndarray, np.ndarray]:
@@ -370,16 +350,12 @@ def test_creep_in_other_quadrants(angle: float, velocity: float) -> None:
     sign = np.sign(velocity)
     np.testing.assert_allclose(other["X"], sign * result["X"], rtol=1e-9)
     e = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
-    np.testing.assert_allclose(
-        other["X"], velocity * other.time - other["u_x"] * e[0] - other["u_y"] * e[1], atol=1e-16
-    )
+    np.testing.assert_allclose(other["X"], velocity * other.time - other["u_x"] * e[0] - other["u_y"] * e[1], atol=1e-16)
     np.testing.assert_allclose(np.abs(other["w_y"]), np.abs(result["w_y"]), rtol=1e-9)
 
 
 @pytest.mark.parametrize("form", ["first_power", "printed", "third_order"])
 def test_forms_of_the_asymptotics(form: str) -> None:
-    import dynstiction as ds  # noqa: PLC0415
-
     result = run("creep_asymptotic", scene={"form": form}, output={"interval": 1e-4})
     assert list(result) == ["time", "X", "X_rate"]
     rate = ds.creep_asymptotic(result.time * 0.5, np.radians(1.0), form=form)  # type: ignore[arg-type]
@@ -409,19 +385,11 @@ def test_forms_of_the_asymptotics(form: str) -> None:
         ("creep", {"friction": {"mu_inf": 0.1}}, "'mu_inf' is not used with model creep"),
         ("creep_asymptotic", {"system": {"stiffness_y": 1e7}}, "'stiffness_y' is not used"),
         ("creep", {"scene": {"form": "printed"}}, "'form' is not used with model creep"),
-        (
-            "low_frequency",
-            {"system": {"stiffness_y": 1e7}},
-            "'stiffness_y' is not used with model low_frequency",
-        ),
+        ("low_frequency", {"system": {"stiffness_y": 1e7}}, "'stiffness_y' is not used with model low_frequency"),
         ("low_frequency", {"initial": {"elongation_y": 1e-9}}, "'elongation_y' is not used"),
         ("low_frequency", {"friction": {"contact": "smoothed"}}, "'contact' is not used"),
         ("high_frequency", {"friction": {"contact": "smoothed"}}, "'contact' is not used"),
-        (
-            "low_frequency",
-            {"integrator": {"method": "moreau_jean", "rtol": None, "step": 1e-5}},
-            "works on model 'full' only",
-        ),
+        ("low_frequency", {"integrator": {"method": "moreau_jean", "rtol": None, "step": 1e-5}}, "works on model 'full' only"),
         ("fig3", {"scene": {"accuracy": 1e-2}}, "'accuracy' is not used with model full"),
         ("fig3", {"scene": {"quantities": "creep"}}, "'quantities' is not used with model full"),
     ],
@@ -449,26 +417,18 @@ def test_creep_that_has_not_begun_is_rest() -> None:
 
 
 @pytest.mark.parametrize("deck", ["low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"])
-def test_executable_writes_what_python_returns(deck: str, executable: Path, tmp_path: Path) -> None:
-    import dynstiction as ds  # noqa: PLC0415
-
-    subprocess.run([executable, "run", INPUTS / f"{deck}.nml"], cwd=tmp_path, capture_output=True, check=True)
+def test_executable_writes_what_python_returns(deck: str, program: Program, tmp_path: Path) -> None:
+    program("run", INPUTS / f"{deck}.nml", status=0)
     written, returned = ds.open(tmp_path / f"{deck}.h5"), run(deck)
-    assert set(written) == set(returned)
-    for name in returned:
-        np.testing.assert_array_equal(written[name], returned[name])
-    np.testing.assert_array_equal(written.events, returned.events)
+    assert_same(written, returned)
     for name in ("model", "method", "model_choice"):
         assert written.attributes.get(name) == returned.attributes.get(name)
 
 
 @pytest.mark.deck
 @pytest.mark.parametrize("deck", ["low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"])
-def test_decks_run(deck: str, executable: Path, tmp_path: Path) -> None:
-    finished = subprocess.run(
-        [executable, "run", INPUTS / f"{deck}.nml"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert finished.returncode == 0, finished.stderr
+def test_decks_run(deck: str, program: Program) -> None:
+    program("run", INPUTS / f"{deck}.nml", status=0)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-4, 31.6])

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from pathlib import Path
 
 import pytest
+from programs import ROOT
 from test_sweep_kills import MPI, skip_without
 
 # Another `faults` is that of the system's calls.
-SPECIFICATION = importlib.util.spec_from_file_location(
-    "mpi_faults", Path(__file__).parents[1] / "mpi" / "faults.py"
-)
+SPECIFICATION = importlib.util.spec_from_file_location("mpi_faults", ROOT / "tests" / "mpi" / "faults.py")
 mpi_faults = sys.modules["mpi_faults"] = importlib.util.module_from_spec(SPECIFICATION)
 SPECIFICATION.loader.exec_module(mpi_faults)
 

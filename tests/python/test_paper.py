@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import dynstiction as ds
@@ -13,24 +11,13 @@ from dynstiction.plot import paper
 from dynstiction.plot.schematics import coil, draw_angles, draw_apparatus, principal_axes
 from dynstiction.plot.style import new_figure
 from matplotlib.figure import Figure
+from programs import INPUTS, Program
 
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 MM_PER_INCH = 25.4
 
 
-def command(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "dynstiction", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=cwd,
-    )
-
-
-def test_command_draws_every_figure_and_lists_it(tmp_path: Path) -> None:
-    done = command("paper", "-o", "a/b", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+def test_command_draws_every_figure_and_lists_it(package: Program, tmp_path: Path) -> None:
+    done = package("paper", "-o", "a/b", status=0, timeout=None)
     names = ["fig1", "fig2", "fig3", "fig4", "fig5", "creep_validation", "creep", "constant", "phi10"]
     assert done.stdout.split() == [f"a/b/{name}.png" for name in names]
     assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {f"{name}.png" for name in names}
@@ -57,11 +44,11 @@ def test_a_missing_deck_is_an_error() -> None:
         paper.deck("none")
 
 
-def test_refusals_are_one_line(tmp_path: Path) -> None:
+def test_refusals_are_one_line(package: Program, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     refused = {("paper",): 1, ("paper", "-o", "x", "--format", "gif"): 1, ("paper", "-o", "file"): 3}
     for arguments, status in refused.items():
-        done = command(*arguments, cwd=tmp_path)
+        done = package(*arguments)
         assert (done.returncode, done.stdout) == (status, ""), arguments
         assert done.stderr.startswith("dynstiction: ")
         assert done.stderr.count("\n") == 1

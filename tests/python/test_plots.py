@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +13,8 @@ from dynstiction import plot
 from dynstiction._native import Info
 from dynstiction.plot.paper import deck
 from matplotlib import image
+from matplotlib.figure import Figure
+from programs import INPUTS, Program
 
 MM_PER_INCH = 25.4
 
@@ -88,9 +88,7 @@ def test_first_release_of_a_sawtooth_and_of_a_plateau(sign: float) -> None:
     assert result.time[plot.first_release(sign * plateau)] == pytest.approx(1.98, abs=1e-3)
 
 
-@pytest.mark.parametrize("kind", plot.KINDS)
-def test_every_kind_is_readable_in_one_column(fig4_result: ds.Result, kind: str) -> None:
-    figure = plot.draw(fig4_result, kind)
+def assert_readable_in_one_column(figure: Figure, units: bool = True) -> None:
     assert figure.get_size_inches()[0] * MM_PER_INCH == pytest.approx(86.0)
     figure.draw_without_rendering()
     insets = [inset for axis in figure.axes for inset in axis.child_axes]
@@ -100,9 +98,14 @@ def test_every_kind_is_readable_in_one_column(fig4_result: ds.Result, kind: str)
         texts += [*axis.texts, *(legend.get_texts() if legend else [])]
         assert min(text.get_fontsize() for text in texts) >= 7.0
         for label in (axis.xaxis.label, axis.yaxis.label):
-            assert not label.get_text() or "[" in label.get_text(), "a label without its unit"
+            assert not units or not label.get_text() or "[" in label.get_text(), "a label without its unit"
             inside = label.get_window_extent()
             assert not label.get_text() or (inside.x0 >= 0 and inside.x1 <= figure.bbox.x1 and inside.y0 >= 0)
+
+
+@pytest.mark.parametrize("kind", plot.KINDS)
+def test_every_kind_is_readable_in_one_column(fig4_result: ds.Result, kind: str) -> None:
+    assert_readable_in_one_column(plot.draw(fig4_result, kind))
 
 
 def test_thinning_keeps_every_extreme() -> None:
@@ -114,9 +117,7 @@ def test_thinning_keeps_every_extreme() -> None:
     assert np.all(np.diff(thin_time) > 0)
     edges = np.linspace(time[0], time[-1], bins + 1)[1:-1]
     for kept, every in zip(
-        np.split(thin_values, np.searchsorted(thin_time, edges)),
-        np.split(values, np.searchsorted(time, edges)),
-        strict=True,
+        np.split(thin_values, np.searchsorted(thin_time, edges)), np.split(values, np.searchsorted(time, edges)), strict=True
     ):
         assert (kept.min(), kept.max()) == (every.min(), every.max())
 
@@ -141,14 +142,7 @@ def test_path_is_that_of_the_friction_vector() -> None:
     np.testing.assert_allclose(np.hypot(*points.T), 2.0)
 
 
-NEEDED = {
-    "history": "theta",
-    "velocities": "w_x",
-    "spectrogram": "w_y",
-    "damping": "theta",
-    "creep": "X",
-    "path": "friction",
-}
+NEEDED = {"history": "theta", "velocities": "w_x", "spectrogram": "w_y", "damping": "theta", "creep": "X", "path": "friction"}
 
 
 @pytest.mark.parametrize("kind", NEEDED)
@@ -161,9 +155,7 @@ def test_missing_column_names_the_remedy(fig4_result: ds.Result, kind: str) -> N
 
 
 def test_unknown_kind_and_empty_result_are_refused() -> None:
-    with pytest.raises(
-        ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns"
-    ):
+    with pytest.raises(ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns"):
         plot.draw(sawtooth(), "hystory")
     with pytest.raises(ds.UsageError, match="fewer than two samples"):
         plot.draw(result_of(time=np.empty(0)))
@@ -211,30 +203,21 @@ def test_a_comparison_shares_scales_and_says_what_differs(fig3: ds.Scene) -> Non
         plot.compare(runs | {"y": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": "Y"})})
 
 
-def test_command_compares_files(tmp_path: Path, fig3: ds.Scene) -> None:
+def test_command_compares_files(package: Program, tmp_path: Path, fig3: ds.Scene) -> None:
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         ds.run(fig3, scene={"t_end": 0.05}).save(tmp_path / folder / "run.h5")
-    assert run_command("plot", "a/run.h5", "b/run.h5", cwd=tmp_path).returncode == 0
+    package("plot", "a/run.h5", "b/run.h5", status=0)
     pixels = image.imread(tmp_path / "comparison.png")
     assert pixels.shape[1] == pytest.approx((86.0 + 46.0) / MM_PER_INCH * plot.DOTS_PER_INCH, abs=1)
-    refused = run_command("plot", "a/run.h5", "b/run.h5", "--kind", "path", cwd=tmp_path)
-    assert (refused.returncode, refused.stderr) == (
-        1,
-        "dynstiction: --kind and --quantity are for one file: several are compared\n",
-    )
-    again = run_command("plot", "a/run.h5", "a/run.h5", "-o", "x.pdf", cwd=tmp_path)
-    assert (again.returncode, "of different names" in again.stderr) == (1, True)
+    refused = package("plot", "a/run.h5", "b/run.h5", "--kind", "path", status=1)
+    assert refused.stderr == "dynstiction: --kind and --quantity are for one file: several are compared\n"
+    assert "of different names" in package("plot", "a/run.h5", "a/run.h5", "-o", "x.pdf", status=1).stderr
 
 
-def run_command(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "dynstiction", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
-
-
-def test_command_draws_a_file(tmp_path: Path, fig4_result: ds.Result) -> None:
+def test_command_draws_a_file(package: Program, tmp_path: Path, fig4_result: ds.Result) -> None:
     fig4_result.save(tmp_path / "run.h5")
-    done = run_command("plot", "run.h5", "--kind", "spectrogram", cwd=tmp_path)
+    done = package("plot", "run.h5", "--kind", "spectrogram")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     pixels = image.imread(tmp_path / "run.png")
     assert pixels.shape[1] == pytest.approx(86.0 / MM_PER_INCH * plot.DOTS_PER_INCH, abs=1)
@@ -242,14 +225,14 @@ def test_command_draws_a_file(tmp_path: Path, fig4_result: ds.Result) -> None:
     assert 0.001 < coloured.mean() < 0.7
 
 
-def test_command_writes_where_it_is_told(tmp_path: Path, fig3_result: ds.Result) -> None:
+def test_command_writes_where_it_is_told(package: Program, tmp_path: Path, fig3_result: ds.Result) -> None:
     fig3_result.save(tmp_path / "run.h5")
-    assert run_command("plot", "run.h5", "-o", "other.pdf", cwd=tmp_path).returncode == 0
+    package("plot", "run.h5", "-o", "other.pdf", status=0)
     assert (tmp_path / "other.pdf").read_bytes().startswith(b"%PDF")
     assert not (tmp_path / "run.png").exists()
 
 
-def test_command_refuses_in_one_line(tmp_path: Path, fig3_result: ds.Result) -> None:
+def test_command_refuses_in_one_line(package: Program, tmp_path: Path, fig3_result: ds.Result) -> None:
     fig3_result.save(tmp_path / "run.h5")
     (tmp_path / "text.h5").write_text("no HDF5")
     refused = {
@@ -262,34 +245,30 @@ def test_command_refuses_in_one_line(tmp_path: Path, fig3_result: ds.Result) -> 
         (): (1, "COMMAND"),
     }
     for arguments, (status, named) in refused.items():
-        done = run_command(*arguments, cwd=tmp_path)
+        done = package(*arguments)
         assert done.returncode == status, arguments
         assert done.stderr.startswith("dynstiction: ")
         assert named in done.stderr
         assert done.stderr.count("\n") == 1
 
 
-def test_command_draws_an_incomplete_file_and_says_so(tmp_path: Path, fig3_result: ds.Result) -> None:
+def test_command_draws_an_incomplete_file_and_says_so(package: Program, tmp_path: Path, fig3_result: ds.Result) -> None:
     fig3_result.save(tmp_path / "run.h5")
     with h5py.File(tmp_path / "run.h5", "r+") as file:
         file.attrs["complete"] = 0
-    done = run_command("plot", "run.h5", cwd=tmp_path)
-    assert done.returncode == 0
-    assert "before the run's end" in done.stderr
+    assert "before the run's end" in package("plot", "run.h5", status=0).stderr
     assert (tmp_path / "run.png").exists()
 
 
 PHI, VELOCITY = np.array([1.0, 3.0, 9.0]), np.geomspace(1e-3, 8e-3, 4)
-LOW = Path(__file__).parents[2] / "inputs" / "low_frequency.nml"
+LOW = INPUTS / "low_frequency.nml"
 
 
 @pytest.fixture(scope="module")
 def grid():
     """A small map, coarse enough to be quick."""
     pytest.importorskip("xarray")
-    return ds.sweep(
-        LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, threads=1
-    )
+    return ds.sweep(LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, threads=1)
 
 
 def colours(figure) -> np.ndarray:
@@ -320,10 +299,7 @@ def test_map_shows_the_grid_and_the_line_of_stability(grid) -> None:
 def test_map_of_the_full_model_has_both_modes_and_the_crossover(fig3: ds.Scene) -> None:
     pytest.importorskip("xarray")
     data = ds.sweep(
-        fig3,
-        {"system.misalignment_deg": [0.1, 1.0, 10.0], "system.stiffness_y": [1e3, 1e5, 1e7]},
-        scene={"t_end": 0.1},
-        threads=1,
+        fig3, {"system.misalignment_deg": [0.1, 1.0, 10.0], "system.stiffness_y": [1e3, 1e5, 1e7]}, scene={"t_end": 0.1}, threads=1
     )
     axis = plot.draw(data, quantity="sticking_time").axes[0]
     slow, fast, crossover = axis.lines
@@ -343,11 +319,7 @@ def test_map_of_a_list_that_is_a_grid(grid) -> None:
     order = np.random.default_rng(3).permutation(phi.size)
     data = ds.sweep(
         LOW,
-        {
-            "system.misalignment_deg": phi[order],
-            "drive.velocity": velocity[order],
-            "scene.t_end": 5.0 + 0.0 * phi,
-        },
+        {"system.misalignment_deg": phi[order], "drive.velocity": velocity[order], "scene.t_end": 5.0 + 0.0 * phi},
         points=True,
         threads=1,
     )
@@ -359,14 +331,10 @@ def test_map_of_one_parameter_and_of_a_list(grid) -> None:
     axis = plot.draw(line, quantity="period").axes[0]
     np.testing.assert_array_equal(axis.lines[0].get_ydata(), line["period"].values)
     assert axis.get_xscale() == "log" and axis.get_ylabel().endswith("[s]")
-    points = ds.sweep(
-        LOW, {"drive.velocity": VELOCITY[:3], "system.misalignment_deg": PHI}, points=True, threads=1
-    )
+    points = ds.sweep(LOW, {"drive.velocity": VELOCITY[:3], "system.misalignment_deg": PHI}, points=True, threads=1)
     axis = plot.draw(points, quantity="slip_angle").axes[0]
     offsets = axis.collections[0].get_offsets()
-    np.testing.assert_allclose(
-        offsets, np.column_stack([1e3 * VELOCITY[:3], np.degrees(points["slip_angle"].values)])
-    )
+    np.testing.assert_allclose(offsets, np.column_stack([1e3 * VELOCITY[:3], np.degrees(points["slip_angle"].values)]))
 
 
 def test_lambda_puts_every_case_at_its_number(grid) -> None:
@@ -382,14 +350,7 @@ def test_lambda_puts_every_case_at_its_number(grid) -> None:
 
 @pytest.mark.parametrize("kind", plot.SWEEP_KINDS)
 def test_figures_of_sweeps_are_readable_in_one_column(grid, kind: str) -> None:
-    figure = plot.draw(grid, kind)
-    assert figure.get_size_inches()[0] * MM_PER_INCH == pytest.approx(86.0)
-    figure.draw_without_rendering()
-    for axis in figure.axes:
-        for text in (axis.xaxis.label, axis.yaxis.label, *axis.get_xticklabels(), *axis.get_yticklabels()):
-            assert text.get_fontsize() >= 7.0
-        inside = axis.yaxis.label.get_window_extent()
-        assert not axis.get_ylabel() or (inside.x0 >= 0 and inside.x1 <= figure.bbox.x1)
+    assert_readable_in_one_column(plot.draw(grid, kind), units=False)
 
 
 def test_what_a_sweep_cannot_show_is_refused(grid, fig4_result: ds.Result) -> None:
@@ -407,21 +368,10 @@ def test_what_a_sweep_cannot_show_is_refused(grid, fig4_result: ds.Result) -> No
         plot.draw(grid.assign_attrs(deck=""), "lambda")
 
 
-def test_command_draws_a_sweep(tmp_path: Path, executable: Path) -> None:
+def test_command_draws_a_sweep(program: Program, package: Program, tmp_path: Path) -> None:
     (tmp_path / "few.csv").write_text("drive.velocity\n1e-3\n2e-3\n4e-3\n")
-    words = [
-        executable,
-        "run",
-        LOW,
-        "-o",
-        "few.h5",
-        "--quiet",
-        "--set",
-        f"sweep.points={tmp_path / 'few.csv'}",
-    ]
-    subprocess.run(words, cwd=tmp_path, check=True)
-    done = run_command("plot", "few.h5", "--quantity", "period", cwd=tmp_path)
+    program("run", LOW, "-o", "few.h5", "--quiet", "--set", f"sweep.points={tmp_path / 'few.csv'}", status=0)
+    done = package("plot", "few.h5", "--quantity", "period")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "few.png").exists()
-    done = run_command("plot", "few.h5", "--kind", "lambda", "--quantity", "period", cwd=tmp_path)
-    assert done.returncode == 1 and "for the map of a sweep only" in done.stderr
+    assert "for the map of a sweep only" in package("plot", "few.h5", "--kind", "lambda", "--quantity", "period", status=1).stderr

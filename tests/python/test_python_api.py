@@ -6,41 +6,25 @@ import gc
 import os
 import pickle
 import signal
-import subprocess
 import sys
 import threading
 import time
 import types
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from subprocess import PIPE
 
 import dynstiction as ds
+import fig3 as fig3_deck
 import h5py
 import numpy as np
 import pytest
 import xarray
+from fig3 import SLIDER
+from programs import SCRIPT, Program
+from results import assert_same
 
 SHORT = {"t_end": 0.05}
-
-SLIDER = {
-    "mass": 0.25,
-    "stiffness_x": 1.0e3,
-    "stiffness_y": 1.0e7,
-    "misalignment": np.radians(1.0),
-    "mu_0": 0.20,
-    "mu_inf": 0.15,
-    "v_f": 0.010,
-    "normal_load": 10.0,
-    "velocity": 1.0e-3,
-}
-
-
-def assert_same(a: ds.Result, b: ds.Result) -> None:
-    """Two results agree to the last bit."""
-    assert set(a.columns) == set(b.columns)
-    for name in a:
-        assert a[name].tobytes() == b[name].tobytes(), name
-    assert a.events.tobytes() == b.events.tobytes()
 
 
 # Scenes and overrides
@@ -49,15 +33,8 @@ def assert_same(a: ds.Result, b: ds.Result) -> None:
 def test_path_text_and_scene_give_the_same_run(tmp_path: Path, fig3: ds.Scene, fig3_text: str) -> None:
     path = tmp_path / "a & b.nml"
     path.write_text(fig3_text)
-    groups = {
-        "scene": {"title": "it's Fig. 3", "model": "full", **SHORT},
-        "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment_deg": 1},
-        "friction": {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10},
-        "drive": {"velocity": 1e-3},
-        "initial": {"velocity_ratio": np.float64(1e-6)},
-        "integrator": {"method": "radau9", "rtol": 1e-8},
-        "output": {"interval": 1e-4},
-    }
+    others = {"scene": {"title": "it's Fig. 3", **SHORT}, "system": {"misalignment_deg": 1}, "friction": {"normal_load": 10}}
+    groups = fig3_deck.changed(fig3_deck.GROUPS, others, {"initial": {"velocity_ratio": np.float64(1e-6)}})
     from_text = ds.run(fig3_text, scene=SHORT)
     for deck in (str(path), path, fig3, ds.Scene.read(path), ds.Scene(path)):
         assert_same(ds.run(deck, scene=SHORT), from_text)
@@ -357,13 +334,10 @@ def kind_of(kind: h5py.h5t.TypeID, shape: tuple[int, ...]) -> tuple[object, ...]
     return kind.dtype.str, shape
 
 
-def test_saved_file_has_the_layout_of_the_executable(
-    tmp_path: Path, executable: Path, fig3: ds.Scene
-) -> None:
+def test_saved_file_has_the_layout_of_the_executable(tmp_path: Path, program: Program, fig3: ds.Scene) -> None:
     scene = fig3.replace(scene=SHORT)
     (tmp_path / "deck.nml").write_text(scene.text)
-    command = [executable, "run", "deck.nml", "-o", "theirs.h5", "--set", "scene.t_end=0.05", "--quiet"]
-    subprocess.run(command, check=True, cwd=tmp_path)
+    program("run", "deck.nml", "-o", "theirs.h5", "--set", "scene.t_end=0.05", "--quiet", status=0)
     ds.run(scene).save(tmp_path / "ours.h5")
     with h5py.File(tmp_path / "ours.h5") as ours, h5py.File(tmp_path / "theirs.h5") as theirs:
         assert layout(ours) == layout(theirs)
@@ -543,16 +517,14 @@ def test_other_threads_go_on_during_a_run(fig3: ds.Scene) -> None:
 
 
 def test_interrupt_ends_a_run_within_a_second(fig3_text: str) -> None:
-    program = (
+    script = (
         "import dynstiction as ds, signal, sys\n"
         # A shell that starts the tests in the background has interrupts ignored, and children inherit that.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "print('begun', flush=True)\n"
         "ds.run(sys.argv[1], scene={'t_end': 1e5}, output={'interval': 1.0})\n"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", program, fig3_text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    process = SCRIPT.start(script, fig3_text, stdout=PIPE)
     assert process.stdout is not None
     assert process.stdout.readline() == "begun\n"
     time.sleep(0.5)

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 from decimal import Decimal, localcontext
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from fig3 import DECK
+from programs import ROOT, Program
 
 pytestmark = pytest.mark.full
 
-ROOT = Path(__file__).parents[2]
 # As decimals: the reference has up to 20 digits, a float 16.
 REFERENCE = json.loads((ROOT / "tests" / "reference" / "fig3.json").read_text(), parse_float=Decimal)
 SCENES = REFERENCE["scenes"]
 COLUMNS = ("u_x", "u_y", "w_x", "w_y")
 # Fig. 3 beyond its third cycle costs minutes; docs/numerics.md has 10 s.
 LATEST = {"fig3": Decimal("2.5")}
-STATES = [
-    (name, state)
-    for name, scene in SCENES.items()
-    for state in scene["states"]
-    if state[0] <= LATEST.get(name, Decimal(10))
-]
+STATES = [(name, state) for name, scene in SCENES.items() for state in scene["states"] if state[0] <= LATEST.get(name, Decimal(10))]
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +49,8 @@ def run(executable: Path, folder: Path, name: str, rtol: str, **more: str) -> Pa
         settings["scene.t_end"] = str(LATEST[name])
     settings.update({key.replace("__", "."): value for key, value in more.items()})
     file = folder / f"{executable.name}-{name}-{len(list(folder.iterdir()))}.h5"
-    command = [executable, "run", ROOT / "inputs" / "fig3.nml", "-o", file, "--quiet"]
-    for key, value in settings.items():
-        command += ["--set", f"{key}={value}"]
-    subprocess.run(command, check=True, cwd=folder)
+    given = [f"{key}={value}" for key, value in settings.items()]
+    Program((executable,), folder)("run", DECK, "-o", file, "--quiet", settings=given, timeout=None, status=0)
     return file
 
 
@@ -66,10 +59,7 @@ def state_at(file: Path, time: Decimal) -> list[Decimal]:
     with h5py.File(file) as content, localcontext(prec=40):
         row = int(np.argmin(np.abs(content["time_series/time"][:] - float(time))))
         return [
-            sum(
-                Decimal(float(content[f"{group}/{column}"][row]))
-                for group in ("time_series", "remainder/time_series")
-            )
+            sum(Decimal(float(content[f"{group}/{column}"][row])) for group in ("time_series", "remainder/time_series"))
             for column in COLUMNS
         ]
 
@@ -103,9 +93,7 @@ def test_digits_beyond_those_of_a_double(quad_executable: Path, tmp_path: Path) 
         assert abs(value - expected) <= Decimal("1e-19") * abs(expected)
 
 
-def test_double_precision_has_the_digits_that_the_manual_says(
-    executable: Path, files: dict[str, Path], tmp_path: Path
-) -> None:
+def test_double_precision_has_the_digits_that_the_manual_says(executable: Path, files: dict[str, Path], tmp_path: Path) -> None:
     """docs/numerics.md, section 8: radau9 at rtol = 1e-10."""
     in_double = run(executable, tmp_path, "fig3", "1e-10", integrator__method="'radau9'")
     times = [float(state[0]) for name, state in STATES if name == "fig3"]

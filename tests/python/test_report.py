@@ -7,7 +7,6 @@ import io
 import json
 import re
 import shutil
-import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -18,6 +17,7 @@ import pytest
 from dynstiction.__main__ import main
 from dynstiction.report import FRAMES, report
 from matplotlib import image
+from programs import Program
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +39,7 @@ class Reader(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         if tag not in ("meta", "img", "input", "link"):
             self.open.append(tag)
-        self.links += [
-            value or "" for name, value in attrs if name in ("src", "href", "srcset", "action", "data")
-        ]
+        self.links += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "action", "data")]
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -106,9 +104,7 @@ def test_any_run_has_a_page(fig3: ds.Scene, fig3_result: ds.Result) -> None:
     assert "Too few samples" in report(replace(cut, attributes={"complete": 0}), "cut.h5")
 
 
-def test_the_command_writes_beside_the_file(
-    tmp_path: Path, fig3: ds.Scene, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_beside_the_file(tmp_path: Path, fig3: ds.Scene, capsys: pytest.CaptureFixture[str]) -> None:
     ds.run(fig3, scene={"t_end": 0.05}).save(tmp_path / "run.h5")
     assert main(["report", str(tmp_path / "run.h5")]) == 0
     assert (tmp_path / "run.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
@@ -141,20 +137,11 @@ def browse(page: str, folder: Path, *options: str) -> tuple[str, list[str]]:
     """The page's elements after its scripts, and what it wrote on the console: errors, and loads that failed."""
     assert BROWSER is not None
     (folder / "page.html").write_text(page, encoding="utf-8")
-    command = [
-        BROWSER,
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--no-first-run",
-        f"--user-data-dir={folder / 'profile'}",
-        "--host-resolver-rules=MAP * ~NOTFOUND",
-        "--enable-logging=stderr",
-        "--virtual-time-budget=8000",
-        *options,
-        f"file://{folder / 'page.html'}",
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    browser = Program(
+        (BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", f"--user-data-dir={folder / 'profile'}")
+    )
+    network = ("--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr", "--virtual-time-budget=8000")
+    done = browser(*network, *options, f"file://{folder / 'page.html'}", status=0)
     return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE:" in line]
 
 

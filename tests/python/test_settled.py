@@ -5,33 +5,26 @@ from __future__ import annotations
 import dynstiction as ds
 import numpy as np
 import pytest
+from fig3 import slider
 
 pytest.importorskip("xarray")
 
 MEANS = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
 
-SYSTEM = {"mass": 0.25, "stiffness_x": 1e3, "misalignment_deg": 8.0}
-FRICTION = {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10.0}
 RAMP = {"velocity": (5e-4, 5e-4, 1e-3), "time": (0.0, 100.0, 150.0)}
 
 
-def scene_of(
-    phi: float, t_end: float, drive: dict[str, object], model: str = "low_frequency", **groups: object
-) -> ds.Scene:
-    system = {**SYSTEM, "misalignment_deg": phi, **({"stiffness_y": 1e7} if model == "full" else {})}
-    return ds.Scene(
-        scene={"model": model, "t_end": t_end}, system=system, friction=FRICTION, drive=drive, **groups
-    )
+def scene_of(phi: float, t_end: float, drive: dict[str, object], model: str = "low_frequency", **groups: object) -> ds.Scene:
+    stiff = {} if model == "full" else {"stiffness_y": None}
+    system = {"misalignment_deg": phi, **stiff}
+    return ds.Scene(scene={"model": model, "t_end": t_end}, **slider({"system": system, "drive": drive}), **groups)
 
 
 @pytest.fixture(scope="module")
 def cycle() -> dict[str, float]:
     """The cycle at 1 mm/s and 8 degrees, reached without a ramp."""
-    return dict(
-        ds.run(
-            scene_of(8.0, 40.0, {"velocity": 1e-3}), integrator={"method": "radau13", "rtol": 1e-11}
-        ).summary
-    )
+    scene = scene_of(8.0, 40.0, {"velocity": 1e-3})
+    return dict(ds.run(scene, integrator={"method": "radau13", "rtol": 1e-11}).summary)
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
@@ -62,9 +55,7 @@ def test_the_full_model_settles_to_one_cycle() -> None:
 def test_the_start_has_no_part_in_a_sweep(cycle: dict[str, float], method: str) -> None:
     starts = np.linspace(-3e-3, 3e-3, 16)
     data = ds.sweep(
-        scene_of(8.0, 40.0, {"velocity": 1e-3}),
-        {"initial.elongation_x": starts},
-        integrator={"method": method, "rtol": 1e-6},
+        scene_of(8.0, 40.0, {"velocity": 1e-3}), {"initial.elongation_x": starts}, integrator={"method": method, "rtol": 1e-6}
     )
     for name in MEANS:
         np.testing.assert_allclose(data[name], cycle[name], rtol=1e-5, err_msg=name)
@@ -75,9 +66,7 @@ def test_the_first_peak_stands_apart() -> None:
     assert short["first_peak_force"] == pytest.approx(1.9933, abs=1e-4)
     assert short["cycles"] == 0
     assert not set(MEANS) & set(short)
-    stretched = ds.run(
-        scene_of(4.0, 20.0, {"velocity": 1e-3}, initial={"elongation_x": -3e-3, "velocity_ratio": -2.0})
-    )
+    stretched = ds.run(scene_of(4.0, 20.0, {"velocity": 1e-3}, initial={"elongation_x": -3e-3, "velocity_ratio": -2.0}))
     peak = ds.stick_slip_statistics(stretched)["peak_force"][0]
     assert stretched.summary["first_peak_force"] == pytest.approx(peak, rel=1e-4)
 
@@ -139,10 +128,7 @@ def irregular(seed: int, t_end: float = 30.0) -> ds.Result:
     """Stick-slip that a shaken drive makes irregular."""
     chance = np.random.default_rng(seed)
     times = np.arange(0.0, t_end, 0.35)
-    drive = {
-        "velocity": tuple(1e-3 * chance.uniform(0.2, 2.0, times.size)),
-        "time": tuple(times),
-    }
+    drive = {"velocity": tuple(1e-3 * chance.uniform(0.2, 2.0, times.size)), "time": tuple(times)}
     return ds.run(scene_of(3.0, t_end, drive), output={"interval": 1e-4, "fields": ("spring_force_x", "X")})
 
 
@@ -184,9 +170,7 @@ def test_python_has_the_same_means(seed: int, t_end: float) -> None:
         for name in MEANS:
             assert (name in values) == (name + suffix in result.summary)
             if name in values:
-                assert values[name] == pytest.approx(
-                    result.summary[name + suffix], abs=2e-3 * result.summary[name]
-                )
+                assert values[name] == pytest.approx(result.summary[name + suffix], abs=2e-3 * result.summary[name])
 
 
 def test_which_cycles_count() -> None:

@@ -4,7 +4,7 @@ the right one, shards of other builds and divisions, partial results, and what `
 
 from __future__ import annotations
 
-import os
+import contextlib
 import re
 import signal
 import struct
@@ -13,7 +13,8 @@ import time
 
 import h5py
 import pytest
-from sweeps import GRID, HEADER_BYTES, SCENE, Sweep, cases_in, checksum, end_group, same, values, wait_until
+from programs import end_group, wait_until
+from sweeps import GRID, HEADER_BYTES, SCENE, Sweep, cases_in, checksum, same, values
 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 0.2")
 SMALL = GRID.replace("count = 12, 5", "count = 4, 3")
@@ -53,16 +54,31 @@ def done_once(folder, output="a.h5"):
     return sorted(case for file in every_file(folder, output) for case in cases_in(file)) == ALL
 
 
-def reforge(path, build=None, share=None):
-    """Change the head of a shard, with a right checksum."""
-    data = path.read_bytes()
-    words = list(struct.unpack("<12Q", data[:HEADER_BYTES]))
-    if build:
-        words[4:6] = struct.unpack("<2Q", build.encode())
-    if share:
-        words[8] = share[0] | share[1] << 32
+def head_of(path):
+    return list(struct.unpack("<12Q", path.read_bytes()[:HEADER_BYTES]))
+
+
+def reforge(path, places, *values):
+    """Change words of the head of a shard, with a right checksum."""
+    words, data = head_of(path), path.read_bytes()
+    words[places] = values
     words[11] = checksum(words[:11])
     path.write_bytes(struct.pack("<12Q", *words) + data[HEADER_BYTES:])
+
+
+def of_another_build(path):
+    reforge(path, slice(4, 6), *struct.unpack("<2Q", b"0123456789abcdef"))
+
+
+@contextlib.contextmanager
+def at_once(sweep, starts):
+    """Runs that are begun together, and ended at last."""
+    started = [sweep.start(output, *arguments) for output, *arguments in starts]
+    try:
+        yield started
+    finally:
+        for process in started:
+            end_group(process)
 
 
 # --- every form of an array, and of processes
@@ -80,11 +96,10 @@ FORMS = {
 def test_an_array_of_any_range_runs_every_case_once(sweep, tmp_path, form):
     indices, step = FORMS[form]
     for index in indices:
-        done = sweep.run("a.h5", "--shard", "auto", env=array(index, indices, step), threads=1)
-        assert done.returncode == 0, done.stderr
+        sweep.run("a.h5", "--shard", "auto", env=array(index, indices, step), threads=1, status=0)
     assert done_once(tmp_path) and len(every_file(tmp_path)) == len(indices)
     assert sweep.run("a.h5", command="merge").returncode == 0 and not every_file(tmp_path)
-    assert sweep.run("b.h5").returncode == 0
+    sweep.run("b.h5", status=0)
     assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
 
 
@@ -95,11 +110,10 @@ def test_an_array_of_any_range_runs_every_case_once(sweep, tmp_path, form):
 )
 def test_a_failed_index_is_started_again(sweep, tmp_path, failed, again):
     for index in set(range(4)) - set(failed):
-        assert sweep.run("a.h5", "--shard", "auto", env=array(index, range(4)), threads=1).returncode == 0
-    assert sweep.run("a.h5", command="merge").returncode == 75
+        sweep.run("a.h5", "--shard", "auto", env=array(index, range(4)), threads=1, status=0)
+    sweep.run("a.h5", command="merge", status=75)
     for index in again:
-        done = sweep.run("a.h5", "--shard", "auto", env=array(index, again), threads=1)
-        assert done.returncode == 0, done.stderr
+        sweep.run("a.h5", "--shard", "auto", env=array(index, again), threads=1, status=0)
     assert done_once(tmp_path)
     names = [f"a.h5.shard-00000{i}" for i in (1, 2, 3, 4)]
     assert [file.name for file in every_file(tmp_path)] == names
@@ -108,8 +122,7 @@ def test_a_failed_index_is_started_again(sweep, tmp_path, failed, again):
 @pytest.mark.parametrize("launcher", LAUNCHERS)
 def test_processes_of_a_launcher_share_the_cases(sweep, tmp_path, launcher):
     for number in range(3):
-        done = sweep.run("a.h5", "--shard", "auto", env=process(launcher, number, 3), threads=1)
-        assert done.returncode == 0, done.stderr
+        sweep.run("a.h5", "--shard", "auto", env=process(launcher, number, 3), threads=1, status=0)
     assert done_once(tmp_path) and len(every_file(tmp_path)) == 3
 
 
@@ -117,12 +130,11 @@ def test_tasks_of_an_array_may_have_several_processes(sweep, tmp_path):
     for index in (1, 2):
         for number in range(2):
             env = array(index, [1, 2]) | process("PMI", number, 2)
-            assert sweep.run("a.h5", "--shard", "auto", env=env, threads=1).returncode == 0
+            sweep.run("a.h5", "--shard", "auto", env=env, threads=1, status=0)
     assert done_once(tmp_path) and len(every_file(tmp_path)) == 4
-    again = sweep.run("a.h5", "--shard", "auto", env=array(2, [2]) | process("PMI", 1, 2))
-    assert again.returncode == 0 and len(every_file(tmp_path)) == 4
-    alone = sweep.run("a.h5", "--shard", "auto", env=array(2, [2]))
-    assert alone.returncode == 1 and "2 processes a task), here a task has 1" in alone.stderr
+    sweep.run("a.h5", "--shard", "auto", env=array(2, [2]) | process("PMI", 1, 2), status=0)
+    assert len(every_file(tmp_path)) == 4
+    assert "2 processes a task), here a task has 1" in sweep.run("a.h5", "--shard", "auto", env=array(2, [2]), status=1).stderr
 
 
 # --- what is refused, and with what words
@@ -156,47 +168,47 @@ def test_a_wrong_division_is_refused_with_the_right_one(sweep, tmp_path, kind):
     for start in before:
         given = ("--shard", "auto") if isinstance(start, dict) else start
         told = start if isinstance(start, dict) else {}
-        assert sweep.run("a.h5", *given, env=told, threads=1).returncode == 0
+        sweep.run("a.h5", *given, env=told, threads=1, status=0)
     files = {file: file.read_bytes() for file in every_file(tmp_path)}
-    done = sweep.run("a.h5", *arguments, env=env)
-    assert done.returncode == 1 and words in done.stderr, done.stderr
+    done = sweep.run("a.h5", *arguments, env=env, status=1)
+    assert words in done.stderr, done.stderr
     assert done.stderr.count("\n") == 1
     assert {file: file.read_bytes() for file in every_file(tmp_path)} == files
 
 
 def test_a_number_alone_goes_on_with_the_division(sweep, tmp_path):
-    assert sweep.run("a.h5", "--shard", "2/3").returncode == 0
-    assert sweep.run("a.h5", "--shard", "1").returncode == 0
-    assert sweep.run("a.h5", "--shard", "3").returncode == 0
+    sweep.run("a.h5", "--shard", "2/3", status=0)
+    sweep.run("a.h5", "--shard", "1", status=0)
+    sweep.run("a.h5", "--shard", "3", status=0)
     assert done_once(tmp_path)
 
 
 def test_another_division_is_begun_on_purpose_only(sweep, tmp_path):
-    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    sweep.run("a.h5", "--shard", "1/2", status=0)
     first = tmp_path / "a.h5.shard-000001"
     kept = first.read_bytes()
-    assert sweep.run("a.h5", "--shard", "1/3").returncode == 1
-    assert sweep.run("a.h5", "--shard", "1/3", "--redivide").returncode == 0
+    sweep.run("a.h5", "--shard", "1/3", status=1)
+    sweep.run("a.h5", "--shard", "1/3", "--redivide", status=0)
     assert len(every_file(tmp_path)) == 2 and (tmp_path / "a.h5.shard-000001.1").exists()
     # Now both are known, and the new one counts.
-    assert sweep.run("a.h5", "--shard", "2/3").returncode == 0
-    assert sweep.run("a.h5", "--shard", "3").returncode == 0
+    sweep.run("a.h5", "--shard", "2/3", status=0)
+    sweep.run("a.h5", "--shard", "3", status=0)
     assert done_once(tmp_path) and first.read_bytes() == kept
-    assert sweep.run("a.h5", "--shard", "2/2").returncode == 0
+    sweep.run("a.h5", "--shard", "2/2", status=0)
     assert done_once(tmp_path)
     assert sweep.run("a.h5").returncode == 0 and not every_file(tmp_path)
-    assert sweep.run("b.h5").returncode == 0
+    sweep.run("b.h5", status=0)
     assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
 
 
 @pytest.mark.parametrize("share", [(2, 2), (1, 1)], ids=["own division", "another division"])
 def test_of_its_own_division_a_process_reads_heads_only(sweep, tmp_path, share):
     """A shard with all cases is used only if it is of another division: none of the same can have a case of this share."""
-    assert sweep.run("a.h5", "--shard", "1/1").returncode == 0
+    sweep.run("a.h5", "--shard", "1/1", status=0)
     whole = tmp_path / "a.h5.shard-000001"
-    reforge(whole, share=share)
+    reforge(whole, slice(8, 9), share[0] | share[1] << 32)
     whole.rename(tmp_path / "a.h5.shard-000002")
-    assert sweep.run("a.h5", "--shard", "1/2", "--redivide").returncode == 0
+    sweep.run("a.h5", "--shard", "1/2", "--redivide", status=0)
     assert len(cases_in(tmp_path / "a.h5.shard-000001")) == (6 if share == (2, 2) else 0)
 
 
@@ -204,35 +216,26 @@ def test_of_its_own_division_a_process_reads_heads_only(sweep, tmp_path, share):
 
 
 def test_shards_of_another_build_are_left_alone_and_used_never(sweep, tmp_path):
-    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    sweep.run("a.h5", "--shard", "1/2", status=0)
     theirs = tmp_path / "a.h5.shard-000001"
-    reforge(theirs, build="0123456789abcdef")
+    of_another_build(theirs)
     before = theirs.read_bytes()
     # Of another division too: it counts for nothing.
-    done = subprocess.run(
-        [word for word in sweep.command("a.h5", "--shard", "1/3") if word != "--quiet"],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
-    assert done.returncode == 0 and done.stderr.count("of another build") == 1, done.stderr
+    done = sweep.program(*sweep.command("a.h5", "--shard", "1/3", quiet=False), status=0)
+    assert done.stderr.count("of another build") == 1, done.stderr
     assert len(cases_in(tmp_path / "a.h5.shard-000001.1")) == 4
-    whole = sweep.run("a.h5")
-    assert whole.returncode == 0 and whole.stderr == ""
+    assert sweep.run("a.h5", status=0).stderr == ""
     assert every_file(tmp_path) == [theirs] and theirs.read_bytes() == before
     with h5py.File(tmp_path / "a.h5") as file:
         assert file.attrs["complete"] == 1
-    nothing = sweep.run("c.h5", command="merge")
-    assert nothing.returncode == 3
+    sweep.run("c.h5", command="merge", status=3)
     assert sweep.run("a.h5", "--overwrite").returncode == 0 and not every_file(tmp_path)
 
 
 def test_a_merge_of_another_build_s_shards_alone_finds_nothing(sweep, tmp_path):
-    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
-    reforge(tmp_path / "a.h5.shard-000001", build="0123456789abcdef")
-    done = sweep.run("a.h5", command="merge")
-    assert done.returncode == 3 and "no finished case to merge" in done.stderr
+    sweep.run("a.h5", "--shard", "1/2", status=0)
+    of_another_build(tmp_path / "a.h5.shard-000001")
+    assert "no finished case to merge" in sweep.run("a.h5", command="merge", status=3).stderr
 
 
 # --- partial results
@@ -244,9 +247,9 @@ def attributes(path):
 
 
 def test_a_look_with_merge_stops_nothing(sweep, tmp_path):
-    assert sweep.run("b.h5").returncode == 0
+    sweep.run("b.h5", status=0)
     for index in range(4):
-        assert sweep.run("a.h5", "--shard", "auto", env=array(index, range(4)), threads=1).returncode == 0
+        sweep.run("a.h5", "--shard", "auto", env=array(index, range(4)), threads=1, status=0)
         for _ in range(2):
             merged = sweep.run("a.h5", "--keep-shards", command="merge")
             assert merged.returncode == (75 if index < 3 else 0), merged.stderr
@@ -257,44 +260,40 @@ def test_a_look_with_merge_stops_nothing(sweep, tmp_path):
 
 
 def test_a_run_replaces_the_partial_result(sweep, tmp_path):
-    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
-    assert sweep.run("a.h5", command="merge").returncode == 75
-    assert sweep.run("a.h5").returncode == 0
+    sweep.run("a.h5", "--shard", "1/2", status=0)
+    sweep.run("a.h5", command="merge", status=75)
+    sweep.run("a.h5", status=0)
     assert attributes(tmp_path / "a.h5")["complete"] == 1 and not every_file(tmp_path)
 
 
 def test_a_partial_result_with_more_cases_is_kept(sweep, tmp_path):
     for share in ("1/3", "2/3"):
-        assert sweep.run("a.h5", "--shard", share).returncode == 0
-    assert sweep.run("a.h5", command="merge").returncode == 75
+        sweep.run("a.h5", "--shard", share, status=0)
+    sweep.run("a.h5", command="merge", status=75)
     before = (tmp_path / "a.h5").read_bytes()
     (tmp_path / "a.h5.shard-000001").unlink()
-    done = sweep.run("a.h5", command="merge")
-    assert done.returncode == 3 and "the file holds 8 cases, the shards 4" in done.stderr
+    assert "the file holds 8 cases, the shards 4" in sweep.run("a.h5", command="merge", status=3).stderr
     assert (tmp_path / "a.h5").read_bytes() == before
-    assert sweep.run("a.h5", "--overwrite", command="merge").returncode == 75
+    sweep.run("a.h5", "--overwrite", command="merge", status=75)
 
 
 def test_a_partial_result_of_another_sweep_is_refused_before_anything_runs(sweep, tmp_path):
     other = ("--set", "integrator.rtol=1e-5")
-    assert sweep.run("a.h5", "--shard", "1/2", *other).returncode == 0
-    assert sweep.run("a.h5", *other, command="merge").returncode == 75
+    sweep.run("a.h5", "--shard", "1/2", *other, status=0)
+    sweep.run("a.h5", *other, command="merge", status=75)
     (tmp_path / "a.h5.shard-000001").unlink()
     before = (tmp_path / "a.h5").read_bytes()
     for arguments in ((), ("--shard", "1/2")):
-        done = sweep.run("a.h5", *arguments)
-        assert done.returncode == 3 and "the file exists" in done.stderr
+        assert "the file exists" in sweep.run("a.h5", *arguments, status=3).stderr
     assert not every_file(tmp_path) and (tmp_path / "a.h5").read_bytes() == before
 
 
 def test_a_single_run_does_not_take_the_name_of_a_partial_sweep(sweep, tmp_path):
-    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
-    assert sweep.run("a.h5", command="merge").returncode == 75
+    sweep.run("a.h5", "--shard", "1/2", status=0)
+    sweep.run("a.h5", command="merge", status=75)
     single = tmp_path / "single.nml"
     single.write_text(SHORT)
-    done = subprocess.run(
-        [sweep.exe, "run", single, "-o", tmp_path / "a.h5"], capture_output=True, text=True, check=False
-    )
+    done = sweep.program("run", single, "-o", tmp_path / "a.h5")
     assert done.returncode == 3 and "the file exists" in done.stderr
 
 
@@ -304,8 +303,8 @@ def test_a_single_run_does_not_take_the_name_of_a_partial_sweep(sweep, tmp_path)
 def test_what_was_killed_while_it_removed_shards_is_ended(sweep, tmp_path, command, limit, lost):
     status = 5 if limit.endswith("=3") else 0
     for share in ("1/2", "2/2"):
-        assert sweep.run("a.h5", "--shard", share, "--set", limit).returncode == status
-    assert sweep.run("a.h5", "--set", limit, "--keep-shards", command="merge").returncode == status
+        sweep.run("a.h5", "--shard", share, "--set", limit, status=status)
+    sweep.run("a.h5", "--set", limit, "--keep-shards", command="merge", status=status)
     before = (tmp_path / "a.h5").read_bytes()
     for file in every_file(tmp_path)[:lost]:
         file.unlink()
@@ -313,80 +312,51 @@ def test_what_was_killed_while_it_removed_shards_is_ended(sweep, tmp_path, comma
     assert done.returncode == status and not every_file(tmp_path), done.stderr
     assert (tmp_path / "a.h5").read_bytes() == before
     # Now it is a result as any other.
-    again = sweep.run("a.h5", "--set", limit, command=command)
-    assert again.returncode == 3
+    sweep.run("a.h5", "--set", limit, command=command, status=3)
 
 
 def test_a_complete_result_without_a_sound_seal_is_not_trusted(sweep, tmp_path):
-    assert sweep.run("a.h5", "--keep-shards").returncode == 0
+    sweep.run("a.h5", "--keep-shards", status=0)
     with open(tmp_path / "a.h5", "ab") as file:
         file.write(b"x")
-    done = sweep.run("a.h5")
-    assert done.returncode == 3 and "the file exists" in done.stderr and every_file(tmp_path)
+    assert "the file exists" in sweep.run("a.h5", status=3).stderr and every_file(tmp_path)
 
 
 # --- processes at once
 
 
 def test_of_many_that_want_one_shard_one_gets_it(sweep, tmp_path):
-    started = [
-        sweep.start("a.h5", *ENDLESS, "--shard", "1/2", stderr=subprocess.PIPE, text=True) for _ in range(6)
-    ]
-    try:
+    with at_once(sweep, [("a.h5", *ENDLESS, "--shard", "1/2")] * 6) as started:
         wait_until(lambda: sum(process.poll() is None for process in started) == 1)
         (writer,) = [process for process in started if process.poll() is None]
         for process in started:
             if process is not writer:
                 assert process.returncode == 3 and "another process is writing it" in process.stderr.read()
         assert [file.name for file in every_file(tmp_path)] == ["a.h5.shard-000001"]
-    finally:
-        for process in started:
-            end_group(process)
 
 
 def test_divisions_that_begin_at_once_get_files_of_their_own(sweep, tmp_path):
     for attempt in range(3):
         output = f"{attempt}.h5"
-        started = [
-            sweep.start(output, *ENDLESS, "--redivide", "--shard", f"1/{n}", stderr=subprocess.DEVNULL)
-            for n in (2, 3, 4)
-        ]
-        try:
-            wait_until(
-                lambda output=output: (
-                    [file.stat().st_size >= HEADER_BYTES for file in every_file(tmp_path, output)]
-                    == [True] * 3
-                )
-            )
+        with at_once(sweep, [(output, *ENDLESS, "--redivide", "--shard", f"1/{n}") for n in (2, 3, 4)]) as started:
+
+            def begun(output=output):
+                return [file.stat().st_size >= HEADER_BYTES for file in every_file(tmp_path, output)] == [True] * 3
+
+            wait_until(begun)
             assert all(process.poll() is None for process in started)
-            heads = [
-                struct.unpack("<12Q", file.read_bytes()[:HEADER_BYTES])
-                for file in every_file(tmp_path, output)
-            ]
-            assert sorted(head[8] >> 32 for head in heads) == [2, 3, 4]
-        finally:
-            for process in started:
-                end_group(process)
+            assert sorted(head_of(file)[8] >> 32 for file in every_file(tmp_path, output)) == [2, 3, 4]
 
 
 def test_tasks_that_overwrite_another_sweep_at_once_do_not_stop_each_other(sweep, tmp_path):
     """Each finds shards of the other sweep that a third one empties and takes in this moment."""
     for _ in range(3):
         for i in range(1, 7):
-            assert (
-                sweep.run("a.h5", "--shard", f"{i}/6", "--redivide", "--overwrite", threads=1).returncode == 0
-            )
+            sweep.run("a.h5", "--shard", f"{i}/6", "--redivide", "--overwrite", threads=1, status=0)
         arguments = (*ENDLESS, "--overwrite", "--redivide", "--set", "output.wall_limit=1.5")
-        started = [
-            sweep.start("a.h5", *arguments, "--shard", f"{i}/6", stderr=subprocess.PIPE, text=True)
-            for i in range(1, 7)
-        ]
-        try:
+        with at_once(sweep, [("a.h5", *arguments, "--shard", f"{i}/6") for i in range(1, 7)]) as started:
             for process in started:
                 assert process.wait(60) == 75, process.stderr.read()
-        finally:
-            for process in started:
-                end_group(process)
         assert len(every_file(tmp_path)) == 6
 
 
@@ -395,33 +365,26 @@ def test_shards_of_an_older_program_are_refused_as_such(sweep, tmp_path):
     words = [int.from_bytes(b"KRAHSTSD", "little"), *struct.unpack("<8Q", b"0123456789abcdef" * 4), 16, 0]
     path = tmp_path / "a.h5.shard-000000"
     path.write_bytes(struct.pack("<12Q", *words, checksum(words)))
-    done = sweep.run("a.h5")
-    assert done.returncode == 3 and "another version of deck or program" in done.stderr
-    assert sweep.run("a.h5", "--overwrite").returncode == 0
+    assert "another version of deck or program" in sweep.run("a.h5", status=3).stderr
+    sweep.run("a.h5", "--overwrite", status=0)
 
 
 # --- what is told
 
 
 def show(sweep, *outputs):
-    return subprocess.run(
-        [sweep.exe, "show", *[sweep.folder / output for output in outputs]],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    return sweep.program("show", *[sweep.folder / output for output in outputs])
 
 
 def test_a_stopped_share_speaks_of_its_own_cases(sweep):
-    done = sweep.run("a.h5", *ENDLESS, "--shard", "1/3", "--set", "output.wall_limit=0.05")
-    assert done.returncode == 75 and "after 0 of 4 cases" in done.stderr, done.stderr
+    done = sweep.run("a.h5", *ENDLESS, "--shard", "1/3", "--set", "output.wall_limit=0.05", status=75)
+    assert "after 0 of 4 cases" in done.stderr, done.stderr
 
 
 def test_failed_cases_of_a_share_are_told_every_time(sweep):
     for _ in range(2):
-        done = sweep.run("a.h5", "--shard", "1/3", "--set", "integrator.max_steps=3")
-        assert done.returncode == 5 and "4 of 4 cases of shard 1/3 failed" in done.stderr
+        done = sweep.run("a.h5", "--shard", "1/3", "--set", "integrator.max_steps=3", status=5)
+        assert "4 of 4 cases of shard 1/3 failed" in done.stderr
 
 
 def test_show_of_nothing_and_of_no_result(sweep, tmp_path):
@@ -436,9 +399,8 @@ def test_show_of_nothing_and_of_no_result(sweep, tmp_path):
 
 
 def test_show_of_a_sweep_that_is_running(sweep, tmp_path):
-    assert sweep.run("a.h5", *ENDLESS, "--shard", "2/4", "--set", "output.wall_limit=0.05").returncode == 75
-    process = sweep.start("a.h5", *ENDLESS, "--shard", "4/4", stderr=subprocess.DEVNULL)
-    try:
+    sweep.run("a.h5", *ENDLESS, "--shard", "2/4", "--set", "output.wall_limit=0.05", status=75)
+    with at_once(sweep, [("a.h5", *ENDLESS, "--shard", "4/4")]) as (process,):
         shard = tmp_path / "a.h5.shard-000004"
         wait_until(lambda: shard.exists() and shard.stat().st_size >= HEADER_BYTES)
         for _ in range(5):
@@ -456,45 +418,41 @@ def test_show_of_a_sweep_that_is_running(sweep, tmp_path):
         process.send_signal(signal.SIGTERM)
         assert process.wait(30) == 75
         assert "being written" not in show(sweep, "a.h5").stdout
-    finally:
-        end_group(process)
 
 
 def test_nobody_is_refused_because_somebody_looks(sweep, tmp_path):
     """A shard that is looked at all the time can be opened to write."""
-    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    sweep.run("a.h5", "--shard", "1/2", status=0)
     loop = f"while :; do {sweep.exe} show {tmp_path}/a.h5 > /dev/null; done"
     looking = subprocess.Popen(["bash", "-c", loop], start_new_session=True)
     try:
         for _ in range(8):
-            done = sweep.run("a.h5", "--shard", "1/2")
-            assert done.returncode == 0, done.stderr
+            sweep.run("a.h5", "--shard", "1/2", status=0)
         assert sweep.run("a.h5").returncode == 0 and not every_file(tmp_path)
     finally:
-        os.killpg(looking.pid, signal.SIGKILL)
-        looking.wait(30)
+        end_group(looking)
 
 
 def test_show_of_divisions_builds_and_results(sweep, tmp_path):
-    assert sweep.run("a.h5", "--shard", "1/2").returncode == 0
+    sweep.run("a.h5", "--shard", "1/2", status=0)
     time.sleep(1.1)
-    assert sweep.run("a.h5", "--shard", "2/3", "--redivide").returncode == 0
+    sweep.run("a.h5", "--shard", "2/3", "--redivide", status=0)
     said = show(sweep, "a.h5").stdout
     # What the older division has done counts for the shares of the newer one.
     done = len(cases_in(tmp_path / "a.h5.shard-000001")) + len(cases_in(tmp_path / "a.h5.shard-000002"))
     assert f"{done} of 12 cases done" in said and re.search(r"^  2/3 +4 of 4 ", said, re.MULTILINE)
     assert re.search(r"^  1/2 +6 of 6 ", said, re.MULTILINE) and "not begun: 1, 3 of 3" in said
-    reforge(tmp_path / "a.h5.shard-000001", build="0123456789abcdef")
+    of_another_build(tmp_path / "a.h5.shard-000001")
     said = show(sweep, "a.h5").stdout
     assert said.count("shards of a sweep") == 2 and "build 0123456789ab)" in said
     (tmp_path / "a.h5.shard-000001").unlink()
-    assert sweep.run("a.h5", command="merge").returncode == 75
+    sweep.run("a.h5", command="merge", status=75)
     left = 12 - len(cases_in(tmp_path / "a.h5.shard-000002"))
     assert f"not complete, {left} of 12 cases have not been run" in show(sweep, "a.h5").stdout
-    assert sweep.run("a.h5").returncode == 0
+    sweep.run("a.h5", status=0)
     single = tmp_path / "single.nml"
     single.write_text(SHORT)
-    subprocess.run([sweep.exe, "run", single, "-o", tmp_path / "r.h5", "--quiet"], check=True, timeout=60)
+    sweep.program("run", single, "-o", tmp_path / "r.h5", "--quiet", status=0)
     done = show(sweep, "a.h5", "r.h5")
     first, second = done.stdout.splitlines()
     assert "a.h5: sweep of model low_frequency" in first and first.endswith("complete, done")
@@ -502,24 +460,18 @@ def test_show_of_divisions_builds_and_results(sweep, tmp_path):
 
 
 def test_show_of_shards_with_absurd_heads(sweep, tmp_path):
-    assert sweep.run("a.h5", "--shard", "1/1").returncode == 0
+    sweep.run("a.h5", "--shard", "1/1", status=0)
     shard = tmp_path / "a.h5.shard-000001"
     good = shard.read_bytes()
     for place in range(6, 11):
         for value in (0, 1, 2**31 - 1, 2**31, 2**32 - 1, 2**62 + 2**31 - 1, 2**64 - 1, 2**33 + 1):
-            words = list(struct.unpack("<12Q", good[:HEADER_BYTES]))
-            words[place] = value
-            words[11] = checksum(words[:11])
-            shard.write_bytes(struct.pack("<12Q", *words) + good[HEADER_BYTES:])
+            shard.write_bytes(good)
+            reforge(shard, slice(place, place + 1), value)
             if place == 7 and value % 2**32 > 10**6:
                 continue
             done = show(sweep, "a.h5")
             assert done.returncode in (0, 3), (place, value, done)
-            assert all(line.startswith("dynstiction: ") for line in done.stderr.splitlines()), (
-                place,
-                value,
-                done,
-            )
+            assert all(line.startswith("dynstiction: ") for line in done.stderr.splitlines()), (place, value, done)
 
 
 # --- a signal while the result is written
@@ -529,14 +481,13 @@ def test_a_merge_ends_when_it_is_told_to(tmp_path):
     """The shards keep everything, and no part of a result is left."""
     big = Sweep(tmp_path, SCENE.replace("t_end = 10.0", "t_end = 0.01") + GRID.replace("count = 12, 5", "count = 400, 1000"))
     fast = ("--set", "integrator.method=rodas4p")
-    assert big.run("a.h5", "--shard", "1/1", *fast).returncode == 0
+    big.run("a.h5", "--shard", "1/1", *fast, status=0)
     shards = {file: file.read_bytes() for file in every_file(tmp_path)}
-    command = [big.exe, "merge", big.deck, "-o", tmp_path / "a.h5", *fast]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    process = big.program.start("merge", big.deck, "-o", tmp_path / "a.h5", *fast)
     wait_until(lambda: list(tmp_path.glob("a.h5.*.part")))
     process.send_signal(signal.SIGTERM)
     _, words = process.communicate(timeout=10)
     assert process.returncode == 75 and "stopped by SIGTERM while the result was written" in words
     assert sorted(tmp_path.glob("a.h5*")) == sorted(shards)
     assert all(file.read_bytes() == data for file, data in shards.items())
-    assert big.run("a.h5", *fast, command="merge").returncode == 0
+    big.run("a.h5", *fast, command="merge", status=0)

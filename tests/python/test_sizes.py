@@ -6,14 +6,11 @@ import os
 import random
 import re
 import resource
-import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
+from programs import INPUTS, SCRIPT, Program
 
-INPUTS = Path(__file__).parents[2] / "inputs"
 FIG3 = (INPUTS / "fig3.nml").read_text()
 SLOW = (INPUTS / "low_frequency.nml").read_text()
 GRID = "\n&sweep\n  parameter = 'system.misalignment_deg'\n  first = 1.0, last = 8.0\n  count = {}\n  keep = '{}'\n/\n"
@@ -35,23 +32,10 @@ def limit(kind: int, value: int) -> Callable[[], None]:
 @pytest.fixture
 def call(executable, tmp_path):
     """Run a command in an empty folder."""
+    program = Program((executable,), tmp_path, {"OMP_NUM_THREADS": "2"}, {"PATH": os.environ["PATH"]})
 
     def run(*arguments, settings=(), limits=(resource.RLIMIT_CORE, 0), **environment):
-        command = [
-            str(executable),
-            *arguments,
-            *(word for setting in settings for word in ("--set", setting)),
-        ]
-        return subprocess.run(
-            command,
-            cwd=tmp_path,
-            env={"PATH": os.environ["PATH"], "OMP_NUM_THREADS": "2"} | environment,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-            preexec_fn=limit(*limits),
-        )
+        return program(*arguments, settings=settings, env=environment, preexec_fn=limit(*limits))
 
     return run
 
@@ -97,9 +81,7 @@ def awkward_settings(dice: random.Random) -> list[str]:
     if "scene.t_end" not in keys:
         keys.append("scene.t_end")
     # The first value is mostly sound.
-    return [
-        f"{key}={VALUES[key][0] if dice.random() < 0.6 else dice.choice(VALUES[key][1:])}" for key in keys
-    ]
+    return [f"{key}={VALUES[key][0] if dice.random() < 0.6 else dice.choice(VALUES[key][1:])}" for key in keys]
 
 
 @pytest.mark.parametrize("seed", [5, *(pytest.param(seed, marks=pytest.mark.full) for seed in range(6, 14))])
@@ -224,9 +206,7 @@ def test_a_sweep_too_large_is_refused(call, tmp_path, count, keep, settings, wor
 
 
 def test_counts_whose_product_is_no_number(call, tmp_path):
-    keys = [
-        f"'{key}'" for key in ("system.misalignment_deg", "friction.mu_0", "friction.mu_inf", "friction.v_f")
-    ]
+    keys = [f"'{key}'" for key in ("system.misalignment_deg", "friction.mu_0", "friction.mu_inf", "friction.v_f")]
     group = "&sweep\n parameter = {}\n first = 4*0.1\n last = 4*0.2\n count = 4*1e9\n/\n"
     (tmp_path / "x.nml").write_text(SLOW + group.format(", ".join(keys)))
     done = call("check", "x.nml")
@@ -239,13 +219,8 @@ def test_counts_whose_product_is_no_number(call, tmp_path):
 def test_memory_that_cannot_be_had(call, tmp_path):
     (tmp_path / "x.nml").write_text(SLOW + GRID.format(200_000_000, "summary"))
     for size in (100, 200, 400):
-        done = call(
-            "run",
-            "x.nml",
-            "--quiet",
-            settings=["output.wall_limit=1"],
-            limits=(resource.RLIMIT_AS, size * MEGABYTE),
-        )
+        room = (resource.RLIMIT_AS, size * MEGABYTE)
+        done = call("run", "x.nml", "--quiet", settings=["output.wall_limit=1"], limits=room)
         assert done.returncode == 4, done
         assert re.match(r"dynstiction: (x\.nml: )?no memory for .*\n$", done.stderr)
 
@@ -263,16 +238,7 @@ def test_samples_that_do_not_fit_into_memory(tmp_path):
     )
     pytest.importorskip("dynstiction")
     (tmp_path / "x.nml").write_text(re.sub(r"(?m)^  interval *=.*$", "  interval = 1e-7", FIG3))
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=tmp_path,
-        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode == 0, done
+    done = SCRIPT(program, cwd=tmp_path, env={"OPENBLAS_NUM_THREADS": "1"}, status=0)
     assert "memory" in done.stdout.lower(), done
 
 
@@ -337,9 +303,8 @@ def test_what_is_for_one_process_is_refused_to_several(call, tmp_path, what, siz
         (tmp_path / name).write_text(SLOW + GRID.format(2, "summary"))
     before = sorted(tmp_path.iterdir())
     first = call(*COPIES[what], **{size: "2", rank: "0"})
-    assert first.returncode == 1 and f"{what}' is for one process" in first.stderr.replace(
-        "a run is", "a run' is"
-    ).replace("several decks is", "several decks' is")
+    said = first.stderr.replace("a run is", "a run' is").replace("several decks is", "several decks' is")
+    assert first.returncode == 1 and f"{what}' is for one process" in said
     second = call(*COPIES[what], **{size: "2", rank: "1"})
     assert (second.returncode, second.stderr) == (1, "")
     assert sorted(tmp_path.iterdir()) == before

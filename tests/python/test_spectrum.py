@@ -6,16 +6,9 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from dynstiction.plot.paper import deck
+from fig3 import SLIDER
 
-FIG4 = {
-    "mass": 0.25,
-    "velocity": 1e-3,
-    "misalignment": np.radians(1.0),
-    "stiffness_x": 1e3,
-    "stiffness_y": 1e7,
-    "mu_0": 0.2,
-    "normal_load": 10.0,
-}
+FIG4 = {name: value for name, value in SLIDER.items() if name not in ("mu_inf", "v_f")}
 TIMES = np.array([0.1, 0.3, 0.6, 1.0, 1.4, 1.6])
 # NUMERICS: the oscillation counted by its zero crossings, without any spectrum.
 SIMULATED = np.array([1000.9, 990.8, 956.2, 869.1, 720.3, 610.5])
@@ -92,7 +85,7 @@ def test_windows_without_meaning_are_refused(window: float) -> None:
 
 
 def test_frequency_of_the_axes() -> None:
-    system = {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7}
+    system = {name: SLIDER[name] for name in ("mass", "stiffness_x", "stiffness_y")}
     found = ds.oscillation_frequency([0.0, np.pi / 2], **system)
     np.testing.assert_allclose(found, [10.0658, 1006.58], rtol=1e-5)
 

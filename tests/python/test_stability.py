@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
+from fig3 import SLIDER as FIG3
+from programs import INPUTS
 
 DEGREE = np.pi / 180
-FIG3 = {
-    "mass": 0.25,
-    "stiffness_x": 1.0e3,
-    "stiffness_y": 1.0e7,
-    "misalignment": DEGREE,
-    "mu_0": 0.20,
-    "mu_inf": 0.15,
-    "v_f": 0.010,
-    "normal_load": 10.0,
-    "velocity": 1.0e-3,
-}
 CONSTANT = {**FIG3, "mu_inf": None, "v_f": None}
 
 
@@ -29,22 +18,10 @@ CONSTANT = {**FIG3, "mu_inf": None, "v_f": None}
 
 
 @pytest.fixture
-def stability(executable, fig3_text, tmp_path):
+def stability(program, fig3_text, tmp_path):
     """Call `dynstiction stability` on the deck of Fig. 3, with --set for each argument."""
     (tmp_path / "fig3.nml").write_text(fig3_text)
-
-    def call(*settings: str, deck: str = "fig3.nml") -> subprocess.CompletedProcess[str]:
-        options = [word for setting in settings for word in ("--set", setting)]
-        return subprocess.run(
-            [executable, "stability", deck, *options],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-
-    return call
+    return lambda *settings, deck="fig3.nml": program("stability", deck, settings=settings)
 
 
 def value(table: str, label: str) -> float:
@@ -78,8 +55,7 @@ def test_table_of_fig3(stability):
 
 @pytest.mark.deck
 @pytest.mark.parametrize(
-    ("angle", "verdict"),
-    [(8.6560, "not stable"), (8.6561, "stable"), (76.26, "stable"), (76.27, "not stable"), (-10, "stable")],
+    ("angle", "verdict"), [(8.6560, "not stable"), (8.6561, "stable"), (76.26, "stable"), (76.27, "not stable"), (-10, "stable")]
 )
 def test_table_gives_the_verdict(angle, verdict, stability):
     table = stability(f"system.misalignment_deg={angle}").stdout
@@ -133,41 +109,28 @@ def test_refusals(stability):
 
 
 @pytest.mark.deck
-def test_usage(executable, tmp_path):
+def test_usage(program, tmp_path):
     for arguments, remedy in (
         ([], "stability DECK"),
         (["fig3.nml", "--overwrite"], "takes no --overwrite"),
         (["fig3.nml", "-o", "x"], "takes no -o"),
     ):
-        result = subprocess.run(
-            [executable, "stability", *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
-        )
-        assert result.returncode == 1
-        assert remedy in result.stderr
+        assert remedy in program("stability", *arguments, status=1).stderr
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.deck
-def test_all_inputs_have_a_table(executable):
-    decks = sorted((Path(__file__).resolve().parents[2] / "inputs").glob("*.nml"))
-    without_theory = {
-        "low_frequency": "low_frequency",
-        "creep": "creep",
-        "creep_asymptotic": "creep_asymptotic",
-        "map_lambda": "low_frequency",
-    }
-    with_theory = [deck for deck in decks if deck.stem not in without_theory]
+def test_all_inputs_have_a_table(program):
+    models = ("low_frequency", "creep", "creep_asymptotic")
+    without_theory = {**dict(zip(models, models, strict=True)), "map_lambda": "low_frequency"}
+    with_theory = [deck for deck in INPUTS.glob("*.nml") if deck.stem not in without_theory]
     assert with_theory
-    result = subprocess.run(
-        [executable, "stability", *with_theory], capture_output=True, text=True, check=False
-    )
+    result = program("stability", *with_theory)
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.count("# ") >= len(with_theory)
     for name, model in without_theory.items():
-        (deck,) = (deck for deck in decks if deck.stem == name)
-        result = subprocess.run([executable, "stability", deck], capture_output=True, text=True, check=False)
-        assert result.returncode == 2
-        assert f"which model '{model}' does not have: give a deck of model 'full'" in result.stderr
+        refused = program("stability", INPUTS / f"{name}.nml", status=2).stderr
+        assert f"which model '{model}' does not have: give a deck of model 'full'" in refused
 
 
 # The package
@@ -396,14 +359,9 @@ def test_growth_rate_of_the_full_model(angle, ds, fig3):
         integrator={"rtol": 1e-12, "method": "radau13"},
         output={"interval": 1e-4},
     )
-    perturbation = np.stack(
-        [
-            result["u_x"] - steady[0],
-            result["u_y"] - steady[1],
-            1e-3 * along[0] - result["w_x"],
-            1e-3 * along[1] - result["w_y"],
-        ]
-    )
+    elongation = (result[name] - at for name, at in zip(("u_x", "u_y"), steady, strict=True))
+    velocity = (1e-3 * share - result[name] for name, share in zip(("w_x", "w_y"), along, strict=True))
+    perturbation = np.stack([*elongation, *velocity])
     values, left = np.linalg.eig(matrix(parameters).T)
     leading = np.argmax(values.real + 1e-9 * values.imag)
     # The left eigenvector picks the leading mode out of the motion.

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import pickle
-from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
 import pytest
 from dynstiction.record import EVENT_DTYPE, Info
-
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
+from programs import INPUTS
 
 SAME = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
 
@@ -61,9 +59,7 @@ def test_fig3_is_periodic_cycle_by_cycle(fig3_result: ds.Result) -> None:
     np.testing.assert_array_equal(cycles["rests"][whole], 434)
     assert np.isnan(cycles["period"][-1])
     # The object is at rest in no part of the slip and in a small one of the stiction.
-    assert np.all(
-        (cycles["rest_time"][whole] > 0.0) & (cycles["rest_time"][whole] < cycles["stick_duration"][whole])
-    )
+    assert np.all((cycles["rest_time"][whole] > 0.0) & (cycles["rest_time"][whole] < cycles["stick_duration"][whole]))
     within = (fig3_result.time >= cycles["peak_time"][0]) & (fig3_result.time < cycles["peak_time"][-1])
     sticking = fig3_result["sticking"][within].mean() * (cycles["peak_time"][-1] - cycles["peak_time"][0])
     assert cycles["rest_time"][whole].sum() == pytest.approx(sticking, rel=0.05)
@@ -71,9 +67,7 @@ def test_fig3_is_periodic_cycle_by_cycle(fig3_result: ds.Result) -> None:
 
 def test_a_known_wave() -> None:
     time = np.linspace(0.0, 5.25, 5251)
-    result = made(
-        np.sin(2 * np.pi * time), time, [(0.1, 2), (0.5, 1), (0.75, 2), (1.0, 1), (2.75, 2), (5.0, 1)]
-    )
+    result = made(np.sin(2 * np.pi * time), time, [(0.1, 2), (0.5, 1), (0.75, 2), (1.0, 1), (2.75, 2), (5.0, 1)])
     cycles = ds.stick_slip_statistics(result)
     np.testing.assert_allclose(cycles["peak_time"], [0.25, 1.25, 2.25, 3.25, 4.25], atol=1e-6)
     np.testing.assert_allclose(cycles["peak_force"], 1.0, atol=1e-9)

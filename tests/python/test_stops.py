@@ -3,6 +3,8 @@
 import dynstiction as ds
 import numpy as np
 import pytest
+from drives import distance
+from fig3 import changed, slider
 
 METHODS = ("radau5", "radau9", "radau13", "dopri5", "dop853")
 
@@ -17,19 +19,14 @@ GRAZING = {
 }
 """v_min is some 1e-7 n of its largest value in the n-th oscillation: the object never stops again."""
 
-FIG3 = {
-    "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7, "misalignment_deg": 1.0},
-    "friction": {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10.0},
-}
+FIG3 = slider()
 
 
-def run(groups, t_end, velocity, method, rtol, *, time=None, interval=None, **initial):
-    drive = {"velocity": velocity} if time is None else {"velocity": velocity, "time": time}
+def run(groups, t_end, velocity, method, rtol, *, time=None, interval=None, model="full", **initial):
     return ds.run(
         ds.Scene(
-            scene={"model": "full", "t_end": t_end},
-            **groups,
-            drive=drive,
+            **changed(groups, {"drive": {"velocity": velocity, "time": time}}),
+            scene={"model": model, "t_end": t_end},
             initial={"velocity_ratio": 0.0, **initial},
             integrator={"method": method, "rtol": rtol},
             output={"interval": interval or t_end / 50, "fields": ["X", "u_x", "u_y", "w_x", "w_y", "sticking"]},
@@ -47,11 +44,8 @@ def test_grazing_is_no_stick(method):
 @pytest.mark.parametrize("ratio", [1 + 1e-6, 1.0, 1 - 1e-6])
 def test_marginal_rest_is_the_same_for_all(ratio):
     """Friction that falls or rises by a millionth: the first oscillations all but stop."""
-    friction = {**FIG3["friction"], "mu_inf": 0.2 * ratio}
-    groups = {"system": FIG3["system"], "friction": friction}
-    sticks = {
-        run(groups, 0.05, 1e-3, method, rtol).summary["sticks"] for method in METHODS for rtol in (1e-7, 1e-9)
-    }
+    groups = slider({"friction": {"mu_inf": 0.2 * ratio}})
+    sticks = {run(groups, 0.05, 1e-3, method, rtol).summary["sticks"] for method in METHODS for rtol in (1e-7, 1e-9)}
     assert len(sticks) == 1
 
 
@@ -59,7 +53,7 @@ def test_marginal_rest_is_the_same_for_all(ratio):
 @pytest.mark.parametrize("angle", [0.1, 0.01])
 def test_small_misalignment_with_an_explicit_method(angle, method):
     """The cut-off of the explicit methods scales with the motion: V sin(phi) is 1e-4 of V here."""
-    groups = {"system": {**FIG3["system"], "misalignment_deg": angle}, "friction": FIG3["friction"]}
+    groups = slider({"system": {"misalignment_deg": angle}})
     exact = run(groups, 1.0025, 1e-3, "radau13", 1e-12)
     found = run(groups, 1.0025, 1e-3, method, 1e-7)
     speed = np.hypot(exact["w_x"], exact["w_y"]).max()
@@ -70,10 +64,7 @@ def test_small_misalignment_with_an_explicit_method(angle, method):
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 def test_slow_piece_of_a_profile(method):
     """The drive comes to rest between faster pieces; the last slip before that ends where it should."""
-    groups = {
-        "system": {"mass": 0.25, "stiffness_x": 3e3, "stiffness_y": 3e6, "misalignment_deg": 3.0},
-        "friction": FIG3["friction"],
-    }
+    groups = slider({"system": {"stiffness_x": 3e3, "stiffness_y": 3e6, "misalignment_deg": 3.0}})
     profile = {"time": (0.0, 0.1, 0.4, 0.5, 0.6, 0.9), "velocity": (0.0, 2e-3, 2e-3, 0.0, 0.0, -3e-3)}
     exact = run(groups, 1.2, **profile, method="radau13", rtol=1e-12)
     found = run(groups, 1.2, **profile, method=method, rtol=1e-6)
@@ -91,11 +82,7 @@ def test_no_step_passes_a_knot(method, seed, rtol):
     time = np.concatenate([[0.0], knots, [0.5]])
     velocity = 1e-3 * (1 + 2 * random.standard_normal(time.size))
     result = run(FIG3, 0.5, tuple(velocity), method, rtol, time=tuple(time), interval=1e-3)
-    driven = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
-    k = np.clip(np.searchsorted(time, result.time, side="right") - 1, 0, time.size - 2)
-    part = result.time - time[k]
-    slope = (velocity[k + 1] - velocity[k]) / (time[k + 1] - time[k])
-    driven = driven[k] + part * (velocity[k] + 0.5 * slope * part)
+    driven = distance(velocity, time, result.time)
     along = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
     stretch = result["u_x"] * along[0] + result["u_y"] * along[1]
     assert np.abs(result["X"] - (driven - stretch)).max() < 1e-15
@@ -118,28 +105,13 @@ def test_samples_have_their_own_times(method, rtol):
 def test_redundant_knots_change_no_bit():
     """A knot on the line between its neighbours is none, in any model."""
     for model, angle in (("full", 1.0), ("low_frequency", 3.0)):
-        system = {**FIG3["system"], "misalignment_deg": angle}
-        if model == "low_frequency":
-            del system["stiffness_y"]
-        results = []
-        for time, velocity in (
-            ((0.0, 1.0), (1e-3, -1e-3)),
-            ((0.0, 0.25, 0.5, 0.625, 1.0), (1e-3, 5e-4, 0.0, -2.5e-4, -1e-3)),
-        ):
-            results.append(
-                ds.run(
-                    ds.Scene(
-                        scene={"model": model, "t_end": 1.0},
-                        system=system,
-                        friction=FIG3["friction"],
-                        drive={"time": time, "velocity": velocity},
-                        initial={"velocity_ratio": 0.0},
-                        integrator={"method": "radau9", "rtol": 1e-6},
-                        output={"interval": 0.01},
-                    )
-                )
-            )
-        assert all((results[0][name] == results[1][name]).all() for name in ("u_x", "X", "w_x"))
+        stiff = {"stiffness_y": None} if model == "low_frequency" else {}
+        groups = slider({"system": {"misalignment_deg": angle, **stiff}})
+        one, other = (
+            run(groups, 1.0, velocity, "radau9", 1e-6, time=time, interval=0.01, model=model)
+            for time, velocity in (((0.0, 1.0), (1e-3, -1e-3)), ((0.0, 0.25, 0.5, 0.625, 1.0), (1e-3, 5e-4, 0.0, -2.5e-4, -1e-3)))
+        )
+        assert all((one[name] == other[name]).all() for name in ("u_x", "X", "w_x"))
 
 
 def test_a_sample_before_a_turn_has_the_direction_of_then():

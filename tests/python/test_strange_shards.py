@@ -6,14 +6,13 @@ import os
 import random
 import resource
 import struct
-import subprocess
 import time
-from functools import partial
 
 import h5py
 import numpy as np
 import pytest
-from sweeps import HEADER_BYTES, INPUTS, SCENE, Sweep, checksum, values
+from programs import INPUTS, limited
+from sweeps import HEADER_BYTES, SCENE, Sweep, checksum, values
 
 pytestmark = pytest.mark.deck
 
@@ -25,11 +24,6 @@ SERIES = " keep = 'series'"
 # --- series of any length
 
 
-def stacks(main_kb):
-    """What a child does to have a main stack of this size."""
-    return partial(resource.setrlimit, resource.RLIMIT_STACK, (main_kb * 1024, main_kb * 1024))
-
-
 @pytest.mark.parametrize(
     ("main_kb", "threads"), [(8192, 1), (8192, 2), (1024, 1), (1024, 2)], ids=str
 )
@@ -38,10 +32,8 @@ def test_a_long_series_needs_no_stack(tmp_path, main_kb, threads):
     text = (INPUTS / "fig3.nml").read_text()
     sweep = Sweep(tmp_path, text + GRID.format(SERIES).replace("count = 3", "count = 2"))
     settings = ("--set", "output.interval=1e-4", "--set", "scene.t_end=10.0")
-    done = sweep.run(
-        "a.h5", *settings, threads=threads, env={"OMP_STACKSIZE": "128k"}, preexec_fn=stacks(main_kb)
-    )
-    assert done.returncode == 0, done
+    stack = limited(resource.RLIMIT_STACK, main_kb * 1024)
+    sweep.run("a.h5", *settings, threads=threads, env={"OMP_STACKSIZE": "128k"}, preexec_fn=stack, status=0)
     if (main_kb, threads) != (8192, 2):
         return
     with h5py.File(tmp_path / "a.h5") as merged:
@@ -52,8 +44,8 @@ def test_a_long_series_needs_no_stack(tmp_path, main_kb, threads):
         single = tmp_path / f"{i}.h5"
         deck = tmp_path / "single.nml"
         deck.write_text(text)
-        command = [sweep.exe, "run", deck, "-o", single, "--quiet", *settings]
-        subprocess.run([*command, "--set", f"system.misalignment_deg={angle}"], check=True, timeout=60)
+        angle_set = ("--set", f"system.misalignment_deg={angle}")
+        sweep.program("run", deck, "-o", single, "--quiet", *settings, *angle_set, status=0)
         with h5py.File(single) as alone:
             assert np.array_equal(series["time"], alone["time_series/time"][:])
             for name in ("u_x", "spring_force_x", "theta"):
@@ -233,7 +225,7 @@ def test_a_shard_that_vanishes_gets_a_true_message(sweep_with_shard):
     for attempt in range(12):
         for copy in copies:
             copy.write_bytes(data)
-        process = sweep.start("a.h5", stderr=subprocess.PIPE, text=True)
+        process = sweep.start("a.h5")
         time.sleep(0.005 * (1 + attempt))
         for copy in reversed(copies):
             copy.unlink(missing_ok=True)

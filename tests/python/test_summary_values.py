@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import dynstiction as ds
 import numpy as np
 import pytest
+from programs import INPUTS
 
-INPUTS = Path(__file__).resolve().parents[2] / "inputs"
 MASS, SOFT, STIFF, LIMIT, V = 0.25, 1e3, 1e7, 2.0, 1e-3
 
 

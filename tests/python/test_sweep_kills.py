@@ -18,19 +18,18 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from sweeps import GRID, SCENE, Sweep, cases_in, end_group, same, values
+from programs import end_group
+from sweeps import GRID, SCENE, Sweep, cases_in, same, values
 
 # 240 cases of some milliseconds.
 DECK = SCENE.replace("t_end = 10.0", "t_end = 120.0") + GRID.replace("count = 12, 5", "count = 24, 10")
 CASES = list(range(1, 241))
 MPI = {"openmpi": "DYNSTICTION_OPENMPI_EXE", "mpich": "DYNSTICTION_MPICH_EXE"}
-QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+QUIET = {"stderr": subprocess.DEVNULL}
 # More ranks than cores, and root, are fine for a test.
-ALLOWED = {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-}
+ALLOWED = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "OMPI_MCA_rmaps_base_oversubscribe"), "1"
+)
 
 
 class Threads:
@@ -86,9 +85,8 @@ class Ranks:
     def __init__(self, sweep, output, flavour):
         self.sign = f"{sweep.folder / output}".encode()
         launcher = (f"mpirun.{flavour}", "-n", "3")
-        env = ALLOWED | {"OMP_NUM_THREADS": "1"}
         options = ("--overwrite", "--keep-shards")
-        self.start = lambda: sweep.start(output, *options, launcher=launcher, env=env, **QUIET)
+        self.start = lambda: sweep.start(output, *options, launcher=launcher, env=ALLOWED, **QUIET)
         self.process = self.start()
 
     def workers(self):
@@ -157,7 +155,7 @@ def kill_some(sweep, output, kind, kills, chance, reference):
                 check_partial_file(sweep, output, set(now))
     finally:
         workers.close()
-    assert sweep.run(output, "--overwrite", "--keep-shards").returncode == 0
+    sweep.run(output, "--overwrite", "--keep-shards", status=0)
     assert sorted(finished(sweep, output)) == CASES, "cases are missing, or were done twice"
     assert same(values(sweep.folder / output), reference)
     return seen
@@ -221,10 +219,7 @@ def main():
             sweeps = kill_workers(Path(folder), kind, share, seed + i, exe)
         total = sum(seen["kills"] for seen in sweeps)
         at = [count for seen in sweeps for count in seen["cases at kills"]]
-        print(
-            f"{name}: {total} kills in {len(sweeps)} sweeps, with {at} of 240 cases done: none lost, none twice",
-            flush=True,
-        )
+        print(f"{name}: {total} kills in {len(sweeps)} sweeps, with {at} of 240 cases done: none lost, none twice", flush=True)
 
 
 if __name__ == "__main__":

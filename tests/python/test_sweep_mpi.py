@@ -6,25 +6,13 @@ import os
 import re
 import signal
 import struct
-import subprocess
 import time
 from pathlib import Path
 
 import h5py
 import pytest
-from sweeps import (
-    GRID,
-    HEADER_BYTES,
-    INPUTS,
-    SCENE,
-    Sweep,
-    cases_in,
-    end_group,
-    executable,
-    same,
-    values,
-    wait_until,
-)
+from programs import INPUTS, Program, end_group, executable, wait_until
+from sweeps import GRID, HEADER_BYTES, SCENE, Sweep, cases_in, same, values
 from test_sweep_kills import ALLOWED, MPI, Ranks, skip_without
 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
@@ -40,18 +28,15 @@ class Launched(Sweep):
         super().__init__(folder, text, exe)
         self.flavour = flavour
 
-    def run(self, output, *arguments, ranks=2, **kwargs):
-        command = [f"mpirun.{self.flavour}", "-n", str(ranks), *self.command(output, *arguments)]
-        environment = os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"}
-        return subprocess.run(
-            command, env=environment, capture_output=True, text=True, check=False, timeout=300, **kwargs
-        )
+    def ranks(self, number, *first):
+        return Program((f"mpirun.{self.flavour}", "-n", number, *first), self.folder, ALLOWED)
 
-    def go(self, output, *arguments, ranks=2, **kwargs):
-        launcher = (f"mpirun.{self.flavour}", "-n", str(ranks))
-        return self.start(
-            output, *arguments, launcher=launcher, env=ALLOWED | {"OMP_NUM_THREADS": "1"}, text=True, **kwargs
-        )
+    def run(self, output, *arguments, ranks=2, **options):
+        return self.ranks(ranks, self.exe)(*self.command(output, *arguments), timeout=300, **options)
+
+    def go(self, output, *arguments, ranks=2, **options):
+        launcher = self.ranks(ranks).words()
+        return self.start(output, *arguments, launcher=launcher, env=ALLOWED, **options)
 
 
 @pytest.fixture(params=list(MPI))
@@ -61,8 +46,7 @@ def launched(request, tmp_path):
 
 @pytest.mark.parametrize("ranks", [1, 2, 3])
 def test_the_number_of_ranks_changes_nothing(launched, tmp_path, ranks):
-    done = launched.run("m.h5", "--keep-shards", ranks=ranks)
-    assert done.returncode == 0, done.stderr
+    launched.run("m.h5", "--keep-shards", ranks=ranks, status=0)
     assert len(launched.shards("m.h5")) == ranks
     assert sorted(case for shard in launched.shards("m.h5") for case in cases_in(shard)) == list(range(1, 61))
     assert Sweep(tmp_path, SHORT + GRID).run("s.h5").returncode == 0
@@ -87,20 +71,19 @@ def test_expensive_cases_in_a_row_are_shared(launched, tmp_path, costly):
         ends.reverse()
     (tmp_path / "points.csv").write_text("\n".join(["scene.t_end", *map(str, ends)]))
     launched.deck.write_text(SCENE + "&sweep points = 'points.csv' /\n")
-    assert launched.run("m.h5", "--keep-shards").returncode == 0
+    launched.run("m.h5", "--keep-shards", status=0)
     spent = [seconds_in(shard) for shard in launched.shards("m.h5")]
     # No more than two cases of a difference; half as much again for the scheduler of a busy machine.
     assert abs(spent[0] - spent[1]) < 3.0 * sum(spent) / 24
 
 
 def test_failed_cases(launched, tmp_path):
-    done = launched.run("m.h5", "--set", "integrator.max_steps=25")
-    assert done.returncode == 5 and done.stderr.count("cases failed") == 1
+    assert launched.run("m.h5", "--set", "integrator.max_steps=25", status=5).stderr.count("cases failed") == 1
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1])
 def test_a_signal_to_one_rank_stops_all(launched, tmp_path, number):
-    process = launched.go("m.h5", *ENDLESS, ranks=3, stderr=subprocess.PIPE)
+    process = launched.go("m.h5", *ENDLESS, ranks=3)
     ranks = Ranks.__new__(Ranks)
     ranks.sign = f"{tmp_path / 'm.h5'}".encode()
     try:
@@ -112,14 +95,13 @@ def test_a_signal_to_one_rank_stops_all(launched, tmp_path, number):
         end_group(process)
     done = {case for shard in launched.shards("m.h5") for case in cases_in(shard)}
     # With another number of ranks it goes on, and repeats nothing.
-    again = launched.run("m.h5", *ENDLESS, "--set", "output.wall_limit=2", ranks=2)
-    assert again.returncode == 75
+    launched.run("m.h5", *ENDLESS, "--set", "output.wall_limit=2", ranks=2, status=75)
     now = [case for shard in launched.shards("m.h5") for case in cases_in(shard)]
     assert done <= set(now) and len(now) == len(set(now))
 
 
 def test_a_signal_to_mpirun_reaches_the_ranks(launched):
-    process = launched.go("m.h5", *ENDLESS, stderr=subprocess.PIPE)
+    process = launched.go("m.h5", *ENDLESS)
     try:
         wait_until(lambda: sum(len(cases_in(shard)) for shard in launched.shards("m.h5")) > 1)
         process.send_signal(signal.SIGUSR1)
@@ -130,7 +112,7 @@ def test_a_signal_to_mpirun_reaches_the_ranks(launched):
 
 
 def test_progress_is_of_rank_0_only_and_of_all_ranks(launched):
-    process = launched.go("m.h5", *ENDLESS, quiet=False, ranks=2, stderr=subprocess.PIPE)
+    process = launched.go("m.h5", *ENDLESS, quiet=False, ranks=2)
     try:
         line = process.stderr.readline()
         assert " of 60 cases, 0 failed" in line
@@ -142,8 +124,7 @@ def test_progress_is_of_rank_0_only_and_of_all_ranks(launched):
 
 
 def test_shards_are_not_for_ranks(launched):
-    done = launched.run("m.h5", "--shard", "1/2")
-    assert done.returncode == 1 and "--shard is for processes that know nothing of each other" in done.stderr
+    assert "--shard is for processes that know nothing of each other" in launched.run("m.h5", "--shard", "1/2", status=1).stderr
 
 
 class Ended:
@@ -151,25 +132,7 @@ class Ended:
 
     def __init__(self, launched, *command, ranks=2):
         script = 'rank=${OMPI_COMM_WORLD_RANK:-$PMI_RANK}; "$@"; echo $? > "status.$rank"'
-        done = subprocess.run(
-            [
-                f"mpirun.{launched.flavour}",
-                "-n",
-                str(ranks),
-                "sh",
-                "-c",
-                script,
-                "sh",
-                launched.exe,
-                *command,
-            ],
-            cwd=launched.folder,
-            env=os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"},
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=120,
-        )
+        done = launched.ranks(ranks, "sh", "-c", script, "sh", launched.exe)(*command)
         files = [launched.folder / f"status.{rank}" for rank in range(ranks)]
         self.statuses = [int(file.read_text()) for file in files]
         self.output, self.messages = done.stdout, messages(done.stderr)
@@ -184,14 +147,7 @@ def messages(text):
 
 def alone(launched, *command):
     """The same command without mpirun."""
-    return subprocess.run(
-        [launched.exe, *command],
-        cwd=launched.folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    return Program((launched.exe,), launched.folder)(*command)
 
 
 UNNAMED = re.sub("file = '.*'", "", SHORT)
@@ -350,20 +306,15 @@ LONG = ("run", "one.nml", "--set", "scene.t_end=1e6", "--set", "output.interval=
 @pytest.mark.parametrize("command", ["run", "resume"])
 def test_a_signal_stops_what_rank_0_does(launched, decks, tmp_path, command, number):
     """Over mpirun: it ends with a checkpoint. Meanwhile the others have used no core."""
-    start = {"cwd": tmp_path, "start_new_session": True, "stderr": subprocess.PIPE, "text": True}
     arguments = LONG
     if command == "resume":
-        process = subprocess.Popen([launched.exe, *LONG], **start)
+        process = Program((launched.exe,), tmp_path).start(*LONG, start_new_session=True)
         wait_until((tmp_path / "one.h5").exists)
         time.sleep(0.3)
         process.send_signal(signal.SIGUSR1)
         assert process.wait(30) == 75
         arguments = ("resume", "one.h5", "--quiet")
-    process = subprocess.Popen(
-        [f"mpirun.{launched.flavour}", "-n", "3", launched.exe, *arguments],
-        env=os.environ | ALLOWED | {"OMP_NUM_THREADS": "1"},
-        **start,
-    )
+    process = launched.ranks(3, launched.exe).start(*arguments, start_new_session=True)
     try:
         wait_until(lambda: len(ranks_in(tmp_path)) == 3 and (tmp_path / "one.h5").exists())
         rank = ranks_in(tmp_path)

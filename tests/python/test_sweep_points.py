@@ -22,7 +22,7 @@ def sweep(tmp_path):
 @pytest.fixture
 def expected(sweep, tmp_path):
     (tmp_path / "cases.csv").write_text("\n".join([NAMES, *ROWS]) + "\n")
-    assert sweep.run("expected.h5").returncode == 0
+    sweep.run("expected.h5", status=0)
     return values(tmp_path / "expected.h5")
 
 
@@ -32,9 +32,7 @@ def test_a_list_has_a_case_a_row(sweep, expected, tmp_path):
     with h5py.File(tmp_path / "expected.h5") as file:
         assert file["sweep"].attrs["grid"] == "list"
         assert file["sweep"].attrs["parameters"] == "system.misalignment_deg drive.velocity"
-    single = ds.run(
-        sweep.deck.read_text().replace(LIST, ""), drive={"velocity": 4e-3}, system={"misalignment_deg": 4.0}
-    )
+    single = ds.run(sweep.deck.read_text().replace(LIST, ""), drive={"velocity": 4e-3}, system={"misalignment_deg": 4.0})
     assert expected["summary/final_u_x"][2] == single["u_x"][-1]
 
 
@@ -71,8 +69,7 @@ def test_a_list_has_a_case_a_row(sweep, expected, tmp_path):
 )
 def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
     (tmp_path / "cases.csv").write_bytes(text.encode())
-    done = sweep.run("a.h5")
-    assert done.returncode == 0, done.stderr
+    sweep.run("a.h5", status=0)
     assert same(values(tmp_path / "a.h5"), expected)
 
 
@@ -100,8 +97,7 @@ def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
 def test_faults_have_their_place(sweep, tmp_path, text, place, words):
     path = tmp_path / "cases.csv"
     path.write_text(text)
-    done = sweep.run("a.h5")
-    assert done.returncode == 3
+    done = sweep.run("a.h5", status=3)
     assert done.stderr.startswith(f"dynstiction: {path}{place}") and words in done.stderr
     assert not (tmp_path / "a.h5").exists() and not sweep.shards("a.h5")
     with pytest.raises(ds.FileError, match=r"cases\.csv"):
@@ -110,9 +106,7 @@ def test_faults_have_their_place(sweep, tmp_path, text, place, words):
 
 def test_a_missing_file_and_a_folder(sweep, tmp_path):
     done = sweep.run("a.h5")
-    assert (
-        done.returncode == 3 and f"{tmp_path}/cases.csv: cannot be read: there is no such file" in done.stderr
-    )
+    assert done.returncode == 3 and f"{tmp_path}/cases.csv: cannot be read: there is no such file" in done.stderr
     (tmp_path / "cases.csv").mkdir()
     assert "it is a folder" in sweep.run("a.h5").stderr
 
@@ -122,7 +116,7 @@ def test_names_are_relative_to_the_deck_and_may_be_absolute(sweep, expected, tmp
     moved = tmp_path / "elsewhere" / "points.csv"
     (tmp_path / "cases.csv").rename(moved)
     for name in ("elsewhere/points.csv", moved):
-        assert sweep.run("a.h5", "--overwrite", "--set", f"sweep.points={name}", cwd="/").returncode == 0
+        sweep.run("a.h5", "--overwrite", "--set", f"sweep.points={name}", cwd="/", status=0)
         assert same(values(tmp_path / "a.h5"), expected)
 
 
@@ -149,9 +143,7 @@ def with_hdf5(sweep):
 
 def test_hdf5_gives_the_same(sweep, expected, write, tmp_path):
     # Other programs add coordinates and indices; single precision and integers are numbers too.
-    write(
-        **{"system.misalignment_deg": ANGLES, "drive.velocity": VELOCITIES, "case": [1, 2, 3], "note": "text"}
-    )
+    write(**{"system.misalignment_deg": ANGLES, "drive.velocity": VELOCITIES, "case": [1, 2, 3], "note": "text"})
     done = with_hdf5(sweep)
     assert done.returncode == 0, done.stderr
     # HDF5 keeps names in alphabetical order.

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 import threading
 import time
+from subprocess import PIPE
 
 import dynstiction as ds
 import numpy as np
 import pytest
+from programs import SCRIPT
 from sweeps import GRID, SCENE
 
 pytest.importorskip("xarray")
@@ -30,9 +30,7 @@ def test_coordinates_units_and_order():
 
 
 def test_points_go_along_case():
-    data = ds.sweep(
-        SHORT, {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3]}, points=True
-    )
+    data = ds.sweep(SHORT, {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3]}, points=True)
     assert data["final_u_x"].dims == ("case",) and data["drive.velocity"].dims == ("case",)
 
 
@@ -74,16 +72,8 @@ def test_failed_cases_are_reported():
         ({"parameters": {}, "points": True}, ds.UsageError, "one length"),
         ({"parameters": ANGLES, "threads": 0}, ds.UsageError, "threads = 0"),
         ({"parameters": ANGLES, "threads": -2}, ds.UsageError, "threads = -2"),
-        (
-            {"parameters": ANGLES, "scene": {"model": "auto"}, "system": {"stiffness_y": 1e7}},
-            ds.DeckError,
-            "auto",
-        ),
-        (
-            {"parameters": {"drive.velocity": np.ones(40000), "system.mass": np.ones(40000)}},
-            ds.DeckError,
-            "from 1 to",
-        ),
+        ({"parameters": ANGLES, "scene": {"model": "auto"}, "system": {"stiffness_y": 1e7}}, ds.DeckError, "auto"),
+        ({"parameters": {"drive.velocity": np.ones(40000), "system.mass": np.ones(40000)}}, ds.DeckError, "from 1 to"),
     ],
 )
 def test_refused(arguments, error, words):
@@ -149,9 +139,7 @@ def test_interrupt_keeps_what_is_done(tmp_path, number_of_signals):
     """Two hundred short cases, then endless ones; impatient users press Ctrl-C more than once."""
     deck = tmp_path / "deck.nml"
     deck.write_text(SCENE)
-    process = subprocess.Popen(
-        [sys.executable, "-c", INTERRUPTED, deck], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    process = SCRIPT.start(INTERRUPTED, deck, stdout=PIPE)
     try:
         assert process.stdout.readline() == "begun\n"
         time.sleep(2.0)

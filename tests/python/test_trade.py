@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import subprocess
 import time
 
 import dynstiction as ds
@@ -47,15 +46,10 @@ def creep(fig3):
 
 
 @pytest.fixture
-def command(executable, tmp_path, fig3_text):
+def command(program, tmp_path, fig3_text):
     """Run ``dynstiction trade`` on the creep of Fig. 3."""
     (tmp_path / "deck.nml").write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.3"))
-
-    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        words = [str(executable), *arguments]
-        return subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=60, check=False, text=True)
-
-    return run
+    return program
 
 
 def row(trade, **wanted):

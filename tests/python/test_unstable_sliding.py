@@ -7,29 +7,18 @@ import math
 
 import dynstiction as ds
 import pytest
+from fig3 import changed, slider
 
-FIG3 = {
-    "system": {"mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7},
-    "friction": {"law": "weakening", "mu_0": 0.2, "mu_inf": 0.15, "v_f": 0.01, "normal_load": 10.0},
-}
 METHODS = ("radau5", "radau9", "radau13")
 RTOL = (1e-4, 1e-5, 1e-6)
 
 
 def scene(angle, t_end, method, rtol, drive, model="full", **initial):
-    system = {**FIG3["system"], "misalignment_deg": angle}
+    groups = slider({"system": {"misalignment_deg": angle}, "drive": drive, "initial": {"velocity_ratio": 0.0, **initial}})
     if model == "low_frequency":
-        del system["stiffness_y"]
-        initial.pop("elongation_y", None)
-    return ds.Scene(
-        scene={"model": model, "t_end": t_end},
-        system=system,
-        friction=FIG3["friction"],
-        drive=drive,
-        initial={"velocity_ratio": 0.0, **initial},
-        integrator={"method": method, "rtol": rtol},
-        output={"interval": t_end / 100},
-    )
+        groups = changed(groups, {"system": {"stiffness_y": None}, "initial": {"elongation_y": None}})
+    integrator = {"method": method, "rtol": rtol}
+    return ds.Scene(**groups, scene={"model": model, "t_end": t_end}, integrator=integrator, output={"interval": t_end / 100})
 
 
 def pushed(angle, push, t_end, method, rtol, model="full"):
@@ -83,9 +72,7 @@ def test_the_lanes_of_a_sweep_follow_slow_growth():
 
 @pytest.mark.parametrize("angle", [80.0, 83.0])
 def test_fast_branch_from_a_push(angle):
-    sticks = {
-        ds.run(pushed(angle, 1e-6, 1.0, method, rtol)).summary["sticks"] for method in METHODS for rtol in RTOL
-    }
+    sticks = {ds.run(pushed(angle, 1e-6, 1.0, method, rtol)).summary["sticks"] for method in METHODS for rtol in RTOL}
     assert len(sticks) == 1 and sticks.pop() > 600
 
 

@@ -17,13 +17,11 @@ from pathlib import Path
 
 import h5py
 import pytest
-from sweeps import GRID, SCENE, Sweep, cases_in, executable, same, values, wait_until
+from programs import ROOT, Program, executable, small_disk, wait_until
+from sweeps import GRID, SCENE, Sweep, cases_in, same, values
 
-pytestmark = pytest.mark.skipif(
-    "SLURM_TEST_FOLDER" not in os.environ, reason="tests/slurm/run.sh starts the Slurm"
-)
+pytestmark = pytest.mark.skipif("SLURM_TEST_FOLDER" not in os.environ, reason="tests/slurm/run.sh starts the Slurm")
 
-ROOT = Path(__file__).parents[2]
 RANK = Path(__file__).with_name("rank.sh")
 CASES = 60
 MPI = {"pmix": "DYNSTICTION_OPENMPI_EXE", "pmi2": "DYNSTICTION_MPICH_EXE"}
@@ -42,7 +40,7 @@ def cpu_seconds(tmp_path_factory: pytest.TempPathFactory):
     """Gives a deck of 60 cases that take so long on one core: faster machines must not be done before the fault."""
     sweep = Sweep(tmp_path_factory.mktemp("pace"), deck(1000.0))
     begun = time.monotonic()
-    assert sweep.run("pace.h5", "--shard", "1/15", threads=1).returncode == 0
+    sweep.run("pace.h5", "--shard", "1/15", threads=1, status=0)
     pace = (time.monotonic() - begun) * 15.0 / 1000.0
     return lambda seconds: deck(round(seconds / pace, 1))
 
@@ -66,21 +64,6 @@ def messages(text: str) -> list[str]:
     return [line for line in text.splitlines() if line.startswith("dynstiction: ")]
 
 
-@contextlib.contextmanager
-def small_disk(folder: Path):
-    """A file system with room for a few cases, at `folder`."""
-    folder.mkdir()
-    done = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=8k", "tmpfs", folder], capture_output=True, check=False
-    )
-    if done.returncode:
-        pytest.skip("no file system can be mounted here")
-    try:
-        yield lambda: subprocess.run(["mount", "-o", "remount,size=8m", folder], check=True)
-    finally:
-        subprocess.run(["umount", "--lazy", folder], check=True)
-
-
 # Jobs: the scripts
 
 
@@ -97,19 +80,13 @@ class Job:
         log = folder / f"{len(list(folder.glob('job*.log')))}.log"
         log = log.with_name("job" + log.name)
         log.touch()
-        done = subprocess.run(
-            ["sbatch", "--parsable", "--cpus-per-task=1", f"--output={log}", *map(str, command)],
-            cwd=folder, env=os.environ | {"DYNSTICTION": executable()} | (env or {}), capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        return cls(done.stdout.strip(), log)
+        sbatch = Program(
+            ("sbatch", "--parsable", "--cpus-per-task=1", f"--output={log}"), folder, {"DYNSTICTION": str(executable())}
+        )
+        return cls(sbatch(*command, env=env, status=0).stdout.strip(), log)
 
     def queued(self) -> bool:
-        return bool(
-            subprocess.run(
-                ["squeue", "-h", "-j", self.number], capture_output=True, text=True, check=False
-            ).stdout
-        )
+        return bool(Program(("squeue", "-h", "-j", self.number))().stdout)
 
     def wait(self, seconds: float = 60.0) -> Job:
         end = time.monotonic() + seconds
@@ -118,14 +95,9 @@ class Job:
             time.sleep(0.1)
         return self
 
-    def signal(self, name: str) -> None:
-        subprocess.run(["scancel", f"--signal={name}", self.number], check=True)
-
     def facts(self, name: str) -> list[str]:
         """A value of each task of the job, as scontrol tells it."""
-        shown = subprocess.run(
-            ["scontrol", "--oneliner", "show", "job", self.number], capture_output=True, text=True, check=True
-        ).stdout
+        shown = Program(("scontrol", "--oneliner", "show", "job", self.number))(status=0).stdout
         return re.findall(rf"\b{name}=(\S+)", shown)
 
     def text(self) -> str:
@@ -134,25 +106,14 @@ class Job:
 
 def array(sweep: Sweep, indices: str, output: str, *options: str, arguments=(), env=None) -> Job:
     script = ROOT / "jobs" / "slurm_array.sbatch"
-    return Job.submit(
-        sweep.folder, f"--array={indices}", *options, script, sweep.deck, output, *arguments, env=env
-    )
+    return Job.submit(sweep.folder, f"--array={indices}", *options, script, sweep.deck, output, *arguments, env=env)
 
 
 def mpi_job(sweep: Sweep, flavour: str, output: str, *options: str, arguments=()) -> Job:
     script = ROOT / "jobs" / "slurm_mpi.sbatch"
     env = {"DYNSTICTION": mpi_program(flavour), "SLURM_MPI_TYPE": flavour}
-    return Job.submit(
-        sweep.folder,
-        "--ntasks-per-node=3",
-        *options,
-        script,
-        sweep.deck,
-        output,
-        "--quiet",
-        *arguments,
-        env=env,
-    )
+    words = ("--ntasks-per-node=3", *options, script, sweep.deck, output, "--quiet", *arguments)
+    return Job.submit(sweep.folder, *words, env=env)
 
 
 def start_job(kind: str, sweep: Sweep, output: str) -> Job:
@@ -162,7 +123,7 @@ def start_job(kind: str, sweep: Sweep, output: str) -> Job:
 
 def check_result(kind: str, sweep: Sweep, output: str) -> None:
     if kind == "array":
-        assert sweep.run(output, command="merge").returncode == 0
+        sweep.run(output, command="merge", status=0)
     assert is_result_of_one_process(sweep, output)
 
 
@@ -170,7 +131,7 @@ def mpi_program(flavour: str) -> str:
     program = os.environ.get(MPI[flavour])
     if not program:
         pytest.skip(f"{MPI[flavour]} names no program")
-    known = subprocess.run(["srun", "--mpi=list"], capture_output=True, text=True, check=False)
+    known = Program(("srun", "--mpi=list"))()
     if flavour not in known.stdout + known.stderr:
         pytest.skip(f"this srun does not know {flavour}")
     return program
@@ -201,7 +162,7 @@ def test_any_range_of_an_array(tmp_path, indices):
     job = array(sweep, indices, "m.h5").wait()
     assert job.facts("JobState") == ["COMPLETED"] * 4, job.text()
     assert len(sweep.shards("m.h5")) == 4
-    assert sweep.run("m.h5", command="merge").returncode == 0
+    sweep.run("m.h5", command="merge", status=0)
     assert is_result_of_one_process(sweep, "m.h5")
 
 
@@ -209,11 +170,9 @@ def test_a_failed_index_is_run_again_by_its_number(tmp_path):
     """And so is an irregular list of them; a merge that waits for the array by afterany shows what is missing meanwhile."""
     sweep = Sweep(tmp_path, deck())
     dying = tmp_path / "dying.sh"
-    dying.write_text(
-        '#!/bin/sh\ncase $SLURM_ARRAY_TASK_ID/$1 in [236]/run) kill -KILL $$ ;; esac\nexec "$REAL" "$@"\n'
-    )
+    dying.write_text('#!/bin/sh\ncase $SLURM_ARRAY_TASK_ID/$1 in [236]/run) kill -KILL $$ ;; esac\nexec "$REAL" "$@"\n')
     dying.chmod(0o755)
-    first = array(sweep, "1-6", "m.h5", env={"DYNSTICTION": str(dying), "REAL": executable()})
+    first = array(sweep, "1-6", "m.h5", env={"DYNSTICTION": str(dying), "REAL": str(executable())})
     merge = f"{executable()} merge {sweep.deck} -o m.h5"
     look = Job.submit(tmp_path, f"--dependency=afterany:{first.number}", f"--wrap={merge}").wait()
     assert sorted(first.facts("JobState")) == ["COMPLETED"] * 3 + ["FAILED"] * 3
@@ -225,10 +184,8 @@ def test_a_failed_index_is_run_again_by_its_number(tmp_path):
         again = array(sweep, indices, "m.h5").wait()
         assert again.facts("JobState") == ["COMPLETED"] * count, again.text()
     assert len(sweep.shards("m.h5")) == 6
-    assert sorted(case for shard in sweep.shards("m.h5") for case in cases_in(shard)) == list(
-        range(1, CASES + 1)
-    )
-    assert sweep.run("m.h5", command="merge").returncode == 0
+    assert sorted(case for shard in sweep.shards("m.h5") for case in cases_in(shard)) == list(range(1, CASES + 1))
+    sweep.run("m.h5", command="merge", status=0)
     assert is_result_of_one_process(sweep, "m.h5")
 
 
@@ -259,13 +216,13 @@ def test_cases_that_fail_do_not_keep_the_merge_from_starting(tmp_path):
 def test_a_full_disk_ends_a_job(tmp_path, kind):
     """And room lets the same command go on."""
     sweep = Sweep(tmp_path, deck())
-    with small_disk(tmp_path / "disk") as grow:
+    with small_disk(tmp_path / "disk", "8k") as grow:
         job = start_job(kind, sweep, "disk/m.h5").wait()
         assert set(job.facts("ExitCode")) == {"3:0"} and set(job.facts("Restarts")) == {"0"}, job.text()
         said = messages(job.text())
         assert len(said) == len(job.facts("ExitCode")) and all("disk" in line for line in said), said
         assert "not requeued" in job.text()
-        grow()
+        grow("8m")
         assert set(start_job(kind, sweep, "disk/m.h5").wait().facts("JobState")) == {"COMPLETED"}
         check_result(kind, sweep, "disk/m.h5")
 
@@ -276,21 +233,13 @@ def test_a_look_while_a_job_runs(tmp_path, cpu_seconds, kind):
     sweep = Sweep(tmp_path, cpu_seconds(8.0), exe=None if kind == "array" else mpi_program(kind))
     job = start_job(kind, sweep, "m.h5")
     wait_until(lambda: finished(sweep, "m.h5") > 5)
-    look = sweep.run("m.h5", command="merge")
-    assert look.returncode == 75, look.stderr
-    job.signal("USR1")
+    sweep.run("m.h5", command="merge", status=75)
+    Program(("scancel", "--signal=USR1"))(job.number, status=0)
     job.wait(120.0)
     text = job.text()
     assert set(job.facts("JobState")) == {"COMPLETED"}, text
     assert "requeued" in text and "not requeued" not in text and "start 2" in text
-    for fact in (
-        f"on {os.uname().nodename}",
-        f"job {job.number}",
-        "start 1",
-        "dynstiction 0",
-        "MPI",
-        "thread",
-    ):
+    for fact in (f"on {os.uname().nodename}", f"job {job.number}", "start 1", "dynstiction 0", "MPI", "thread"):
         assert fact in text, fact
     check_result(kind, sweep, "m.h5")
 
@@ -302,7 +251,7 @@ def test_a_job_that_is_cancelled(tmp_path, cpu_seconds, kind):
     job = start_job(kind, sweep, "m.h5")
     wait_until(lambda: finished(sweep, "m.h5") > 5)
     done = finished(sweep, "m.h5")
-    subprocess.run(["scancel", job.number], check=True)
+    Program(("scancel",))(job.number, status=0)
     job.wait(AT_ONCE)
     assert set(job.facts("JobState")) == {"CANCELLED"} and set(job.facts("Restarts")) == {"0"}, job.text()
     assert "stopped by SIGTERM" in job.text() and finished(sweep, "m.h5") >= done
@@ -311,6 +260,8 @@ def test_a_job_that_is_cancelled(tmp_path, cpu_seconds, kind):
 
 
 # Steps: srun
+
+ALL_RANKS = Program(("scancel", "--user=root", "--name=rank.sh"))
 
 
 @dataclass
@@ -324,18 +275,14 @@ class Step:
     in_own_folder: bool = False  # each rank finds the output from its own working folder
     process: subprocess.Popen = field(init=False)
 
-    def start(
-        self, *arguments: str, fault: str = "", faulty=(), command: str = "run", program: str = ""
-    ) -> Step:
+    def start(self, *arguments: str, fault: str = "", faulty=(), command: str = "run", program: str = "") -> Step:
         for pid in self.sweep.folder.glob("pid.*"):
             pid.unlink()
-        self.process = subprocess.Popen(
-            ["srun", f"--mpi={self.flavour}", f"--ntasks={self.ranks}", "--kill-on-bad-exit=0", "--wait=5", RANK,
-             program or mpi_program(self.flavour), command, self.sweep.deck.name,
-             "-o", self.output if self.in_own_folder else self.sweep.folder / self.output, "--quiet", *arguments],
-            cwd=self.sweep.folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-            env=os.environ | {"OMP_NUM_THREADS": "1", "FAULT": fault, "FAULT_RANKS": " ".join(map(str, faulty))},
-        )  # fmt: skip
+        srun = ("srun", f"--mpi={self.flavour}", f"--ntasks={self.ranks}", "--kill-on-bad-exit=0", "--wait=5", RANK)
+        env = {"OMP_NUM_THREADS": "1", "FAULT": fault, "FAULT_RANKS": " ".join(map(str, faulty))}
+        output = self.output if self.in_own_folder else self.sweep.folder / self.output
+        words = (program or mpi_program(self.flavour), command, self.sweep.deck.name, "-o", output, "--quiet", *arguments)
+        self.process = Program(srun, self.sweep.folder, env).start(*words, stdout=subprocess.PIPE)
         return self
 
     def end(self, seconds: float = AT_ONCE) -> tuple[int, str]:
@@ -343,11 +290,9 @@ class Step:
         try:
             said = "".join(self.process.communicate(timeout=seconds))
         except subprocess.TimeoutExpired:
-            subprocess.run(["scancel", "--signal=KILL", "--user=root", "--name=rank.sh"], check=False)
+            ALL_RANKS("--signal=KILL")
             self.process.kill()
-            pytest.fail(
-                f"it has not ended {seconds} s after its cause:\n{''.join(self.process.communicate())}"
-            )
+            pytest.fail(f"it has not ended {seconds} s after its cause:\n{''.join(self.process.communicate())}")
         return self.process.returncode, said
 
     def until_running(self) -> Step:
@@ -374,8 +319,7 @@ def step(request, tmp_path) -> Step:
 WHO = {"rank 0": (0,), "another": (1,), "all": (0, 1, 2)}
 SOME = [("rank 0", True), ("another", False), ("all", True)]
 who = pytest.mark.parametrize(
-    "faulty",
-    [pytest.param(WHO[name], id=name, marks=pytest.mark.full if full else ()) for name, full in SOME],
+    "faulty", [pytest.param(WHO[name], id=name, marks=pytest.mark.full if full else ()) for name, full in SOME]
 )
 every_who = pytest.mark.parametrize("faulty", WHO.values(), ids=list(WHO))
 
@@ -455,7 +399,7 @@ def test_a_signal_to_all_ranks(step, cpu_seconds, name):
     """As the time limit sends it."""
     step.sweep.deck.write_text(cpu_seconds(4.0))
     step.start().until_running()
-    subprocess.run(["scancel", f"--signal={name}", "--user=root", "--name=rank.sh"], check=True)
+    ALL_RANKS(f"--signal={name}", status=0)
     status, said = step.end()
     assert status == 75 and len(messages(said)) == 1, said
     step.goes_on()
@@ -471,9 +415,7 @@ def test_a_signal_to_srun(step, cpu_seconds):
     step.goes_on()
 
 
-@pytest.mark.parametrize(
-    "faulty", [pytest.param((0,), id="rank 0", marks=pytest.mark.full), pytest.param((1,), id="another")]
-)
+@pytest.mark.parametrize("faulty", [pytest.param((0,), id="rank 0", marks=pytest.mark.full), pytest.param((1,), id="another")])
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGUSR1, marks=pytest.mark.full)])
 def test_a_rank_that_stands_still_while_the_others_stop(step, cpu_seconds, faulty, number):
     step.sweep.deck.write_text(cpu_seconds(4.0))
@@ -515,9 +457,7 @@ def test_a_signal_while_all_stop(step, cpu_seconds, faulty, number):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGUSR1])
 def test_a_signal_while_the_shards_are_merged(step, faulty, number):
     """200 000 cases, so that it takes a while."""
-    step.sweep.deck.write_text(
-        deck(0.01).replace("count = 12, 5", "count = 400, 500").replace("'radau9'", "'rodas4p'")
-    )
+    step.sweep.deck.write_text(deck(0.01).replace("count = 12, 5", "count = 400, 500").replace("'radau9'", "'rodas4p'"))
     before = set(step.sweep.folder.iterdir())
 
     def merging() -> bool:
@@ -567,7 +507,7 @@ def test_a_step_of_tasks_without_mpi(step):
     status, said = step.start("--shard", "auto", program=executable()).end()
     assert status == 0, said
     assert len(step.sweep.shards("m.h5")) == step.ranks
-    assert step.sweep.run("m.h5", command="merge").returncode == 0
+    step.sweep.run("m.h5", command="merge", status=0)
     assert is_result_of_one_process(step.sweep, "m.h5")
 
 
@@ -586,7 +526,7 @@ def test_a_job_is_requeued_until_its_cases_are_done(limited_jobs):
     job.wait(300.0)
     assert job.facts("JobState") == ["COMPLETED"], job.text()
     assert int(job.facts("Restarts")[0]) > 0 and "stopped by SIGUSR1" in job.text()
-    assert sweep.run("m.h5", command="merge").returncode == 0
+    sweep.run("m.h5", command="merge", status=0)
     assert is_result_of_one_process(sweep, "m.h5")
 
 
