@@ -2,7 +2,7 @@
 module dst_run
   use dst_machine, only: host_name, job_name
   use dst_processes, only: mpi_library
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp
   use dst_archive, only: archive_t, archive_of
   use dst_build_info, only: program_name, version, git_revision, compiler, build_flags
   use dst_checkpoint, only: checkpoint_t
@@ -11,8 +11,8 @@ module dst_run
   use dst_errors, only: error_t, raise, has_code, exit_status, file_error, out_of_memory, result_done, &
     stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
-  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, &
-    reopen_hdf5
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, empty_bookmark, create_hdf5, &
+    rebuild_hdf5, reopen_hdf5
   use dst_model_choice, only: settle_model
   use dst_output_size, only: run_samples
   use dst_parameters, only: parameter_t, parameters_of
@@ -383,8 +383,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(archive_t) :: archive
 
-    ! Each column of the series and the two of the events has a checksum.
-    allocate (bookmark%checksum(size(run%simulation%output_columns()) + 2), source=0_int64)
+    bookmark = empty_bookmark(size(run%simulation%output_columns()))
     call archive_of(run%checkpoint%words, archive)
     call bookmark%exchange(archive)
     call run%simulation%exchange(archive)

@@ -11,6 +11,7 @@
 module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
   use, intrinsic :: iso_fortran_env, only: int8
+  use dst_crc32, only: crc32_t
   use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, lock_attempt, held, append_words, read_words, &
     close_descriptor, set_file_size, delete_file, file_exists, identity_t, identity_of, matching_files, path_t, seconds_now, &
     wait_seconds
@@ -51,6 +52,7 @@ module dst_sweep_shard
     integer(int64) :: bytes = 0               !! of the file
     integer(int64) :: first = 0               !! word of the file that is the first in `window`
     integer(int64), allocatable :: window(:)
+    type(crc32_t) :: crc                      !! of the record that is looked at
   contains
     procedure :: word
     procedure :: close => close_reader
@@ -399,23 +401,15 @@ contains
       (self%is_of_build(head) .and. self%division%share == head%division%share .and. self%division%shares == head%division%shares)
   end function is_part_of
 
-  !> Rotate and add without carry: no damage to a single word goes unnoticed.
+  !> CRC-32 of words. Its 8 hexadecimal digits fill a word.
   pure integer(int64) function checksum(words)
     integer(int64), intent(in) :: words(:)
-    integer :: i
+    type(crc32_t) :: crc
 
-    checksum = magic
-    do i = 1, size(words)
-      checksum = with_word(checksum, words(i))
-    end do
+    call crc%start()
+    call crc%add_words(words)
+    checksum = transfer(crc%text(), checksum)
   end function checksum
-
-  pure integer(int64) function with_word(checksum, word)
-    integer(int64), intent(in) :: checksum, word
-    integer, parameter :: places = 5
-
-    with_word = ieor(ishftc(checksum, places), word)
-  end function with_word
 
   !> Append a finished case. A series may be longer than a thread's stack: its values are taken one by one.
   subroutine append_case(self, case, error)
@@ -753,13 +747,13 @@ contains
   logical function is_sound(reader, place, length)
     type(reader_t), intent(inout) :: reader
     integer(int64), intent(in) :: place, length
-    integer(int64) :: sum, i
+    integer(int64) :: i
 
-    sum = magic
+    call reader%crc%start()
     do i = place, place + length - 2
-      sum = with_word(sum, reader%word(i))
+      call reader%crc%add_words([reader%word(i)])
     end do
-    is_sound = sum == reader%word(place + length - 1)
+    is_sound = transfer(reader%crc%text(), i) == reader%word(place + length - 1)
   end function is_sound
 
   !> The case whose record is at `place`, which becomes that of the next; `is_possible` is false if the file was changed since it

@@ -520,7 +520,7 @@ DAMAGED_CHECKPOINTS: dict[str, Callable[[bytes], bytes]] = {
     "bit in the middle": lambda data: flipped(data, len(data) // 2, 3),
     "bit in the last word": lambda data: flipped(data, -80),
     "bit in the digest": lambda data: flipped(data, -2),
-    "another format": replaced(b"format 4", b"format 1"),
+    "another format": replaced(rb"format \d+", b"format 1"),
     "another version": replaced(rb"version \S+", b"version 9.9"),
     "another run": replaced(rb"created ....", b"created 1999"),
     "another deck": replaced(rb"\ndeck_sha256 ....", b"\ndeck_sha256 0000"),
@@ -540,7 +540,7 @@ def test_a_damaged_checkpoint_is_refused(program, copied, damage):
 def test_a_checkpoint_of_another_format_version_deck_or_run_says_both(program, copied):
     original = checkpoint_of(copied).read_bytes()
     for damage, words in {
-        "another format": ("format 1", "format 4"),
+        "another format": ("format 1", original.splitlines()[0].decode().partition(", ")[2]),
         "another version": ("version 9.9", "this program is version"),
         "another run": ("run begun at 1999", "that begun at 20"),
         "another deck": (
