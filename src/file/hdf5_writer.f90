@@ -22,19 +22,13 @@ module dst_hdf5_writer
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
     put_attribute, put_value, create_group, delete_link, release, dataset_t, create_dataset, open_dataset, append, cut, &
     read_rows, make_scale, attach_scale
+  use dst_parameters, only: parameter_t
   use dst_process, only: guard_t, is_child, end_child
   implicit none
   private
 
-  public :: write_metadata, put_ending, hdf5_writer_t, run_metadata_t, text_parameter_t
+  public :: write_metadata, put_ending, hdf5_writer_t, run_metadata_t
   public :: bookmark_t, empty_bookmark, create_hdf5, rebuild_hdf5, reopen_hdf5
-
-  !> A parameter of the deck whose value is text.
-  type :: text_parameter_t
-    character(24) :: name = ''
-    character(96) :: long_name = ''
-    character(:), allocatable :: value
-  end type text_parameter_t
 
   !> What a file says about its run before the run begins.
   type :: run_metadata_t
@@ -49,9 +43,7 @@ module dst_hdf5_writer
     character(:), allocatable :: deck_text       !! the deck as read
     character(:), allocatable :: deck_resolved   !! every key as used
     character(:), allocatable :: deck_sha256
-    type(quantity_t), allocatable :: parameters(:)
-    real(wp), allocatable :: parameter_value(:)
-    type(text_parameter_t), allocatable :: text_parameters(:)
+    type(parameter_t), allocatable :: parameters(:)
   end type run_metadata_t
 
   logical, parameter :: doubles_lose_digits = digits(1.0_wp) > digits(1.0_real64)
@@ -603,7 +595,7 @@ contains
     if (h5%status < 0) call self%fail(failure_reason(), sound=.false.)
   end subroutine write_ending
 
-  !> A group of numbers of how the run ended.
+  !> A group of numbers of how the run ended; counters are stored as integers.
   subroutine put_results(file, name, quantities, values, counters, h5)
     integer(hid_t), intent(in) :: file
     character(*), intent(in) :: name
@@ -612,28 +604,18 @@ contains
     logical, intent(in) :: counters   !! what has the unit '1' counts something
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: group
+    integer :: i
 
     call delete_link(file, name, h5)
     call create_group(file, name, group, h5)
-    call put_numbers(group, quantities, values, counters, h5)
+    if (allocated(quantities)) then
+      do i = 1, size(quantities)
+        call put_value(group, quantities(i), values(i), h5, &
+          merge(h5t_std_i64le, h5t_ieee_f64le, counters .and. quantities(i)%units == '1'))
+      end do
+    end if
     call release([group], h5)
   end subroutine put_results
-
-  !> Numbers of a group; counters are stored as integers.
-  subroutine put_numbers(group, quantities, values, counters, h5)
-    integer(hid_t), intent(in) :: group
-    type(quantity_t), intent(in), allocatable :: quantities(:)
-    real(wp), intent(in), allocatable :: values(:)
-    logical, intent(in) :: counters   !! what has the unit '1' counts something
-    type(hdf5_t), intent(inout) :: h5
-    integer :: i
-
-    if (.not. allocated(quantities)) return
-    do i = 1, size(quantities)
-      call put_value(group, quantities(i), values(i), h5, &
-        merge(h5t_std_i64le, h5t_ieee_f64le, counters .and. quantities(i)%units == '1'))
-    end do
-  end subroutine put_numbers
 
   !> What every result file says about its origin.
   subroutine write_metadata(file, metadata, h5)
@@ -669,11 +651,14 @@ contains
     call release([group], h5)
 
     call create_group(file, 'parameters', group, h5)
-    call put_numbers(group, metadata%parameters, metadata%parameter_value, .false., h5)
-    if (allocated(metadata%text_parameters)) then
-      do i = 1, size(metadata%text_parameters)
-        associate (parameter => metadata%text_parameters(i))
-          call put_value(group, quantity_t(parameter%name, '1', parameter%long_name), parameter%value, h5)
+    if (allocated(metadata%parameters)) then
+      do i = 1, size(metadata%parameters)
+        associate (parameter => metadata%parameters(i))
+          if (allocated(parameter%text)) then
+            call put_value(group, parameter%quantity, parameter%text, h5)
+          else
+            call put_value(group, parameter%quantity, parameter%value, h5)
+          end if
         end associate
       end do
     end if

@@ -430,18 +430,12 @@ contains
       call raise(error, out_of_memory, 'no memory for the record of a case: keep fewer samples or use fewer threads')
       return
     end if
-    associate (words => self%words)
+    associate (words => self%words, padded => case%result_text(:message_bytes)//repeat(' ', word_bytes))
       words(1) = case%number + half*case%result_code
       words(2) = length + half*message_bytes
-      n = 2
-      do i = 1, value_count
-        n = n + 1
-        words(n) = transfer(real(case%values(i), real64), words(n))
-      end do
-      do i = 1, message_bytes, word_bytes
-        n = n + 1
-        words(n) = transfer(case%result_text(i:min(i + word_bytes - 1, message_bytes))//repeat(' ', word_bytes), words(n))
-      end do
+      words(3:value_count + 2) = transfer(real(case%values, real64), words)
+      n = value_count + 2 + words_for(message_bytes)
+      words(value_count + 3:n) = transfer(padded, words, words_for(message_bytes))
       if (allocated(case%series)) then
         do j = 1, size(case%series, 2)
           do i = 1, size(case%series, 1)

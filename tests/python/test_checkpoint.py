@@ -573,6 +573,11 @@ def exchange(data: h5py.File) -> None:
     data.move("time_series/old", "time_series/u_y")
 
 
+def exchange_rows(data: h5py.File) -> None:
+    column = data["time_series/u_x"]
+    column[3], column[67] = column[67], column[3]
+
+
 def make_matrix(data: h5py.File) -> None:
     del data["time_series/psi"]
     data["time_series/psi"] = np.zeros((10, 10))
@@ -627,6 +632,7 @@ DAMAGED_RESULTS: dict[str, Callable[[Path], None]] = {
     ),
     "column shortened": lambda file: edit(file, shorten),
     "columns exchanged": lambda file: edit(file, exchange),
+    "rows exchanged": lambda file: edit(file, exchange_rows),
     "column of two dimensions": lambda file: edit(file, make_matrix),
     "column missing": lambda file: edit(file, forget_column),
     "events missing": lambda file: edit(file, forget_events),

@@ -6,8 +6,9 @@ program test_hdf5_writer
   use dst_kinds, only: wp, real64
   use dst_errors, only: error_t, file_error, result_done, stopped_early
   use dst_writer, only: quantity_t, outcome_t
-  use dst_hdf5_tools, only: hdf5_t, start_hdf5, get_attribute
+  use dst_hdf5_tools, only: hdf5_t, start_hdf5, get_attribute, get_text
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, bookmark_t, create_hdf5, rebuild_hdf5, reopen_hdf5
+  use dst_parameters, only: parameter_t
   use dst_process, only: guard_t
   implicit none
 
@@ -53,6 +54,8 @@ contains
     call check('rows of sticking', all(same(read_column('time_series/sticking'), [(real(modulo(i, 2), wp), i=0, sum(blocks) - 1)])))
     call check('events', all(same(read_column('events/kind'), [1.0_wp, 2.0_wp, 1.0_wp, 2.0_wp, 1.0_wp, 2.0_wp])))
     call check('period', all(same(read_column('summary/period'), [0.25_wp])))
+    call check('mass', all(same(read_column('parameters/mass'), [0.25_wp])))
+    call check('law', text_at('parameters/law') == 'weakening')
     call check('a counter beyond 32 bits', all(same(read_column('statistics/steps'), [3.0e10_wp])))
     call check('complete', root_integer('complete') == 1)
     call check('result code', root_integer('result_code') == result_done)
@@ -213,8 +216,9 @@ contains
     metadata%deck_text = '&scene /'
     metadata%deck_resolved = '&scene /'
     metadata%deck_sha256 = 'abc'
-    allocate (metadata%parameters, source=[quantity_t('mass', 'kg', 'mass')])
-    allocate (metadata%parameter_value, source=[0.25_wp])
+    allocate (metadata%parameters(2))
+    metadata%parameters(1) = parameter_t(quantity_t('mass', 'kg', 'mass'), 0.25_wp)
+    metadata%parameters(2) = parameter_t(quantity_t('law', '1', 'friction law'), text='weakening')
   end function metadata
 
   function columns()
@@ -292,6 +296,19 @@ contains
     call check('attribute '//name, h5%status >= 0)
     call h5fclose_f(file, error)
   end function root_text
+
+  function text_at(path) result(text)
+    character(*), intent(in) :: path
+    character(:), allocatable :: text
+    integer(hid_t) :: file
+    type(hdf5_t) :: h5
+    integer :: error
+
+    file = opened()
+    call get_text(file, path, text, h5)
+    call check('text '//path, h5%status >= 0)
+    call h5fclose_f(file, error)
+  end function text_at
 
   integer(hid_t) function opened(from)
     character(*), intent(in), optional :: from
