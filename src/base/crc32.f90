@@ -34,7 +34,10 @@ contains
     integer :: byte, bit, zeros, io_status
 
     self%register = 0
-    if (present(before)) read (before, '(z8)', iostat=io_status) self%register
+    if (present(before)) then
+      read (before, '(z8)', iostat=io_status) self%register
+      if (io_status /= 0) self%register = 0
+    end if
     self%register = ieor(self%register, all_ones)
     if (self%table(255, 0) /= 0) return
     do byte = 0, 255

@@ -55,6 +55,7 @@ module dst_sweep_shard
     type(crc32_t) :: crc                      !! of the record that is looked at
   contains
     procedure :: word
+    procedure, private :: show
     procedure :: close => close_reader
   end type reader_t
 
@@ -486,17 +487,24 @@ contains
     class(reader_t), intent(inout) :: self
     integer(int64), intent(in) :: place
 
+    call self%show(place)
+    word = self%window(place - self%first + 1)
+  end function word
+
+  !> Bring a word of the file into the window.
+  subroutine show(self, place)
+    class(reader_t), intent(inout) :: self
+    integer(int64), intent(in) :: place
+
     if (.not. allocated(self%window)) then
       allocate (self%window(window_words))
       self%first = -window_words - 1
     end if
-    if (place < self%first .or. place >= self%first + window_words) then
-      ! Cases stand almost in the order of their numbers, in which they are read.
-      self%first = max(0_int64, place - window_words/4)
-      call read_words(self%descriptor, self%first, self%window)
-    end if
-    word = self%window(place - self%first + 1)
-  end function word
+    if (place >= self%first .and. place < self%first + window_words) return
+    ! Cases stand almost in the order of their numbers, in which they are read.
+    self%first = max(0_int64, place - window_words/4)
+    call read_words(self%descriptor, self%first, self%window)
+  end subroutine show
 
   !> Whether a file is empty or begins with the magic word, or with what a process wrote of it that was killed.
   logical function is_shard(reader)
@@ -741,13 +749,20 @@ contains
   logical function is_sound(reader, place, length)
     type(reader_t), intent(inout) :: reader
     integer(int64), intent(in) :: place, length
-    integer(int64) :: i
+    integer(int64) :: next, count, ending
 
     call reader%crc%start()
-    do i = place, place + length - 2
-      call reader%crc%add_words([reader%word(i)])
+    next = place
+    ending = place + length - 1
+    do while (next < ending)
+      call reader%show(next)
+      associate (in_window => next - reader%first)
+        count = min(ending - next, window_words - in_window)
+        call reader%crc%add_words(reader%window(in_window + 1:in_window + count))
+      end associate
+      next = next + count
     end do
-    is_sound = transfer(reader%crc%text(), i) == reader%word(place + length - 1)
+    is_sound = transfer(reader%crc%text(), next) == reader%word(ending)
   end function is_sound
 
   !> The case whose record is at `place`, which becomes that of the next; `is_possible` is false if the file was changed since it
