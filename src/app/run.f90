@@ -2,7 +2,7 @@
 module dst_run
   use dst_machine, only: host_name, job_name
   use dst_processes, only: mpi_library
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp
   use dst_archive, only: archive_t, archive_of
   use dst_build_info, only: program_name, version, git_revision, compiler, build_flags
   use dst_checkpoint, only: checkpoint_t
@@ -11,11 +11,11 @@ module dst_run
   use dst_errors, only: error_t, raise, has_code, exit_status, file_error, out_of_memory, result_done, &
     stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
-  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, &
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, bookmark_t, empty_bookmark, create_hdf5, rebuild_hdf5, &
     reopen_hdf5
   use dst_model_choice, only: settle_model
   use dst_output_size, only: run_samples
-  use dst_parameters, only: parameter_t, parameters_of
+  use dst_parameters, only: parameters_of
   use dst_process, only: guard_t
   use dst_progress, only: progress_t, new_progress
   use dst_result_file, only: result_file_t
@@ -383,8 +383,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(archive_t) :: archive
 
-    ! Each column of the series and the two of the events has a checksum.
-    allocate (bookmark%checksum(size(run%simulation%output_columns()) + 2), source=0_int64)
+    bookmark = empty_bookmark(size(run%simulation%output_columns()))
     call archive_of(run%checkpoint%words, archive)
     call bookmark%exchange(archive)
     call run%simulation%exchange(archive)
@@ -407,9 +406,6 @@ contains
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: model, method, model_choice
     type(run_metadata_t), intent(out) :: metadata
-    type(parameter_t), allocatable :: parameters(:)
-    logical, allocatable :: is_text(:)
-    integer :: i, numbers, texts
 
     metadata%program = program_name
     metadata%version = version
@@ -426,26 +422,6 @@ contains
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
     metadata%deck_sha256 = sha256(deck%text)
-    call parameters_of(deck, parameters)
-    allocate (is_text(size(parameters)))
-    do i = 1, size(parameters)
-      is_text(i) = allocated(parameters(i)%text)
-    end do
-    allocate (metadata%parameters(count(.not. is_text)), metadata%parameter_value(count(.not. is_text)))
-    allocate (metadata%text_parameters(count(is_text)))
-    numbers = 0
-    texts = 0
-    do i = 1, size(parameters)
-      if (is_text(i)) then
-        texts = texts + 1
-        metadata%text_parameters(texts)%name = parameters(i)%quantity%name
-        metadata%text_parameters(texts)%long_name = parameters(i)%quantity%long_name
-        metadata%text_parameters(texts)%value = parameters(i)%text
-      else
-        numbers = numbers + 1
-        metadata%parameters(numbers) = parameters(i)%quantity
-        metadata%parameter_value(numbers) = parameters(i)%value
-      end if
-    end do
+    call parameters_of(deck, metadata%parameters)
   end subroutine describe_run
 end module dst_run

@@ -26,13 +26,20 @@ module dst_crc32
 
 contains
 
-  !> Of no bytes yet.
-  pure subroutine start(self)
+  !> Of no bytes yet, or of those of which `before` is the text.
+  pure subroutine start(self, before)
     class(crc32_t), intent(inout) :: self
+    character(8), intent(in), optional :: before
     integer(int64) :: remainder
-    integer :: byte, bit, zeros
+    integer :: byte, bit, zeros, io_status
 
-    self%register = all_ones
+    self%register = 0
+    if (present(before)) then
+      read (before, '(z8)', iostat=io_status) self%register
+      if (io_status /= 0) self%register = 0
+    end if
+    self%register = ieor(self%register, all_ones)
+    if (self%table(255, 0) /= 0) return
     do byte = 0, 255
       remainder = byte
       do bit = 1, 8

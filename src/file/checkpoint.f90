@@ -19,7 +19,7 @@ module dst_checkpoint
     character(:), allocatable :: version, git_revision, compiler   !! of the program that began the run
     character(:), allocatable :: deck_sha256       !! of the deck as read
     character(:), allocatable :: created           !! when the run began
-    character(:), allocatable :: result_checksum   !! of the result file of a run that was stopped; '-' while it goes on
+    character(:), allocatable :: result_checksum   !! in the seal of a run that was stopped; '-' while it goes on
     character(:), allocatable :: deck_text         !! the deck as read
     character(:), allocatable :: deck_resolved     !! every key as used: --set makes another deck
     integer(int64), allocatable :: words(:)        !! the state
@@ -27,7 +27,7 @@ module dst_checkpoint
 
   character(*), parameter :: signature = 'dynstiction checkpoint, format '
   !> Version of this format and of the fields that the types of a run exchange with an archive.
-  character(*), parameter :: format_version = '4'
+  character(*), parameter :: format_version = '5'
   character, parameter :: n = achar(10)
   integer, parameter :: word_bytes = 8, most_bytes = 2**24, digest_length = 64
 

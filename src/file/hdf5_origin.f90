@@ -4,7 +4,7 @@ module dst_hdf5_origin
   use dst_disk, only: file_size
   use dst_errors, only: error_t, raise, file_error
   use dst_process, only: guard_t
-  use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, refusal_t
+  use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, hdf5_t
   use dst_text, only: printable
   implicit none
   private
@@ -39,8 +39,8 @@ contains
     character(*), parameter :: remedy = ': use another name or remove it'
     type(guard_t) :: guard
     character(:), allocatable :: program
+    type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: status
 
     if (.not. is_hdf5(file_name)) then
       reason = 'the file exists and is not an HDF5 file'//remedy
@@ -48,9 +48,9 @@ contains
     end if
     call guard%begin()
     if (guard%in_child) then
-      call open_existing(file_name, file, status)
-      call get_attribute(file, 'program', program, status)
-      if (status >= 0) then
+      call open_existing(file_name, file, h5)
+      call get_attribute(file, 'program', program, h5)
+      if (h5%status >= 0) then
         if (program == this_program) call guard%reply('')
       else if (may_be_damaged) then
         call guard%reply('')
@@ -86,25 +86,26 @@ contains
     type(sweep_state_t) :: found
     character(:), allocatable :: identity, text
     character(80) :: answer
+    type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: status
+    integer :: io_status
 
     if (.not. is_hdf5(file_name)) return
     call guard%begin()
     if (guard%in_child) then
-      call open_existing(file_name, file, status)
-      call get_attribute(file, 'sweep_identity', identity, status)
-      call get_attribute(file, 'complete', found%complete, status)
-      call get_attribute(file, 'cases_done', found%done, status)
-      call get_attribute(file, 'cases_failed', found%failed, status)
-      if (status < 0 .or. len(identity) /= len(found%identity)) call guard%reply('')
+      call open_existing(file_name, file, h5)
+      call get_attribute(file, 'sweep_identity', identity, h5)
+      call get_attribute(file, 'complete', found%complete, h5)
+      call get_attribute(file, 'cases_done', found%done, h5)
+      call get_attribute(file, 'cases_failed', found%failed, h5)
+      if (h5%status < 0 .or. len(identity) /= len(found%identity)) call guard%reply('')
       write (answer, '(3(i0, 1x), a)') found%complete, found%done, found%failed, identity
       call guard%reply(trim(answer))
     end if
     call guard%await(text)
-    status = 1
-    if (allocated(text)) read (text, *, iostat=status) found%complete, found%done, found%failed, found%identity
-    if (status == 0) state = found
+    io_status = 1
+    if (allocated(text)) read (text, *, iostat=io_status) found%complete, found%done, found%failed, found%identity
+    if (io_status == 0) state = found
   end function state_of_sweep
 
   !> What a result file is, in one line. A child process reads it.
@@ -130,18 +131,19 @@ contains
     character(*), intent(in) :: file_name
     character(:), allocatable :: text, model, method, created, version, revision, ending
     integer(hid_t) :: file
-    integer :: status, complete
+    type(hdf5_t) :: h5
+    integer :: complete
 
-    call open_existing(file_name, file, status)
-    call get_attribute(file, 'model', model, status)
-    call get_attribute(file, 'method', method, status)
-    call get_attribute(file, 'created', created, status)
-    call get_attribute(file, 'version', version, status)
-    call get_attribute(file, 'git_revision', revision, status)
-    call get_attribute(file, 'complete', complete, status)
-    call get_attribute(file, 'result_text', ending, status)
+    call open_existing(file_name, file, h5)
+    call get_attribute(file, 'model', model, h5)
+    call get_attribute(file, 'method', method, h5)
+    call get_attribute(file, 'created', created, h5)
+    call get_attribute(file, 'version', version, h5)
+    call get_attribute(file, 'git_revision', revision, h5)
+    call get_attribute(file, 'complete', complete, h5)
+    call get_attribute(file, 'result_text', ending, h5)
     text = ''
-    if (status < 0) return
+    if (h5%status < 0) return
     text = 'run'
     if (has(file, 'trade')) text = 'comparison of methods'
     if (has(file, 'sweep')) text = 'sweep'
@@ -157,38 +159,24 @@ contains
     call h5lexists_f(file, group, has, ignored)
   end function has
 
-  !> Read the header of the result of a run that is to go on.
+  !> Read the header of the result of a run that is to go on, an HDF5 file of which `result_file` says that it is not empty.
   subroutine read_origin(file_name, shown_name, origin, error)
     character(*), intent(in) :: file_name, shown_name
     type(origin_t), intent(out) :: origin
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: reason
-
-    if (file_size(file_name) <= 0) then
-      reason = 'it is empty or not a regular file: run the deck again'
-    else
-      call read_fields(file_name, origin, reason)
-    end if
-    if (allocated(reason)) call raise(error, file_error, shown_name//': cannot resume: '//reason)
-  end subroutine read_origin
-
-  subroutine read_fields(file_name, origin, reason)
-    character(*), intent(in) :: file_name
-    type(origin_t), intent(inout) :: origin
-    character(:), allocatable, intent(out) :: reason
-    type(refusal_t) :: refusal
+    type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: status, ignored
+    integer :: ignored
 
-    call open_existing(file_name, file, status)
-    call get_attribute(file, 'complete', origin%complete, status, refusal)
-    call get_attribute(file, 'result_code', origin%result_code, status, refusal)
-    call get_attribute(file, 'result_text', origin%result_text, status, refusal)
-    call get_attribute(file, 'created', origin%created, status, refusal)
-    call get_attribute(file, 'deck_sha256', origin%deck_sha256, status, refusal)
-    call get_text(file, 'deck/text', origin%deck_text, status, refusal)
-    call get_text(file, 'deck/resolved', origin%deck_resolved, status, refusal)
-    if (status < 0) reason = damage_reason(refusal)
+    call open_existing(file_name, file, h5)
+    call get_attribute(file, 'complete', origin%complete, h5)
+    call get_attribute(file, 'result_code', origin%result_code, h5)
+    call get_attribute(file, 'result_text', origin%result_text, h5)
+    call get_attribute(file, 'created', origin%created, h5)
+    call get_attribute(file, 'deck_sha256', origin%deck_sha256, h5)
+    call get_text(file, 'deck/text', origin%deck_text, h5)
+    call get_text(file, 'deck/resolved', origin%deck_resolved, h5)
+    if (h5%status < 0) call raise(error, file_error, shown_name//': cannot resume: '//damage_reason(h5))
     if (file >= 0) call h5fclose_f(file, ignored)
-  end subroutine read_fields
+  end subroutine read_origin
 end module dst_hdf5_origin

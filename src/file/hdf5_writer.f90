@@ -10,28 +10,25 @@
 !> too: the sum of both has 32 digits, and the rest of the file is what every reader knows.
 module dst_hdf5_writer
   use, intrinsic :: iso_c_binding, only: c_int
-  use hdf5, only: hid_t, hsize_t, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, h5f_acc_excl_f, h5f_acc_rdwr_f, &
+  use hdf5, only: hid_t, hsize_t, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5f_acc_excl_f, h5f_acc_rdwr_f, &
     h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t, table_column_t
   use dst_archive, only: archive_t
-  use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy, ignore_size_limit_signal
-  use dst_hdf5_tools, only: start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
-    put_attribute, put_text, put_texts, put_number, create_group, delete_link, column_t, create_column, open_column, append, &
-    cut_column, copy_rows, make_scale, attach_scale
+  use dst_crc32, only: crc32_t
+  use dst_disk, only: path_t, reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy, &
+    ignore_size_limit_signal
+  use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
+    put_attribute, put_value, create_group, delete_link, release, dataset_t, create_dataset, open_dataset, append, cut, &
+    read_rows, make_scale, attach_scale
+  use dst_parameters, only: parameter_t
   use dst_process, only: guard_t, is_child, end_child
   implicit none
   private
 
-  public :: write_metadata, hdf5_writer_t, run_metadata_t, text_parameter_t, bookmark_t, create_hdf5, rebuild_hdf5, reopen_hdf5
-
-  !> A parameter of the deck whose value is text.
-  type :: text_parameter_t
-    character(24) :: name = ''
-    character(96) :: long_name = ''
-    character(:), allocatable :: value
-  end type text_parameter_t
+  public :: write_metadata, put_ending, hdf5_writer_t, run_metadata_t
+  public :: bookmark_t, empty_bookmark, create_hdf5, rebuild_hdf5, reopen_hdf5
 
   !> What a file says about its run before the run begins.
   type :: run_metadata_t
@@ -46,15 +43,37 @@ module dst_hdf5_writer
     character(:), allocatable :: deck_text       !! the deck as read
     character(:), allocatable :: deck_resolved   !! every key as used
     character(:), allocatable :: deck_sha256
-    type(quantity_t), allocatable :: parameters(:)
-    real(wp), allocatable :: parameter_value(:)
-    type(text_parameter_t), allocatable :: text_parameters(:)
+    type(parameter_t), allocatable :: parameters(:)
   end type run_metadata_t
+
+  logical, parameter :: doubles_lose_digits = digits(1.0_wp) > digits(1.0_real64)
+  !> Groups of columns, and the datasets that keep one column.
+  integer, parameter :: series = 1, events = 2, parts = merge(2, 1, doubles_lose_digits)
+  character(*), parameter :: group_name(2) = [character(11) :: 'time_series', 'events']
+
+  !> A dataset of doubles that grows with the run.
+  type :: column_t
+    integer :: group = series                        !! or `events`
+    integer :: place = 0                             !! in the rows of that group
+    integer :: part = 1                              !! 2: what the doubles lose
+    type(quantity_t) :: quantity
+    type(dataset_t) :: dataset
+    type(crc32_t) :: checksum                        !! of all its rows
+  contains
+    procedure :: path => path_of_column
+    procedure :: append => append_to_column
+  end type column_t
+
+  !> Rows of a group that wait to be appended to its columns.
+  type :: waiting_t
+    real(wp), allocatable :: values(:, :)            !! (row of a chunk, place)
+    integer :: count = 0
+  end type waiting_t
 
   !> How far a file has been written.
   type :: bookmark_t
-    integer(int64) :: rows = 0, events = 0
-    integer(int64), allocatable :: checksum(:)   !! of each column up to there, then of the two of the events
+    integer(int64) :: rows(2) = 0                    !! samples, events
+    character(8), allocatable :: checksums(:)        !! CRC-32 of each column up to there
   contains
     procedure :: exchange => exchange_bookmark
   end type bookmark_t
@@ -65,15 +84,9 @@ module dst_hdf5_writer
     character(:), allocatable :: shown_name       !! in messages
     integer(hid_t) :: file = -1
     integer(c_int) :: descriptor = -1
-    type(column_t), allocatable :: columns(:)     !! of the time series
-    type(column_t) :: event_time, event_kind
-    type(column_t), allocatable :: remainders(:)  !! of the columns; allocated only if doubles lose digits
-    type(column_t) :: event_remainder
-    integer :: chunk_rows = 0
-    real(wp), allocatable :: samples(:, :)        !! waiting: (row, column)
-    real(wp), allocatable :: events(:, :)         !! waiting: (row, time and kind)
-    integer :: waiting_samples = 0
-    integer :: waiting_events = 0
+    type(column_t), allocatable :: columns(:)     !! of the time series, of the events, then what the doubles of these lose
+    type(waiting_t) :: waiting(2)
+    integer(int64) :: rows(2) = 0                 !! of samples and events in the file
     logical :: sound = .false.                    !! no write has failed half-way
     integer(int64) :: reserved = 0                !! bytes, more than any header of the file has counted
     type(error_t), allocatable :: failure         !! the first one; nothing more is appended after it
@@ -85,6 +98,7 @@ module dst_hdf5_writer
     procedure :: write_table
     procedure :: discard
     procedure :: set_bookmark
+    procedure, private :: write_row
     procedure, private :: write_waiting
     procedure, private :: reserve
     procedure, private :: fail
@@ -96,7 +110,6 @@ module dst_hdf5_writer
   integer(int64), parameter :: ending_bytes = 131072
   !> Room a column's index may take when one chunk is added.
   integer(int64), parameter :: index_bytes = 4096
-  logical, parameter :: doubles_lose_digits = digits(1.0_wp) > digits(1.0_real64)
 
 contains
 
@@ -109,12 +122,88 @@ contains
     type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'. None: no series, no events
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in), optional :: expected_rows    !! samples of the whole run, when they are known
+    type(hdf5_t) :: h5
+
+    call prepare(self, shown_name, columns, expected_rows)
+    call ignore_size_limit_signal()
+    call start_hdf5(h5)
+    call open_file(file_name, h5f_acc_excl_f, self%file, h5)
+    call file_descriptor(self%file, self%descriptor, h5)
+    self%sound = h5%status >= 0
+    if (.not. self%sound) then
+      call raise(error, file_error, shown_name//': cannot create: '//with_remedy(failure_reason()))
+      return
+    end if
+    call self%reserve()
+    if (.not. allocated(self%failure)) then
+      call write_metadata(self%file, metadata, h5)
+      if (size(columns) > 0) call create_columns(self, h5)
+      call flush_file(self, h5)
+      if (h5%status < 0) call self%fail(failure_reason(), sound=.false.)
+    end if
+    if (allocated(self%failure)) error = self%failure
+  end subroutine create_hdf5
+
+  !> What the file has in memory; without columns of samples it has none of events either.
+  subroutine prepare(self, shown_name, quantities, expected_rows)
+    class(hdf5_writer_t), intent(inout) :: self
+    character(*), intent(in) :: shown_name
+    type(quantity_t), intent(in) :: quantities(:)
+    integer, intent(in), optional :: expected_rows
+    type(quantity_t), parameter :: event_quantities(2) = [quantity_t('time', 's', 'time of the event'), &
+      quantity_t('kind', '1', '1 = stick begins, 2 = slip begins')]
+    integer :: chunk_rows, part, i
 
     self%shown_name = shown_name
-    call allocate_waiting(self, size(columns), expected_rows)
-    call open_new(self, file_name, error)
-    if (.not. allocated(error)) call write_header(self, metadata, columns, error)
-  end subroutine create_hdf5
+    chunk_rows = usual_chunk
+    if (present(expected_rows)) chunk_rows = max(smallest_chunk, min(expected_rows, largest_chunk))
+    allocate (self%columns(0), self%waiting(series)%values(chunk_rows, size(quantities)), &
+      self%waiting(events)%values(event_chunk, size(event_quantities)))
+    if (size(quantities) == 0) return
+    do part = 1, parts
+      self%columns = [self%columns, (column_t(series, i, part, quantities(i)), i=1, size(quantities)), &
+        (column_t(events, i, part, event_quantities(i)), i=1, size(event_quantities))]
+    end do
+    do i = 1, size(self%columns)
+      call self%columns(i)%checksum%start()
+    end do
+  end subroutine prepare
+
+  subroutine create_columns(self, h5)
+    class(hdf5_writer_t), intent(inout) :: self
+    type(hdf5_t), intent(inout) :: h5
+    type(column_t) :: first(2)
+    integer(hid_t) :: parent, groups(2, parts), stored_as
+    integer :: part, i
+
+    parent = self%file
+    do part = 1, parts
+      if (part > 1) call create_group(self%file, 'remainder', parent, h5)
+      do i = 1, size(groups, 1)
+        call create_group(parent, trim(group_name(i)), groups(i, part), h5)
+      end do
+    end do
+    do i = 1, size(self%columns)
+      associate (column => self%columns(i))
+        stored_as = h5t_ieee_f64le
+        if (column%part > 1) then
+          column%quantity%long_name = 'to be added to '//column%path(1)
+        else if (column%quantity%name == 'sticking' .or. column%quantity%name == 'kind') then
+          stored_as = h5t_std_i8le
+        end if
+        call create_dataset(groups(column%group, column%part), column%quantity, size(self%waiting(column%group)%values, 1), &
+          column%dataset, h5, stored_as)
+        if (column%part > 1) cycle
+        if (column%place == 1) then
+          call make_scale(column%dataset, 'time', h5)
+          first(column%group) = column
+        else
+          call attach_scale(column%dataset, first(column%group)%dataset, h5)
+        end if
+      end associate
+    end do
+    call release([groups], h5)
+  end subroutine create_columns
 
   !> Close a file that is not wanted.
   subroutine discard(self)
@@ -136,71 +225,63 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in), optional :: expected_rows    !! as when the file was created
     type(hdf5_writer_t) :: old, new
+    type(hdf5_t) :: h5
     character(:), allocatable :: reason
-    integer :: status
+    integer :: ignored
 
-    call open_existing(file_name, old%file, status)
-    call allocate_waiting(old, size(columns), expected_rows)
-    call open_columns(old, columns, status)
-    if (status < 0) reason = damage_reason()
+    call prepare(old, shown_name, columns, expected_rows)
+    call open_existing(file_name, old%file, h5)
+    call open_columns(old, h5)
+    if (h5%status < 0) reason = damage_reason(h5)
     if (.not. allocated(reason)) then
-      call allocate_waiting(new, size(columns), expected_rows)
-      new%shown_name = shown_name
-      call open_new(new, new_name, error)
-      if (.not. allocated(error)) call write_header(new, metadata, columns, error)
+      call create_hdf5(new, new_name, shown_name, metadata, columns, error, expected_rows)
       if (.not. allocated(error)) then
-        call copy_columns(old, new, bookmark, columns, guard, reason)
+        call copy_columns(old, new, bookmark, guard, reason)
         if (.not. allocated(reason)) call make_durable(new%descriptor, reason)
         call close_file(new)
         if (allocated(new%failure) .and. .not. allocated(reason)) reason = new%failure%text
       end if
     end if
-    if (old%file >= 0) call h5fclose_f(old%file, status)
+    if (old%file >= 0) call h5fclose_f(old%file, ignored)
     if (allocated(reason)) call raise(error, file_error, shown_name//': cannot resume: '//reason)
   end subroutine rebuild_hdf5
 
   !> Copy what every column of `old` held at `bookmark` to the empty columns of `new`; `reason` says which does not hold it.
-  subroutine copy_columns(old, new, bookmark, columns, guard, reason)
-    type(hdf5_writer_t), intent(inout) :: old, new
+  subroutine copy_columns(old, new, bookmark, guard, reason)
+    type(hdf5_writer_t), intent(in) :: old
+    type(hdf5_writer_t), intent(inout) :: new
     type(bookmark_t), intent(in) :: bookmark
-    type(quantity_t), intent(in) :: columns(:)
     type(guard_t), intent(in) :: guard
     character(:), allocatable, intent(out) :: reason
-    integer :: i, status
+    integer(hsize_t), parameter :: most = 65536
+    integer(int64), parameter :: row_bytes = 10   !! with what HDF5 adds
+    real(real64), allocatable :: values(:)
+    type(hdf5_t) :: h5
+    integer(int64) :: left
+    integer :: i
 
-    call reserve_space(new%descriptor, 0_int64, ending_bytes + (size(columns) + 2)*index_bytes + &
-      merge(20, 10, doubles_lose_digits)*(size(columns)*bookmark%rows + 2*bookmark%events), reason)
-    if (allocated(reason)) return
-    status = 0
-    do i = 1, size(columns)
-      call copy(old%columns(i), new%columns(i), bookmark%rows)
+    call reserve_space(new%descriptor, 0_int64, &
+      ending_bytes + sum(index_bytes + row_bytes*bookmark%rows(new%columns%group)), reason)
+    do i = 1, size(new%columns)
+      associate (from => old%columns(i)%dataset, column => new%columns(i))
+        do while (h5%status >= 0 .and. .not. allocated(reason))
+          left = min(int(from%rows, int64), bookmark%rows(column%group)) - column%dataset%rows
+          if (left <= 0) exit
+          call guard%show_life()
+          allocate (values(min(most, left)))
+          call read_rows(from, column%dataset%rows, values, h5)
+          call column%append(values, h5)
+          deallocate (values)
+        end do
+        if (h5%status < 0 .and. .not. allocated(reason)) reason = damage_reason(h5)
+        if (allocated(reason)) return
+        if (column%dataset%rows < bookmark%rows(column%group)) then
+          reason = column%path()//' has fewer rows than when the checkpoint was written: run the deck again'
+        else if (column%checksum%text() /= bookmark%checksums(i)) then
+          reason = column%path()//' is not as it was when the checkpoint was written: run the deck again'
+        end if
+      end associate
     end do
-    call copy(old%event_time, new%event_time, bookmark%events)
-    call copy(old%event_kind, new%event_kind, bookmark%events)
-    if (doubles_lose_digits) then
-      do i = 1, size(columns)
-        call copy(old%remainders(i), new%remainders(i), bookmark%rows)
-      end do
-      call copy(old%event_remainder, new%event_remainder, bookmark%events)
-    end if
-    if (status < 0) reason = damage_reason()
-    call check_bookmark(new, bookmark, columns, reason)
-
-  contains
-
-    subroutine copy(from, to, rows)
-      type(column_t), intent(in) :: from
-      type(column_t), intent(inout) :: to
-      integer(int64), intent(in) :: rows
-      integer(hsize_t), parameter :: most = 1048576
-      integer(hsize_t) :: last
-
-      last = min(from%rows, int(rows, hsize_t))
-      do while (to%rows < last .and. status >= 0)
-        call guard%show_life()
-        call copy_rows(from, to, min(most, last - to%rows), status)
-      end do
-    end subroutine copy
   end subroutine copy_columns
 
   !> Open the file of an unfinished run to go on from `bookmark`; what the file has behind it is dropped. It must be as
@@ -212,19 +293,18 @@ contains
     type(quantity_t), intent(in) :: columns(:)
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in), optional :: expected_rows    !! as when the file was created
-    integer :: status
+    type(hdf5_t) :: h5
 
-    self%shown_name = shown_name
-    call allocate_waiting(self, size(columns), expected_rows)
+    call prepare(self, shown_name, columns, expected_rows)
     call ignore_size_limit_signal()
-    call start_hdf5(status)
-    call open_file(file_name, h5f_acc_rdwr_f, self%file, status)
-    call file_descriptor(self%file, self%descriptor, status)
-    call open_columns(self, columns, status)
+    call start_hdf5(h5)
+    call open_file(file_name, h5f_acc_rdwr_f, self%file, h5)
+    call file_descriptor(self%file, self%descriptor, h5)
+    call open_columns(self, h5)
     ! Before anything is changed.
-    if (status >= 0) call self%reserve()
-    if (status >= 0 .and. .not. allocated(self%failure)) call cut_columns(self, bookmark, status)
-    self%sound = status >= 0 .and. .not. allocated(self%failure)
+    if (h5%status >= 0) call self%reserve()
+    if (h5%status >= 0 .and. .not. allocated(self%failure)) call return_to(self, bookmark, h5)
+    self%sound = h5%status >= 0 .and. .not. allocated(self%failure)
     if (self%sound) return
     if (allocated(self%failure)) then
       error = self%failure
@@ -233,6 +313,37 @@ contains
     end if
   end subroutine reopen_hdf5
 
+  subroutine open_columns(self, h5)
+    class(hdf5_writer_t), intent(inout) :: self
+    type(hdf5_t), intent(inout) :: h5
+    integer :: i
+
+    do i = 1, size(self%columns)
+      associate (column => self%columns(i))
+        call open_dataset(self%file, column%path(), size(self%waiting(column%group)%values, 1), column%dataset, h5)
+      end associate
+    end do
+  end subroutine open_columns
+
+  !> Drop what was written after the bookmark, and how the run ended.
+  subroutine return_to(self, bookmark, h5)
+    class(hdf5_writer_t), intent(inout) :: self
+    type(bookmark_t), intent(in) :: bookmark
+    type(hdf5_t), intent(inout) :: h5
+    integer :: i
+
+    self%rows = bookmark%rows
+    do i = 1, size(self%columns)
+      call cut(self%columns(i)%dataset, int(bookmark%rows(self%columns(i)%group), hsize_t), h5)
+      call self%columns(i)%checksum%start(bookmark%checksums(i))
+    end do
+    call delete_link(self%file, 'summary', h5)
+    call delete_link(self%file, 'statistics', h5)
+    call put_ending(self%file, -1, 'running', h5)
+    ! Before the space that is now free is written to: until then the file still refers to it.
+    call flush_file(self, h5)
+  end subroutine return_to
+
   !> Write and flush all that waits, and tell how far the file then is.
   subroutine set_bookmark(self, durable, bookmark, error)
     class(hdf5_writer_t), intent(inout) :: self
@@ -240,6 +351,7 @@ contains
     type(bookmark_t), intent(out) :: bookmark
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
+    integer :: i
 
     call self%write_waiting(flush_now=.true., error=error)
     if (allocated(error)) return
@@ -249,41 +361,43 @@ contains
       error = self%failure
       return
     end if
-    bookmark%rows = int(self%columns(1)%rows, int64)
-    bookmark%events = int(self%event_time%rows, int64)
-    bookmark%checksum = [self%columns%checksum, self%event_time%checksum, self%event_kind%checksum]
+    bookmark = empty_bookmark(size(self%waiting(series)%values, 2))
+    bookmark%rows = self%rows
+    do i = 1, size(self%columns)
+      bookmark%checksums(i) = self%columns(i)%checksum%text()
+    end do
   end subroutine set_bookmark
 
-  !> Save or load; `checksum` has its size already.
+  !> A bookmark for a file with so many columns in its time series, to be loaded.
+  type(bookmark_t) function empty_bookmark(columns) result(bookmark)
+    integer, intent(in) :: columns
+    integer, parameter :: event_columns = 2
+
+    allocate (bookmark%checksums(parts*(columns + event_columns)))
+    bookmark%checksums = ''
+  end function empty_bookmark
+
+  !> Save or load. A checksum's text has the length of a word.
   subroutine exchange_bookmark(self, archive)
     class(bookmark_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
+    integer(int64) :: words(size(self%checksums))
 
+    words = transfer(self%checksums, words)
     call archive%exchange(self%rows)
-    call archive%exchange(self%events)
-    call archive%exchange(self%checksum)
+    call archive%exchange(words)
+    self%checksums = transfer(words, self%checksums)
   end subroutine exchange_bookmark
 
   subroutine write_samples(self, samples, error)
     class(hdf5_writer_t), intent(inout) :: self
     real(wp), intent(in) :: samples(:, :)
     type(error_t), allocatable, intent(out) :: error
-    integer :: row, first, count
+    integer :: i
 
-    first = 1
-    do while (first <= size(samples, 2))
-      ! A write ends where a chunk of the file ends, so that none is read back.
-      count = min(size(samples, 2) - first + 1, &
-        self%chunk_rows - int(modulo(self%columns(1)%rows, int(self%chunk_rows, hsize_t))) - self%waiting_samples)
-      do row = 0, count - 1
-        self%samples(self%waiting_samples + 1 + row, :) = samples(:, first + row)
-      end do
-      self%waiting_samples = self%waiting_samples + count
-      first = first + count
-      if (modulo(self%columns(1)%rows + self%waiting_samples, int(self%chunk_rows, hsize_t)) == 0) then
-        call self%write_waiting(flush_now=.false., error=error)
-        if (allocated(error)) return
-      end if
+    do i = 1, size(samples, 2)
+      call self%write_row(series, samples(:, i), error)
+      if (allocated(error)) return
     end do
   end subroutine write_samples
 
@@ -295,14 +409,25 @@ contains
     integer :: i
 
     do i = 1, size(time)
-      self%waiting_events = self%waiting_events + 1
-      self%events(self%waiting_events, :) = [time(i), real(kind(i), wp)]
-      if (self%waiting_events == event_chunk) then
-        call self%write_waiting(flush_now=.false., error=error)
-        if (allocated(error)) return
-      end if
+      call self%write_row(events, [time(i), real(kind(i), wp)], error)
+      if (allocated(error)) return
     end do
   end subroutine write_events
+
+  !> Let a row wait. A write ends where a chunk of the file ends, so that none is read back.
+  subroutine write_row(self, group, row, error)
+    class(hdf5_writer_t), intent(inout) :: self
+    integer, intent(in) :: group
+    real(wp), intent(in) :: row(:)
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (waiting => self%waiting(group))
+      waiting%count = waiting%count + 1
+      waiting%values(waiting%count, :) = row
+      if (modulo(self%rows(group) + waiting%count, size(waiting%values, 1, int64)) == 0) &
+        call self%write_waiting(flush_now=.false., error=error)
+    end associate
+  end subroutine write_row
 
   subroutine flush_all(self, error)
     class(hdf5_writer_t), intent(inout) :: self
@@ -329,27 +454,34 @@ contains
     character(*), intent(in) :: name
     type(table_column_t), intent(in) :: columns(:)
     type(error_t), allocatable, intent(out) :: error
-    type(column_t) :: stored(size(columns))
+    type(dataset_t) :: stored(size(columns))
+    type(path_t), allocatable :: texts(:)
+    type(hdf5_t) :: h5
     integer(hid_t) :: group
-    integer :: status, i
+    integer :: rows, i, j
 
     call self%reserve()
     if (.not. allocated(self%failure)) then
-      status = 0
-      call create_group(self%file, name, group, status)
+      call create_group(self%file, name, group, h5)
+      rows = size(columns(1)%number)
+      allocate (texts(rows))
       do i = 1, size(columns)
         if (allocated(columns(i)%text)) then
-          call put_texts(group, columns(i)%quantity, columns(i)%text, stored(1), status)
-          cycle
+          do j = 1, rows
+            texts(j)%text = trim(columns(i)%text(j))
+          end do
+          call create_dataset(group, columns(i)%quantity, max(1, rows), stored(i), h5)
+          call append(stored(i), texts, h5)
+        else
+          call create_dataset(group, columns(i)%quantity, max(1, rows), stored(i), h5, h5t_ieee_f64le)
+          call append(stored(i), real(columns(i)%number, real64), h5)
+          if (abs(columns(i)%fill) > 0.0_wp) call put_attribute(stored(i)%id, '_FillValue', columns(i)%fill, h5)
         end if
-        call create_column(group, columns(i)%quantity, h5t_ieee_f64le, max(1, size(columns(1)%number)), stored(i), status)
-        call append(stored(i), real(columns(i)%number, real64), status)
-        if (abs(columns(i)%fill) > 0.0_wp) call put_attribute(stored(i)%dataset, '_FillValue', columns(i)%fill, status)
-        if (i == 1) call make_scale(stored(1), trim(columns(1)%quantity%name), status)
-        if (i > 1) call attach_scale(stored(i)%dataset, stored(1), status)
+        if (i == 1) call make_scale(stored(1), trim(columns(1)%quantity%name), h5)
+        if (i > 1) call attach_scale(stored(i), stored(1), h5)
       end do
-      call close_group(group, status)
-      if (status < 0) call self%fail(failure_reason(), sound=.false.)
+      call release([group], h5)
+      if (h5%status < 0) call self%fail(failure_reason(), sound=.false.)
     end if
     if (allocated(self%failure)) error = self%failure
   end subroutine write_table
@@ -359,42 +491,52 @@ contains
     class(hdf5_writer_t), intent(inout) :: self
     logical, intent(in) :: flush_now
     type(error_t), allocatable, intent(out) :: error
-    integer :: status, i
+    type(hdf5_t) :: h5
+    integer :: i
 
-    if (.not. allocated(self%failure) .and. self%waiting_samples + self%waiting_events > 0) call self%reserve()
+    if (.not. allocated(self%failure) .and. any(self%waiting%count > 0)) call self%reserve()
     if (.not. allocated(self%failure)) then
-      status = 0
       do i = 1, size(self%columns)
-        call append(self%columns(i), real(self%samples(:self%waiting_samples, i), real64), status)
+        associate (column => self%columns(i), waiting => self%waiting(self%columns(i)%group))
+          call column%append(as_double(waiting%values(:waiting%count, column%place), column%part), h5)
+        end associate
       end do
-      call append(self%event_time, real(self%events(:self%waiting_events, 1), real64), status)
-      call append(self%event_kind, real(self%events(:self%waiting_events, 2), real64), status)
-      if (doubles_lose_digits) call append_remainders(self, status)
-      if (flush_now) call flush_file(self, status)
-      if (status < 0) call self%fail(failure_reason(), sound=.false.)
+      if (flush_now) call flush_file(self, h5)
+      if (h5%status < 0) call self%fail(failure_reason(), sound=.false.)
     end if
-    self%waiting_samples = 0
-    self%waiting_events = 0
+    self%rows = self%rows + self%waiting%count
+    self%waiting%count = 0
     if (allocated(self%failure)) error = self%failure
   end subroutine write_waiting
 
-  subroutine append_remainders(self, status)
-    class(hdf5_writer_t), intent(inout) :: self
-    integer, intent(inout) :: status
-    integer :: i
-
-    do i = 1, size(self%remainders)
-      call append(self%remainders(i), remainder(self%samples(:self%waiting_samples, i)), status)
-    end do
-    call append(self%event_remainder, remainder(self%events(:self%waiting_events, 1)), status)
-  end subroutine append_remainders
-
-  !> What a double does not hold of a number.
-  elemental real(real64) function remainder(value)
+  !> A number as a double, or what that does not hold of it.
+  elemental real(real64) function as_double(value, part)
     real(wp), intent(in) :: value
+    integer, intent(in) :: part
 
-    remainder = real(value - real(real(value, real64), wp), real64)
-  end function remainder
+    as_double = real(value, real64)
+    if (part > 1) as_double = real(value - real(as_double, wp), real64)
+  end function as_double
+
+  subroutine append_to_column(self, values, h5)
+    class(column_t), intent(inout) :: self
+    real(real64), intent(in) :: values(:)
+    type(hdf5_t), intent(inout) :: h5
+
+    call append(self%dataset, values, h5)
+    call self%checksum%add_words(transfer(values, [0_int64]))
+  end subroutine append_to_column
+
+  !> Where a column stands in the file; of `part`, if it is given.
+  function path_of_column(self, part) result(path)
+    class(column_t), intent(in) :: self
+    integer, intent(in), optional :: part
+    character(:), allocatable :: path
+
+    path = trim(group_name(self%group))//'/'//trim(self%quantity%name)
+    if (present(part)) return
+    if (self%part > 1) path = 'remainder/'//path
+  end function path_of_column
 
   !> See that the disk has room for one chunk of everything and for the file's ending.
   subroutine reserve(self)
@@ -402,13 +544,15 @@ contains
     integer(hsize_t) :: present_size
     integer(int64) :: needed
     character(:), allocatable :: reason
-    integer :: status
+    integer :: status, i
 
     call h5fget_filesize_f(self%file, present_size, status)
     if (status < 0) return
-    needed = 2*(size(self%columns)*(8_int64*self%chunk_rows + index_bytes) + 2*(8_int64*event_chunk + index_bytes))
-    if (doubles_lose_digits) needed = 2*needed
-    self%reserved = max(self%reserved, int(present_size, int64) + needed + ending_bytes)
+    needed = ending_bytes
+    do i = 1, size(self%columns)
+      needed = needed + 2*(8_int64*size(self%waiting(self%columns(i)%group)%values, 1) + index_bytes)
+    end do
+    self%reserved = max(self%reserved, int(present_size, int64) + needed)
     call reserve_space(self%descriptor, int(present_size, int64), self%reserved, reason)
     if (allocated(reason)) call self%fail(reason, sound=.true.)
   end subroutine reserve
@@ -423,17 +567,16 @@ contains
     self%sound = sound
     if (.not. sound) call set_file_size(self%descriptor, self%reserved)
     if (allocated(self%failure)) return
-    allocate (self%failure)
-    self%failure%code = file_error
-    self%failure%text = self%shown_name//': cannot write: '//with_remedy(reason)
+    call raise(self%failure, file_error, self%shown_name//': cannot write: '//with_remedy(reason))
   end subroutine fail
 
   !> How the run ended; `complete` comes after everything else has reached the file.
   subroutine write_ending(self, outcome, error)
     class(hdf5_writer_t), intent(inout) :: self
     type(outcome_t), intent(in) :: outcome
-    type(error_t), allocatable, intent(inout) :: error
-    integer :: status, result_code
+    type(error_t), allocatable, intent(in) :: error
+    type(hdf5_t) :: h5
+    integer :: result_code
     character(:), allocatable :: result_text
 
     result_code = outcome%result_code
@@ -443,306 +586,95 @@ contains
       result_code = error%code
       result_text = error%text
     end if
-
-    status = 0
-    call put_numbers(self%file, 'summary', outcome%summary, outcome%summary_value, .false., status)
-    call put_numbers(self%file, 'statistics', outcome%statistics, outcome%statistics_value, .true., status)
-    call put_attribute(self%file, 'result_code', result_code, status)
-    call put_attribute(self%file, 'result_text', result_text, status)
-    call flush_file(self, status)
-    if (result_code == result_done) call put_attribute(self%file, 'complete', 1, status)
-    call flush_file(self, status)
-    if (status < 0) call self%fail(failure_reason(), sound=.false.)
+    call put_results(self%file, 'summary', outcome%summary, outcome%summary_value, .false., h5)
+    call put_results(self%file, 'statistics', outcome%statistics, outcome%statistics_value, .true., h5)
+    call put_ending(self%file, result_code, result_text, h5)
+    call flush_file(self, h5)
+    if (result_code == result_done) call put_attribute(self%file, 'complete', 1, h5)
+    call flush_file(self, h5)
+    if (h5%status < 0) call self%fail(failure_reason(), sound=.false.)
   end subroutine write_ending
 
-  !> A group of numbers; counters are stored as integers.
-  subroutine put_numbers(file, name, quantities, values, counters, status)
+  !> A group of numbers of how the run ended; counters are stored as integers.
+  subroutine put_results(file, name, quantities, values, counters, h5)
     integer(hid_t), intent(in) :: file
     character(*), intent(in) :: name
     type(quantity_t), intent(in), allocatable :: quantities(:)
     real(wp), intent(in), allocatable :: values(:)
     logical, intent(in) :: counters   !! what has the unit '1' counts something
-    integer, intent(inout) :: status
+    type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: group
     integer :: i
 
-    call delete_link(file, name, status)
-    call create_group(file, name, group, status)
-    if (status < 0 .or. .not. allocated(quantities)) return
-    do i = 1, size(quantities)
-      if (counters .and. quantities(i)%units == '1') then
-        call put_number(group, quantities(i), values(i), status, h5t_std_i64le)
-      else
-        call put_number(group, quantities(i), values(i), status)
-      end if
-    end do
-    call close_group(group, status)
-  end subroutine put_numbers
-
-  !> Create an empty HDF5 file.
-  subroutine open_new(self, file_name, error)
-    class(hdf5_writer_t), intent(inout) :: self
-    character(*), intent(in) :: file_name
-    type(error_t), allocatable, intent(out) :: error
-    integer :: status
-
-    call ignore_size_limit_signal()
-    call start_hdf5(status)
-    call open_file(file_name, h5f_acc_excl_f, self%file, status)
-    call file_descriptor(self%file, self%descriptor, status)
-    self%sound = status == 0
-    if (.not. self%sound) call raise(error, file_error, self%shown_name//': cannot create: '//with_remedy(failure_reason()))
-  end subroutine open_new
-
-  !> Everything that is known before the run begins.
-  subroutine write_header(self, metadata, columns, error)
-    class(hdf5_writer_t), intent(inout) :: self
-    type(run_metadata_t), intent(in) :: metadata
-    type(quantity_t), intent(in) :: columns(:)
-    type(error_t), allocatable, intent(out) :: error
-    integer :: status
-
-    call self%reserve()
-    if (.not. allocated(self%failure)) then
-      status = 0
-      call write_metadata(self%file, metadata, status)
-      call create_columns(self, columns, status)
-      call flush_file(self, status)
-      if (status < 0) call self%fail(failure_reason(), sound=.false.)
-    end if
-    if (allocated(self%failure)) error = self%failure
-  end subroutine write_header
-
-  !> What every result file says about its origin.
-  subroutine write_metadata(file, metadata, status)
-    integer(hid_t), intent(in) :: file
-    type(run_metadata_t), intent(in) :: metadata
-    integer, intent(inout) :: status
-
-    call put_root_attributes(file, metadata, status)
-    call put_deck(file, metadata, status)
-    call put_parameters(file, metadata, status)
-  end subroutine write_metadata
-
-  subroutine put_root_attributes(file, metadata, status)
-    integer(hid_t), intent(in) :: file
-    type(run_metadata_t), intent(in) :: metadata
-    integer, intent(inout) :: status
-
-    call put_attribute(file, 'program', metadata%program, status)
-    call put_attribute(file, 'version', metadata%version, status)
-    call put_attribute(file, 'git_revision', metadata%git_revision, status)
-    call put_attribute(file, 'compiler', metadata%compiler, status)
-    call put_attribute(file, 'created', metadata%created, status)
-    call put_attribute(file, 'build_flags', metadata%build_flags, status)
-    call put_attribute(file, 'host', metadata%host, status)
-    call put_attribute(file, 'job', metadata%job, status)
-    call put_attribute(file, 'mpi', metadata%mpi, status)
-    call put_attribute(file, 'processes', metadata%processes, status)
-    call put_attribute(file, 'threads', metadata%threads, status)
-    call put_attribute(file, 'deck_sha256', metadata%deck_sha256, status)
-    call put_attribute(file, 'model', metadata%model, status)
-    call put_attribute(file, 'method', metadata%method, status)
-    if (allocated(metadata%model_choice)) then
-      if (metadata%model_choice /= '') call put_attribute(file, 'model_choice', metadata%model_choice, status)
-    end if
-    call put_attribute(file, 'result_code', -1, status)
-    call put_attribute(file, 'result_text', 'running', status)
-    call put_attribute(file, 'complete', 0, status)
-  end subroutine put_root_attributes
-
-  subroutine put_deck(file, metadata, status)
-    integer(hid_t), intent(in) :: file
-    type(run_metadata_t), intent(in) :: metadata
-    integer, intent(inout) :: status
-    integer(hid_t) :: group
-
-    call create_group(file, 'deck', group, status)
-    call put_text(group, 'text', metadata%deck_text, 'the deck as read', status)
-    call put_text(group, 'resolved', metadata%deck_resolved, 'the deck with every key as used', status)
-    call close_group(group, status)
-  end subroutine put_deck
-
-  subroutine put_parameters(file, metadata, status)
-    integer(hid_t), intent(in) :: file
-    type(run_metadata_t), intent(in) :: metadata
-    integer, intent(inout) :: status
-    integer(hid_t) :: group
-    integer :: i
-
-    call create_group(file, 'parameters', group, status)
-    if (allocated(metadata%parameters)) then
-      do i = 1, size(metadata%parameters)
-        call put_number(group, metadata%parameters(i), metadata%parameter_value(i), status)
+    call delete_link(file, name, h5)
+    call create_group(file, name, group, h5)
+    if (allocated(quantities)) then
+      do i = 1, size(quantities)
+        call put_value(group, quantities(i), values(i), h5, &
+          merge(h5t_std_i64le, h5t_ieee_f64le, counters .and. quantities(i)%units == '1'))
       end do
     end if
-    if (allocated(metadata%text_parameters)) then
-      do i = 1, size(metadata%text_parameters)
-        associate (parameter => metadata%text_parameters(i))
-          call put_text(group, trim(parameter%name), parameter%value, trim(parameter%long_name), status)
+    call release([group], h5)
+  end subroutine put_results
+
+  !> What every result file says about its origin.
+  subroutine write_metadata(file, metadata, h5)
+    integer(hid_t), intent(in) :: file
+    type(run_metadata_t), intent(in) :: metadata
+    type(hdf5_t), intent(inout) :: h5
+    integer(hid_t) :: group
+    integer :: i
+
+    call put_attribute(file, 'program', metadata%program, h5)
+    call put_attribute(file, 'version', metadata%version, h5)
+    call put_attribute(file, 'git_revision', metadata%git_revision, h5)
+    call put_attribute(file, 'compiler', metadata%compiler, h5)
+    call put_attribute(file, 'created', metadata%created, h5)
+    call put_attribute(file, 'build_flags', metadata%build_flags, h5)
+    call put_attribute(file, 'host', metadata%host, h5)
+    call put_attribute(file, 'job', metadata%job, h5)
+    call put_attribute(file, 'mpi', metadata%mpi, h5)
+    call put_attribute(file, 'processes', metadata%processes, h5)
+    call put_attribute(file, 'threads', metadata%threads, h5)
+    call put_attribute(file, 'deck_sha256', metadata%deck_sha256, h5)
+    call put_attribute(file, 'model', metadata%model, h5)
+    call put_attribute(file, 'method', metadata%method, h5)
+    if (allocated(metadata%model_choice)) then
+      if (metadata%model_choice /= '') call put_attribute(file, 'model_choice', metadata%model_choice, h5)
+    end if
+    call put_ending(file, -1, 'running', h5)
+    call put_attribute(file, 'complete', 0, h5)
+
+    call create_group(file, 'deck', group, h5)
+    call put_value(group, quantity_t('text', '1', 'the deck as read'), metadata%deck_text, h5)
+    call put_value(group, quantity_t('resolved', '1', 'the deck with every key as used'), metadata%deck_resolved, h5)
+    call release([group], h5)
+
+    call create_group(file, 'parameters', group, h5)
+    if (allocated(metadata%parameters)) then
+      do i = 1, size(metadata%parameters)
+        associate (parameter => metadata%parameters(i))
+          if (allocated(parameter%text)) then
+            call put_value(group, parameter%quantity, parameter%text, h5)
+          else
+            call put_value(group, parameter%quantity, parameter%value, h5)
+          end if
         end associate
       end do
     end if
-    call close_group(group, status)
-  end subroutine put_parameters
+    call release([group], h5)
+  end subroutine write_metadata
 
-  subroutine create_columns(self, columns, status)
-    class(hdf5_writer_t), intent(inout) :: self
-    type(quantity_t), intent(in) :: columns(:)
-    integer, intent(inout) :: status
-    integer(hid_t) :: group
-    integer :: i
+  !> How a run or sweep ended.
+  subroutine put_ending(file, result_code, result_text, h5)
+    integer(hid_t), intent(in) :: file
+    integer, intent(in) :: result_code
+    character(*), intent(in) :: result_text
+    type(hdf5_t), intent(inout) :: h5
 
-    if (size(columns) == 0) return
-    call create_group(self%file, 'time_series', group, status)
-    do i = 1, size(columns)
-      if (columns(i)%name == 'sticking') then
-        call create_column(group, columns(i), h5t_std_i8le, self%chunk_rows, self%columns(i), status)
-      else
-        call create_column(group, columns(i), h5t_ieee_f64le, self%chunk_rows, self%columns(i), status)
-      end if
-      if (i == 1) then
-        call make_scale(self%columns(1), 'time', status)
-      else
-        call attach_scale(self%columns(i)%dataset, self%columns(1), status)
-      end if
-    end do
-    call close_group(group, status)
-
-    call create_group(self%file, 'events', group, status)
-    call create_column(group, quantity_t('time', 's', 'time of the event'), h5t_ieee_f64le, event_chunk, self%event_time, status)
-    call create_column(group, quantity_t('kind', '1', '1 = stick begins, 2 = slip begins'), h5t_std_i8le, event_chunk, &
-      self%event_kind, status)
-    call make_scale(self%event_time, 'time', status)
-    call attach_scale(self%event_kind%dataset, self%event_time, status)
-    call close_group(group, status)
-    if (doubles_lose_digits) call create_remainders(self, columns, status)
-  end subroutine create_columns
-
-  subroutine create_remainders(self, columns, status)
-    class(hdf5_writer_t), intent(inout) :: self
-    type(quantity_t), intent(in) :: columns(:)
-    integer, intent(inout) :: status
-    integer(hid_t) :: remainder_group, group
-    integer :: i
-
-    allocate (self%remainders(size(columns)))
-    call create_group(self%file, 'remainder', remainder_group, status)
-    call create_group(remainder_group, 'time_series', group, status)
-    do i = 1, size(columns)
-      call create_column(group, quantity_t(columns(i)%name, columns(i)%units, 'to be added to /time_series/'//columns(i)%name), &
-        h5t_ieee_f64le, self%chunk_rows, self%remainders(i), status)
-    end do
-    call close_group(group, status)
-    call create_group(remainder_group, 'events', group, status)
-    call create_column(group, quantity_t('time', 's', 'to be added to /events/time'), h5t_ieee_f64le, event_chunk, &
-      self%event_remainder, status)
-    call close_group(group, status)
-    call close_group(remainder_group, status)
-  end subroutine create_remainders
-
-  subroutine open_columns(self, columns, status)
-    class(hdf5_writer_t), intent(inout) :: self
-    type(quantity_t), intent(in) :: columns(:)
-    integer, intent(inout) :: status
-    integer :: i
-
-    do i = 1, size(columns)
-      call open_column(self%file, 'time_series/'//trim(columns(i)%name), self%chunk_rows, self%columns(i), status)
-    end do
-    call open_column(self%file, 'events/time', event_chunk, self%event_time, status)
-    call open_column(self%file, 'events/kind', event_chunk, self%event_kind, status)
-    if (doubles_lose_digits) call open_remainders(self, columns, status)
-  end subroutine open_columns
-
-  !> Whether the copied columns are those of the bookmark; `reason` says which is not.
-  subroutine check_bookmark(self, bookmark, columns, reason)
-    class(hdf5_writer_t), intent(in) :: self
-    type(bookmark_t), intent(in) :: bookmark
-    type(quantity_t), intent(in) :: columns(:)
-    character(:), allocatable, intent(inout) :: reason   !! unallocated if all are
-    integer :: i
-
-    do i = 1, size(columns)
-      call check_column('time_series/'//trim(columns(i)%name), self%columns(i), bookmark%rows, bookmark%checksum(i))
-    end do
-    call check_column('events/time', self%event_time, bookmark%events, bookmark%checksum(i))
-    call check_column('events/kind', self%event_kind, bookmark%events, bookmark%checksum(i + 1))
-
-  contains
-
-    subroutine check_column(name, column, rows, checksum)
-      character(*), intent(in) :: name
-      type(column_t), intent(in) :: column
-      integer(int64), intent(in) :: rows, checksum
-
-      if (allocated(reason)) return
-      if (column%rows < rows) then
-        reason = name//' has fewer rows than when the checkpoint was written: run the deck again'
-      else if (column%checksum /= checksum) then
-        reason = name//' is not as it was when the checkpoint was written: run the deck again'
-      end if
-    end subroutine check_column
-  end subroutine check_bookmark
-
-  !> Drop what was written after the bookmark, and how the run ended.
-  subroutine cut_columns(self, bookmark, status)
-    class(hdf5_writer_t), intent(inout) :: self
-    type(bookmark_t), intent(in) :: bookmark
-    integer, intent(inout) :: status
-    integer :: i
-
-    do i = 1, size(self%columns)
-      call cut_column(self%columns(i), int(bookmark%rows, hsize_t), status)
-      self%columns(i)%checksum = bookmark%checksum(i)
-    end do
-    call cut_column(self%event_time, int(bookmark%events, hsize_t), status)
-    call cut_column(self%event_kind, int(bookmark%events, hsize_t), status)
-    self%event_time%checksum = bookmark%checksum(i)
-    self%event_kind%checksum = bookmark%checksum(i + 1)
-    if (doubles_lose_digits) call cut_remainders(self, bookmark, status)
-    call delete_link(self%file, 'summary', status)
-    call delete_link(self%file, 'statistics', status)
-    call put_attribute(self%file, 'result_code', -1, status)
-    call put_attribute(self%file, 'result_text', 'running', status)
-    ! Before the space that is now free is written to: until then the file still refers to it.
-    call flush_file(self, status)
-  end subroutine cut_columns
-
-  subroutine open_remainders(self, columns, status)
-    class(hdf5_writer_t), intent(inout) :: self
-    type(quantity_t), intent(in) :: columns(:)
-    integer, intent(inout) :: status
-    integer :: i
-
-    if (.not. allocated(self%remainders)) allocate (self%remainders(size(columns)))
-    do i = 1, size(columns)
-      call open_column(self%file, 'remainder/time_series/'//trim(columns(i)%name), self%chunk_rows, self%remainders(i), status)
-    end do
-    call open_column(self%file, 'remainder/events/time', event_chunk, self%event_remainder, status)
-  end subroutine open_remainders
-
-  subroutine cut_remainders(self, bookmark, status)
-    class(hdf5_writer_t), intent(inout) :: self
-    type(bookmark_t), intent(in) :: bookmark
-    integer, intent(inout) :: status
-    integer :: i
-
-    do i = 1, size(self%remainders)
-      call cut_column(self%remainders(i), int(bookmark%rows, hsize_t), status)
-    end do
-    call cut_column(self%event_remainder, int(bookmark%events, hsize_t), status)
-  end subroutine cut_remainders
-
-  subroutine allocate_waiting(self, columns, expected_rows)
-    class(hdf5_writer_t), intent(inout) :: self
-    integer, intent(in) :: columns
-    integer, intent(in), optional :: expected_rows
-
-    self%chunk_rows = usual_chunk
-    if (present(expected_rows)) self%chunk_rows = max(smallest_chunk, min(expected_rows, largest_chunk))
-    allocate (self%columns(columns), self%samples(self%chunk_rows, columns), self%events(event_chunk, 2))
-  end subroutine allocate_waiting
+    call put_attribute(file, 'result_code', result_code, h5)
+    call put_attribute(file, 'result_text', result_text, h5)
+  end subroutine put_ending
 
   !> Close the file and give back the disk space it did not need.
   subroutine close_file(self)
@@ -751,33 +683,25 @@ contains
     integer :: status
 
     call h5fget_filesize_f(self%file, bytes, status)
-    if (status == 0) call set_file_size(self%descriptor, int(bytes, int64))
+    if (status >= 0) call set_file_size(self%descriptor, int(bytes, int64))
     call h5fclose_f(self%file, status)
     if (status < 0) call self%fail(failure_reason(), sound=.false.)
     self%file = -1
   end subroutine close_file
 
-  subroutine close_group(group, status)
-    integer(hid_t), intent(in) :: group
-    integer, intent(inout) :: status
-
-    if (status < 0) return
-    call h5gclose_f(group, status)
-  end subroutine close_group
-
-  subroutine flush_file(self, status)
+  subroutine flush_file(self, h5)
     class(hdf5_writer_t), intent(in) :: self
-    integer, intent(inout) :: status
+    type(hdf5_t), intent(inout) :: h5
 
-    if (status < 0) return
+    if (h5%status < 0) return
     ! What the child writes, this process writes again, so that a kill in between tears nothing. The child shares the
     ! lock: without it, it does not keep a reader out of the file of a run that was killed.
     call unlock_file(self%descriptor)
     if (is_child()) then
-      call h5fflush_f(self%file, h5f_scope_local_f, status)
+      call h5fflush_f(self%file, h5f_scope_local_f, h5%status)
       call end_child()
     end if
     call lock_file(self%descriptor)
-    call h5fflush_f(self%file, h5f_scope_local_f, status)
+    call h5fflush_f(self%file, h5f_scope_local_f, h5%status)
   end subroutine flush_file
 end module dst_hdf5_writer

@@ -13,7 +13,7 @@ module dst_result_file
   use dst_hdf5_origin, only: check_is_result
   use dst_kinds, only: wp, int64
   use dst_lock, only: lock_t, holder_of, is_left_behind
-  use dst_seal, only: seal, break_seal, checksum_of
+  use dst_seal, only: seal, break_seal, sound_seal
   implicit none
   private
 
@@ -138,11 +138,10 @@ contains
     call read_checkpoint(self%place, name, checkpoint, missing)
     if (allocated(missing)) return
     call open_own_file(checkpoint_name(self%place), identity_of(checkpoint_name(self%place)), self%checkpoint, reason)
-    if (allocated(reason)) then
-      call raise(error, file_error, checkpoint_name(name)//': cannot resume: '//reason)
-      call self%release()
-    end if
-    self%is_durable = .true.
+    self%is_durable = .not. allocated(reason)
+    if (self%is_durable) return
+    call raise(error, file_error, checkpoint_name(name)//': cannot resume: '//reason)
+    call self%release()
   end subroutine claim_unfinished
 
   !> HDF5 opens a file to write it when nobody reads it.
@@ -260,12 +259,12 @@ contains
     if (durable) call make_name_durable(folder_of(place))
   end subroutine save_checkpoint
 
-  !> Whether every bit of the file is that of which `checksum` was taken.
+  !> Whether every bit of the file is that of which the seal's `checksum` was taken.
   logical function is_as_it_was_left(self, checksum)
     class(result_file_t), intent(in) :: self
     character(*), intent(in) :: checksum
 
-    is_as_it_was_left = checksum_of(self%own) == checksum
+    is_as_it_was_left = sound_seal(self%own) == checksum
   end function is_as_it_was_left
 
   !> The file is going to be changed: it goes without a seal.
@@ -275,8 +274,7 @@ contains
     call break_seal(self%own)
   end subroutine unseal
 
-  !> Append the seal to the file, which is closed but here. What was durable before stays so. `checksum`: of the whole
-  !> file.
+  !> Append the seal with its `checksum` to the file, which is closed but here. What was durable before stays so.
   subroutine seal_own(self, checksum, error)
     class(result_file_t), intent(in) :: self
     character(:), allocatable, intent(out) :: checksum

@@ -6,15 +6,15 @@ module dst_sweep_file
   use hdf5, only: hid_t, h5fclose_f, h5f_acc_excl_f, h5t_ieee_f64le, h5t_std_i32le
   use dst_disk, only: path_t, place_of, utc_at, with_remedy, ignore_size_limit_signal
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
-  use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, put_attribute, create_group, column_t, create_column, append, &
-    make_scale, attach_scale, table_t, create_table, append_rows, message_list_t, create_messages, append_messages
+  use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, create_group, dataset_t, &
+    create_dataset, append, make_scale, attach_scale
   use dst_hdf5_origin, only: sweep_state_t, state_of_sweep
-  use dst_hdf5_writer, only: run_metadata_t, write_metadata
+  use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
   use dst_kinds, only: int64, real64
   use dst_result_file, only: result_file_t, check_target
   use dst_schema, only: schema
   use dst_signals, only: stop_signal, is_told_to_end, signal_name
-  use dst_sweep, only: sweep_t, case_t, value_count, value_quantities, wall_time_value, series_quantities
+  use dst_sweep, only: sweep_t, case_t, axis_t, value_count, value_quantities, wall_time_value, series_quantities
   use dst_seal, only: has_sound_seal
   use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, reader_t, without_concern, open_records, &
     read_record, shards_of
@@ -32,17 +32,16 @@ module dst_sweep_file
 
   type :: output_t
     integer(hid_t) :: file = -1
-    type(column_t) :: case_number, result_code, series_time, failed
-    type(column_t), allocatable :: coordinates(:), values(:)
-    type(table_t), allocatable :: series(:)
-    type(message_list_t) :: failure
+    type(dataset_t), allocatable :: columns(:)   !! number of the case, parameters, values, result code
+    type(dataset_t), allocatable :: series(:)
+    type(dataset_t) :: failed, failure
   end type output_t
 
   !> Some cases one after the other, as they are written.
   type :: block_t
     integer :: first = 0, count = 0
-    real(real64), allocatable :: number(:), result_code(:), coordinates(:, :), values(:, :)   !! (case), (case, parameter or value)
-    real(real64), allocatable :: series(:, :, :)                                              !! (row, case, column)
+    real(real64), allocatable :: columns(:, :)   !! (case, column)
+    real(real64), allocatable :: series(:, :, :) !! (row, case, column)
     type(path_t), allocatable :: message(:)
   end type block_t
 
@@ -97,6 +96,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(result_file_t) :: file
     type(output_t) :: output
+    type(hdf5_t) :: h5
     character(:), allocatable :: checksum
     integer :: status
 
@@ -108,13 +108,15 @@ contains
       return
     end if
     call ignore_size_limit_signal()
-    call start_hdf5(status)
-    call open_file(file%path(), h5f_acc_excl_f, output%file, status)
+    call start_hdf5(h5)
+    call open_file(file%path(), h5f_acc_excl_f, output%file, h5)
     call file%adopt()
-    call create_columns(output, sweep, metadata, status)
-    call copy_cases(output, sweep, files, index, status, error)
-    call put_ending(output, sweep, head, index, status)
-    if (status < 0) call raise_cannot_write(result_file, error)
+    call write_metadata(output%file, metadata, h5)
+    call create_columns(output, sweep, h5)
+    call copy_cases(output, sweep, files, index, h5, error)
+    call describe_sweep(output, sweep, head, index, h5)
+    if (h5%status < 0) call raise_cannot_write(result_file, error)
+    status = 0
     if (output%file >= 0) call h5fclose_f(output%file, status)
     if (status < 0) call raise_cannot_write(result_file, error)
     if (.not. allocated(error)) call file%seal(checksum, error)
@@ -159,67 +161,72 @@ contains
     if (sweep%keeps_series) block_of = max(1, min(block_of, most_series_values/max(1, sweep%series_values())))
   end function block_of
 
-  subroutine create_columns(output, sweep, metadata, status)
+  subroutine create_columns(output, sweep, h5)
     type(output_t), intent(inout) :: output
     type(sweep_t), intent(in) :: sweep
-    type(run_metadata_t), intent(in) :: metadata
-    integer, intent(inout) :: status
-    type(quantity_t) :: quantities(value_count), parameter
+    type(hdf5_t), intent(inout) :: h5
     type(quantity_t), allocatable :: columns(:)
-    integer(hid_t) :: group, summary, series, failures
-    integer :: i, block
+    integer(hid_t), allocatable :: places(:), stored_as(:)
+    integer(hid_t) :: group, summary, failures
+    integer :: i, axes
 
-    block = block_of(sweep)
-    call write_metadata(output%file, metadata, status)
-    call create_group(output%file, 'sweep', group, status)
-    call create_group(group, 'summary', summary, status)
-    call put_attribute(group, 'grid', grid_text(sweep), status)
-    call put_attribute(group, 'parameters', sweep%parameters(), status)
-    call create_column(group, quantity_t('case', '1', 'number of the case'), h5t_std_i32le, block, output%case_number, status, &
-      whole_chunks=.true.)
-    call make_scale(output%case_number, 'case', status)
-    allocate (output%coordinates(size(sweep%axes)), output%values(value_count), output%series(0))
-    do i = 1, size(sweep%axes)
-      associate (key => schema(sweep%axes(i)%key))
-        parameter = quantity_t(sweep%axes(i)%name, key%unit, key%meaning)
-        if (key%unit == '') parameter%units = '1'
-        call create_column(group, parameter, h5t_ieee_f64le, block, output%coordinates(i), status, whole_chunks=.true.)
-        call attach_scale(output%coordinates(i)%dataset, output%case_number, status)
-      end associate
+    axes = size(sweep%axes)
+    allocate (columns, source=[quantity_t('case', '1', 'number of the case'), (parameter_of(sweep%axes(i)), i=1, axes), &
+      value_quantities(), quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see docs/errors.md')])
+    allocate (output%columns(size(columns)), output%series(0))
+    call create_group(output%file, 'sweep', group, h5)
+    call create_group(group, 'summary', summary, h5)
+    allocate (places, source=[group, (group, i=1, axes), (merge(group, summary, i == wall_time_value), i=1, value_count), group])
+    allocate (stored_as, source=[h5t_std_i32le, (h5t_ieee_f64le, i=2, size(columns) - 1), h5t_std_i32le])
+    call put_attribute(group, 'grid', grid_text(sweep), h5)
+    call put_attribute(group, 'parameters', sweep%parameters(), h5)
+    do i = 1, size(columns)
+      call create_dataset(places(i), columns(i), block_of(sweep), output%columns(i), h5, stored_as(i), whole_chunks=.true.)
+      if (i == 1) call make_scale(output%columns(1), 'case', h5)
+      if (i > 1) call attach_scale(output%columns(i), output%columns(1), h5)
     end do
-    quantities = value_quantities()
-    do i = 1, value_count
-      if (i == wall_time_value) then
-        call create_column(group, quantities(i), h5t_ieee_f64le, block, output%values(i), status, whole_chunks=.true.)
-      else
-        call create_column(summary, quantities(i), h5t_ieee_f64le, block, output%values(i), status, whole_chunks=.true.)
-      end if
-      call attach_scale(output%values(i)%dataset, output%case_number, status)
-    end do
-    call create_column(group, quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see docs/errors.md'), &
-      h5t_std_i32le, block, output%result_code, status, whole_chunks=.true.)
-    call attach_scale(output%result_code%dataset, output%case_number, status)
-    call create_group(group, 'failures', failures, status)
-    call create_column(failures, quantity_t('case', '1', 'number of a case that failed'), h5t_std_i32le, 1024, output%failed, &
-      status)
-    call make_scale(output%failed, 'case', status)
-    call create_messages(failures, quantity_t('result_text', '1', 'why it failed'), output%failure, status)
-    call attach_scale(output%failure%dataset, output%failed, status)
-    if (.not. sweep%keeps_series) return
-    call create_group(group, 'series', series, status)
-    columns = series_quantities(sweep)
+    call create_group(group, 'failures', failures, h5)
+    call create_dataset(failures, quantity_t('case', '1', 'number of a case that failed'), 1024, output%failed, h5, h5t_std_i32le)
+    call make_scale(output%failed, 'case', h5)
+    call create_dataset(failures, quantity_t('result_text', '1', 'why it failed'), 1024, output%failure, h5)
+    call attach_scale(output%failure, output%failed, h5)
+    if (sweep%keeps_series) call create_series(output, sweep, group, h5)
+  end subroutine create_columns
+
+  type(quantity_t) function parameter_of(axis) result(parameter)
+    type(axis_t), intent(in) :: axis
+
+    associate (key => schema(axis%key))
+      parameter = quantity_t(axis%name, key%unit, key%meaning)
+      if (key%unit == '') parameter%units = '1'
+    end associate
+  end function parameter_of
+
+  subroutine create_series(output, sweep, group, h5)
+    type(output_t), intent(inout) :: output
+    type(sweep_t), intent(in) :: sweep
+    integer(hid_t), intent(in) :: group
+    type(hdf5_t), intent(inout) :: h5
+    integer, parameter :: usual_chunk = 16384   ! values
+    type(quantity_t), allocatable :: columns(:)
+    type(dataset_t) :: time
+    integer(hid_t) :: series
+    integer :: i, rows
+
+    rows = sweep%series_rows()
+    allocate (columns, source=series_quantities(sweep))
     deallocate (output%series)
     allocate (output%series(size(columns)))
-    call create_column(series, quantity_t('time', 's', 'time of the samples'), h5t_ieee_f64le, min(8192, sweep%series_rows()), &
-      output%series_time, status)
-    call make_scale(output%series_time, 'time', status)
-    call append(output%series_time, real(sweep%series_times(), real64), status)
+    call create_group(group, 'series', series, h5)
+    call create_dataset(series, quantity_t('time', 's', 'time of the samples'), min(8192, rows), time, h5, h5t_ieee_f64le)
+    call make_scale(time, 'time', h5)
+    call append(time, real(sweep%series_times(), real64), h5)
     do i = 1, size(columns)
-      call create_table(series, columns(i), sweep%series_rows(), output%series(i), status)
-      call attach_scale(output%series(i)%dataset, output%case_number, status)
-      call attach_scale(output%series(i)%dataset, output%series_time, status, side=1)
+      call create_dataset(series, columns(i), max(1, usual_chunk/rows), output%series(i), h5, h5t_ieee_f64le, row_length=rows)
+      call attach_scale(output%series(i), output%columns(1), h5)
+      call attach_scale(output%series(i), time, h5, side=1)
     end do
-  end subroutine create_columns
+  end subroutine create_series
 
   !> '40 40', or 'list'.
   function grid_text(sweep) result(text)
@@ -236,12 +243,12 @@ contains
     text = trim(text)
   end function grid_text
 
-  subroutine copy_cases(output, sweep, files, index, status, error)
+  subroutine copy_cases(output, sweep, files, index, h5, error)
     type(output_t), intent(inout) :: output
     type(sweep_t), intent(in) :: sweep
     type(path_t), intent(in) :: files(:)
     type(index_t), intent(in) :: index
-    integer, intent(inout) :: status
+    type(hdf5_t), intent(inout) :: h5
     type(error_t), allocatable, intent(out) :: error
     type(block_t) :: block
     type(layout_t) :: layout
@@ -249,8 +256,7 @@ contains
 
     layout = layout_of(sweep)
     length = index%block
-    allocate (block%number(length), block%result_code(length), block%message(length))
-    allocate (block%coordinates(length, size(sweep%axes)), block%values(length, value_count))
+    allocate (block%message(length), block%columns(length, size(output%columns)))
     allocate (block%series(sweep%series_rows(), length, size(output%series)), stat=no_memory)
     if (no_memory /= 0) then
       call raise(error, out_of_memory, 'no memory for the series of '//integer_text(length)//' cases: the shards keep what is '// &
@@ -258,7 +264,7 @@ contains
       return
     end if
     do first = 1, sweep%cases, length
-      if (status < 0) return
+      if (h5%status < 0) return
       if (is_told_to_end()) then
         call raise(error, stopped_early, 'stopped by '//signal_name(stop_signal())//' while the result was written: the shards '// &
           'keep what is done: start it again')
@@ -269,7 +275,7 @@ contains
       call clear(block, sweep)
       call read_block(files, index, layout, block, error)
       if (allocated(error)) return
-      call write_block(output, block, status)
+      call write_block(output, block, h5)
     end do
   end subroutine copy_cases
 
@@ -281,13 +287,14 @@ contains
     integer :: i
 
     nan = ieee_value(nan, ieee_quiet_nan)
-    block%values = nan
+    block%columns = nan
     block%series = nan
-    block%result_code = not_run
     do i = 1, block%count
-      block%number(i) = block%first + i - 1
-      block%coordinates(i, :) = real(sweep%coordinates(block%first + i - 1), real64)
+      associate (number => block%first + i - 1, axes => size(sweep%axes))
+        block%columns(i, :axes + 1) = [real(number, real64), real(sweep%coordinates(number), real64)]
+      end associate
     end do
+    block%columns(:, size(block%columns, 2)) = not_run
   end subroutine clear
 
   !> What the shards hold of the block, shard by shard: there may be more of them than a process can have open. Of the records of a
@@ -333,57 +340,44 @@ contains
     type(case_t), intent(in) :: case
     type(layout_t), intent(in) :: layout
     type(block_t), intent(inout) :: block
-    integer :: j, n
+    integer :: j, n, last
 
     n = case%number - block%first + 1
-    if (nint(block%result_code(n)) /= not_run) return
-    block%result_code(n) = case%result_code
-    block%values(n, :) = real(case%values, real64)
+    last = size(block%columns, 2)
+    if (nint(block%columns(n, last)) /= not_run) return
+    block%columns(n, last - value_count:) = [real(case%values, real64), real(case%result_code, real64)]
     if (case%result_code /= result_done) block%message(n)%text = case%result_text
     do j = 1, layout%columns
       block%series(:size(case%series, 2), n, j) = real(case%series(j, :), real64)
     end do
   end subroutine take_case
 
-  subroutine write_block(output, block, status)
+  subroutine write_block(output, block, h5)
     type(output_t), intent(inout) :: output
     type(block_t), intent(in) :: block
-    integer, intent(inout) :: status
-    real(real64), allocatable :: numbers(:)
-    type(path_t), allocatable :: messages(:)
-    integer :: i, n, failed
+    type(hdf5_t), intent(inout) :: h5
+    integer, allocatable :: failed(:)
+    integer :: i, last
 
-    n = block%count
-    call append(output%case_number, block%number(:n), status)
-    call append(output%result_code, block%result_code(:n), status)
-    do i = 1, size(output%coordinates)
-      call append(output%coordinates(i), block%coordinates(:n, i), status)
-    end do
-    do i = 1, value_count
-      call append(output%values(i), block%values(:n, i), status)
+    last = size(output%columns)
+    do i = 1, last
+      call append(output%columns(i), block%columns(:block%count, i), h5)
     end do
     do i = 1, size(output%series)
-      call append_rows(output%series(i), block%series(:, :n, i), status)
+      call append(output%series(i), block%series(:, :block%count, i), h5)
     end do
-    failed = count(block%result_code(:n) > 0.0_real64)
-    allocate (numbers(failed), messages(failed))
-    failed = 0
-    do i = 1, n
-      if (.not. block%result_code(i) > 0.0_real64) cycle
-      failed = failed + 1
-      numbers(failed) = block%number(i)
-      messages(failed)%text = block%message(i)%text
-    end do
-    call append(output%failed, numbers, status)
-    call append_messages(output%failure, messages, status)
+    failed = pack([(i, i=1, block%count)], block%columns(:block%count, last) > 0.0_real64)
+    call append(output%failed, block%columns(failed, 1), h5)
+    call append(output%failure, block%message(failed), h5)
   end subroutine write_block
 
-  subroutine put_ending(output, sweep, head, index, status)
+  !> What there is of the sweep.
+  subroutine describe_sweep(output, sweep, head, index, h5)
     type(output_t), intent(in) :: output
     type(sweep_t), intent(in) :: sweep
     type(head_t), intent(in) :: head
     type(index_t), intent(in) :: index
-    integer, intent(inout) :: status
+    type(hdf5_t), intent(inout) :: h5
     character(:), allocatable :: text
     integer :: code
 
@@ -398,13 +392,12 @@ contains
       text = integer_text(sweep%cases - index%done)//' of '//integer_text(sweep%cases)// &
         ' cases have not been run'
     end if
-    call put_attribute(output%file, 'sweep_identity', head%identity, status)
-    call put_attribute(output%file, 'cases_done', index%done, status)
-    call put_attribute(output%file, 'cases_failed', index%failed, status)
-    call put_attribute(output%file, 'begun', utc_at(index%begun), status)
-    call put_attribute(output%file, 'ended', utc_at(index%ended), status)
-    call put_attribute(output%file, 'result_code', code, status)
-    call put_attribute(output%file, 'result_text', text, status)
-    call put_attribute(output%file, 'complete', merge(1, 0, index%done == sweep%cases), status)
-  end subroutine put_ending
+    call put_attribute(output%file, 'sweep_identity', head%identity, h5)
+    call put_attribute(output%file, 'cases_done', index%done, h5)
+    call put_attribute(output%file, 'cases_failed', index%failed, h5)
+    call put_attribute(output%file, 'begun', utc_at(index%begun), h5)
+    call put_attribute(output%file, 'ended', utc_at(index%ended), h5)
+    call put_ending(output%file, code, text, h5)
+    call put_attribute(output%file, 'complete', merge(1, 0, index%done == sweep%cases), h5)
+  end subroutine describe_sweep
 end module dst_sweep_file

@@ -5,7 +5,7 @@ module dst_sweep_list
   use dst_deck_sweep, only: range_problem
   use dst_disk, only: path_t
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_tools, only: start_hdf5, open_file, failure_reason, names_in, read_list, refusal_t
+  use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, names_in, read_list
   use dst_hdf5_origin, only: is_hdf5
   use dst_sweep, only: axis_t
   use dst_sweep_points, only: path_of_points, read_csv, name_axis
@@ -39,12 +39,13 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(path_t), allocatable :: names(:)
     integer(hid_t) :: file
-    integer :: status, i, n, ignored
+    type(hdf5_t) :: h5
+    integer :: i, n, ignored
 
-    call start_hdf5(status)
-    call open_file(path, h5f_acc_rdonly_f, file, status)
-    call names_in(file, names, status)
-    if (status < 0) then
+    call start_hdf5(h5)
+    call open_file(path, h5f_acc_rdonly_f, file, h5)
+    call names_in(file, names, h5)
+    if (h5%status < 0) then
       call raise(error, file_error, path//': cannot be read: '//failure_reason())
       return
     end if
@@ -80,15 +81,14 @@ contains
     type(axis_t), intent(inout) :: axis
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: problem
-    type(refusal_t) :: refusal
-    integer :: status, i
+    type(hdf5_t) :: h5
+    integer :: i
 
-    status = 0
-    call read_list(file, name, axis%values, status, refusal)
+    call read_list(file, name, axis%values, h5)
     problem = ''
-    if (status < 0) problem = 'is no sound one-dimensional dataset of numbers: give one value a case'
-    if (allocated(refusal%reason)) then
-      call raise(error, file_error, path//': '//refusal%reason// &
+    if (h5%status < 0) problem = 'is no sound one-dimensional dataset of numbers: give one value a case'
+    if (allocated(h5%refusal)) then
+      call raise(error, file_error, path//': '//h5%refusal// &
         ': give plain one-dimensional datasets of numbers, one value a case')
       return
     end if

@@ -11,6 +11,7 @@
 module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int
   use, intrinsic :: iso_fortran_env, only: int8
+  use dst_crc32, only: crc32_t
   use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, lock_attempt, held, append_words, read_words, &
     close_descriptor, set_file_size, delete_file, file_exists, identity_t, identity_of, matching_files, path_t, seconds_now, &
     wait_seconds
@@ -51,8 +52,10 @@ module dst_sweep_shard
     integer(int64) :: bytes = 0               !! of the file
     integer(int64) :: first = 0               !! word of the file that is the first in `window`
     integer(int64), allocatable :: window(:)
+    type(crc32_t) :: crc                      !! of the record that is looked at
   contains
     procedure :: word
+    procedure, private :: show
     procedure :: close => close_reader
   end type reader_t
 
@@ -399,23 +402,15 @@ contains
       (self%is_of_build(head) .and. self%division%share == head%division%share .and. self%division%shares == head%division%shares)
   end function is_part_of
 
-  !> Rotate and add without carry: no damage to a single word goes unnoticed.
+  !> CRC-32 of words. Its 8 hexadecimal digits fill a word.
   pure integer(int64) function checksum(words)
     integer(int64), intent(in) :: words(:)
-    integer :: i
+    type(crc32_t) :: crc
 
-    checksum = magic
-    do i = 1, size(words)
-      checksum = with_word(checksum, words(i))
-    end do
+    call crc%start()
+    call crc%add_words(words)
+    checksum = transfer(crc%text(), checksum)
   end function checksum
-
-  pure integer(int64) function with_word(checksum, word)
-    integer(int64), intent(in) :: checksum, word
-    integer, parameter :: places = 5
-
-    with_word = ieor(ishftc(checksum, places), word)
-  end function with_word
 
   !> Append a finished case. A series may be longer than a thread's stack: its values are taken one by one.
   subroutine append_case(self, case, error)
@@ -436,18 +431,12 @@ contains
       call raise(error, out_of_memory, 'no memory for the record of a case: keep fewer samples or use fewer threads')
       return
     end if
-    associate (words => self%words)
+    associate (words => self%words, padded => case%result_text(:message_bytes)//repeat(' ', word_bytes))
       words(1) = case%number + half*case%result_code
       words(2) = length + half*message_bytes
-      n = 2
-      do i = 1, value_count
-        n = n + 1
-        words(n) = transfer(real(case%values(i), real64), words(n))
-      end do
-      do i = 1, message_bytes, word_bytes
-        n = n + 1
-        words(n) = transfer(case%result_text(i:min(i + word_bytes - 1, message_bytes))//repeat(' ', word_bytes), words(n))
-      end do
+      words(3:value_count + 2) = transfer(real(case%values, real64), words)
+      n = value_count + 2 + words_for(message_bytes)
+      words(value_count + 3:n) = transfer(padded, words, words_for(message_bytes))
       if (allocated(case%series)) then
         do j = 1, size(case%series, 2)
           do i = 1, size(case%series, 1)
@@ -498,17 +487,24 @@ contains
     class(reader_t), intent(inout) :: self
     integer(int64), intent(in) :: place
 
+    call self%show(place)
+    word = self%window(place - self%first + 1)
+  end function word
+
+  !> Bring a word of the file into the window.
+  subroutine show(self, place)
+    class(reader_t), intent(inout) :: self
+    integer(int64), intent(in) :: place
+
     if (.not. allocated(self%window)) then
       allocate (self%window(window_words))
       self%first = -window_words - 1
     end if
-    if (place < self%first .or. place >= self%first + window_words) then
-      ! Cases stand almost in the order of their numbers, in which they are read.
-      self%first = max(0_int64, place - window_words/4)
-      call read_words(self%descriptor, self%first, self%window)
-    end if
-    word = self%window(place - self%first + 1)
-  end function word
+    if (place >= self%first .and. place < self%first + window_words) return
+    ! Cases stand almost in the order of their numbers, in which they are read.
+    self%first = max(0_int64, place - window_words/4)
+    call read_words(self%descriptor, self%first, self%window)
+  end subroutine show
 
   !> Whether a file is empty or begins with the magic word, or with what a process wrote of it that was killed.
   logical function is_shard(reader)
@@ -753,13 +749,20 @@ contains
   logical function is_sound(reader, place, length)
     type(reader_t), intent(inout) :: reader
     integer(int64), intent(in) :: place, length
-    integer(int64) :: sum, i
+    integer(int64) :: next, count, ending
 
-    sum = magic
-    do i = place, place + length - 2
-      sum = with_word(sum, reader%word(i))
+    call reader%crc%start()
+    next = place
+    ending = place + length - 1
+    do while (next < ending)
+      call reader%show(next)
+      associate (in_window => next - reader%first)
+        count = min(ending - next, window_words - in_window)
+        call reader%crc%add_words(reader%window(in_window + 1:in_window + count))
+      end associate
+      next = next + count
     end do
-    is_sound = sum == reader%word(place + length - 1)
+    is_sound = transfer(reader%crc%text(), next) == reader%word(ending)
   end function is_sound
 
   !> The case whose record is at `place`, which becomes that of the next; `is_possible` is false if the file was changed since it

@@ -6,17 +6,18 @@ program test_hdf5_writer
   use dst_kinds, only: wp, real64
   use dst_errors, only: error_t, file_error, result_done, stopped_early
   use dst_writer, only: quantity_t, outcome_t
-  use dst_hdf5_tools, only: start_hdf5, get_attribute
+  use dst_hdf5_tools, only: hdf5_t, start_hdf5, get_attribute, get_text
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, bookmark_t, create_hdf5, rebuild_hdf5, reopen_hdf5
+  use dst_parameters, only: parameter_t
   use dst_process, only: guard_t
   implicit none
 
   character(*), parameter :: file_name = 'test_hdf5_writer.h5'
-  integer :: status
+  type(hdf5_t) :: h5
 
   call remove(file_name)
-  call start_hdf5(status)
-  call check('HDF5 starts', status == 0)
+  call start_hdf5(h5)
+  call check('HDF5 starts', h5%status >= 0)
   call test_written_is_read()
   call test_reads_before_the_end()
   call test_refusals()
@@ -53,6 +54,8 @@ contains
     call check('rows of sticking', all(same(read_column('time_series/sticking'), [(real(modulo(i, 2), wp), i=0, sum(blocks) - 1)])))
     call check('events', all(same(read_column('events/kind'), [1.0_wp, 2.0_wp, 1.0_wp, 2.0_wp, 1.0_wp, 2.0_wp])))
     call check('period', all(same(read_column('summary/period'), [0.25_wp])))
+    call check('mass', all(same(read_column('parameters/mass'), [0.25_wp])))
+    call check('law', text_at('parameters/law') == 'weakening')
     call check('a counter beyond 32 bits', all(same(read_column('statistics/steps'), [3.0e10_wp])))
     call check('complete', root_integer('complete') == 1)
     call check('result code', root_integer('result_code') == result_done)
@@ -111,23 +114,23 @@ contains
     call writer%write_samples(ramp(0, 2000), error)
     call writer%write_events([1.0_wp, 2.0_wp], [1, 2], error)
     call writer%set_bookmark(.true., bookmark, error)
-    call check('bookmark', .not. allocated(error) .and. bookmark%rows == 2000 .and. bookmark%events == 2)
+    call check('bookmark', .not. allocated(error) .and. all(bookmark%rows == [2000, 2]))
     call writer%write_samples(ramp(2000, 1000), error)
     call writer%write_events([3.0_wp], [1], error)
     call writer%finish(outcome(stopped_early), error)
 
     other = bookmark
-    other%rows = 3001
+    other%rows(1) = 3001
     call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
     call remove(new_name)
     call check_refusal('a file that is too short', error, 'time_series/time has fewer rows')
     other = bookmark
-    other%checksum(2) = other%checksum(2) + 1
+    other%checksums(2) = bookmark%checksums(3)
     call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
     call remove(new_name)
     call check_refusal('a column that changed', error, 'time_series/u_x is not as it was')
     other = bookmark
-    other%checksum(5) = other%checksum(5) + 1
+    other%checksums(5) = bookmark%checksums(3)
     call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
     call remove(new_name)
     call check_refusal('events that changed', error, 'events/kind is not as it was')
@@ -213,8 +216,9 @@ contains
     metadata%deck_text = '&scene /'
     metadata%deck_resolved = '&scene /'
     metadata%deck_sha256 = 'abc'
-    allocate (metadata%parameters, source=[quantity_t('mass', 'kg', 'mass')])
-    allocate (metadata%parameter_value, source=[0.25_wp])
+    allocate (metadata%parameters(2))
+    metadata%parameters(1) = parameter_t(quantity_t('mass', 'kg', 'mass'), 0.25_wp)
+    metadata%parameters(2) = parameter_t(quantity_t('law', '1', 'friction law'), text='weakening')
   end function metadata
 
   function columns()
@@ -271,12 +275,12 @@ contains
     character(*), intent(in) :: name
     character(*), intent(in), optional :: from
     integer(hid_t) :: file
+    type(hdf5_t) :: h5
     integer :: error
 
     file = opened(from)
-    error = 0
-    call get_attribute(file, name, root_integer, error)
-    call check('attribute '//name, error == 0)
+    call get_attribute(file, name, root_integer, h5)
+    call check('attribute '//name, h5%status >= 0)
     call h5fclose_f(file, error)
   end function root_integer
 
@@ -284,14 +288,27 @@ contains
     character(*), intent(in) :: name
     character(:), allocatable :: text
     integer(hid_t) :: file
+    type(hdf5_t) :: h5
     integer :: error
 
     file = opened()
-    error = 0
-    call get_attribute(file, name, text, error)
-    call check('attribute '//name, error == 0)
+    call get_attribute(file, name, text, h5)
+    call check('attribute '//name, h5%status >= 0)
     call h5fclose_f(file, error)
   end function root_text
+
+  function text_at(path) result(text)
+    character(*), intent(in) :: path
+    character(:), allocatable :: text
+    integer(hid_t) :: file
+    type(hdf5_t) :: h5
+    integer :: error
+
+    file = opened()
+    call get_text(file, path, text, h5)
+    call check('text '//path, h5%status >= 0)
+    call h5fclose_f(file, error)
+  end function text_at
 
   integer(hid_t) function opened(from)
     character(*), intent(in), optional :: from
