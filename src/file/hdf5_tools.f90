@@ -25,6 +25,7 @@ module dst_hdf5_tools
     h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, h5p_dataset_create_f, h5p_dataset_access_f
   use dst_kinds, only: wp, real64, int64
   use dst_disk, only: path_t, wait_seconds, with_remedy
+  use dst_posix, only: c_strlen, fortran_text
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -107,11 +108,6 @@ module dst_hdf5_tools
       integer(c_int64_t), value :: dataset, scale
       integer(c_int), value :: axis
     end function h5dsattach_scale
-
-    integer(c_size_t) function c_strlen(string) bind(c, name='strlen')
-      import :: c_size_t, c_ptr
-      type(c_ptr), value :: string
-    end function c_strlen
   end interface
 
 contains
@@ -389,16 +385,8 @@ contains
   subroutine take_text(address, text)
     type(c_ptr), intent(in) :: address
     character(:), allocatable, intent(out) :: text
-    character(c_char), pointer :: bytes(:)
-    integer :: i
 
-    text = ''
-    if (.not. c_associated(address)) return
-    call c_f_pointer(address, bytes, [c_strlen(address)])
-    text = repeat(' ', size(bytes))
-    do i = 1, size(bytes)
-      text(i:i) = bytes(i)
-    end do
+    text = fortran_text(address)
   end subroutine take_text
 
   subroutine get_integer_attribute(object, name, number, status, refusal)
