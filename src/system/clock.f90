@@ -2,7 +2,7 @@
 module dst_clock
   use, intrinsic :: iso_c_binding, only: c_double
   use dst_kinds, only: wp, int64
-  use dst_posix, only: c_now, c_utc, c_wait
+  use dst_posix, only: c_utc, c_wait, seconds_now
   implicit none
   private
 
@@ -23,11 +23,6 @@ contains
     utc_at = '****-**-**T**:**:**Z'
     if (c_utc(seconds, text) == 1) utc_at = text(:20)
   end function utc_at
-
-  !> Seconds since the beginning of 1970, UTC.
-  integer(int64) function seconds_now()
-    seconds_now = c_now()
-  end function seconds_now
 
   !> Do nothing for a while.
   subroutine wait_seconds(seconds)

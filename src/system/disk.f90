@@ -9,17 +9,18 @@ module dst_disk
   use dst_kinds, only: wp, int64
   use dst_paths, only: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
   use dst_posix, only: c_close, c_errno, c_free_space, c_fsync, c_link, c_look_up, c_open, c_read, c_reason, c_rename, c_reserve, &
-    c_truncate, c_unlink, c_write, dst_eloop, dst_enoent, dst_o_append, dst_o_creat, dst_o_excl, dst_o_nofollow, dst_o_nonblock, &
-    dst_o_rdonly, dst_o_rdwr, fortran_text, ignore_size_limit_signal => c_ignore_size_limit_signal
+    c_unlink, c_write, dst_eloop, dst_enoent, dst_o_append, dst_o_creat, dst_o_excl, dst_o_nofollow, dst_o_nonblock, &
+    dst_o_rdonly, dst_o_rdwr, fortran_text, ignore_size_limit_signal, set_file_size
   implicit none
   private
 
   public :: identity_t, identity_of, operator(==)
-  public :: reserve_space, free_space, set_file_size, move_file, place_file, delete_file, delete_own_file
+  public :: reserve_space, free_space, move_file, place_file, delete_file, delete_own_file
   public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
   public :: open_for_appending, open_for_reading, append_words, read_words, close_descriptor
-  public :: system_reason, locked_by_a_reader, with_remedy, ignore_size_limit_signal
+  public :: system_reason, locked_by_a_reader, with_remedy
   ! Of other modules.
+  public :: set_file_size, ignore_size_limit_signal
   public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
   public :: lock_attempt, locked, held, without_locks, lock_file, unlock_file, is_in_use, is_locked_elsewhere, process_with_lock
   public :: utc_now, utc_at, seconds_now, wait_seconds
@@ -99,15 +100,6 @@ contains
     free_space = real(c_free_space(folder//nul), wp)
     if (free_space < 0.0_wp) free_space = huge(free_space)
   end function free_space
-
-  !> Give back what was reserved beyond `length` bytes. Failing here loses no data.
-  subroutine set_file_size(descriptor, length)
-    integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in) :: length
-    integer(c_int) :: ignored
-
-    ignored = c_truncate(descriptor, length)
-  end subroutine set_file_size
 
   !> Move a file over another in one step.
   subroutine move_file(from, to, moved)

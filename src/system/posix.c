@@ -57,7 +57,8 @@ static void remember(int number) {
 
 void dst_listen(int number) { handle_unless_ignored(number, remember); }
 void dst_stop_listening(int number) { handle_unless_ignored(number, SIG_DFL); }
-int dst_received(void) { return received; }
+/* The number of the signal that asked to stop, or 0. */
+int dst_stop_signal(void) { return received; }
 
 /* Let a write beyond the file-size limit fail instead of killing the process. */
 void dst_ignore_size_limit_signal(void) { handle(SIGXFSZ, SIG_IGN); }
@@ -127,7 +128,10 @@ int64_t dst_read(int descriptor, char *bytes, int64_t count, int64_t place) {
   return done;
 }
 
-int dst_truncate(int descriptor, int64_t length) { return ftruncate(descriptor, length); }
+/* Cut a file off, or give back what was reserved behind its end. Failing here loses no data. */
+void dst_set_file_size(int descriptor, int64_t length) {
+  if (ftruncate(descriptor, length)) return;
+}
 
 /* Let a file be `length` bytes long, if it is shorter. Without room it stays as it is. */
 static int write_zeros(int descriptor, int64_t length) {
@@ -138,7 +142,7 @@ static int write_zeros(int descriptor, int64_t length) {
   for (int64_t place = file.st_size; place < length; place += block)
     if (dst_write(descriptor, zeros, length - place < block ? length - place : block, place)) {
       int why = errno;
-      dst_truncate(descriptor, file.st_size);
+      dst_set_file_size(descriptor, file.st_size);
       errno = why;
       return -1;
     }
@@ -194,7 +198,8 @@ void dst_forget_matches(glob_t *found) {
 
 /* Standard streams. */
 
-/* The lowest free descriptor is given; the wrong way round, so that writing to a closed standard output still fails. */
+/* Occupy those of the descriptors 0 to 2 that were closed when the program began (the lowest free one is given), so that no file
+   gets one of them; the wrong way round, so that writing to a closed standard output still fails. */
 void dst_occupy_descriptors(void) {
   for (int descriptor = STDIN_FILENO; descriptor <= STDERR_FILENO; descriptor++)
     if (fcntl(descriptor, F_GETFD) < 0 && open("/dev/null", descriptor == STDIN_FILENO ? O_WRONLY : O_RDONLY) < 0) return;
@@ -222,14 +227,17 @@ int dst_await_child(int process) {
   return status;
 }
 
-/* 1 in a child that no signal to its parent or the parent's group reaches; 0 in the parent when that child has ended, or if there
-   can be none. A child whose parent is gone already does nothing. */
-int dst_is_child(void) {
+void dst_end_child(void) { _exit(0); }
+
+/* Whether this is a child process, a copy of the one that asked. The latter goes on, with false, when the child has ended, or at
+   once if there can be none. The child is out of reach of a signal to the parent or its group, so what it does to files is done
+   as a whole even if the parent is killed; if that has happened already, it does nothing. */
+_Bool dst_is_child(void) {
   pid_t parent = getpid(), process = fork();
   if (process > 0) dst_await_child(process);
   if (process != 0) return 0;
   setsid();
-  if (getppid() != parent) _exit(0);
+  if (getppid() != parent) dst_end_child();
   return 1;
 }
 

@@ -36,12 +36,12 @@ module dst_posix
       integer(c_int), value :: signal
     end subroutine c_stop_listening
 
-    integer(c_int) function c_received() bind(c, name='dst_received')
+    integer(c_int) function stop_signal() bind(c, name='dst_stop_signal')
       import :: c_int
-    end function c_received
+    end function stop_signal
 
-    subroutine c_ignore_size_limit_signal() bind(c, name='dst_ignore_size_limit_signal')
-    end subroutine c_ignore_size_limit_signal
+    subroutine ignore_size_limit_signal() bind(c, name='dst_ignore_size_limit_signal')
+    end subroutine ignore_size_limit_signal
 
     integer(c_int) function c_open(path, flags) bind(c, name='dst_open')
       import :: c_int, c_char
@@ -84,8 +84,8 @@ module dst_posix
       type(c_ptr), value :: found
     end subroutine c_forget_matches
 
-    subroutine c_occupy_descriptors() bind(c, name='dst_occupy_descriptors')
-    end subroutine c_occupy_descriptors
+    subroutine occupy_descriptors() bind(c, name='dst_occupy_descriptors')
+    end subroutine occupy_descriptors
 
     integer(c_int) function c_is_terminal() bind(c, name='dst_is_terminal')
       import :: c_int
@@ -100,9 +100,9 @@ module dst_posix
       integer(c_int), value :: process, signal
     end function c_kill
 
-    integer(c_int) function c_is_child() bind(c, name='dst_is_child')
-      import :: c_int
-    end function c_is_child
+    logical(c_bool) function is_child() bind(c, name='dst_is_child')
+      import :: c_bool
+    end function is_child
 
     integer(c_int) function c_await_child(process) bind(c, name='dst_await_child')
       import :: c_int
@@ -119,10 +119,8 @@ module dst_posix
       integer(c_int), value :: status
     end subroutine c_exit
 
-    subroutine c_exit_at_once(status) bind(c, name='_exit')
-      import :: c_int
-      integer(c_int), value :: status
-    end subroutine c_exit_at_once
+    subroutine end_child() bind(c, name='dst_end_child')
+    end subroutine end_child
 
     subroutine c_join_thread(thread) bind(c, name='dst_join_thread')
       import :: c_ptr
@@ -139,9 +137,9 @@ module dst_posix
       real(c_double), value :: seconds
     end subroutine c_wait
 
-    integer(c_int64_t) function c_now() bind(c, name='dst_now')
+    integer(c_int64_t) function seconds_now() bind(c, name='dst_now')
       import :: c_int64_t
-    end function c_now
+    end function seconds_now
 
     integer(c_int) function c_utc(seconds, text) bind(c, name='dst_utc')
       import :: c_int, c_int64_t, c_char
@@ -170,11 +168,11 @@ module dst_posix
       integer(c_int64_t), value :: count, place
     end function c_read
 
-    integer(c_int) function c_truncate(descriptor, length) bind(c, name='dst_truncate')
+    subroutine set_file_size(descriptor, length) bind(c, name='dst_set_file_size')
       import :: c_int, c_int64_t
       integer(c_int), value :: descriptor
       integer(c_int64_t), value :: length
-    end function c_truncate
+    end subroutine set_file_size
 
     integer(c_int) function c_reserve(descriptor, present, length) bind(c, name='dst_reserve')
       import :: c_int, c_int64_t

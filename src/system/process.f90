@@ -2,7 +2,7 @@
 module dst_process
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
   use dst_disk, only: close_descriptor, write_bytes
-  use dst_posix, only: c_allow_seconds, c_await_child, c_begin_child, c_exit, c_exit_at_once, c_is_child, c_read
+  use dst_posix, only: c_allow_seconds, c_await_child, c_begin_child, c_exit, c_read, end_child, is_child
   implicit none
   private
 
@@ -26,19 +26,6 @@ module dst_process
   character, parameter :: reply_mark = achar(0)
 
 contains
-
-  !> Whether this is a child process, a copy of the one that asked. The latter goes on, with `.false.`, when the child
-  !> has called `end_child`. The child is out of reach of a signal to the parent or its group, so what it does to files
-  !> is done as a whole even if the parent is killed; if that has happened already, it does nothing. Without a child the
-  !> parent goes on at once.
-  logical function is_child()
-    is_child = c_is_child() == 1
-  end function is_child
-
-  !> End a child process at once, without its parent's clearing up.
-  subroutine end_child()
-    call c_exit_at_once(0_c_int)
-  end subroutine end_child
 
   !> Divide into parent and child; `in_child` tells which. If there can be no child, `await` says so.
   subroutine begin(self)

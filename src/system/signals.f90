@@ -3,7 +3,7 @@
 !> A handler can do nothing but set a variable, which stands in posix.c. The run loop of the executable reads it; nothing that Python
 !> uses does.
 module dst_signals
-  use dst_posix, only: c_listen, c_received, c_stop_listening, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
+  use dst_posix, only: c_listen, c_stop_listening, stop_signal, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
   implicit none
   private
 
@@ -32,11 +32,6 @@ contains
     call c_stop_listening(dst_sigint)
     call c_stop_listening(dst_sigterm)
   end subroutine stop_listening
-
-  !> The number of the signal that asked to stop, or `no_signal`.
-  integer function stop_signal()
-    stop_signal = c_received()
-  end function stop_signal
 
   !> Whether a signal says to end now. SIGUSR1 only asks to begin nothing new.
   logical function is_told_to_end()

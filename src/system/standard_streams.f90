@@ -2,19 +2,13 @@
 !> of a full disk.
 module dst_standard_streams
   use, intrinsic :: iso_c_binding, only: c_int64_t
-  use dst_posix, only: c_occupy_descriptors, c_put_error, c_put_output
+  use dst_posix, only: c_put_error, c_put_output, occupy_descriptors
   implicit none
   private
 
   public :: occupy_descriptors, put_output, put_error
 
 contains
-
-  !> Occupy those of the descriptors 0 to 2 that were closed when the program began, so that no file gets one of them. They are
-  !> opened the wrong way round: writing to a closed standard output still fails.
-  subroutine occupy_descriptors()
-    call c_occupy_descriptors()
-  end subroutine occupy_descriptors
 
   !> Write to standard output; `failed` if not all of it arrived. A reader that has gone ends the program by SIGPIPE, unless that
   !> is ignored.
