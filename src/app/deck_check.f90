@@ -4,8 +4,7 @@
 module dst_deck_check
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: grid_cases, varied_key
-  use dst_disk, only: folder_of, file_size, file_exists, true_path, path_t
-  use dst_disk_space, only: free_space
+  use dst_disk, only: folder_of, file_size, file_exists, free_space, true_path, path_t
   use dst_errors, only: error_t, raise, deck_error, file_error
   use dst_faults, only: faults_t
   use dst_kinds, only: wp

@@ -3,17 +3,10 @@ program dynstiction
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_errors, only: exit_status, out_of_memory
   use dst_main, only: program_t, status
+  use dst_posix, only: c_exit
   use dst_standard_streams, only: occupy_descriptors, put_error
   use dst_threads, only: run_with_room
   implicit none
-
-  interface
-    ! STOP would print its code.
-    subroutine c_exit(status) bind(c, name='exit')
-      import :: c_int
-      integer(c_int), value :: status
-    end subroutine c_exit
-  end interface
 
   type(program_t) :: whole
   logical :: done
@@ -21,5 +14,6 @@ program dynstiction
   call occupy_descriptors()
   call run_with_room(whole, done)
   if (.not. done) call put_error('dynstiction: no memory for a stack: raise ulimit -s to 1024 or more'//new_line('a'))
+  ! STOP would print its code.
   call c_exit(int(merge(status, exit_status(out_of_memory), done), c_int))
 end program dynstiction

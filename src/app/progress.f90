@@ -1,8 +1,8 @@
 !> How far a run has come, on the terminal: one line that updates, or a plain line every 10 s.
 module dst_progress
-  use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp
   use dst_plain_numbers, only: number_text, duration_text
+  use dst_posix, only: c_is_terminal
   use dst_standard_streams, only: put_error
   use dst_text, only: integer_text, printable
   implicit none
@@ -28,13 +28,6 @@ module dst_progress
     procedure :: close
   end type progress_t
 
-  interface
-    integer(c_int) function isatty(descriptor) bind(c)
-      import :: c_int
-      integer(c_int), value :: descriptor
-    end function isatty
-  end interface
-
 contains
 
   !> The progress of what `label` names.
@@ -45,7 +38,7 @@ contains
 
     progress%label = printable(label)
     progress%quiet = quiet
-    progress%terminal = isatty(2_c_int) == 1
+    progress%terminal = c_is_terminal() == 1
     progress%next = merge(terminal_interval, plain_interval, progress%terminal)
   end function new_progress
 

@@ -23,6 +23,7 @@ module dst_hdf5_tools
     h5p_dataset_access_f
   use dst_kinds, only: wp, real64
   use dst_disk, only: path_t, wait_seconds, with_remedy
+  use dst_posix, only: c_strlen, fortran_text
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -99,11 +100,6 @@ module dst_hdf5_tools
       integer(c_int64_t), value :: dataset, scale
       integer(c_int), value :: axis
     end function h5dsattach_scale
-
-    integer(c_size_t) function c_strlen(string) bind(c, name='strlen')
-      import :: c_size_t, c_ptr
-      type(c_ptr), value :: string
-    end function c_strlen
   end interface
 
 contains
@@ -369,16 +365,8 @@ contains
   subroutine take_text(address, text)
     type(c_ptr), intent(in) :: address
     character(:), allocatable, intent(out) :: text
-    character(c_char), pointer :: bytes(:)
-    integer :: i
 
-    text = ''
-    if (.not. c_associated(address)) return
-    call c_f_pointer(address, bytes, [c_strlen(address)])
-    text = repeat(' ', size(bytes))
-    do i = 1, size(bytes)
-      text(i:i) = bytes(i)
-    end do
+    text = fortran_text(address)
   end subroutine take_text
 
   subroutine put_text(group, quantity, text, h5)

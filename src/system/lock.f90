@@ -3,14 +3,14 @@
 !> The operating system holds the lock (flock) while the process lives, or a child that is still writing. The file's text is for
 !> messages, and for the names of what a killed process left unfinished. A lock that nobody holds is stale, and is taken over.
 !> Where a file system has no locks the text decides: the process it names must be of this machine and have ended.
-!> POSIX; numbers are Linux's.
 module dst_lock
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp, int64
   use dst_disk, only: identity_t, identity_of, operator(==), path_t, create_file, open_own_file, close_descriptor, delete_file, &
     delete_own_file, folder_of, is_folder, lock_attempt, locked, held, without_locks, matching_files, read_bytes, set_file_size, &
-    system_error, unique_word, wait_seconds, write_bytes
+    unique_word, wait_seconds, write_bytes
   use dst_machine, only: host_name
+  use dst_posix, only: c_errno, c_getpid, c_kill, dst_eexist, dst_esrch
   use dst_text, only: integer_text
   implicit none
   private
@@ -41,17 +41,6 @@ module dst_lock
   character(*), parameter :: signature = 'dynstiction lock', extension = '.lock', unfinished = '.part'
   character, parameter :: n = achar(10)
   integer, parameter :: longest_text = 1024
-
-  interface
-    integer(c_int) function c_kill(process, signal) bind(c, name='kill')
-      import :: c_int
-      integer(c_int), value :: process, signal
-    end function c_kill
-
-    integer(c_int) function c_getpid() bind(c, name='getpid')
-      import :: c_int
-    end function c_getpid
-  end interface
 
 contains
 
@@ -105,7 +94,6 @@ contains
     type(holder_t), intent(out) :: before              !! who had the lock, and has ended
     logical, intent(out) :: again
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    integer(c_int), parameter :: exists_already = 17
     type(identity_t) :: identity
     logical :: is_new
 
@@ -116,7 +104,7 @@ contains
       identity = identity_of(self%descriptor)
       before = holder_in('')
     else
-      if (system_error() /= exists_already) then
+      if (c_errno() /= dst_eexist) then
         if (.not. is_folder(folder_of(self%file_name))) reason = 'the folder '//folder_of(self%file_name)// &
           ' does not exist: create it first'
         return
@@ -222,12 +210,11 @@ contains
   !> Whether the process surely has ended.
   logical function has_ended(holder)
     type(holder_t), intent(in) :: holder
-    integer(c_int), parameter :: nothing = 0, no_such_process = 3
 
     has_ended = .false.
     if (holder%process <= 0) return
     if (holder%host /= host_name()) return
-    if (c_kill(int(holder%process, c_int), nothing) /= 0) has_ended = system_error() == no_such_process
+    if (c_kill(int(holder%process, c_int), 0_c_int) /= 0) has_ended = c_errno() == dst_esrch
   end function has_ended
 
   !> Whether a process had the lock of a file and was killed: then the file is of this program, in whatever state.

@@ -1,33 +1,21 @@
-!> The machine that this process runs on, the job of a scheduler that it is of, and its environment. POSIX.
+!> The machine that this process runs on, the job of a scheduler that it is of, and its environment.
 module dst_machine
-  use, intrinsic :: iso_c_binding, only: c_int, c_size_t, c_char, c_null_char
+  use, intrinsic :: iso_c_binding, only: c_size_t, nul => c_null_char
+  use dst_posix, only: c_gethostname
   implicit none
   private
 
   public :: host_name, job_name, environment
-
-  interface
-    integer(c_int) function c_gethostname(name, length) bind(c, name='gethostname')
-      import :: c_int, c_char, c_size_t
-      character(c_char), intent(out) :: name(*)
-      integer(c_size_t), value :: length
-    end function c_gethostname
-  end interface
 
 contains
 
   !> The name of the machine; '' if it has none.
   function host_name() result(name)
     character(:), allocatable :: name
-    character(c_char) :: bytes(256)
-    integer :: i
+    character(256) :: text
 
     name = ''
-    if (c_gethostname(bytes, size(bytes, kind=c_size_t)) /= 0) return
-    do i = 1, size(bytes)
-      if (bytes(i) == c_null_char) exit
-      name = name//bytes(i)
-    end do
+    if (c_gethostname(text, len(text, c_size_t)) == 0) name = text(:index(text//nul, nul) - 1)
   end function host_name
 
   !> What the scheduler calls the job: of Slurm '1234', or '1234_5' of an array; of PBS and LSF their names; '' without a scheduler.

@@ -96,9 +96,12 @@ static void wait_for_gate(int number) {
 
 enum { GO_ON = 0, FAIL = -1, HALF = 1 };
 
-/* Count a call; what is to become of it. */
-static int look(const char *name, int calls, const char *path) {
+/* Count a call; what is to become of it. A call for large files has the name of the plain one. */
+static int look(const char *call, int calls, const char *path) {
   if (!armed) return GO_ON;
+  size_t length = strlen(call);
+  char name[24];
+  snprintf(name, sizeof name, "%.*s", (int)(length > 2 && !strcmp(call + length - 2, "64") ? length - 2 : length), call);
   int before = errno, result = GO_ON, who = self() != first;
   long own = __atomic_add_fetch(&shared->count[who], 1, __ATOMIC_SEQ_CST);
   long all = __atomic_add_fetch(&shared->count[ALL], 1, __ATOMIC_SEQ_CST);
@@ -320,6 +323,10 @@ int usleep(useconds_t time) {
   if (!armed || clock_step <= 0.0) return REAL(usleep)(time);
   waited += time;
   return sched_yield();
+}
+int nanosleep(const struct timespec *time, struct timespec *left) {
+  if (!armed || clock_step <= 0.0) return REAL(nanosleep)(time, left);
+  return usleep((useconds_t)(1000000 * time->tv_sec + time->tv_nsec / 1000));
 }
 
 static void write_status(int status, void *unused) {

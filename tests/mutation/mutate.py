@@ -139,9 +139,6 @@ def copy_tree() -> None:
                 text = text.replace(
                     "core_sources, precision,", "core_sources, precision, 'mutant.f90', 'mutant.c',", 1
                 )
-                text = text.replace(
-                    "link_with: test_tools)", "link_with: test_tools, link_language: 'fortran')"
-                )
             put(TREE / relative, text)
     for name in ("mutant.f90", "mutant.c"):
         put(TREE / "src" / name, (HERE / name).read_text())

@@ -1,0 +1,66 @@
+!> CRC-32 as in gzip, PNG and Ethernet (ISO 3309; reflected polynomial EDB88320), by zlib.
+!>
+!> Any change within 32 successive bits changes it, and of other changes all but one in 2^32.
+module dst_crc32
+  use, intrinsic :: iso_c_binding, only: c_int, c_long, c_char, c_ptr, c_loc
+  use dst_kinds, only: int64
+  implicit none
+  private
+
+  public :: crc32_t
+
+  !> A checksum of bytes that come piece by piece.
+  type :: crc32_t
+    private
+    integer(c_long) :: value = 0
+  contains
+    procedure :: start
+    procedure :: add_words
+    procedure :: add_byte
+    procedure :: text
+  end type crc32_t
+
+  interface
+    pure integer(c_long) function zlib_crc32(before, bytes, count) bind(c, name='crc32')
+      import :: c_int, c_long, c_ptr
+      integer(c_long), value :: before
+      type(c_ptr), value :: bytes
+      integer(c_int), value :: count
+    end function zlib_crc32
+  end interface
+
+contains
+
+  !> Of no bytes yet, or of those of which `before` is the text.
+  pure subroutine start(self, before)
+    class(crc32_t), intent(inout) :: self
+    character(8), intent(in), optional :: before
+    integer :: io_status
+
+    self%value = 0
+    if (present(before)) read (before, '(z8)', iostat=io_status) self%value
+  end subroutine start
+
+  !> Take in 8 bytes a word, the lowest first, of at most 2^28 words.
+  pure subroutine add_words(self, words)
+    class(crc32_t), intent(inout) :: self
+    integer(int64), intent(in), target, contiguous :: words(:)
+
+    if (size(words) > 0) self%value = zlib_crc32(self%value, c_loc(words), 8*size(words, kind=c_int))
+  end subroutine add_words
+
+  pure subroutine add_byte(self, byte)
+    class(crc32_t), intent(inout) :: self
+    character(c_char), intent(in), target :: byte
+
+    self%value = zlib_crc32(self%value, c_loc(byte), 1_c_int)
+  end subroutine add_byte
+
+  !> The checksum so far, as 8 hexadecimal digits.
+  pure function text(self)
+    class(crc32_t), intent(in) :: self
+    character(8) :: text
+
+    write (text, '(z8.8)') self%value
+  end function text
+end module dst_crc32

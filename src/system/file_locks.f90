@@ -1,0 +1,108 @@
+!> Locks of open files (flock): those of shards, and HDF5's. A process that ends gives its locks up.
+module dst_file_locks
+  use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, nul => c_null_char
+  use dst_clock, only: wait_seconds
+  use dst_kinds, only: wp
+  use dst_posix, only: c_close, c_errno, c_flock, c_look_up, c_open, dst_ewouldblock, dst_lock_ex, dst_lock_nb, dst_lock_sh, &
+    dst_lock_un, dst_o_nonblock, dst_o_rdonly
+  implicit none
+  private
+
+  public :: lock_attempt, locked, held, without_locks, is_locked_elsewhere, process_with_lock
+  public :: lock_file, unlock_file, is_in_use
+
+  !> What became of an attempt to lock.
+  integer, parameter :: locked = 0, held = 1, without_locks = 2
+
+contains
+
+  !> Lock a file; `held` by another process, or `without_locks` if its file system has none.
+  integer function lock_attempt(descriptor, shared) result(outcome)
+    integer(c_int), intent(in) :: descriptor
+    logical, intent(in), optional :: shared            !! with others that lock it so
+    integer(c_int) :: operation
+
+    operation = dst_lock_ex
+    if (present(shared)) operation = merge(dst_lock_sh, dst_lock_ex, shared)
+    outcome = locked
+    if (c_flock(descriptor, operation + dst_lock_nb) /= 0) outcome = merge(held, without_locks, c_errno() == dst_ewouldblock)
+  end function lock_attempt
+
+  !> Lock an open file until it is closed; true if another process has the lock, and not only for a moment to look whether
+  !> anybody has. A file system without locks is trusted.
+  logical function is_locked_elsewhere(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    integer, parameter :: most_tries = 5
+    integer :: i
+
+    do i = 1, most_tries
+      is_locked_elsewhere = lock_attempt(descriptor) == held
+      if (.not. is_locked_elsewhere) exit
+      call wait_seconds(0.005_wp)
+    end do
+  end function is_locked_elsewhere
+
+  !> The process of this machine that has locked a file, as Linux lists them; 0 if it lists none.
+  integer function process_with_lock(file_name) result(process)
+    character(*), intent(in) :: file_name
+    character(160) :: line
+    character(16) :: words(4)
+    character(64) :: place
+    character(20) :: inode
+    integer(c_int64_t) :: facts(5)
+    integer :: unit, status, number
+
+    process = 0
+    if (c_look_up(-1_c_int, file_name//nul, facts) /= 0) return
+    write (inode, '(i0)') facts(4)
+    open (newunit=unit, file='/proc/locks', status='old', action='read', iostat=status)
+    if (status /= 0) return
+    do
+      read (unit, '(a)', iostat=status) line
+      if (status /= 0) exit
+      ! '1: FLOCK  ADVISORY  WRITE 1234 08:01:5678 0 EOF': process, device and inode.
+      read (line, *, iostat=status) words, number, place
+      if (status /= 0) cycle
+      if (words(2) == 'FLOCK' .and. place(index(place, ':', back=.true.) + 1:) == inode) process = max(0, number)
+    end do
+    close (unit)
+  end function process_with_lock
+
+  !> Take HDF5's lock again; if a reader has come in between, go on without it.
+  subroutine lock_file(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    integer :: ignored
+
+    if (are_files_locked()) ignored = lock_attempt(descriptor)
+  end subroutine lock_file
+
+  !> Give up the lock that HDF5 has on an open file.
+  subroutine unlock_file(descriptor)
+    integer(c_int), intent(in) :: descriptor
+    integer(c_int) :: ignored
+
+    if (are_files_locked()) ignored = c_flock(descriptor, dst_lock_un)
+  end subroutine unlock_file
+
+  !> Whether another process has HDF5's lock of a file: for writing, or at all.
+  logical function is_in_use(file_name, for_writing)
+    character(*), intent(in) :: file_name
+    logical, intent(in) :: for_writing
+    integer(c_int) :: descriptor, ignored
+
+    is_in_use = .false.
+    if (.not. are_files_locked()) return
+    descriptor = c_open(file_name//nul, dst_o_rdonly + dst_o_nonblock)
+    if (descriptor < 0) return
+    is_in_use = lock_attempt(descriptor, shared=for_writing) /= locked
+    ignored = c_close(descriptor)
+  end function is_in_use
+
+  !> Whether HDF5 locks files, as its environment variable says.
+  logical function are_files_locked()
+    character(16) :: value
+
+    call get_environment_variable('HDF5_USE_FILE_LOCKING', value)
+    are_files_locked = value /= 'FALSE' .and. value /= '0'
+  end function are_files_locked
+end module dst_file_locks

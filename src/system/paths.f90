@@ -1,0 +1,115 @@
+!> Names of files: what they lead to, and what has them.
+module dst_paths
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_f_pointer, nul => c_null_char
+  use dst_kinds, only: int64
+  use dst_posix, only: c_forget_matches, c_free, c_getpid, c_matches, c_realpath, fortran_text
+  implicit none
+  private
+
+  public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
+
+  !> The name of a file.
+  type :: path_t
+    character(:), allocatable :: text
+  end type path_t
+
+contains
+
+  !> Whether a file of any kind has this name.
+  logical function file_exists(file_name)
+    character(*), intent(in) :: file_name
+
+    inquire (file=file_name, exist=file_exists)
+  end function file_exists
+
+  !> Bytes of a regular file, without opening it; 0 or less for what is none: opening a pipe could wait for ever.
+  integer(int64) function file_size(file_name)
+    character(*), intent(in) :: file_name
+
+    inquire (file=file_name, size=file_size)
+  end function file_size
+
+  !> Whether the name is that of a folder.
+  logical function is_folder(file_name)
+    character(*), intent(in) :: file_name
+
+    inquire (file=file_name//'/.', exist=is_folder)
+  end function is_folder
+
+  !> The folder in which a file stands; '.' when its name has none.
+  pure function folder_of(file_name) result(folder)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: folder
+    integer :: slash
+
+    slash = scan(file_name, '/', back=.true.)
+    select case (slash)
+    case (0)
+      folder = '.'
+    case (1)
+      folder = '/'
+    case default
+      folder = file_name(:slash - 1)
+    end select
+  end function folder_of
+
+  !> The file behind symbolic links; the name itself when there is no such file.
+  function true_path(file_name) result(path)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: path
+    type(c_ptr) :: resolved
+
+    resolved = c_realpath(file_name//nul, c_null_ptr)
+    path = fortran_text(resolved)
+    if (path == '') path = file_name
+    call c_free(resolved)
+  end function true_path
+
+  !> The same text for all names of one place, whether a file is there or not: its folder and the file behind links.
+  function place_of(file_name) result(place)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: place, folder
+
+    if (file_exists(file_name)) then
+      place = true_path(file_name)
+    else
+      folder = true_path(folder_of(file_name))
+      if (folder == '/') folder = ''
+      place = folder//'/'//file_name(index(file_name, '/', back=.true.) + 1:)
+    end if
+  end function place_of
+
+  !> The files whose names begin with `beginning`, in alphabetical order.
+  subroutine matching_files(beginning, files)
+    character(*), intent(in) :: beginning
+    type(path_t), allocatable, intent(out) :: files(:)
+    type(c_ptr), pointer :: names(:)
+    type(c_ptr) :: found, first_name
+    integer(int64) :: count, i
+
+    count = c_matches(beginning//nul, found, first_name)
+    allocate (files(count))
+    if (count > 0) call c_f_pointer(first_name, names, [count])
+    do i = 1, count
+      files(i)%text = fortran_text(names(i))
+    end do
+    call c_forget_matches(found)
+  end subroutine matching_files
+
+  !> A word that nobody else hits upon: lower-case letters and digits.
+  function unique_word() result(word)
+    character(10) :: word
+    character(*), parameter :: digits = '0123456789abcdefghijklmnopqrstuvwxyz'
+    integer(int64) :: number, ticks
+    integer :: i, clock(8), digit
+
+    call date_and_time(values=clock)
+    call system_clock(ticks)
+    number = modulo(ieor(ieor(ticks, ishft(int(c_getpid(), int64), 32)), 1000003_int64*clock(8)), huge(number))
+    do i = 1, len(word)
+      digit = int(modulo(number, len(digits, int64)))
+      word(i:i) = digits(digit + 1:digit + 1)
+      number = number/len(digits)
+    end do
+  end function unique_word
+end module dst_paths

@@ -1,0 +1,319 @@
+/* What is asked of the operating system where constants, structures or errno are its own; posix.f90 declares it to Fortran.
+
+   A call that was interrupted is made again. -1 or NULL: it failed, and errno says why. POSIX and flock; what only one system has
+   stands behind its #ifdef, with another way beside it. */
+#ifdef __linux__
+#define _GNU_SOURCE
+#include <sys/prctl.h>
+#endif
+#include <errno.h>
+#include <fcntl.h>
+#include <glob.h>
+#include <limits.h>
+#include <pthread.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <sys/time.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+const int dst_o_rdonly = O_RDONLY, dst_o_rdwr = O_RDWR, dst_o_creat = O_CREAT, dst_o_excl = O_EXCL, dst_o_append = O_APPEND,
+  dst_o_nonblock = O_NONBLOCK, dst_o_nofollow = O_NOFOLLOW;
+const int dst_lock_sh = LOCK_SH, dst_lock_ex = LOCK_EX, dst_lock_nb = LOCK_NB, dst_lock_un = LOCK_UN;
+const int dst_eexist = EEXIST, dst_eloop = ELOOP, dst_enoent = ENOENT, dst_esrch = ESRCH, dst_ewouldblock = EWOULDBLOCK;
+const int dst_sighup = SIGHUP, dst_sigint = SIGINT, dst_sigterm = SIGTERM, dst_sigusr1 = SIGUSR1;
+
+int dst_errno(void) { return errno; }
+const char *dst_reason(void) { return strerror(errno); }
+
+/* Signals. */
+
+static volatile sig_atomic_t received;
+
+static void handle(int number, void (*handler)(int)) {
+  struct sigaction action = {.sa_handler = handler, .sa_flags = SA_RESTART};
+  sigemptyset(&action.sa_mask);
+  sigaction(number, &action, NULL);
+}
+
+/* What is ignored stays so: the shell lets a job in the background ignore SIGINT. */
+static void handle_unless_ignored(int number, void (*handler)(int)) {
+  struct sigaction present;
+  if (sigaction(number, NULL, &present) == 0 && present.sa_handler != SIG_IGN) handle(number, handler);
+}
+
+static void remember(int number) {
+  received = number;
+  if (number == SIGINT) handle(number, SIG_DFL);
+}
+
+void dst_listen(int number) { handle_unless_ignored(number, remember); }
+void dst_stop_listening(int number) { handle_unless_ignored(number, SIG_DFL); }
+/* The number of the signal that asked to stop, or 0. */
+int dst_stop_signal(void) { return received; }
+
+/* Let a write beyond the file-size limit fail instead of killing the process. */
+void dst_ignore_size_limit_signal(void) { handle(SIGXFSZ, SIG_IGN); }
+
+/* Time. */
+
+void dst_wait(double seconds) {
+  struct timespec time = {.tv_sec = (time_t)seconds, .tv_nsec = (long)(1e9 * (seconds - (double)(time_t)seconds))};
+  nanosleep(&time, NULL);
+}
+
+/* Seconds since the beginning of 1970, UTC. */
+int64_t dst_now(void) { return time(NULL); }
+
+/* ISO 8601 in UTC; 0 if the year has no four digits. */
+int dst_utc(int64_t seconds, char text[21]) {
+  time_t moment = (time_t)seconds;
+  struct tm parts;
+  return moment == seconds && gmtime_r(&moment, &parts) && strftime(text, 21, "%Y-%m-%dT%H:%M:%SZ", &parts) == 20;
+}
+
+/* Files. */
+
+/* Whether it is a regular file, its bytes, their last change [s since 1970], inode and device, of what has a name (a link is not
+   followed) or, without one, of an open file. */
+int dst_look_up(int descriptor, const char *path, int64_t facts[5]) {
+  struct stat found;
+  if (*path ? lstat(path, &found) : fstat(descriptor, &found)) return -1;
+  facts[0] = S_ISREG(found.st_mode);
+  facts[1] = found.st_size;
+  facts[2] = found.st_mtime;
+  facts[3] = (int64_t)found.st_ino;
+  facts[4] = (int64_t)found.st_dev;
+  return 0;
+}
+
+/* A new descriptor, which programs started by this one do not get. */
+int dst_open(const char *path, int flags) {
+  int descriptor;
+  do descriptor = open(path, flags | O_CLOEXEC, 0666); while (descriptor < 0 && errno == EINTR);
+  return descriptor;
+}
+
+/* All in one call of the system, more only if that writes a part: from a place on, or, if it is negative, where the file stands. */
+int dst_write(int descriptor, const char *bytes, int64_t count, int64_t place) {
+  dst_ignore_size_limit_signal();
+  for (int64_t done = 0; done < count;) {
+    size_t left = (size_t)(count - done);
+    ssize_t written = place < 0 ? write(descriptor, bytes + done, left) : pwrite(descriptor, bytes + done, left, place + done);
+    if (written >= 0) done += written;
+    else if (errno == EAGAIN) dst_wait(0.001); /* a pipe or terminal that somebody has made non-blocking is full */
+    else if (errno != EINTR) return -1;
+  }
+  return 0;
+}
+
+/* How many bytes could be read from a place on, or, if it is negative, where the file stands. */
+int64_t dst_read(int descriptor, char *bytes, int64_t count, int64_t place) {
+  int64_t done = 0;
+  while (done < count) {
+    size_t left = (size_t)(count - done);
+    ssize_t got = place < 0 ? read(descriptor, bytes + done, left) : pread(descriptor, bytes + done, left, place + done);
+    if (got == 0) break;
+    if (got > 0) done += got;
+    else if (errno != EINTR) return -1;
+  }
+  return done;
+}
+
+/* Cut a file off, or give back what was reserved behind its end. Failing here loses no data. */
+void dst_set_file_size(int descriptor, int64_t length) {
+  if (ftruncate(descriptor, length)) return;
+}
+
+/* Let a file be `length` bytes long, if it is shorter. Without room it stays as it is. */
+static int write_zeros(int descriptor, int64_t length) {
+  static const char zeros[65536];
+  const int64_t block = sizeof zeros;
+  struct stat file;
+  if (fstat(descriptor, &file)) return -1;
+  for (int64_t place = file.st_size; place < length; place += block)
+    if (dst_write(descriptor, zeros, length - place < block ? length - place : block, place)) {
+      int why = errno;
+      dst_set_file_size(descriptor, file.st_size);
+      errno = why;
+      return -1;
+    }
+  return 0;
+}
+
+/* See that an open file can grow from `present` to `length` bytes. Where nothing can be reserved, zeros are written, once. */
+int dst_reserve(int descriptor, int64_t present, int64_t length) {
+  struct rlimit limit;
+  if (getrlimit(RLIMIT_FSIZE, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY && (rlim_t)length > limit.rlim_cur) {
+    errno = EFBIG;
+    return -1;
+  }
+  if (length <= present) return 0;
+#ifdef __linux__
+  do if (fallocate(descriptor, FALLOC_FL_KEEP_SIZE, present, length - present) == 0) return 0; while (errno == EINTR);
+  if (errno == EFBIG || errno == ENOSPC || errno == EDQUOT) return -1;
+#endif
+  return write_zeros(descriptor, length);
+}
+
+int dst_fsync(int descriptor) {
+  while (fsync(descriptor)) if (errno != EINTR) return -1;
+  return 0;
+}
+
+/* A call that was interrupted has closed the file all the same. */
+int dst_close(int descriptor) { return close(descriptor) && errno != EINTR ? -1 : 0; }
+
+/* Bytes that may still be written in a folder; negative if the file system does not tell. */
+double dst_free_space(const char *folder) {
+  struct statvfs room;
+  return statvfs(folder, &room) || room.f_blocks == 0 ? -1.0 : (double)room.f_bavail * (double)room.f_frsize;
+}
+
+/* How many files have names that begin so; the names, in alphabetical order, are there until dst_forget_matches. */
+int64_t dst_matches(const char *beginning, glob_t **found, char ***names) {
+  char *pattern = malloc(2 * strlen(beginning) + 2), *end = pattern;
+  *found = calloc(1, sizeof **found);
+  if (!pattern || !*found) return 0;
+  for (; *beginning; *end++ = *beginning++) if (strchr("\\*?[", *beginning)) *end++ = '\\';
+  strcpy(end, "*");
+  int failed = glob(pattern, 0, NULL, *found);
+  free(pattern);
+  *names = (*found)->gl_pathv;
+  return failed ? 0 : (int64_t)(*found)->gl_pathc;
+}
+
+void dst_forget_matches(glob_t *found) {
+  if (found) globfree(found);
+  free(found);
+}
+
+/* Standard streams. */
+
+/* Occupy those of the descriptors 0 to 2 that were closed when the program began (the lowest free one is given), so that no file
+   gets one of them; the wrong way round, so that writing to a closed standard output still fails. */
+void dst_occupy_descriptors(void) {
+  for (int descriptor = STDIN_FILENO; descriptor <= STDERR_FILENO; descriptor++)
+    if (fcntl(descriptor, F_GETFD) < 0 && open("/dev/null", descriptor == STDIN_FILENO ? O_WRONLY : O_RDONLY) < 0) return;
+}
+
+int dst_put_output(const char *text, int64_t count) { return dst_write(STDOUT_FILENO, text, count, -1); }
+
+/* A reader that has gone does not end the program. */
+void dst_put_error(const char *text, int64_t count) {
+  struct sigaction before;
+  int known = sigaction(SIGPIPE, NULL, &before) == 0;
+  handle(SIGPIPE, SIG_IGN);
+  dst_write(STDERR_FILENO, text, count, -1);
+  if (known) sigaction(SIGPIPE, &before, NULL);
+}
+
+int dst_is_terminal(void) { return isatty(STDERR_FILENO); }
+
+/* Processes. */
+
+/* Wait for the end of a child: its status. */
+int dst_await_child(int process) {
+  int status;
+  while (waitpid(process, &status, 0) < 0) if (errno != EINTR) return -1;
+  return status;
+}
+
+void dst_end_child(void) { _exit(0); }
+
+/* Whether this is a child process, a copy of the one that asked. The latter goes on, with false, when the child has ended, or at
+   once if there can be none. The child is out of reach of a signal to the parent or its group, so what it does to files is done
+   as a whole even if the parent is killed; if that has happened already, it does nothing. */
+_Bool dst_is_child(void) {
+  pid_t parent = getpid(), process = fork();
+  if (process > 0) dst_await_child(process);
+  if (process != 0) return 0;
+  setsid();
+  if (getppid() != parent) dst_end_child();
+  return 1;
+}
+
+/* A child: its process, 0 in the child itself; -1 if there can be none. `answer` is the end of a pipe: to read from in the parent,
+   to write to in the child. A crash ends the child without words or core dump, and what libraries say goes into the pipe. Where
+   the system can see to it, the child does not outlive its parent. */
+int dst_begin_child(int *answer) {
+  const int crashes[] = {SIGILL, SIGABRT, SIGBUS, SIGFPE, SIGSEGV, SIGPROF};
+  int ends[2];
+  if (pipe(ends)) return -1;
+  pid_t process = fork();
+  close(ends[process != 0]);
+  *answer = ends[process == 0];
+  if (process < 0) close(*answer);
+  if (process != 0) return process;
+  for (size_t i = 0; i < sizeof crashes / sizeof *crashes; i++) handle(crashes[i], SIG_DFL);
+  setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
+  dup2(*answer, STDERR_FILENO);
+#ifdef __linux__
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+#endif
+  return 0;
+}
+
+/* From now on this process may spend so many seconds of processor time. */
+void dst_allow_seconds(int seconds) {
+  setitimer(ITIMER_PROF, &(struct itimerval){.it_value.tv_sec = seconds}, NULL);
+}
+
+/* Become another program; the words of its command each end with NUL. Returns if that fails. */
+void dst_become(char *words, int count) {
+  char **arguments = calloc((size_t)count + 1, sizeof *arguments);
+  if (!arguments) return;
+  for (int i = 0; i < count; words += strlen(words) + 1) arguments[i++] = words;
+  execvp(arguments[0], arguments);
+  free(arguments);
+}
+
+/* Threads. */
+
+/* A new thread with a stack of so many bytes, for dst_join_thread. */
+void *dst_begin_thread(void *(*start)(void *), void *argument, int64_t stack_bytes) {
+  pthread_attr_t attributes;
+  pthread_t *thread = malloc(sizeof *thread);
+  if (!thread || pthread_attr_init(&attributes)) {
+    free(thread);
+    return NULL;
+  }
+  int failed = pthread_attr_setstacksize(&attributes, (size_t)stack_bytes) || pthread_create(thread, &attributes, start, argument);
+  pthread_attr_destroy(&attributes);
+  if (!failed) return thread;
+  free(thread);
+  return NULL;
+}
+
+void dst_join_thread(void *thread) {
+  pthread_join(*(pthread_t *)thread, NULL);
+  free(thread);
+}
+
+/* Bytes that the stack of the first thread may have. */
+int64_t dst_stack_limit(void) {
+  struct rlimit limit;
+  if (getrlimit(RLIMIT_STACK, &limit) || limit.rlim_cur == RLIM_INFINITY) return INT64_MAX;
+  return (int64_t)limit.rlim_cur;
+}
+
+/* Which of the first `count` cores this process may use; where the system does not tell, so many as there are. */
+void dst_allowed_cores(int count, _Bool allowed[]) {
+#ifdef __linux__
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  sched_getaffinity(0, sizeof set, &set);
+  for (int i = 0; i < count; i++) allowed[i] = i < CPU_SETSIZE && CPU_ISSET(i, &set);
+#else
+  long cores = sysconf(_SC_NPROCESSORS_ONLN);
+  for (int i = 0; i < count; i++) allowed[i] = i < cores;
+#endif
+}

@@ -1,0 +1,205 @@
+"""The operating system is asked in one C file, with the headers' own constants; with another C library, or without what only Linux
+has, it compiles and does the same."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import shutil
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.f90")}
+POSIX_C, POSIX_F90 = ROOT / "src" / "system" / "posix.c", "src/system/posix.f90"
+# Of the C library itself: their arguments are int, size_t and texts everywhere.
+PLAIN = {"exit", "flock", "free", "getpid", "gethostname", "kill", "link", "realpath", "rename", "strlen", "unlink"}
+# Imports of posix.c by which no file and no process is reached: no fault of theirs is looked for.
+HARMLESS = set(
+    "_exit abort calloc dup2 execvp free getpid getppid getrlimit glob globfree gmtime_r isatty malloc prctl pthread_attr_destroy "
+    "pthread_attr_init pthread_attr_setstacksize pthread_create pthread_join sched_getaffinity setitimer setrlimit setsid "
+    "sigaction sigemptyset statvfs strchr strcpy strerror strftime strlen time __errno_location __stack_chk_fail".split()
+)
+NUMBERS = {name.lower() for name in errno.errorcode.values()} | {
+    name.lower() for name in [*signal.Signals.__members__, *dir(os)] if re.match(r"SIG[A-Z]|O_", name)
+}
+
+
+def bound_names(text: str) -> list[str]:
+    """C names that a module declares, without those of its own procedures."""
+    declared = re.sub(r"(?m)!.*$|^\s*type,.*$", "", text.split("\ncontains\n")[0])
+    names = []
+    for line in declared.splitlines():
+        if found := re.search(r"(\w+)\s*\([^()]*\)\s*bind\(c(?:,\s*name\s*=\s*['\"](\w+)['\"])?\)", line, re.IGNORECASE):
+            names.append(found[2] or found[1])
+        elif re.search(r"\bbind\(c", line, re.IGNORECASE):
+            names += re.findall(r"\w+", line.split("::")[-1])
+    return names
+
+
+def numbers(text: str) -> list[str]:
+    """Constants of the system by number: a name of errno.h, signal.h or fcntl.h, or what is made to be handed to C as an int."""
+    named = [name for name in re.findall(r"\b(\w+)\s*=\s*\d", text) if name.lower() in NUMBERS]
+    return named + re.findall(r"integer\(c_(?:int|long|intptr_t)\),\s*parameter\s*::.*", text)
+
+
+def test_one_module_declares_what_the_system_has() -> None:
+    elsewhere = {
+        file: names
+        for file, text in SOURCES.items()
+        if file != POSIX_F90
+        and (names := [name for name in bound_names(text) if not name.startswith("H5") and (file, name) != ("src/file/crc32.f90", "crc32")])
+    }  # fmt: skip
+    assert not elsewhere, f"declare them in {POSIX_F90}"
+
+
+def test_no_number_of_the_system_is_written_down() -> None:
+    # HDF5's own constants are its callers' business.
+    found = {file: hits for file, text in SOURCES.items() if not file.startswith("src/file/") and (hits := numbers(text))}
+    assert not found, "posix.c knows the headers' constants"
+
+
+def test_what_is_declared_is_there_and_used() -> None:
+    names = set(bound_names(SOURCES[POSIX_F90])) | set(re.findall(r"\bdst_[a-z]+_?\w*", SOURCES[POSIX_F90])) - {"dst_posix"}
+    defined = set(re.findall(r"^(?!static)\w[\w ]*?[ *](dst_\w+)\(", POSIX_C.read_text(), re.MULTILINE))
+    defined |= set(re.findall(r"\b(dst_\w+) = ", POSIX_C.read_text()))
+    assert names - defined <= PLAIN
+    assert defined <= names
+    fortran = re.findall(r"(?:function|subroutine) (\w+)\(.*bind\(c", SOURCES[POSIX_F90])
+    users = "\n".join(text for file, text in SOURCES.items() if file != POSIX_F90) + SOURCES[POSIX_F90].split("\ncontains\n")[1]
+    assert not [name for name in fortran if not re.search(rf"\b{name}\b", users)]
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "count"),
+    [
+        ("interface\n integer(c_int) function c_kill(p, s) bind(c, name='kill')\n", ["kill"], 0),
+        ("interface\n integer(c_int) function isatty(descriptor) bind(c)\n", ["isatty"], 0),
+        ("integer(c_int), bind(c) :: one, two\n", ["one", "two"], 0),
+        ("type, bind(c) :: t\n\ncontains\n  subroutine own(x) bind(c)\n", [], 0),
+        ("integer(c_int), parameter :: would_block = 11\n", [], 1),
+        ("integer, parameter :: sigterm = 15, other = 3\n", [], 1),
+    ],
+)
+def test_the_checks_find_what_they_look_for(text: str, names: list[str], count: int) -> None:
+    assert bound_names(text) == names
+    assert len(numbers(text)) == count
+
+
+# What posix.c promises without its callers, on a folder of its own.
+PROGRAM = r"""
+#include <assert.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <glob.h>
+#include <stdint.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+extern const int dst_o_rdwr, dst_o_creat, dst_o_excl, dst_o_nofollow, dst_eexist, dst_eloop;
+int dst_utc(int64_t, char *), dst_open(const char *, int), dst_close(int), dst_fsync(int), dst_errno(void);
+int dst_look_up(int, const char *, int64_t *), dst_write(int, const char *, int64_t, int64_t), dst_reserve(int, int64_t, int64_t);
+int64_t dst_read(int, char *, int64_t, int64_t), dst_matches(const char *, glob_t **, char ***), dst_now(void), dst_stack_limit(void);
+void dst_set_file_size(int, int64_t), dst_forget_matches(glob_t *), *dst_begin_thread(void *(*)(void *), void *, int64_t);
+void dst_join_thread(void *), dst_allowed_cores(int, _Bool *), dst_wait(double);
+double dst_free_space(const char *);
+_Bool dst_is_child(void);
+void dst_end_child(void), dst_allow_seconds(int);
+int dst_begin_child(int *), dst_await_child(int);
+
+static void *mark(void *place) { *(int *)place = 7; return NULL; }
+
+int main(void) {
+  char text[21], bytes[8] = "", **names;
+  int64_t facts[5], now[5];
+  glob_t *found;
+  _Bool cores[1024];
+  int seven = 0, any = 0, answer;
+
+  assert(dst_utc(951782400, text) && !strcmp(text, "2000-02-29T00:00:00Z"));
+  assert(!dst_utc(INT64_MAX, text) && dst_now() > 1700000000);
+
+  int file = dst_open("a[1]*.txt", dst_o_rdwr + dst_o_creat + dst_o_excl);
+  assert(file >= 0 && (fcntl(file, F_GETFD) & FD_CLOEXEC));
+  assert(dst_open("a[1]*.txt", dst_o_rdwr + dst_o_creat + dst_o_excl) < 0 && dst_errno() == dst_eexist);
+  assert(symlink("a[1]*.txt", "link") == 0 && dst_open("link", dst_o_rdwr + dst_o_nofollow) < 0 && dst_errno() == dst_eloop);
+  assert(dst_write(file, "abcdef", 6, -1) == 0 && dst_write(file, "XY", 2, 3) == 0);
+  assert(dst_read(file, bytes, 8, 2) == 4 && !strcmp(bytes, "cXYf"));
+  assert(dst_reserve(file, 6, 200000) == 0 && dst_look_up(file, "", facts) == 0 && facts[0]);
+  assert(facts[1] == (KEEPS_SIZE ? 6 : 200000));
+  dst_set_file_size(file, 6);
+  assert(dst_look_up(-1, "a[1]*.txt", now) == 0 && now[1] == 6 && now[3] == facts[3] && now[4] == facts[4]);
+  assert(dst_look_up(-1, "link", now) == 0 && !now[0] && dst_look_up(-1, "nothing", now) < 0 && dst_errno() == ENOENT);
+  assert(dst_fsync(file) == 0 && dst_close(file) == 0 && dst_close(file) < 0);
+  assert(dst_matches("a[1]*", &found, &names) == 1 && !strcmp(names[0], "a[1]*.txt"));
+  dst_forget_matches(found);
+  assert(dst_matches("a1", &found, &names) == 0);
+  dst_forget_matches(found);
+  assert(dst_free_space(".") > 0.0 && dst_free_space("nowhere") < 0.0);
+
+  void *thread = dst_begin_thread(mark, &seven, 1 << 20);
+  assert(thread);
+  dst_join_thread(thread);
+  assert(seven == 7 && dst_stack_limit() > 0);
+  dst_allowed_cores(1024, cores);
+  for (int i = 0; i < 1024; i++) any += cores[i];
+  assert(any > 0);
+  dst_wait(0.001);
+
+  if (dst_is_child()) {
+    assert(symlink("nothing", "done") == 0);
+    dst_end_child();
+  }
+  assert(dst_look_up(-1, "done", now) == 0);
+  int process = dst_begin_child(&answer);
+  if (process == 0) {
+    assert(dst_write(STDERR_FILENO, "well", 4, -1) == 0);
+    _exit(0);
+  }
+  assert(process > 0 && dst_read(answer, bytes, 8, -1) == 4 && !memcmp(bytes, "well", 4) && dst_await_child(process) == 0);
+  process = dst_begin_child(&answer);
+  if (process == 0) for (dst_allow_seconds(1);;);
+  assert(WIFSIGNALED(dst_await_child(process)));
+  return 0;
+}
+"""
+# Whether room can be reserved without a change of the file's size.
+WAYS = {"": True, "-D_FILE_OFFSET_BITS=64 -D_POSIX_C_SOURCE=200809L": True, "-U__linux__ -D_XOPEN_SOURCE=700": False}
+
+
+@pytest.mark.parametrize("compiler", ["cc", "musl-gcc"])
+@pytest.mark.parametrize("flags", WAYS)
+def test_it_compiles_and_works(compiler: str, flags: str, tmp_path: Path) -> None:
+    """`-U__linux__` stands for the systems that are none: what only Linux has is left out."""
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    strict = [compiler, "-std=c11", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", *flags.split()]
+    subprocess.run([*strict, "-c", str(POSIX_C), "-o", str(tmp_path / "posix.o")], check=True)
+    program = tmp_path / "program.c"
+    program.write_text(PROGRAM, encoding="utf-8")
+    subprocess.run(
+        [compiler, "-pthread", f"-DKEEPS_SIZE={int(WAYS[flags])}", "-D_GNU_SOURCE", str(program), str(tmp_path / "posix.o"),
+         "-o", str(tmp_path / "program")],
+        check=True,
+    )  # fmt: skip
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    subprocess.run([str(tmp_path / "program")], cwd=folder, check=True, timeout=120)
+
+
+def test_faults_reach_every_call(tmp_path: Path) -> None:
+    """The shim of the fault tests stands in front of every call of posix.c that a file or a process could feel."""
+    subprocess.run(["cc", "-D_FILE_OFFSET_BITS=64", "-O2", "-c", str(POSIX_C), "-o", str(tmp_path / "posix.o")], check=True)
+    listing = subprocess.run(["nm", "-u", str(tmp_path / "posix.o")], check=True, capture_output=True, text=True).stdout
+    imports = set(re.findall(r"\bU (\w+)", listing))
+    shim = (ROOT / "tests" / "faults" / "shim.c").read_text(encoding="utf-8")
+    assert {"open64", "pwrite64", "fork"} <= imports
+    assert not [
+        name
+        for name in sorted(imports)
+        if name.removesuffix("64") not in HARMLESS and not re.search(rf"(?:\w[ *]+{name}\(\w|BY_\w+\([\w *]+, {name},)", shim)
+    ]
