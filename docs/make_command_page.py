@@ -1,12 +1,9 @@
-"""Write docs/command_line.md, the manual page of the command line, from what `--help` prints.
+"""Write docs/command_line.md, the manual page of the command line, from what `dynstiction keys --json` prints.
 
     python docs/make_command_page.py [EXECUTABLE]
-
-The commands are those that `dynstiction --help` names, and the commands of `python -m dynstiction`.
 """
 
-import os
-import re
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -16,38 +13,48 @@ PAGE = Path(__file__).resolve().parent / "command_line.md"
 INTRODUCTION = """\
 # The command line
 
-<!-- Made by docs/make_command_page.py from `dynstiction --help`: change src/app/command_line.f90 or the script, not this page. -->
+<!-- Made by docs/make_command_page.py from `dynstiction keys --json`: change src/app/command_table.f90 or the script, not this page. -->
 
-Every command explains itself with `--help`; this page is what they print. Exit statuses and messages: [errors.md](errors.md).
+Every command explains itself with `--help`. Exit statuses and messages: [errors.md](errors.md). Commands marked *Python* are
+carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable finds the interpreter by the environment
+variable `DYNSTICTION_PYTHON`, else beside itself, else in `PATH`.
+
+What this page says, and the keys of decks, output columns, summary values and statistics, programs read from
+`dynstiction keys --json`.
 """
-
-EXIT_STATUS = "\nExit status:\n"
 
 
 def main() -> None:
     executable = sys.argv[1] if len(sys.argv) > 1 else "dynstiction"
-    parts = [INTRODUCTION, section("dynstiction", text := printed(executable))]
-    own = text.partition("By the Python package")[0]
-    for name in dict.fromkeys(re.findall(r"^  dynstiction (\w+)", own, re.MULTILINE)):
-        parts.append(
-            section(f"dynstiction {name}", printed(executable, name).partition(EXIT_STATUS)[0] + "\n")
-        )
-    python = [sys.executable, "-m", "dynstiction"]
-    parts.append(section("python -m dynstiction", text := printed(*python)))
-    for name in dict.fromkeys(re.findall(r"^ {4}([\w-]+)(?: |$)", text, re.MULTILINE)):
-        parts.append(section(f"python -m dynstiction {name}", printed(*python, name)))
+    said = subprocess.run([executable, "keys", "--json"], capture_output=True, text=True, check=True).stdout
+    catalogue = json.loads(said)
+    parts = [INTRODUCTION, table(("command", "meaning", "by"), [(code(c["name"]), c["brief"], c["by"]) for c in catalogue["commands"]])]
+    for command in catalogue["commands"]:
+        taken = [option for option in catalogue["options"] if command["name"] in option["commands"]]
+        rows = [(code(f"{o['name']} {o['argument']}".strip()), o["meaning"]) for o in taken]
+        parts += [
+            f"## {command['name']}{' (Python)' if command['by'] == 'Python' else ''}\n",
+            block(command["usage"]),
+            command["meaning"].replace("*", r"\*") + "\n",
+            *([table(("option", "meaning"), rows)] if rows else []),
+            block(command["examples"]),
+        ]
+    statuses = [(str(s["status"]), s["meaning"]) for s in catalogue["exit_statuses"]]
+    parts += ["## Exit statuses\n", table(("status", "meaning"), statuses)]
     PAGE.write_text("\n".join(parts), encoding="utf-8")
 
 
-def printed(*command: str) -> str:
-    # argparse breaks lines at the terminal's width.
-    environment = {**os.environ, "COLUMNS": "110"}
-    done = subprocess.run([*command, "--help"], capture_output=True, text=True, check=True, env=environment)
-    return re.sub(r"[ \t]+$", "", done.stdout, flags=re.MULTILINE)
+def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
-def section(title: str, text: str) -> str:
-    return f"## {title}\n\n```none\n{text.rstrip()}\n```\n"
+def code(word: str) -> str:
+    return f"`{word}`".replace("|", r"\|")
+
+
+def block(text: str) -> str:
+    return f"```none\n{text}\n```\n"
 
 
 if __name__ == "__main__":

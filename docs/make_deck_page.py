@@ -1,22 +1,23 @@
-"""Write docs/deck.md, the manual page of the deck's keys, from what `dynstiction template` prints.
+"""Write docs/deck.md, the manual page of the deck's keys, from what `dynstiction keys --json` prints.
 
     python docs/make_deck_page.py [EXECUTABLE]
 
-The template comes from the schema (src/deck/schema.f90), so every key, unit, range and default has one source.
+It comes from the schema (src/deck/schema.f90), so every key, unit, range and default has one source.
 """
 
-import re
+import json
 import subprocess
 import sys
+from itertools import groupby
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 PAGE = Path(__file__).resolve().parent / "deck.md"
 
 INTRODUCTION = """\
 # The deck
 
-<!-- Made by docs/make_deck_page.py from `dynstiction template`: change src/deck/schema.f90 or the script, not this page. -->
+<!-- Made by docs/make_deck_page.py from `dynstiction keys --json`: change src/deck/schema.f90 or the script, not this page. -->
 
 A deck is a text file of Fortran namelist groups: `&group`, then `key = value` lines, then `/`. Groups and
 keys come in any order, in upper or lower case. `!` begins a comment. Text stands in quotes, numbers do not.
@@ -39,86 +40,50 @@ quotes there. The resolved deck is kept in the result file (`/deck/resolved`), b
 read (`/deck/text`).
 """
 
-MODELS = ("full", "low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto")
-KINDS = {"real": "real", "list of reals": "reals", "integer": "integer", "text": "text"}
-
-
-class Key(NamedTuple):
-    name: str
-    meaning: str
-    condition: str
-    values: str
-    unit: str
-    default: str
+KINDS = {"reals": "list of reals", "texts": "list of texts"}
 
 
 def main() -> None:
     executable = sys.argv[1] if len(sys.argv) > 1 else "dynstiction"
-    keys: dict[str, dict[str, Key]] = {}
-    models: dict[str, list[str]] = {}
-    for model in MODELS:
-        template = subprocess.run(
-            [executable, "template", model], capture_output=True, text=True, check=True
-        ).stdout
-        for group, body in re.findall(r"^&(\w+)\n(.*?)^/$", template, re.MULTILINE | re.DOTALL):
-            for entry in re.findall(r"^  ! (.*)\n  (.*)$", body, re.MULTILINE):
-                key = key_of(*entry)
-                keys.setdefault(group, {}).setdefault(key.name, key)
-                models.setdefault(key.name, []).append(model)
+    # Numbers stay as the schema writes them.
+    said = subprocess.run([executable, "keys", "--json"], capture_output=True, text=True, check=True).stdout
+    keys = json.loads(said, parse_int=str, parse_float=str)["keys"]
+    models = next(key["choices"] for key in keys if key["name"] == "model")
     parts = [INTRODUCTION]
-    for group, found in keys.items():
-        parts.append(table(group, [of_models(key, models[key.name]) for key in found.values()]))
+    for group, found in groupby(keys, key=lambda key: key["group"]):
+        lines = [
+            f"## &{group}",
+            "",
+            "| key | meaning | values | unit | default |",
+            "| --- | --- | --- | --- | --- |",
+            *(row(key, models) for key in found),
+            "",
+        ]
+        parts.append("\n".join(lines))
     PAGE.write_text("\n".join(parts), encoding="utf-8")
 
 
-def of_models(key: Key, models: list[str]) -> Key:
-    """Say with which models a key is used, unless with all."""
-    if len(models) == len(MODELS):
-        return key
-    condition = "model " + " | ".join(models) + (" and " + key.condition if key.condition else "")
-    return key._replace(condition=condition)
-
-
-def key_of(comment: str, line: str) -> Key:
-    """From `meaning; only with condition` and `name = value ! kind, unit, range; default`."""
-    meaning, _, condition = comment.partition("; only with ")
-    name, _, rest = line.partition(" = ")
-    kind, _, default = rest.rpartition(" ! ")[2].rpartition("; ")
-    kind, *details = kind.split(", ")
-    listed, _, choices = kind.rpartition("list: ")
-    values = KINDS.get(kind) or ("list of " if kind.startswith("list: ") else "") + words(choices or listed)
-    limits = [detail for detail in details if detail[0] in "<>"]
-    units = [detail for detail in details if detail[0] not in "<>"]
-    default = "" if default == "no default" else default.removeprefix("default ")
-    return Key(name.strip(), meaning, condition, ", ".join([values, *limits]), " ".join(units), code(default))
-
-
-def table(group: str, keys: list[Key]) -> str:
-    rows = [
-        f"| {code(k.name)} | {describe(k)} | {k.values} | {k.unit} | {k.default or '(none)'} |" for k in keys
-    ]
-    head = [
-        f"## &{group}",
-        "",
-        "| key | meaning | values | unit | default |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    return "\n".join([*head, *rows, ""])
-
-
-def describe(key: Key) -> str:
-    text = key.meaning.replace("|w|", "abs(w)").replace("|", r"\|").replace("*", r"\*")
-    if key.condition:
-        text += "; only with " + key.condition.replace(" | ", " or ")
-    return text
-
-
-def words(alternatives: str) -> str:
-    return ", ".join(code(word) for word in alternatives.split(" | "))
+def row(key: dict[str, Any], models: list[str]) -> str:
+    meaning = key["meaning"].replace("|w|", "abs(w)").replace("|", r"\|").replace("*", r"\*")
+    conditions = {} if key["models"] == models else {"model": key["models"]}
+    conditions |= {name: choices for name, choices in key["used_by"].items() if name != "model"}
+    if conditions:
+        needed = (f"{name} {' or '.join(choices)}" for name, choices in conditions.items())
+        meaning += "; only with " + " and ".join(needed)
+    values = ", ".join(map(code, key["choices"])) or KINDS.get(key["kind"], key["kind"])
+    if key["choices"] and key["kind"] == "texts":
+        values = "list of " + values
+    if key["range"]:
+        values += f", {key['range']}"
+    default = None if key["required"] else key["default"]
+    if default is not None and key["kind"] in ("text", "texts", "choice"):
+        default = f"'{default}'"
+    units = key["units"] if key["units"] != "1" else ""
+    return f"| {code(key['name'])} | {meaning} | {values} | {units} | {'(none)' if default is None else code(default)} |"
 
 
 def code(word: str) -> str:
-    return f"`{word}`" if word else ""
+    return f"`{word}`"
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ module dst_main
   use dst_deck_check, only: check_deck
   use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
     setting_list, help_text
+  use dst_catalogue, only: catalogue
   use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
   use dst_division, only: processes_here
@@ -123,7 +124,11 @@ contains
     case ('template')
       call print_template()
     case ('keys')
-      call print_text(key_table())
+      if (command%json) then
+        call print_text(catalogue(version))
+      else
+        call print_text(key_table())
+      end if
     case default
       if (command%name /= 'run') call check_alone("'"//command%name//"'", error)
       call complain(error)
