@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -93,3 +95,9 @@ def executable() -> Path:
     if found is None:
         pytest.fail("no executable: set DYNSTICTION_EXE or put dynstiction on the path")
     return Path(found)
+
+
+@pytest.fixture(scope="session")
+def catalogue(executable: Path) -> dict[str, Any]:
+    """Commands, options, keys, columns, ... as the program names them."""
+    return json.loads(subprocess.run([executable, "keys", "--json"], capture_output=True, timeout=60, check=True).stdout)
