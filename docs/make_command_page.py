@@ -19,8 +19,21 @@ Every command explains itself with `--help`. Exit statuses and messages: [errors
 carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable finds the interpreter by the environment
 variable `DYNSTICTION_PYTHON`, else beside itself, else in `PATH`.
 
-What this page says, and the keys of decks, output columns, summary values and statistics, programs read from
-`dynstiction keys --json`.
+## For other programs
+
+`dynstiction keys --json` prints one JSON object with all that has a name:
+
+| member | is a list of |
+| --- | --- |
+| `commands` | `name`, `by` (`dynstiction` or `Python`), `operands`, `brief`, `meaning`, `usage`, names of `options`, `examples` (one a line) |
+| `options` | `name`, `argument`, `commands` that take it, `times` (`?` at most once, `1` once, `*` any number), `meaning`; an entry for each kind of argument |
+| `exit_statuses` | `status`, `meaning` |
+| `keys` | of decks: `group`, `name`, `kind` (`real`, `integer`, `text`, `choice`, `reals`, `texts`), `required`, `units`, `range`, `choices`, `default` (`null`: none), `models` with which it may be used, `used_by` (key: those of its choices that use this one), `meaning` |
+| `columns`, `summary`, `statistics` | of results: `name`, `units`, `long_name` |
+
+Besides these there are `version`, and `program` with what the help says of it.
+
+## Commands
 """
 
 

@@ -9,6 +9,7 @@ module dst_command_table
   public :: command_entry_t, option_t, exit_status_t, the_program, commands, options, exit_statuses
   public :: find_command, find_option, command_names, options_of, operand_of, is_option_of
 
+  !> A command.
   type :: command_entry_t
     character(name_width) :: name
     character(name_width) :: operands    !! 'DECK...', one or more; '[MODEL]', one or none; '' = none
@@ -28,6 +29,7 @@ module dst_command_table
     character(64) :: lacking             !! the argument: what is missing, and what would be right
   end type option_t
 
+  !> An exit status of the program.
   type :: exit_status_t
     integer :: status
     character(meaning_width) :: meaning
@@ -36,6 +38,7 @@ module dst_command_table
   character, parameter :: n = achar(10)
   logical, parameter :: ours = .false., python = .true.
 
+  !> What the help says of the program as a whole.
   type(command_entry_t), parameter :: the_program = command_entry_t('', '', ours, &
     'stick-slip of a spring-slider with misaligned anisotropic stiffness', &
     'A DECK is a Fortran namelist file; SI units, angles in degrees. Start from the template:', &
@@ -157,6 +160,7 @@ module dst_command_table
     option_t('-o', 'DIR', 'paper', '1', 'made if it is not there', ''), &
     option_t('--format', 'png|pdf|svg', 'paper', '?', 'default: png', '')]
 
+  !> All exit statuses.
   type(exit_status_t), parameter :: exit_statuses(*) = [ &
     exit_status_t(0, 'done'), &
     exit_status_t(1, 'wrong usage'), &

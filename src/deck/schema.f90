@@ -16,6 +16,7 @@ module dst_schema
 
   integer, parameter :: real_kind = 1, integer_kind = 2, text_kind = 3, choice_kind = 4
   integer, parameter :: reals_kind = 5, texts_kind = 6
+  !> Their names, in the order of these numbers.
   character(*), parameter :: kind_names = 'real integer text choice reals texts'
 
   !> Bytes of the longest text value; numbers of the longest list.
