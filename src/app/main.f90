@@ -133,7 +133,7 @@ contains
       if (command%name /= 'run') call check_alone("'"//command%name//"'", error)
       call complain(error)
       if (allocated(error)) return
-      if (command%name == 'run') then
+      if (command%name == 'run' .or. command%name == 'merge') then
         call run_decks()
       else if (processes%is_first()) then
         call work_alone()
@@ -147,18 +147,12 @@ contains
   !> What one process does, while the others wait for its status.
   subroutine work_alone()
     select case (command%name)
-    case ('check')
-      call check_decks()
-    case ('stability')
-      call report_stability()
     case ('trade')
       call compare_settings()
-    case ('merge')
-      call merge_decks()
     case ('resume')
       call resume_runs()
-    case ('show')
-      call show_results()
+    case default
+      call print_each()
     end select
   end subroutine work_alone
 
@@ -183,24 +177,56 @@ contains
     if (.not. allocated(error)) call print_text(text)
   end subroutine print_template
 
-  !> Print every deck that is sound as it is used, and all faults of the others.
-  subroutine check_decks()
+  !> Print what the command says of each operand, and all faults of the others.
+  subroutine print_each()
     type(error_t), allocatable :: error
-    type(deck_t), allocatable :: deck
-    character(:), allocatable :: remark
+    character(:), allocatable :: text
     integer :: i
 
     do i = 1, command%operand_count
-      allocate (deck)
-      call read_sound_deck(i, deck, remark, error)
+      select case (command%name)
+      case ('check')
+        call describe_deck(i, text, error)
+      case ('stability')
+        call describe_stability(i, text, error)
+      case default
+        call show_result(command%operands(i)%text, text, error)
+      end select
       call complain(error)
-      if (.not. allocated(error)) then
-        if (remark /= '') call put_error('dynstiction: '//deck%name//': '//remark//new_line('a'))
-        call print_text(resolved(deck))
-      end if
-      deallocate (deck)
+      if (.not. allocated(error)) call print_text(text)
     end do
-  end subroutine check_decks
+  end subroutine print_each
+
+  !> Deck `i` of the command as it is used.
+  subroutine describe_deck(i, text, error)
+    integer, intent(in) :: i
+    character(:), allocatable, intent(out) :: text
+    type(error_t), allocatable, intent(out) :: error
+    type(deck_t), allocatable :: deck
+    character(:), allocatable :: remark
+
+    allocate (deck)
+    call read_sound_deck(i, deck, remark, error)
+    if (allocated(error)) return
+    if (remark /= '') call put_error('dynstiction: '//deck%name//': '//remark//new_line('a'))
+    text = resolved(deck)
+  end subroutine describe_deck
+
+  !> The linear theory of deck `i` of the command.
+  subroutine describe_stability(i, text, error)
+    integer, intent(in) :: i
+    character(:), allocatable, intent(out) :: text
+    type(error_t), allocatable, intent(out) :: error
+    type(deck_t), allocatable :: deck
+    type(scene_t) :: scene
+
+    allocate (deck)
+    call read_deck(command%operands(i)%text, setting_list(command), deck, error)
+    if (allocated(error)) return
+    call scene_from_deck(deck, scene)
+    call stability_report(scene, printable(deck%name), text, error)
+    if (allocated(error)) error%text = printable(deck%name)//': '//error%text
+  end subroutine describe_stability
 
   !> Deck `i` of the command, which `run` accepts if there is no error.
   subroutine read_sound_deck(i, deck, remark, error)
@@ -212,28 +238,6 @@ contains
     call read_deck(command%operands(i)%text, setting_list(command), deck, error)
     if (.not. allocated(error)) call check_deck(deck, output_of(deck), command%share%least_shares(), remark, error)
   end subroutine read_sound_deck
-
-  !> Print the linear theory of every deck that is sound, and all faults of the others.
-  subroutine report_stability()
-    type(error_t), allocatable :: error
-    type(deck_t), allocatable :: deck
-    type(scene_t) :: scene
-    character(:), allocatable :: text
-    integer :: i
-
-    do i = 1, command%operand_count
-      allocate (deck)
-      call read_deck(command%operands(i)%text, setting_list(command), deck, error)
-      if (.not. allocated(error)) then
-        call scene_from_deck(deck, scene)
-        call stability_report(scene, printable(deck%name), text, error)
-        if (allocated(error)) error%text = printable(deck%name)//': '//error%text
-      end if
-      call complain(error)
-      if (.not. allocated(error)) call print_text(text)
-      deallocate (deck)
-    end do
-  end subroutine report_stability
 
   !> Measure error against cost on a deck's scene, and recommend settings.
   subroutine compare_settings()
@@ -265,7 +269,7 @@ contains
     if (best > 0) call print_text(advice(deck, trade, best))
   end subroutine compare_settings
 
-  !> Nothing runs unless every deck is sound and every output file may be written.
+  !> Run the decks, or merge what their shards hold: nothing unless every deck is sound and every output file may be written.
   subroutine run_decks()
     type(deck_t), allocatable :: decks(:)
     type(argument_t), allocatable :: outputs(:)
@@ -285,27 +289,6 @@ contains
       if (has_code(error, stopped_early)) exit
     end do
   end subroutine run_decks
-
-  !> Write what the shards of every deck hold.
-  subroutine merge_decks()
-    type(deck_t), allocatable :: decks(:)
-    type(argument_t), allocatable :: outputs(:)
-    type(error_t), allocatable :: error
-    integer :: i
-
-    allocate (decks(command%operand_count), outputs(command%operand_count))
-    call prepare(decks, outputs)
-    if (status /= result_done) return
-    call listen_to_signals()
-    do i = 1, size(decks)
-      if (decks(i)%is_sweep()) then
-        call merge_sweep(decks(i), outputs(i)%text, sweep_options(), error)
-      else
-        call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
-      end if
-      call complain_of(decks(i)%name, error)
-    end do
-  end subroutine merge_decks
 
   !> Read the decks, and check them, and the files that they will write.
   subroutine prepare(decks, outputs)
@@ -367,13 +350,17 @@ contains
     if (.not. processes%is_first()) call parse_deck(text, name, no_settings, deck, error)
   end subroutine share_deck
 
-  !> One run, which is for one process, or a sweep of many.
+  !> One run or merge, which is for one process, or a sweep of many.
   subroutine carry_out(deck, output, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
     type(error_t), allocatable, intent(out) :: error
 
-    if (deck%is_sweep()) then
+    if (command%name == 'merge' .and. .not. deck%is_sweep()) then
+      call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
+    else if (command%name == 'merge') then
+      if (processes%is_first()) call merge_sweep(deck, output, sweep_options(), error)
+    else if (deck%is_sweep()) then
       call run_sweep(deck, output, sweep_options(), processes, error)
     else if (command%share%is_given) then
       call raise(error, usage_error, 'has no &sweep: run it without --shard')
@@ -411,19 +398,6 @@ contains
       if (has_code(error, stopped_early)) exit
     end do
   end subroutine resume_runs
-
-  !> Print what each file is.
-  subroutine show_results()
-    type(error_t), allocatable :: error
-    character(:), allocatable :: text
-    integer :: i
-
-    do i = 1, command%operand_count
-      call show_result(command%operands(i)%text, text, error)
-      call complain(error)
-      if (.not. allocated(error)) call print_text(text)
-    end do
-  end subroutine show_results
 
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.
   function output_of(deck) result(file_name)

@@ -7,7 +7,7 @@ module dst_signals
   implicit none
   private
 
-  public :: listen_to_requests, listen_to_signals, stop_listening, stop_signal, is_told_to_end, signal_name, no_signal
+  public :: listen_to_requests, listen_to_signals, stop_listening, stop_signal, is_told_to_end, stopped_by, no_signal
 
   integer(c_int), parameter :: sighup = 1, sigint = 2, sigusr1 = 10, sigterm = 15
   integer(c_intptr_t), parameter :: default_action = 0, ignore = 1
@@ -77,22 +77,25 @@ contains
     is_told_to_end = received /= no_signal .and. received /= sigusr1
   end function is_told_to_end
 
-  !> 'SIGTERM' and the like.
-  pure function signal_name(number) result(name)
-    integer, intent(in) :: number
-    character(:), allocatable :: name
+  !> 'stopped by SIGTERM': by the signal that has come, or by `number`.
+  function stopped_by(number) result(text)
+    integer, intent(in), optional :: number
+    character(:), allocatable :: text
+    integer :: signal
 
-    select case (number)
+    signal = received
+    if (present(number)) signal = number
+    select case (signal)
     case (sighup)
-      name = 'SIGHUP'
+      text = 'stopped by SIGHUP'
     case (sigint)
-      name = 'SIGINT'
+      text = 'stopped by SIGINT'
     case (sigterm)
-      name = 'SIGTERM'
+      text = 'stopped by SIGTERM'
     case (sigusr1)
-      name = 'SIGUSR1'
+      text = 'stopped by SIGUSR1'
     case default
-      name = 'a signal'
+      text = 'stopped by a signal'
     end select
-  end function signal_name
+  end function stopped_by
 end module dst_signals
