@@ -23,39 +23,38 @@ contains
   !> The catalogue of this version of the program.
   function catalogue(version) result(text)
     character(*), intent(in) :: version
-    character(:), allocatable :: text, items
+    character(:), allocatable :: text
     integer :: i
 
     text = '{"version": '//quoted(version)//','//n//'"program": '//of_command(the_program)//','//n//'"commands": ['
-    items = ''
     do i = 1, size(commands)
-      call add(items, of_command(commands(i)))
+      call add(text, of_command(commands(i)))
     end do
-    text = text//items//'],'//n//'"options": ['
-    items = ''
+    text = text//'],'//n//'"options": ['
     do i = 1, size(options)
-      call add(items, of_option(options(i)))
+      call add(text, of_option(options(i)))
     end do
-    text = text//items//'],'//n//'"exit_statuses": ['
-    items = ''
+    text = text//'],'//n//'"exit_statuses": ['
     do i = 1, size(exit_statuses)
-      call add(items, '{"status": '//integer_text(exit_statuses(i)%status)//', "meaning": '//quoted(exit_statuses(i)%meaning)//'}')
+      call add(text, '{"status": '//integer_text(exit_statuses(i)%status)//', "meaning": '//quoted(exit_statuses(i)%meaning)//'}')
     end do
-    text = text//items//'],'//n//'"keys": ['
-    items = ''
+    text = text//'],'//n//'"keys": ['
     do i = 1, key_count
-      call add(items, of_key(i))
+      call add(text, of_key(i))
     end do
-    text = text//items//'],'//n//'"columns": ['//of_quantities(columns)//'],'//n//'"summary": ['// &
-      of_quantities(summary_quantities)//'],'//n//'"statistics": ['//of_quantities(statistics)//']}'//n
+    call add_quantities(text, 'columns', columns)
+    call add_quantities(text, 'summary', summary_quantities)
+    call add_quantities(text, 'statistics', statistics)
+    text = text//']}'//n
   end function catalogue
 
-  subroutine add(items, item)
-    character(:), allocatable, intent(inout) :: items
+  !> An item of a list.
+  subroutine add(text, item)
+    character(:), allocatable, intent(inout) :: text
     character(*), intent(in) :: item
 
-    if (items /= '') items = items//','
-    items = items//n//item
+    if (text(len(text):) /= '[') text = text//','
+    text = text//n//item
   end subroutine add
 
   function of_command(command) result(text)
@@ -102,17 +101,18 @@ contains
     end associate
   end function of_key
 
-  function of_quantities(quantities) result(items)
+  subroutine add_quantities(text, name, quantities)
+    character(:), allocatable, intent(inout) :: text
+    character(*), intent(in) :: name
     type(quantity_t), intent(in) :: quantities(:)
-    character(:), allocatable :: items
     integer :: i
 
-    items = ''
+    text = text//'],'//n//'"'//name//'": ['
     do i = 1, size(quantities)
-      call add(items, '{"name": '//quoted(quantities(i)%name)//', "units": '//quoted(quantities(i)%units)//', "long_name": '// &
+      call add(text, '{"name": '//quoted(quantities(i)%name)//', "units": '//quoted(quantities(i)%units)//', "long_name": '// &
         quoted(quantities(i)%long_name)//'}')
     end do
-  end function of_quantities
+  end subroutine add_quantities
 
   function of_words(words) result(text)
     character(*), intent(in) :: words
@@ -132,15 +132,14 @@ contains
     character(:), allocatable :: string
     integer :: i
 
-    string = '"'
-    do i = 1, len_trim(text)
-      if (text(i:i) == n) then
-        string = string//'\n'
-      else
-        if (scan(text(i:i), '"\') == 1) string = string//'\'
-        string = string//text(i:i)
+    string = trim(text)
+    do i = len(string), 1, -1
+      if (string(i:i) == n) then
+        string = string(:i - 1)//'\n'//string(i + 1:)
+      else if (scan(string(i:i), '"\') == 1) then
+        string = string(:i - 1)//'\'//string(i:)
       end if
     end do
-    string = string//'"'
+    string = '"'//string//'"'
   end function quoted
 end module dst_catalogue

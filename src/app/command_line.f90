@@ -1,4 +1,4 @@
-!> The command line: its words, its help. What there is stands in dst_command_table; what the commands do is the main program's matter.
+!> The command line: its words, its help, by the table dst_command_table. What the commands do is the main program's matter.
 module dst_command_line
   use dst_command_table, only: command_entry_t, option_t, the_program, commands, options, exit_statuses, find_command, &
     find_option, command_names, options_of, is_option_of, operand_of
@@ -29,9 +29,10 @@ module dst_command_line
     character(:), allocatable :: quantity          !! of --quantity; '' = not given
     real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
     real(wp) :: budget = 10.0_wp                   !! of --budget, s
-    logical :: overwrite = .false., quiet = .false., keep_shards = .false., json = .false.
     type(share_wish_t) :: share                    !! of --shard and --redivide
-    logical :: help = .false.                      !! help on the command is wanted, not the command
+    character(:), allocatable :: given             !! names of all options that are given, blank-separated
+  contains
+    procedure :: has
   end type command_t
 
   character, parameter :: n = achar(10)
@@ -67,16 +68,14 @@ contains
     type(argument_t), intent(in) :: arguments(:)
     type(command_t), intent(out) :: command
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: given
-    logical :: version, only_operands
+    logical :: only_operands
     integer :: i
 
     command%name = ''
     command%output = ''
     command%quantity = ''
     allocate (command%operands(size(arguments)), command%settings(size(arguments)))
-    given = ''
-    version = .false.
+    command%given = ''
     only_operands = .false.
     i = 1
     do while (i <= size(arguments) .and. .not. allocated(error))
@@ -85,14 +84,15 @@ contains
       else if (arguments(i)%text == '--') then
         only_operands = .true.
       else
-        call take_option(arguments, i, command, version, given, error)
+        call take_option(arguments, i, command, error)
       end if
       i = i + 1
     end do
     if (allocated(error)) return
-    if (version) command%name = 'version'
-    if (command%help .and. command%name == '') command%name = 'help'
-    call check_command(command, given, error)
+    command%share%redivide = command%has('--redivide')
+    if (command%has('--version')) command%name = 'version'
+    if (command%has('--help') .and. command%name == '') command%name = 'help'
+    call check_command(command, error)
   end subroutine parse_arguments
 
   pure logical function is_option(text)
@@ -114,13 +114,19 @@ contains
     end if
   end subroutine take_operand
 
-  !> The option at `i`, and its value, on which `i` then stands. `given` collects the names.
-  subroutine take_option(arguments, i, command, version, given, error)
+  !> Whether an option is given.
+  pure logical function has(self, option)
+    class(command_t), intent(in) :: self
+    character(*), intent(in) :: option
+
+    has = has_word(self%given, option)
+  end function has
+
+  !> The option at `i`, and its value, on which `i` then stands.
+  subroutine take_option(arguments, i, command, error)
     type(argument_t), intent(in) :: arguments(:)
     integer, intent(inout) :: i
     type(command_t), intent(inout) :: command
-    logical, intent(inout) :: version
-    character(:), allocatable, intent(inout) :: given
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: option, value
 
@@ -137,7 +143,7 @@ contains
     select case (option)
     case ('-o')
       call check_file_name(value, error)
-      if (.not. allocated(error) .and. has_word(given, '-o')) &
+      if (.not. allocated(error) .and. command%has('-o')) &
         call raise(error, usage_error, '-o given twice: give one output file')
       command%output = value
     case ('--set')
@@ -152,22 +158,8 @@ contains
       call take_number(option, value, '1e-3', command%accuracy, error)
     case ('--budget')
       call take_number(option, value, '30', command%budget, error)
-    case ('--overwrite')
-      command%overwrite = .true.
-    case ('--quiet')
-      command%quiet = .true.
-    case ('--keep-shards')
-      command%keep_shards = .true.
-    case ('--redivide')
-      command%share%redivide = .true.
-    case ('--json')
-      command%json = .true.
-    case ('--version')
-      version = .true.
-    case ('--help')
-      command%help = .true.
     end select
-    given = trim(adjustl(given//' '//option))
+    command%given = trim(adjustl(command%given//' '//option))
   end subroutine take_option
 
   !> Whether the word after the option belongs to it.
@@ -243,9 +235,8 @@ contains
   end function unknown_text
 
   !> Whether the command exists, takes these options, and has the operands it needs.
-  subroutine check_command(command, given, error)
+  subroutine check_command(command, error)
     type(command_t), intent(in) :: command
-    character(*), intent(in) :: given   !! options
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: all_commands
     integer :: k
@@ -260,21 +251,22 @@ contains
       call raise(error, usage_error, unknown_text('command', command%name, all_commands))
     else if (commands(k)%of_python) then
       call raise(error, usage_error, "'"//command%name//"' comes first: write dynstiction "//command%name//' ...')
-    else if (.not. command%help) then
-      call check_options(command, given, error)
+    else if (.not. command%has('--help')) then
+      call check_options(command, error)
       if (.not. allocated(error)) call check_operands(command, commands(k), error)
     end if
   end subroutine check_command
 
-  subroutine check_options(command, given, error)
+  subroutine check_options(command, error)
     type(command_t), intent(in) :: command
-    character(*), intent(in) :: given
     type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: option
     integer :: i
 
-    do i = 1, word_count(given)
-      if (has_word(options_of(command%name)//' --help --version', word(given, i))) cycle
-      call raise(error, usage_error, "'"//command%name//"' takes no "//word(given, i)//': remove it, see dynstiction '// &
+    do i = 1, word_count(command%given)
+      option = word(command%given, i)
+      if (has_word(options_of(command%name)//' --help --version', option)) cycle
+      call raise(error, usage_error, "'"//command%name//"' takes no "//option//': remove it, see dynstiction '// &
                  command%name//' --help')
       return
     end do

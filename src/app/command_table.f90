@@ -1,4 +1,4 @@
-!> The one table of commands, options and exit statuses: parsing, help, completion, manual page and the documentation follow from it.
+!> The one table of commands, options and exit statuses: parsing, help, completion, manual page and documentation follow from it.
 !>
 !> A command of Python is carried out by the Python package, whose parser takes its operands and options from here too.
 module dst_command_table

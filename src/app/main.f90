@@ -114,7 +114,7 @@ contains
   subroutine execute()
     type(error_t), allocatable :: error
 
-    if (command%help) then
+    if (command%has('--help')) then
       call print_text(help_text(command%name))
       return
     end if
@@ -124,7 +124,7 @@ contains
     case ('template')
       call print_template()
     case ('keys')
-      if (command%json) then
+      if (command%has('--json')) then
         call print_text(catalogue(version))
       else
         call print_text(key_table())
@@ -255,14 +255,14 @@ contains
     if (.not. allocated(error)) then
       output(1)%text = command%output
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
-      call check_output(output, 1, command%operands(:1), command%overwrite, error)
+      call check_output(output, 1, command%operands(:1), command%has('--overwrite'), error)
     end if
     call listen_to_signals()
     if (.not. allocated(error)) &
-      call trade_deck(deck, output(1)%text, command%overwrite, command%quiet, command%budget, trade, error)
+      call trade_deck(deck, output(1)%text, command%has('--overwrite'), command%has('--quiet'), command%budget, trade, error)
     call complain(error)
     if (allocated(error)) return
-    if (.not. command%quiet) call print_text(trade_report(trade))
+    if (.not. command%has('--quiet')) call print_text(trade_report(trade))
     if (.not. command%accuracy > 0.0_wp) return
     call cheapest(trade, command%accuracy, command%quantity, best, error)
     call complain(error)
@@ -314,7 +314,7 @@ contains
     end if
     if (status /= result_done) return
     do i = 1, size(decks)
-      may_replace = command%overwrite
+      may_replace = command%has('--overwrite')
       if (decks(i)%is_sweep() .and. .not. may_replace) may_replace = is_of_unfinished_sweep(outputs(i)%text)
       call check_output(outputs, i, inputs_of(decks), may_replace, error)
       call complain(error)
@@ -365,14 +365,14 @@ contains
     else if (command%share%is_given) then
       call raise(error, usage_error, 'has no &sweep: run it without --shard')
     else if (processes%is_first()) then
-      call run_deck(deck, output, command%overwrite, command%quiet, error)
+      call run_deck(deck, output, command%has('--overwrite'), command%has('--quiet'), error)
     end if
   end subroutine carry_out
 
   type(sweep_options_t) function sweep_options() result(options)
-    options%overwrite = command%overwrite
-    options%quiet = command%quiet
-    options%keep_shards = command%keep_shards
+    options%overwrite = command%has('--overwrite')
+    options%quiet = command%has('--quiet')
+    options%keep_shards = command%has('--keep-shards')
     options%share = command%share
   end function sweep_options
 
@@ -393,7 +393,7 @@ contains
 
     call listen_to_signals()
     do i = 1, command%operand_count
-      call resume_run(command%operands(i)%text, command%quiet, error)
+      call resume_run(command%operands(i)%text, command%has('--quiet'), error)
       call complain_of(command%operands(i)%text, error)
       if (has_code(error, stopped_early)) exit
     end do
