@@ -14,8 +14,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-PAGE = Path(__file__).resolve().parent / "file.md"
-DECK = PAGE.parents[1] / "inputs" / "fig3.nml"
+FOLDER = Path(__file__).resolve().parent
+DECK = FOLDER.parent / "inputs" / "fig3.nml"
 
 INTRODUCTION = """\
 # The result file
@@ -97,7 +97,7 @@ def main() -> None:
                 rows(cases["sweep/summary"], "summary/"),
                 ELSEWHERE,
             ]
-    PAGE.write_text("\n".join(parts), encoding="utf-8")
+    (FOLDER / "file.md").write_text("\n".join(parts), encoding="utf-8")
 
 
 def written(executable: str, file: Path, *settings: str) -> Path:

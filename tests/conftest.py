@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import signal
+import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -67,3 +69,9 @@ def program(executable: Path, tmp_path: Path) -> Program:
 def package(tmp_path: Path) -> Program:
     """`python -m dynstiction`, in the test's folder."""
     return Program(programs.PACKAGE.first, tmp_path)
+
+
+@pytest.fixture(scope="session")
+def catalogue(executable: Path) -> dict[str, Any]:
+    """Commands, options, keys, columns, ... as the program names them."""
+    return json.loads(Program((executable,))("keys", "--json", status=0).stdout)

@@ -39,7 +39,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal, TypedDict, TypeVar
 
-from .deck_group import DeckGroup, key
+from .deck_group import DeckGroup
 '''
 
 
@@ -83,8 +83,7 @@ def group_class(group: str, name: str, keys: list[KeyInfo]) -> list[str]:
         about.append(f"    {key.name} : {type_of(key)}")
         about += wrapped(meaning_of(key), 8)
     about += ['    """', "", f'    group: ClassVar[str] = "{group}"', ""]
-    for key in keys:
-        about += field_of(key)
+    about += [f"    {key.name}: {type_of(key)} = {default_of(key)}" for key in keys]
     return [*about, ""]
 
 
@@ -133,19 +132,6 @@ def wrapped(text: str, indent: int) -> list[str]:
             line = " " * indent
         line += word + " "
     return [*lines, line.rstrip()]
-
-
-def field_of(key: KeyInfo) -> list[str]:
-    """One field, as the formatter would break it."""
-    long_name = f'"{key.meaning}"'
-    arguments = [default_of(key), quoted(key.units or "1"), long_name]
-    start = f"    {key.name}: {type_of(key)} = key("
-    one_line = f"{start}{', '.join(arguments)})"
-    if len(one_line) <= WIDTH:
-        return [one_line]
-    inside = f"        {', '.join(arguments)}"
-    body = [inside] if len(inside) <= WIDTH else [f"        {argument}," for argument in arguments]
-    return [start, *body, "    )"]
 
 
 def quoted(text: str) -> str:

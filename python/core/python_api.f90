@@ -7,6 +7,7 @@
 module dst_python_api
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
   use dst_build_info, only: version, git_revision, compiler, build_flags
+  use dst_catalogue, only: catalogue
   use dst_machine, only: host_name, job_name
   use dst_kinds, only: wp, pi
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
@@ -19,7 +20,7 @@ module dst_python_api
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema, key_count, condition_text, range_text
+  use dst_schema, only: schema
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: stage_terms_t, new_terms
@@ -36,7 +37,7 @@ module dst_python_api
   implicit none
   private
 
-  public :: key_total, key_info, key_default, deck_open, deck_given, deck_numbers, deck_texts, deck_close
+  public :: catalogue_length, catalogue_text, deck_open, deck_given, deck_numbers, deck_texts, deck_close
   public :: run_open, run_columns, column_info, run_advance, run_state, run_samples, run_events, run_outcome, run_counts
   public :: summary_info, statistics_info, parameter_info, parameter_text, run_text_length, run_text, run_close
   public :: sweep_open, sweep_sizes, sweep_axis, sweep_value_info, sweep_run, sweep_stop, sweep_message
@@ -91,40 +92,20 @@ module dst_python_api
 
 contains
 
-  !> Number of keys that a deck may have.
-  subroutine key_total(n)
+  !> Bytes of the catalogue.
+  subroutine catalogue_length(n)
     integer(c_int), intent(out) :: n
 
-    n = int(key_count, c_int)
-  end subroutine key_total
+    n = int(len(catalogue(version)), c_int)
+  end subroutine catalogue_length
 
-  !> Key i (from 1) of the schema: its kind (1 real, 2 integer, 3 text, 4 choice, 5 reals, 6 texts), what it takes and means.
-  subroutine key_info(i, kind, required, group, name, units, range, choices, condition, meaning)
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: kind, required
-    integer(c_int), intent(out) :: group(12), name(20), units(8), range(64), choices(256), condition(256), meaning(88)
+  !> Commands, options, keys, columns, ... as JSON.
+  subroutine catalogue_text(n, text)
+    integer(c_int), intent(in) :: n
+    integer(c_int), intent(out) :: text(n)
 
-    ! Not through the name below: gfortran 12 takes `key%kind` there for the kind of a number.
-    kind = int(schema(i)%kind, c_int)
-    associate (key => schema(i))
-      required = merge(1_c_int, 0_c_int, key%required)
-      call put_text(key%group, group)
-      call put_text(key%name, name)
-      call put_text(key%unit, units)
-      call put_text(range_text(key), range)
-      call put_text(key%choices, choices)
-      call put_text(condition_text(key), condition)
-      call put_text(key%meaning, meaning)
-    end associate
-  end subroutine key_info
-
-  !> Default of key i as in a deck, text without quotes; blank if it has none.
-  subroutine key_default(i, default)
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: default(16)
-
-    call put_text(schema(i)%default, default)
-  end subroutine key_default
+    call put_text(catalogue(version), text)
+  end subroutine catalogue_text
 
   !> Read a deck and hold it against the schema as a whole, or with `alone` = 1 each value against its own key only. The
   !> handle is valid until deck_close, also on failure; `message` is cut at 8192 bytes.

@@ -9,11 +9,12 @@ import argparse
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, NoReturn
+from typing import IO, TYPE_CHECKING, Any, NoReturn
 
+from ._native import catalogue
 from ._open import groups_in
 from ._sweep import open_sweep
 from ._trade import open_trade
@@ -93,38 +94,36 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
 
 
 def _parser(program: str) -> _Parser:
+    """Parser of Python's commands, whose operands and options stand in the one table, src/app/command_table.f90."""
     parser = _Parser(prog=program, description="Figures, reports and tables of dynstiction's results.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    _add_plot(commands)
-    _add_report(commands)
-    _add_export(commands)
-    _add_paper(commands)
-    _add_animate(commands)
-    _add_validate_creep(commands)
+    for entry in catalogue()["commands"]:
+        if entry["by"] == "Python":
+            command = commands.add_parser(entry["name"], help=entry["brief"], description=entry["meaning"])
+            run, defaults = COMMANDS[entry["name"]]
+            command.set_defaults(command=run, **defaults)
+            _add_arguments(command, entry)
     return parser
 
 
-def _add_plot(commands: argparse._SubParsersAction[_Parser]) -> None:
-    parser = commands.add_parser(
-        "plot",
-        help="draw a result file, or several side by side",
-        description="Draw a result file; of several runs one figure that compares them.",
-    )
-    parser.add_argument("files", metavar="FILE.h5", type=Path, nargs="+")
-    parser.add_argument(
-        "--kind",
-        help="of a run history, velocities, spectrogram, damping, creep, path or columns; by default what its model is "
-        "for; of a sweep map (the default) or lambda; of dynstiction trade work_precision",
-    )
-    parser.add_argument("--quantity", metavar="NAME", help="what a map of a sweep shows, like period (swing)")
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="PNG",
-        type=Path,
-        help="default: FILE.png, of several files comparison.png; also .pdf, .svg",
-    )
-    parser.set_defaults(command=_plot)
+def _add_arguments(parser: _Parser, entry: Mapping[str, Any]) -> None:
+    operand = entry["operands"].removesuffix("...")
+    if operand != entry["operands"]:
+        parser.add_argument("files", metavar=operand, type=Path, nargs="+")
+    elif operand:
+        parser.add_argument("file", metavar=operand, type=Path)
+    for option in catalogue()["options"]:
+        if entry["name"] not in option["commands"]:
+            continue
+        names = ("-o", "--output") if option["name"] == "-o" else (option["name"],)
+        how: dict[str, Any] = {"help": option["meaning"], "required": option["times"] == "1"}
+        if not option["argument"]:
+            how["action"] = "store_true"
+        elif "|" in option["argument"]:
+            how["choices"] = option["argument"].split("|")
+        else:
+            how |= {"metavar": option["argument"], "type": TYPES[option["argument"]]}
+        parser.add_argument(*names, **how)
 
 
 def _plot(options: argparse.Namespace) -> None:
@@ -149,45 +148,11 @@ def _short_names(files: Sequence[Path]) -> list[str]:
     return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
 
 
-def _add_report(commands: argparse._SubParsersAction[_Parser]) -> None:
-    parser = commands.add_parser(
-        "report",
-        help="one HTML page with all that a result file holds",
-        description="Write one HTML page: summary, figures, animation of the friction vector, cycles, parameters, solver "
-        "statistics, provenance, deck. It needs neither network nor other files.",
-    )
-    parser.add_argument("file", metavar="FILE.h5", type=Path)
-    parser.add_argument("-o", "--output", metavar="HTML", type=Path, help="default: FILE.html")
-    parser.add_argument("--overwrite", action="store_true", help="replace an existing page")
-    parser.set_defaults(command=_report)
-
-
 def _report(options: argparse.Namespace) -> None:
     from .report import write_report  # noqa: PLC0415
 
     output = options.output or options.file.with_suffix(".html")
     write_report(_open(options.file), output, options.file.name, overwrite=options.overwrite)
-
-
-def _add_export(commands: argparse._SubParsersAction[_Parser]) -> None:
-    parser = commands.add_parser(
-        "export",
-        help="write a result file's tables as CSV",
-        description="Write the tables of a result file as CSV: of a run time series, events and summary, of a sweep its "
-        "cases, of a comparison its points. Prints the files it wrote.",
-    )
-    parser.add_argument("file", metavar="FILE.h5", type=Path)
-    parser.add_argument("--csv", action="store_true", required=True, help="the format")
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="DIR",
-        type=Path,
-        default=Path(),
-        help="made if it is not there; default: here",
-    )
-    parser.add_argument("--overwrite", action="store_true", help="replace existing tables")
-    parser.set_defaults(command=_export)
 
 
 def _export(options: argparse.Namespace) -> None:
@@ -203,19 +168,6 @@ def _export(options: argparse.Namespace) -> None:
         _say(printable(str(file)))
 
 
-def _add_paper(commands: argparse._SubParsersAction[_Parser]) -> None:
-    parser = commands.add_parser(
-        "paper",
-        help="draw every figure of the paper",
-        description="Run the decks of Nakano and Popov (2020) and draw every figure. Prints the files it wrote.",
-    )
-    parser.add_argument(
-        "-o", "--output", metavar="DIR", type=Path, required=True, help="made if it is not there"
-    )
-    parser.add_argument("--format", choices=("png", "pdf", "svg"), default="png", help="default: png")
-    parser.set_defaults(command=_paper)
-
-
 def _paper(options: argparse.Namespace) -> None:
     from .plot.paper import draw_paper  # noqa: PLC0415
 
@@ -226,38 +178,14 @@ def _paper(options: argparse.Namespace) -> None:
         _say(file)
 
 
-def _add_animate(commands: argparse._SubParsersAction[_Parser]) -> None:
-    parser = commands.add_parser(
-        "animate",
-        help="show a run from above",
-        description="The object from above, while friction turns and the spring force and the position evolve.",
-    )
-    parser.add_argument("file", metavar="FILE.h5", type=Path)
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="OUT",
-        type=Path,
-        required=True,
-        help="X.gif, X.mp4 (needs ffmpeg), or a folder for PNG frames",
-    )
-    parser.add_argument("--from", dest="start", metavar="T", type=float, help="first time of the run [s]")
-    parser.add_argument("--to", dest="end", metavar="T", type=float, help="last time of the run [s]")
-    parser.add_argument("--fps", metavar="N", type=int, default=20, help="frames per second (20)")
-    parser.add_argument(
-        "--seconds", metavar="S", type=float, default=10.0, help="length of the film [s] (10)"
-    )
-    parser.set_defaults(command=_animate)
-
-
 def _animate(options: argparse.Namespace) -> None:
     from .plot.animation import animate  # noqa: PLC0415
 
     animate(
         _open(options.file),
         options.output,
-        start=options.start,
-        end=options.end,
+        start=vars(options)["from"],
+        end=options.to,
         frames_per_second=options.fps,
         seconds=options.seconds,
         progress=_show_frame if sys.stderr.isatty() else None,
@@ -266,18 +194,6 @@ def _animate(options: argparse.Namespace) -> None:
 
 def _show_frame(frame: int, count: int) -> None:
     print(f"\rframe {frame}/{count}", end="\n" if frame == count else "", file=sys.stderr, flush=True)
-
-
-def _add_validate_creep(commands: argparse._SubParsersAction[_Parser]) -> None:
-    parser = commands.add_parser(
-        "validate-creep",
-        help="which exponent Eq. (8) has",
-        description="Hold the forms of Eq. (8) against the exact creep, and that against the full model. Prints "
-        "the tables and the finding, writes creep_validation.png and creep_validation.csv; exit status 1 if a "
-        "check fails.",
-    )
-    parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=Path(), help="default: here")
-    parser.set_defaults(command=_validate_creep)
 
 
 def _validate_creep(options: argparse.Namespace) -> int:
@@ -348,6 +264,19 @@ def _warnings_in_one_line() -> Iterator[None]:
     for warning in caught:
         print(f"dynstiction: {warning.message}", file=sys.stderr)
 
+
+TYPES = {"DIR": Path, "HTML": Path, "KIND": str, "N": int, "NAME": str, "OUT": Path, "PNG": Path, "S": float, "T": float}
+"""Types of the arguments of options."""
+
+COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, Any]]] = {
+    "plot": (_plot, {}),
+    "report": (_report, {}),
+    "export": (_export, {"output": Path()}),
+    "animate": (_animate, {"fps": 20, "seconds": 10.0}),
+    "paper": (_paper, {"format": "png"}),
+    "validate-creep": (_validate_creep, {"output": Path()}),
+}
+"""What carries out a command, and the defaults of its options."""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, lru_cache
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ __all__ = [
     "Sweep",
     "Value",
     "build_info",
+    "catalogue",
     "creep_asymptotic",
     "creep_exact",
     "critical",
@@ -417,31 +419,22 @@ def machine_info() -> MachineInfo:
     return MachineInfo(*(_text(_core.build_text(which)) for which in (5, 6)))
 
 
-KINDS = ("real", "integer", "text", "choice", "reals", "texts")
-"""Kinds of keys, in the order of the core's numbers for them."""
+@cache
+def catalogue() -> dict[str, Any]:
+    """What ``dynstiction keys --json`` prints: commands, options, keys, columns, ...; numbers as texts, as a deck has them."""
+    return json.loads(_text(_core.catalogue_text(_core.catalogue_length())), parse_int=str, parse_float=str)
 
 
 @cache
 def schema() -> tuple[KeyInfo, ...]:
     """Every key that a deck may have: the one table of src/deck/schema.f90."""
-    return tuple(_key(i + 1) for i in range(_core.key_total()))
+    return tuple(map(_key, catalogue()["keys"]))
 
 
-def _key(i: int) -> KeyInfo:
-    kind, required, *about = _core.key_info(i)
-    group, name, units, limits, choices, condition, meaning = map(_text, about)
-    return KeyInfo(
-        group,
-        name,
-        KINDS[kind - 1],
-        bool(required),
-        units,
-        limits,
-        tuple(choices.split()),
-        _text(_core.key_default(i)),
-        condition,
-        meaning,
-    )
+def _key(key: dict[str, Any]) -> KeyInfo:
+    condition = " and ".join(f"{name} {' | '.join(choices)}" for name, choices in key["used_by"].items())
+    given = {"choices": tuple(key["choices"]), "default": key["default"] or "", "condition": condition}
+    return KeyInfo(**{name: key.get(name) for name in KeyInfo._fields} | given)
 
 
 def rhs(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:

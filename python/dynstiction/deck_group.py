@@ -9,12 +9,7 @@ from typing import Any, ClassVar, Self
 from . import _native
 from .deck_text import deck_from, plain
 
-__all__ = ["DeckGroup", "key"]
-
-
-def key(default: object, units: str, long_name: str) -> Any:
-    """Field of a group, with its unit and meaning as metadata."""
-    return dataclasses.field(default=default, metadata={"units": units, "long_name": long_name})
+__all__ = ["DeckGroup"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False)
@@ -32,6 +27,12 @@ class DeckGroup:
     """
 
     group: ClassVar[str]
+
+    def __init_subclass__(cls) -> None:
+        for key in _native.schema():
+            if key.group == cls.group and key.name in cls.__annotations__:
+                about = {"units": key.units or "1", "long_name": key.meaning}
+                setattr(cls, key.name, dataclasses.field(default=getattr(cls, key.name), metadata=about))
 
     def __post_init__(self) -> None:
         defaults = self._defaults()

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal, TypedDict, TypeVar
 
-from .deck_group import DeckGroup, key
+from .deck_group import DeckGroup
 
 __all__ = [
     "Drive",
@@ -51,20 +51,12 @@ class Setup(DeckGroup):
 
     group: ClassVar[str] = "scene"
 
-    title: str = key("", "1", "what the scene shows; kept in the results")
-    model: Literal["full", "low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"] = key(
-        "full", "1", "the equations to integrate"
-    )
-    form: Literal["first_power", "printed", "third_order"] = key(
-        "first_power",
-        "1",
-        "of Eq. (8): as derived from Eq. (7), as printed in the preprint, or with the next order",
-    )
-    quantities: Literal["stick_slip", "creep", "high_frequency"] = key(
-        "stick_slip", "1", "what the model is chosen for"
-    )
-    accuracy: float = key(0.001, "1", "error against the full model that is allowed in these quantities")
-    t_end: float | None = key(None, "s", "end of the simulated time")
+    title: str = ""
+    model: Literal["full", "low_frequency", "high_frequency", "creep", "creep_asymptotic", "auto"] = "full"
+    form: Literal["first_power", "printed", "third_order"] = "first_power"
+    quantities: Literal["stick_slip", "creep", "high_frequency"] = "stick_slip"
+    accuracy: float = 0.001
+    t_end: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -87,10 +79,10 @@ class System(DeckGroup):
 
     group: ClassVar[str] = "system"
 
-    mass: float | None = key(None, "kg", "mass of the object")
-    stiffness_x: float | None = key(None, "N/m", "stiffness along the soft principal axis")
-    stiffness_y: float | None = key(None, "N/m", "stiffness along the stiff principal axis")
-    misalignment_deg: float | None = key(None, "deg", "angle phi from the drive direction to the soft axis")
+    mass: float | None = None
+    stiffness_x: float | None = None
+    stiffness_y: float | None = None
+    misalignment_deg: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -119,15 +111,13 @@ class Friction(DeckGroup):
 
     group: ClassVar[str] = "friction"
 
-    law: Literal["constant", "weakening"] = key("weakening", "1", "how friction depends on the slip velocity")
-    mu_0: float | None = key(None, "1", "friction coefficient at rest")
-    mu_inf: float | None = key(None, "1", "friction coefficient at high slip velocity")
-    v_f: float | None = key(None, "m/s", "slip velocity over which friction weakens")
-    normal_load: float | None = key(None, "N", "normal load W")
-    contact: Literal["exact", "smoothed"] = key(
-        "exact", "1", "exact: set-valued at rest, with events; smoothed: w/sqrt(|w|^2 + v_smooth^2)"
-    )
-    v_smooth: float = key(0.0, "m/s", "smoothing velocity, to be far below V sin(phi)")
+    law: Literal["constant", "weakening"] = "weakening"
+    mu_0: float | None = None
+    mu_inf: float | None = None
+    v_f: float | None = None
+    normal_load: float | None = None
+    contact: Literal["exact", "smoothed"] = "exact"
+    v_smooth: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -145,12 +135,8 @@ class Drive(DeckGroup):
 
     group: ClassVar[str] = "drive"
 
-    velocity: float | Sequence[float] | None = key(
-        None, "m/s", "drive velocity: one value, or one for each time; constant after the last"
-    )
-    time: float | Sequence[float] = key(
-        0.0, "s", "corners of a piecewise-linear velocity, from 0 on; a time given twice is a jump"
-    )
+    velocity: float | Sequence[float] | None = None
+    time: float | Sequence[float] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -172,11 +158,9 @@ class Initial(DeckGroup):
 
     group: ClassVar[str] = "initial"
 
-    velocity_ratio: float = key(0.0, "1", "initial velocity along the drive over the drive velocity, X'(0)/V")
-    elongation_x: float = key(
-        0.0, "m", "initial elongation of the spring along the soft axis; high_frequency holds it"
-    )
-    elongation_y: float = key(0.0, "m", "initial elongation of the spring along the stiff axis")
+    velocity_ratio: float = 0.0
+    elongation_x: float = 0.0
+    elongation_y: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -206,18 +190,12 @@ class Integrator(DeckGroup):
 
     group: ClassVar[str] = "integrator"
 
-    method: Literal["radau5", "radau9", "radau13", "dopri5", "dop853", "rodas4p", "rk4", "moreau_jean"] = key(
-        "radau9",
-        "1",
-        "radau*: implicit; dopri5, dop853, rk4: explicit; moreau_jean: nonsmooth; rodas4p: sweeps",
-    )
-    rtol: float = key(1e-08, "1", "relative tolerance of a step")
-    step: float = key(0.0, "s", "the fixed step")
-    v_cut: float = key(
-        0.0, "m/s", "slip velocity below which a stop is finished in closed form; 0 = chosen from rtol and V"
-    )
-    step_max: float = key(0.0, "s", "longest step; 0 = no limit")
-    max_steps: int = key(0, "1", "most steps of a run; 0 = no limit")
+    method: Literal["radau5", "radau9", "radau13", "dopri5", "dop853", "rodas4p", "rk4", "moreau_jean"] = "radau9"
+    rtol: float = 1e-08
+    step: float = 0.0
+    v_cut: float = 0.0
+    step_max: float = 0.0
+    max_steps: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -243,16 +221,12 @@ class Output(DeckGroup):
 
     group: ClassVar[str] = "output"
 
-    file: str = key(
-        "", "1", "file of the results; empty = the deck's name with .h5, in the current directory"
-    )
-    interval: float = key(0.001, "s", "time between samples; 0 = every accepted step")
-    fields: str | Sequence[str] = key("default", "1", "columns of the time series")
-    flush_seconds: float = key(5.0, "s", "wall time between flushes of the file")
-    checkpoint_interval: float = key(
-        600.0, "s", "wall time between checkpoints; 0 = only when the run is stopped"
-    )
-    wall_limit: float = key(0.0, "s", "wall time after which the run stops; 0 = no limit")
+    file: str = ""
+    interval: float = 0.001
+    fields: str | Sequence[str] = "default"
+    flush_seconds: float = 5.0
+    checkpoint_interval: float = 600.0
+    wall_limit: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -279,21 +253,13 @@ class Sweep(DeckGroup):
 
     group: ClassVar[str] = "sweep"
 
-    parameter: str | Sequence[str] | None = key(
-        None, "1", "keys that are varied, as GROUP.KEY; the last varies fastest"
-    )
-    first: float | Sequence[float] | None = key(None, "1", "first value of each parameter, in its own unit")
-    last: float | Sequence[float] | None = key(None, "1", "last value of each parameter")
-    count: float | Sequence[float] | None = key(None, "1", "number of values of each parameter")
-    spacing: str | Sequence[str] = key(
-        "linear", "1", "distance of the values: one for all parameters, or one for each"
-    )
-    points: str = key(
-        "", "1", "CSV or HDF5 file, a column for each GROUP.KEY and a case a row, in place of the above"
-    )
-    keep: Literal["summary", "series"] = key(
-        "summary", "1", "what is kept of a case: its summary, or the time series too"
-    )
+    parameter: str | Sequence[str] | None = None
+    first: float | Sequence[float] | None = None
+    last: float | Sequence[float] | None = None
+    count: float | Sequence[float] | None = None
+    spacing: str | Sequence[str] = "linear"
+    points: str = ""
+    keep: Literal["summary", "series"] = "summary"
 
 
 GroupValues = Mapping[str, object]

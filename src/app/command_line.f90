@@ -1,15 +1,18 @@
-!> The command line: its words, its help. What the commands do is the main program's matter.
+!> The command line: its words, its help, by the table dst_command_table. What the commands do is the main program's matter.
 module dst_command_line
+  use dst_command_table, only: command_entry_t, option_t, the_program, commands, options, exit_statuses, find_command, &
+    find_option, command_names, options_of, is_option_of, operand_of
   use dst_division, only: share_wish_t, take_share_wish
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
   use dst_schema, only: schema, find_key, names_file
-  use dst_text, only: starts_with, has_word, lower_case, word, word_count, nearest_word, excerpt, alternatives, read_real
+  use dst_text, only: starts_with, has_word, lower_case, word, word_count, nearest_word, excerpt, alternatives, integer_text, &
+    one_per_line, read_real
   implicit none
   private
 
-  public :: argument_t, command_t, program_arguments, is_python_command, parse_arguments, setting_list, help_text
-  public :: commands, python_commands, options_of, takes_value
+  public :: argument_t, command_t, program_arguments, is_python_command, parse_arguments, takes_value, setting_list, help_text, &
+    usage_of
 
   !> One word of the command line.
   type :: argument_t
@@ -18,7 +21,7 @@ module dst_command_line
 
   !> A command as understood, with its options.
   type :: command_t
-    character(:), allocatable :: name              !! one of `commands`, version or help
+    character(:), allocatable :: name              !! one of the table, version or help
     character(:), allocatable :: output            !! of -o; '' = not given
     type(argument_t), allocatable :: operands(:)   !! decks, result files, or the template's model
     type(argument_t), allocatable :: settings(:)   !! of --set
@@ -26,19 +29,16 @@ module dst_command_line
     character(:), allocatable :: quantity          !! of --quantity; '' = not given
     real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
     real(wp) :: budget = 10.0_wp                   !! of --budget, s
-    logical :: overwrite = .false., quiet = .false., keep_shards = .false.
     type(share_wish_t) :: share                    !! of --shard and --redivide
-    logical :: help = .false.                      !! help on the command is wanted, not the command
+    character(:), allocatable :: given             !! names of all options that are given, blank-separated
+  contains
+    procedure :: has
   end type command_t
 
-  !> All commands, in the order of the help.
-  character(*), parameter :: commands = 'run resume merge check template keys stability trade show'
-  character(*), parameter :: commands_on_files = 'run resume merge check stability trade show'
-  !> Commands of the Python package, to which the executable hands over.
-  character(*), parameter :: python_commands = 'plot report export animate paper validate-creep'
-  character(*), parameter :: options_with_value = '-o --set --shard --accuracy --budget --quantity'
-  character(*), parameter :: all_options = options_with_value//' --overwrite --quiet --keep-shards --redivide --help --version'
+  character, parameter :: n = achar(10)
   character(*), parameter :: see_help = ', see dynstiction --help'
+  !> Columns of the help: the longest line, the meaning of an option, and that of a command.
+  integer, parameter :: widest = 110, option_column = 25, command_column = 42
 
 contains
 
@@ -60,7 +60,7 @@ contains
     type(argument_t), intent(in) :: arguments(:)
 
     is_python_command = .false.
-    if (size(arguments) > 0) is_python_command = has_word(python_commands, arguments(1)%text)
+    if (size(arguments) > 0) is_python_command = has_word(command_names(of_python=.true.), arguments(1)%text)
   end function is_python_command
 
   !> Understand the arguments; a fault of usage goes to `error`.
@@ -68,16 +68,14 @@ contains
     type(argument_t), intent(in) :: arguments(:)
     type(command_t), intent(out) :: command
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: options
-    logical :: version, only_operands
+    logical :: only_operands
     integer :: i
 
     command%name = ''
     command%output = ''
     command%quantity = ''
     allocate (command%operands(size(arguments)), command%settings(size(arguments)))
-    options = ''
-    version = .false.
+    command%given = ''
     only_operands = .false.
     i = 1
     do while (i <= size(arguments) .and. .not. allocated(error))
@@ -86,14 +84,15 @@ contains
       else if (arguments(i)%text == '--') then
         only_operands = .true.
       else
-        call take_option(arguments, i, command, version, options, error)
+        call take_option(arguments, i, command, error)
       end if
       i = i + 1
     end do
     if (allocated(error)) return
-    if (version) command%name = 'version'
-    if (command%help .and. command%name == '') command%name = 'help'
-    call check_command(command, options, error)
+    command%share%redivide = command%has('--redivide')
+    if (command%has('--version')) command%name = 'version'
+    if (command%has('--help') .and. command%name == '') command%name = 'help'
+    call check_command(command, error)
   end subroutine parse_arguments
 
   pure logical function is_option(text)
@@ -115,77 +114,73 @@ contains
     end if
   end subroutine take_operand
 
-  !> The option at `i`, and its value, on which `i` then stands. `options` collects the names.
-  subroutine take_option(arguments, i, command, version, options, error)
+  !> Whether an option is given.
+  pure logical function has(self, option)
+    class(command_t), intent(in) :: self
+    character(*), intent(in) :: option
+
+    has = has_word(self%given, option)
+  end function has
+
+  !> The option at `i`, and its value, on which `i` then stands.
+  subroutine take_option(arguments, i, command, error)
     type(argument_t), intent(in) :: arguments(:)
     integer, intent(inout) :: i
     type(command_t), intent(inout) :: command
-    logical, intent(inout) :: version
-    character(:), allocatable, intent(inout) :: options
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: option, value
 
     option = arguments(i)%text
     if (starts_with(option, '--set=')) option = '--set'
-    select case (option)
-    case ('-o', '--set', '--shard')
-      call option_value(arguments, i, option, value, error)
-      if (allocated(error)) return
-      if (option == '-o') then
-        if (has_word(options, '-o')) call raise(error, usage_error, '-o given twice: give one output file')
-        command%output = value
-      else if (option == '--shard') then
-        call take_share_wish(value, command%share, error)
-      else
-        call check_named_file(value, error)
-        command%setting_count = command%setting_count + 1
-        command%settings(command%setting_count)%text = value
-      end if
-    case ('--accuracy', '--budget', '--quantity')
-      call option_value(arguments, i, option, value, error)
-      if (.not. allocated(error)) call take_wish(option, value, command, error)
-      if (allocated(error)) return
-    case ('--overwrite')
-      command%overwrite = .true.
-    case ('--quiet')
-      command%quiet = .true.
-    case ('--keep-shards')
-      command%keep_shards = .true.
-    case ('--redivide')
-      command%share%redivide = .true.
-    case ('--version')
-      version = .true.
-    case ('--help', '-h')
-      command%help = .true.
-    case default
-      call raise(error, usage_error, unknown_text('option', option, all_options))
-    end select
-    options = trim(adjustl(options//' '//option))
-  end subroutine take_option
-
-  !> The options of 'trade' that have a value.
-  subroutine take_wish(option, value, command, error)
-    character(*), intent(in) :: option, value
-    type(command_t), intent(inout) :: command
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: problem
-    real(wp) :: number
-
-    if (option == '--quantity') then
-      command%quantity = value
+    if (option == '-h') option = '--help'
+    if (.not. has_word(options_of(''), option)) then
+      call raise(error, usage_error, unknown_text('option', option, options_of('')))
       return
     end if
+    value = ''
+    if (takes_value(option)) call option_value(arguments, i, option, value, error)
+    if (allocated(error)) return
+    select case (option)
+    case ('-o')
+      call check_file_name(value, error)
+      if (.not. allocated(error) .and. command%has('-o')) &
+        call raise(error, usage_error, '-o given twice: give one output file')
+      command%output = value
+    case ('--set')
+      call check_named_file(value, error)
+      command%setting_count = command%setting_count + 1
+      command%settings(command%setting_count)%text = value
+    case ('--shard')
+      call take_share_wish(value, command%share, error)
+    case ('--quantity')
+      command%quantity = value
+    case ('--accuracy')
+      call take_number(option, value, '1e-3', command%accuracy, error)
+    case ('--budget')
+      call take_number(option, value, '30', command%budget, error)
+    end select
+    command%given = trim(adjustl(command%given//' '//option))
+  end subroutine take_option
+
+  !> Whether the word after the option belongs to it.
+  pure logical function takes_value(option)
+    character(*), intent(in) :: option
+
+    takes_value = any(options%name == option .and. options%argument /= '')
+  end function takes_value
+
+  !> A positive number, like `example`.
+  subroutine take_number(option, value, example, number, error)
+    character(*), intent(in) :: option, value, example
+    real(wp), intent(out) :: number
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: problem
+
     call read_real(value, number, problem)
     if (problem == '' .and. .not. number > 0.0_wp) problem = 'is out of range'
-    if (problem /= '') then
-      call raise(error, usage_error, option//" '"//excerpt(value)//"' "//problem//': give a number > 0, like '// &
-                 trim(merge('1e-3', '30  ', option == '--accuracy')))
-    else if (option == '--accuracy') then
-      command%accuracy = number
-    else
-      command%budget = number
-    end if
-  end subroutine take_wish
+    if (problem /= '') &
+      call raise(error, usage_error, option//" '"//excerpt(value)//"' "//problem//': give a number > 0, like '//example)
+  end subroutine take_number
 
   subroutine option_value(arguments, i, option, value, error)
     type(argument_t), intent(in) :: arguments(:)
@@ -201,17 +196,8 @@ contains
       i = i + 1
       value = arguments(i)%text
     end if
-    if (option == '-o' .and. len(value) > 0) call check_file_name(value, error)
-    if (len(value) > 0) return
-    if (option == '-o') then
-      call raise(error, usage_error, '-o without a file name: write -o FILE')
-    else if (option == '--shard') then
-      call raise(error, usage_error, '--shard without its number: write --shard I/N or --shard auto')
-    else if (option /= '--set') then
-      call raise(error, usage_error, option//' without a value: see dynstiction trade --help')
-    else
-      call raise(error, usage_error, '--set without a setting: write --set GROUP.KEY=VALUE')
-    end if
+    if (len(value) == 0) &
+      call raise(error, usage_error, option//' without '//trim(options(find_option(option, ''))%lacking))
   end subroutine option_value
 
   !> Fortran's files have no names that end with a blank: another file would be meant.
@@ -249,95 +235,64 @@ contains
   end function unknown_text
 
   !> Whether the command exists, takes these options, and has the operands it needs.
-  subroutine check_command(command, options, error)
+  subroutine check_command(command, error)
     type(command_t), intent(in) :: command
-    character(*), intent(in) :: options
     type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: all_commands
+    integer :: k
 
+    all_commands = command_names(of_python=.false.)//' '//command_names(of_python=.true.)
+    k = find_command(command%name)
     if (command%name == '') then
-      call raise(error, usage_error, 'no command: give one of '//alternatives(commands//' '//python_commands)//see_help)
+      call raise(error, usage_error, 'no command: give one of '//alternatives(all_commands)//see_help)
     else if (command%name == 'version' .or. command%name == 'help') then
       return
-    else if (has_word(python_commands, command%name)) then
+    else if (k == 0) then
+      call raise(error, usage_error, unknown_text('command', command%name, all_commands))
+    else if (commands(k)%of_python) then
       call raise(error, usage_error, "'"//command%name//"' comes first: write dynstiction "//command%name//' ...')
-    else if (.not. has_word(commands, command%name)) then
-      call raise(error, usage_error, unknown_text('command', command%name, commands//' '//python_commands))
-    else if (.not. command%help) then
-      call check_options(command, options, error)
-      if (.not. allocated(error)) call check_operands(command, error)
+    else if (.not. command%has('--help')) then
+      call check_options(command, error)
+      if (.not. allocated(error)) call check_operands(command, commands(k), error)
     end if
   end subroutine check_command
 
-  !> The options that a command takes, blank-separated, besides --help.
-  pure function options_of(name) result(options)
-    character(*), intent(in) :: name
-    character(:), allocatable :: options
-
-    select case (name)
-    case ('run')
-      options = '-o --set --overwrite --quiet --shard --redivide --keep-shards'
-    case ('merge')
-      options = '-o --set --overwrite --quiet --keep-shards'
-    case ('resume')
-      options = '--quiet'
-    case ('check', 'stability')
-      options = '--set'
-    case ('trade')
-      options = '-o --set --accuracy --quantity --budget --overwrite --quiet'
-    case default
-      options = ''
-    end select
-  end function options_of
-
-  !> Whether the word after the option belongs to it.
-  pure logical function takes_value(option)
-    character(*), intent(in) :: option
-
-    takes_value = has_word(options_with_value, option)
-  end function takes_value
-
-  subroutine check_options(command, options, error)
+  subroutine check_options(command, error)
     type(command_t), intent(in) :: command
-    character(*), intent(in) :: options
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: option
     integer :: i
 
-    option = ''
-    do i = 1, word_count(options)
-      option = word(options, i)
-      if (.not. has_word(options_of(command%name)//' -h --help --version', option)) exit
-    end do
-    if (i <= word_count(options)) &
+    do i = 1, word_count(command%given)
+      option = word(command%given, i)
+      if (has_word(options_of(command%name)//' --help --version', option)) cycle
       call raise(error, usage_error, "'"//command%name//"' takes no "//option//': remove it, see dynstiction '// &
                  command%name//' --help')
+      return
+    end do
   end subroutine check_options
 
-  subroutine check_operands(command, error)
+  subroutine check_operands(command, entry, error)
     type(command_t), intent(in) :: command
+    type(command_entry_t), intent(in) :: entry
     type(error_t), allocatable, intent(out) :: error
-    integer :: i
+    character(:), allocatable :: operand, kind, allowed
+    integer :: i, most
 
-    if (has_word(commands_on_files, command%name)) then
-      do i = 1, command%operand_count
-        call check_file_name(command%operands(i)%text, error)
-        if (allocated(error)) return
-      end do
-    end if
-    if (command%name == 'keys') then
-      if (command%operand_count > 0) &
-        call raise(error, usage_error, "'keys' takes no operand: '"//excerpt(command%operands(1)%text)//"' is too many")
-    else if (command%name == 'template') then
-      if (command%operand_count > 1) &
-        call raise(error, usage_error, "'template' takes one model: '"//excerpt(command%operands(2)%text)//"' is too many")
-    else if (command%name == 'resume' .and. command%operand_count == 0) then
-      call raise(error, usage_error, "'resume' without a file: write dynstiction resume FILE.h5")
-    else if (command%name == 'show' .and. command%operand_count == 0) then
-      call raise(error, usage_error, "'show' without a file: write dynstiction show FILE.h5")
-    else if (command%operand_count == 0) then
-      call raise(error, usage_error, "'"//command%name//"' without a deck: write dynstiction "//command%name//' DECK')
-    else if (command%operand_count > 1 .and. command%name == 'trade') then
-      call raise(error, usage_error, "'trade' takes one deck: '"//excerpt(command%operands(2)%text)//"' is too many")
+    operand = operand_of(entry)
+    kind = trim(lower_case(operand(:index(operand//'.', '.') - 1)))
+    do i = 1, command%operand_count
+      if (kind == 'deck' .or. kind == 'file') call check_file_name(command%operands(i)%text, error)
+      if (allocated(error)) return
+    end do
+    most = merge(0, 1, operand == '')
+    allowed = 'one '//kind
+    if (most == 0) allowed = 'no operand'
+    if (command%operand_count > most .and. index(entry%operands, '...') == 0) then
+      call raise(error, usage_error, "'"//command%name//"' takes "//allowed//": '"// &
+        excerpt(command%operands(most + 1)%text)//"' is too many")
+    else if (command%operand_count == 0 .and. verify(entry%operands(:1), '[ ') == 1) then
+      call raise(error, usage_error, "'"//command%name//"' without a "//kind//': write dynstiction '//command%name//' '//operand)
     else if (command%share%redivide .and. .not. command%share%is_given) then
       call raise(error, usage_error, '--redivide without --shard: give the new division, like --shard 3/16')
     else if (command%quantity /= '' .and. .not. command%accuracy > 0.0_wp) then
@@ -365,154 +320,113 @@ contains
   end function setting_list
 
   !> The help on a command, or on the program for any other name.
-  function help_text(name) result(text)
+  pure function help_text(name) result(text)
     character(*), intent(in) :: name
     character(:), allocatable :: text
-    character, parameter :: n = achar(10)
+    integer :: i
 
-    select case (name)
-    case ('run')
-      text = 'Usage: dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n//n// &
-        'Run each deck and write its results to an HDF5 file: FILE, else output.file of the deck,'//n// &
-        'else the deck''s name with .h5 in the current directory. All decks are checked before the first runs.'//n// &
-        'Ctrl-C, SIGTERM, SIGUSR1 and output.wall_limit stop the run with a checkpoint: go on with dynstiction resume.'//n//n// &
-        '  -o FILE                the output file (one deck only)'//n// &
-        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
-        '  --set GROUP.KEY=       as if the deck did not set the key'//n// &
-        '  --overwrite            replace an existing output file'//n// &
-        '  --quiet                no progress'//n// &
-        '  --shard I/N            of a sweep: the I-th of N equal parts of its cases; dynstiction merge joins the shards'//n// &
-        '  --shard I              the same where the shards that there are say N'//n// &
-        '  --shard auto           I and N from the job array, or from the launcher of several processes'//n// &
-        '  --redivide             with --shard: another N than that of the shards; what is done stays done'//n// &
-        '  --keep-shards          of a sweep: do not remove the shards when the result file is whole'//n//n// &
-        'A deck with &sweep runs all its cases, on all cores; started again after a stop or a kill, it goes on.'//n//n// &
-        'Examples:'//n// &
-        '  dynstiction run inputs/fig3.nml'//n// &
-        '  dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
-        '  dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'//n//n// &
-        exit_codes(n)
-    case ('merge')
-      text = 'Usage: dynstiction merge DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--keep-shards]'//n//n// &
-        'Write the finished cases of a sweep from its shards FILE.shard-* to FILE. Deck, -o and --set are those of the run.'//n// &
-        'Cases that have not been run are rows of NaN with result_code -1; the shards are then kept, and the next'//n// &
-        'merge or run of the same sweep replaces the file.'//n//n// &
-        '  --overwrite            replace an existing result file'//n// &
-        '  --keep-shards          do not remove the shards when all cases are there'//n//n// &
-        'Example:'//n// &
-        '  dynstiction merge inputs/map_lambda.nml -o map_lambda.h5'//n//n// &
-        exit_codes(n)
-    case ('show')
-      text = 'Usage: dynstiction show FILE.h5...'//n//n// &
-        'Print what each result file is: model, method, whether it is complete. Of a sweep that is not at its end, print'//n// &
-        'from its shards FILE.h5.shard-* how many cases are done, and of each shard its part, its times, and whether a'//n// &
-        'process is writing it; FILE.h5 itself need not be there yet. Nothing is changed, and nobody is disturbed.'//n//n// &
-        'Example:'//n// &
-        '  dynstiction show map_lambda.h5'//n//n// &
-        exit_codes(n)
-    case ('resume')
-      text = 'Usage: dynstiction resume FILE.h5... [--quiet]'//n//n// &
-        'Go on with a run that was stopped or killed, from the checkpoint beside its result file, FILE.h5.checkpoint.'//n// &
-        'The deck is that in FILE.h5. The finished file holds the same numbers as that of a run without a stop,'//n// &
-        'but for the wall time.'//n//n// &
-        '  --quiet                no progress'//n//n// &
-        'Example:'//n// &
-        '  dynstiction resume fig3.h5'//n//n// &
-        exit_codes(n)
-    case ('check')
-      text = 'Usage: dynstiction check DECK... [--set GROUP.KEY=VALUE]...'//n//n// &
-        'Check each deck, print it with every key as used, marked user or default, and run nothing.'//n// &
-        'What is printed is a deck itself. All faults of a deck are reported in one go, also that its results'//n// &
-        'need more room than the disk has. What passes runs.'//n//n// &
-        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
-        '  --set GROUP.KEY=       as if the deck did not set the key'//n//n// &
-        'Examples:'//n// &
-        '  dynstiction check inputs/fig3.nml'//n// &
-        '  dynstiction check inputs/fig3.nml --set integrator.method=dopri5 > complete.nml'//n//n// &
-        exit_codes(n)
-    case ('template')
-      text = 'Usage: dynstiction template [MODEL]'//n//n// &
-        'Print a deck for MODEL (full) with every key, its unit, range or choices, default and meaning.'//n//n// &
-        'Example:'//n// &
-        '  dynstiction template > my.nml'//n//n// &
-        exit_codes(n)
-    case ('keys')
-      text = 'Usage: dynstiction keys'//n//n// &
-        'Print every key that a deck may have, a line each: GROUP.KEY, its kind, unit, range or choices and default, and'//n// &
-        'its meaning, with tabs between the three.'//n//n// &
-        'Example:'//n// &
-        '  dynstiction keys | grep velocity'//n//n// &
-        exit_codes(n)
-    case ('stability')
-      text = 'Usage: dynstiction stability DECK... [--set GROUP.KEY=VALUE]...'//n//n// &
-        'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment'//n// &
-        'angles, and the damping of the slow motion (Lambda, zeta, theta*). Of a drive with several velocities,'//n// &
-        'each one that is held and is not 0 is treated. Nothing runs, and no file is written.'//n//n// &
-        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
-        '  --set GROUP.KEY=       as if the deck did not set the key'//n//n// &
-        'Examples:'//n// &
-        '  dynstiction stability inputs/fig3.nml'//n// &
-        '  dynstiction stability inputs/fig3.nml --set system.misalignment_deg=10'//n//n// &
-        exit_codes(n)
-    case ('trade')
-      text = 'Usage: dynstiction trade DECK [--accuracy A] [--quantity NAME] [--budget S] [-o FILE]'//n// &
-        '                         [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n//n// &
-        'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing'//n// &
-        'velocities, against a reference whose own error is estimated. Prints a table, also of what failed or was'//n// &
-        'skipped, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current directory;'//n// &
-        'python -m dynstiction plot FILE draws it.'//n//n// &
-        '  --accuracy A           print the cheapest settings whose errors are below A with a margin'//n// &
-        '  --quantity NAME        errors of which quantity; all; by default final_elongation, period, peak_force'//n// &
-        '                         and creep_velocity, as far as the scene has them'//n// &
-        '  --budget S             wall time in seconds (10)'//n// &
-        '  -o FILE                the output file'//n// &
-        '  --set GROUP.KEY=VALUE  use VALUE in place of the deck''s; may be repeated; text needs no quotes'//n// &
-        '  --overwrite            replace an existing output file'//n// &
-        '  --quiet                no progress and no table'//n//n// &
-        'Examples:'//n// &
-        '  dynstiction trade inputs/fig3.nml --accuracy 1e-4'//n// &
-        '  dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantity period --budget 3 --quiet'//n//n// &
-        exit_codes(n)
-    case default
-      text = 'dynstiction: stick-slip of a spring-slider with misaligned anisotropic stiffness'//n//n// &
-        'Usage:'//n// &
-        '  dynstiction run DECK... [-o FILE] [--set GROUP.KEY=VALUE]... [--overwrite] [--quiet]'//n// &
-        '  dynstiction resume FILE.h5... [--quiet]                go on with a run that was stopped or killed'//n// &
-        '  dynstiction merge DECK... [-o FILE]                    join the shards of a sweep'//n// &
-        '  dynstiction show FILE.h5...                            what a result is, how far a sweep has come'//n// &
-        '  dynstiction check DECK... [--set GROUP.KEY=VALUE]...   print the deck as used, run nothing'//n// &
-        '  dynstiction template [MODEL]                           print a deck with every key explained'//n// &
-        '  dynstiction keys                                       print every key of a deck, a line each'//n// &
-        '  dynstiction stability DECK... [--set GROUP.KEY=VALUE]...   whether steady sliding is stable'//n// &
-        '  dynstiction trade DECK [--accuracy A] [--budget S]     measured error against cost of methods and models'//n// &
-        '  dynstiction --version | --help | COMMAND --help'//n//n// &
-        'By the Python package, through the interpreter DYNSTICTION_PYTHON, else the python3 beside the executable,'//n// &
-        'else that of PATH:'//n// &
-        '  dynstiction plot FILE.h5... [--kind KIND] [-o PNG]     draw a result file, or several side by side'//n// &
-        '  dynstiction report FILE.h5 [-o HTML]                   one page with all that a file holds'//n// &
-        '  dynstiction export FILE.h5 --csv [-o DIR]              its tables as CSV'//n// &
-        '  dynstiction animate FILE.h5 -o OUT                     a film of the object from above'//n// &
-        '  dynstiction paper -o DIR                               every figure of the paper'//n// &
-        '  dynstiction validate-creep                             which exponent Eq. (8) has'//n//n// &
-        'A DECK is a Fortran namelist file; SI units, angles in degrees. Start from the template:'//n// &
-        '  dynstiction template > my.nml'//n// &
-        '  dynstiction check my.nml'//n// &
-        '  dynstiction run my.nml'//n//n// &
-        exit_codes(n)
-    end select
+    i = find_command(name)
+    if (i > 0) then
+      text = help_on(commands(i))
+    else
+      text = overview()
+    end if
+    text = text//n//'Exit status:'//n
+    do i = 1, size(exit_statuses)
+      call put_row(text, repeat(' ', merge(1, 0, exit_statuses(i)%status < 10))//integer_text(exit_statuses(i)%status), &
+        exit_statuses(i)%meaning, 6)
+    end do
   end function help_text
 
-  pure function exit_codes(n) result(text)
-    character, intent(in) :: n      !! line end
+  pure function help_on(command) result(text)
+    type(command_entry_t), intent(in) :: command
     character(:), allocatable :: text
+    integer :: k
 
-    text = 'Exit status:'//n// &
-      '   0  done'//n// &
-      '   1  wrong usage'//n// &
-      '   2  a deck was refused; each fault as FILE:LINE: what is wrong: what would be right'//n// &
-      '   3  a file or the output could not be read or written, exists already, or cannot be resumed'//n// &
-      '   4  the solver gave up, or there was no memory'//n// &
-      '   5  some cases of a sweep failed'//n// &
-      '  75  stopped early by a signal or at the wall-time limit, with a checkpoint'//n
-  end function exit_codes
+    text = 'Usage: '//usage_of(command)//n//n
+    call put_words(text, command%meaning, 0)
+    text = text//n//n
+    do k = 1, size(options)
+      if (is_option_of(options(k), trim(command%name))) &
+        call put_row(text, trim(options(k)%name)//' '//options(k)%argument, options(k)%meaning, option_column)
+    end do
+    if (options_of(trim(command%name)) /= '') text = text//n
+    text = text//'Examples:'//n//one_per_line(trim(command%examples), '  ')
+  end function help_on
+
+  !> 'dynstiction run DECK... [-o FILE] ...', over several lines if it is long.
+  pure function usage_of(command) result(text)
+    type(command_entry_t), intent(in) :: command
+    character(:), allocatable :: text, option
+    integer :: k
+
+    text = trim('dynstiction '//trim(command%name)//' '//command%operands)
+    do k = 1, size(options)
+      if (.not. is_option_of(options(k), trim(command%name))) cycle
+      if (k /= find_option(trim(options(k)%name), trim(command%name))) cycle
+      option = trim(trim(options(k)%name)//' '//options(k)%argument)
+      if (options(k)%times /= '1') option = '['//option//']'
+      if (options(k)%times == '*') option = option//'...'
+      call put(text, option, len('Usage: '))
+    end do
+  end function usage_of
+
+  pure function overview() result(text)
+    character(:), allocatable :: text
+    logical :: of_python
+    integer :: i
+
+    text = 'dynstiction: '//trim(the_program%brief)//n//n//'Usage:'//n
+    of_python = .false.
+    do i = 1, size(commands)
+      if (commands(i)%of_python .and. .not. of_python) then
+        text = text//'  dynstiction --version | --help | COMMAND --help'//n//n// &
+          'By the Python package, through the interpreter DYNSTICTION_PYTHON, else the python3 beside the executable,'//n// &
+          'else that of PATH:'//n
+      end if
+      of_python = commands(i)%of_python
+      call put_row(text, 'dynstiction '//trim(commands(i)%name)//' '//commands(i)%operands, commands(i)%brief, command_column)
+    end do
+    text = text//n//trim(the_program%meaning)//n//one_per_line(trim(the_program%examples), '  ')
+  end function overview
+
+  !> A line, or several: '  name   meaning', the meaning from `column` on.
+  pure subroutine put_row(text, name, meaning, column)
+    character(:), allocatable, intent(inout) :: text
+    character(*), intent(in) :: name, meaning
+    integer, intent(in) :: column
+
+    text = text//'  '//trim(name)//repeat(' ', max(0, column - 3 - len_trim(name)))
+    call put_words(text, meaning, column)
+    text = text//n
+  end subroutine put_row
+
+  !> The words of a text; lines after the first are indented.
+  pure subroutine put_words(text, words, indent)
+    character(:), allocatable, intent(inout) :: text
+    character(*), intent(in) :: words
+    integer, intent(in) :: indent
+    integer :: i
+
+    do i = 1, word_count(words)
+      call put(text, word(words, i), indent)
+    end do
+  end subroutine put_words
+
+  !> A piece, on the last line of the text if it has room, otherwise on a new one that is indented.
+  pure subroutine put(text, piece, indent)
+    character(:), allocatable, intent(inout) :: text
+    character(*), intent(in) :: piece
+    integer, intent(in) :: indent
+    integer :: used
+
+    used = len(text) - index(text, n, back=.true.)
+    if (used + 1 + len(piece) > widest) then
+      text = text//n//repeat(' ', indent)//piece
+    else if (used == 0) then
+      text = text//piece
+    else
+      text = text//' '//piece
+    end if
+  end subroutine put
 end module dst_command_line

@@ -4,9 +4,10 @@
 !> one is being typed. It prints the candidates, a line each; a line '*.nml' or '*.h5' stands for the files of that ending. So the
 !> shells know no command, option or key themselves.
 module dst_completion
-  use dst_command_line, only: argument_t, commands, python_commands, options_of, takes_value
-  use dst_schema, only: key_t, schema, key_count, find_key, find_name
-  use dst_text, only: text_builder_t, starts_with, word, word_count
+  use dst_command_line, only: argument_t, takes_value
+  use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of
+  use dst_schema, only: schema, key_count, find_key, find_name
+  use dst_text, only: text_builder_t, starts_with, lower_case, word, word_count
   use dst_trade_quantities, only: quantities
   implicit none
   private
@@ -46,35 +47,37 @@ contains
     end do
     typed = arguments(size(arguments))%text
     if (takes_value(option)) then
-      call offer_values(builder, option, typed)
+      call offer_values(builder, command, option, typed)
     else if (starts_with(typed, '--set=')) then
       call offer_settings(builder, '--set=', typed)
     else if (command == '') then
-      call offer(builder, commands//' '//python_commands//' --help --version', typed)
+      call offer(builder, command_names(of_python=.false.)//' '//command_names(of_python=.true.)//' --help --version', typed)
     else if (starts_with(typed, '-')) then
       call offer(builder, options_of(command)//' --help', typed)
-    else
-      call offer_operands(builder, command, typed)
+    else if (find_command(command) > 0) then
+      call offer_kind(builder, operand_of(commands(find_command(command))), typed)
     end if
     text = builder%content()
   end function completions
 
-  subroutine offer_values(builder, option, typed)
+  subroutine offer_values(builder, command, option, typed)
     type(text_builder_t), intent(inout) :: builder
-    character(*), intent(in) :: option, typed
+    character(*), intent(in) :: command, option, typed
     integer :: i
 
-    select case (option)
-    case ('--set')
+    if (option == '--set') then
       call offer_settings(builder, '', typed)
-    case ('-o')
-      call builder%line('*.h5')
-    case ('--quantity')
+    else if (option == '--quantity' .and. command == 'trade') then
       do i = 1, size(quantities)
         call offer(builder, trim(quantities(i)%name), typed)
       end do
       call offer(builder, 'all', typed)
-    end select
+    else
+      do i = 1, size(options)
+        if (options(i)%name == option .and. is_option_of(options(i), command)) &
+          call offer_kind(builder, trim(options(i)%argument), typed)
+      end do
+    end if
   end subroutine offer_values
 
   !> GROUP.KEY=, and after it the words of which the key takes one.
@@ -86,7 +89,7 @@ contains
 
     if (index(typed(len(before) + 1:), '=') == 0) then
       do i = 1, key_count
-        call offer(builder, before//name_of(schema(i))//'=', typed)
+        call offer(builder, before//trim(schema(i)%group)//'.'//trim(schema(i)%name)//'=', typed)
       end do
       return
     end if
@@ -99,19 +102,30 @@ contains
     end do
   end subroutine offer_settings
 
-  subroutine offer_operands(builder, command, typed)
+  !> What an operand or an option's argument may be: words stand for themselves, capitals for a kind of file or word.
+  subroutine offer_kind(builder, kind, typed)
     type(text_builder_t), intent(inout) :: builder
-    character(*), intent(in) :: command, typed
+    character(*), intent(in) :: kind, typed
+    character(len(kind)) :: words
+    integer :: i
 
-    select case (command)
-    case ('run', 'merge', 'check', 'stability', 'trade')
+    words = kind
+    do i = 1, len(kind)
+      if (kind(i:i) == '|') words(i:i) = ' '
+    end do
+    select case (kind)
+    case ('DECK')
       call builder%line('*.nml')
-    case ('resume', 'show')
+    case ('FILE', 'FILE.h5')
       call builder%line('*.h5')
-    case ('template')
+    case ('PNG', 'HTML')
+      call builder%line('*.'//lower_case(kind))
+    case ('MODEL')
       call offer(builder, schema(find_name('model'))%choices, typed)
+    case default
+      if (lower_case(kind) == kind) call offer(builder, words, typed)
     end select
-  end subroutine offer_operands
+  end subroutine offer_kind
 
   !> Those of the words that begin like the one that is being typed.
   subroutine offer(builder, words, typed)
@@ -123,11 +137,4 @@ contains
       if (starts_with(word(words, n), typed)) call builder%line(word(words, n))
     end do
   end subroutine offer
-
-  pure function name_of(key) result(name)
-    type(key_t), intent(in) :: key
-    character(:), allocatable :: name
-
-    name = trim(key%group)//'.'//trim(key%name)
-  end function name_of
 end module dst_completion

@@ -8,6 +8,7 @@ module dst_main
   use dst_deck_check, only: check_deck
   use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
     setting_list, help_text
+  use dst_catalogue, only: catalogue
   use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
   use dst_division, only: processes_here
@@ -113,7 +114,7 @@ contains
   subroutine execute()
     type(error_t), allocatable :: error
 
-    if (command%help) then
+    if (command%has('--help')) then
       call print_text(help_text(command%name))
       return
     end if
@@ -123,12 +124,16 @@ contains
     case ('template')
       call print_template()
     case ('keys')
-      call print_text(key_table())
+      if (command%has('--json')) then
+        call print_text(catalogue(version))
+      else
+        call print_text(key_table())
+      end if
     case default
       if (command%name /= 'run') call check_alone("'"//command%name//"'", error)
       call complain(error)
       if (allocated(error)) return
-      if (command%name == 'run') then
+      if (command%name == 'run' .or. command%name == 'merge') then
         call run_decks()
       else if (processes%is_first()) then
         call work_alone()
@@ -142,18 +147,12 @@ contains
   !> What one process does, while the others wait for its status.
   subroutine work_alone()
     select case (command%name)
-    case ('check')
-      call check_decks()
-    case ('stability')
-      call report_stability()
     case ('trade')
       call compare_settings()
-    case ('merge')
-      call merge_decks()
     case ('resume')
       call resume_runs()
-    case ('show')
-      call show_results()
+    case default
+      call print_each()
     end select
   end subroutine work_alone
 
@@ -178,24 +177,56 @@ contains
     if (.not. allocated(error)) call print_text(text)
   end subroutine print_template
 
-  !> Print every deck that is sound as it is used, and all faults of the others.
-  subroutine check_decks()
+  !> Print what the command says of each operand, and all faults of the others.
+  subroutine print_each()
     type(error_t), allocatable :: error
-    type(deck_t), allocatable :: deck
-    character(:), allocatable :: remark
+    character(:), allocatable :: text
     integer :: i
 
     do i = 1, command%operand_count
-      allocate (deck)
-      call read_sound_deck(i, deck, remark, error)
+      select case (command%name)
+      case ('check')
+        call describe_deck(i, text, error)
+      case ('stability')
+        call describe_stability(i, text, error)
+      case default
+        call show_result(command%operands(i)%text, text, error)
+      end select
       call complain(error)
-      if (.not. allocated(error)) then
-        if (remark /= '') call put_error('dynstiction: '//deck%name//': '//remark//new_line('a'))
-        call print_text(resolved(deck))
-      end if
-      deallocate (deck)
+      if (.not. allocated(error)) call print_text(text)
     end do
-  end subroutine check_decks
+  end subroutine print_each
+
+  !> Deck `i` of the command as it is used.
+  subroutine describe_deck(i, text, error)
+    integer, intent(in) :: i
+    character(:), allocatable, intent(out) :: text
+    type(error_t), allocatable, intent(out) :: error
+    type(deck_t), allocatable :: deck
+    character(:), allocatable :: remark
+
+    allocate (deck)
+    call read_sound_deck(i, deck, remark, error)
+    if (allocated(error)) return
+    if (remark /= '') call put_error('dynstiction: '//deck%name//': '//remark//new_line('a'))
+    text = resolved(deck)
+  end subroutine describe_deck
+
+  !> The linear theory of deck `i` of the command.
+  subroutine describe_stability(i, text, error)
+    integer, intent(in) :: i
+    character(:), allocatable, intent(out) :: text
+    type(error_t), allocatable, intent(out) :: error
+    type(deck_t), allocatable :: deck
+    type(scene_t) :: scene
+
+    allocate (deck)
+    call read_deck(command%operands(i)%text, setting_list(command), deck, error)
+    if (allocated(error)) return
+    call scene_from_deck(deck, scene)
+    call stability_report(scene, printable(deck%name), text, error)
+    if (allocated(error)) error%text = printable(deck%name)//': '//error%text
+  end subroutine describe_stability
 
   !> Deck `i` of the command, which `run` accepts if there is no error.
   subroutine read_sound_deck(i, deck, remark, error)
@@ -207,28 +238,6 @@ contains
     call read_deck(command%operands(i)%text, setting_list(command), deck, error)
     if (.not. allocated(error)) call check_deck(deck, output_of(deck), command%share%least_shares(), remark, error)
   end subroutine read_sound_deck
-
-  !> Print the linear theory of every deck that is sound, and all faults of the others.
-  subroutine report_stability()
-    type(error_t), allocatable :: error
-    type(deck_t), allocatable :: deck
-    type(scene_t) :: scene
-    character(:), allocatable :: text
-    integer :: i
-
-    do i = 1, command%operand_count
-      allocate (deck)
-      call read_deck(command%operands(i)%text, setting_list(command), deck, error)
-      if (.not. allocated(error)) then
-        call scene_from_deck(deck, scene)
-        call stability_report(scene, printable(deck%name), text, error)
-        if (allocated(error)) error%text = printable(deck%name)//': '//error%text
-      end if
-      call complain(error)
-      if (.not. allocated(error)) call print_text(text)
-      deallocate (deck)
-    end do
-  end subroutine report_stability
 
   !> Measure error against cost on a deck's scene, and recommend settings.
   subroutine compare_settings()
@@ -246,21 +255,21 @@ contains
     if (.not. allocated(error)) then
       output(1)%text = command%output
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
-      call check_output(output, 1, command%operands(:1), command%overwrite, error)
+      call check_output(output, 1, command%operands(:1), command%has('--overwrite'), error)
     end if
     call listen_to_signals()
     if (.not. allocated(error)) &
-      call trade_deck(deck, output(1)%text, command%overwrite, command%quiet, command%budget, trade, error)
+      call trade_deck(deck, output(1)%text, command%has('--overwrite'), command%has('--quiet'), command%budget, trade, error)
     call complain(error)
     if (allocated(error)) return
-    if (.not. command%quiet) call print_text(trade_report(trade))
+    if (.not. command%has('--quiet')) call print_text(trade_report(trade))
     if (.not. command%accuracy > 0.0_wp) return
     call cheapest(trade, command%accuracy, command%quantity, best, error)
     call complain(error)
     if (best > 0) call print_text(advice(deck, trade, best))
   end subroutine compare_settings
 
-  !> Nothing runs unless every deck is sound and every output file may be written.
+  !> Run the decks, or merge what their shards hold: nothing unless every deck is sound and every output file may be written.
   subroutine run_decks()
     type(deck_t), allocatable :: decks(:)
     type(argument_t), allocatable :: outputs(:)
@@ -280,27 +289,6 @@ contains
       if (has_code(error, stopped_early)) exit
     end do
   end subroutine run_decks
-
-  !> Write what the shards of every deck hold.
-  subroutine merge_decks()
-    type(deck_t), allocatable :: decks(:)
-    type(argument_t), allocatable :: outputs(:)
-    type(error_t), allocatable :: error
-    integer :: i
-
-    allocate (decks(command%operand_count), outputs(command%operand_count))
-    call prepare(decks, outputs)
-    if (status /= result_done) return
-    call listen_to_signals()
-    do i = 1, size(decks)
-      if (decks(i)%is_sweep()) then
-        call merge_sweep(decks(i), outputs(i)%text, sweep_options(), error)
-      else
-        call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
-      end if
-      call complain_of(decks(i)%name, error)
-    end do
-  end subroutine merge_decks
 
   !> Read the decks, and check them, and the files that they will write.
   subroutine prepare(decks, outputs)
@@ -326,7 +314,7 @@ contains
     end if
     if (status /= result_done) return
     do i = 1, size(decks)
-      may_replace = command%overwrite
+      may_replace = command%has('--overwrite')
       if (decks(i)%is_sweep() .and. .not. may_replace) may_replace = is_of_unfinished_sweep(outputs(i)%text)
       call check_output(outputs, i, inputs_of(decks), may_replace, error)
       call complain(error)
@@ -362,25 +350,29 @@ contains
     if (.not. processes%is_first()) call parse_deck(text, name, no_settings, deck, error)
   end subroutine share_deck
 
-  !> One run, which is for one process, or a sweep of many.
+  !> One run or merge, which is for one process, or a sweep of many.
   subroutine carry_out(deck, output, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
     type(error_t), allocatable, intent(out) :: error
 
-    if (deck%is_sweep()) then
+    if (command%name == 'merge' .and. .not. deck%is_sweep()) then
+      call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
+    else if (command%name == 'merge') then
+      if (processes%is_first()) call merge_sweep(deck, output, sweep_options(), error)
+    else if (deck%is_sweep()) then
       call run_sweep(deck, output, sweep_options(), processes, error)
     else if (command%share%is_given) then
       call raise(error, usage_error, 'has no &sweep: run it without --shard')
     else if (processes%is_first()) then
-      call run_deck(deck, output, command%overwrite, command%quiet, error)
+      call run_deck(deck, output, command%has('--overwrite'), command%has('--quiet'), error)
     end if
   end subroutine carry_out
 
   type(sweep_options_t) function sweep_options() result(options)
-    options%overwrite = command%overwrite
-    options%quiet = command%quiet
-    options%keep_shards = command%keep_shards
+    options%overwrite = command%has('--overwrite')
+    options%quiet = command%has('--quiet')
+    options%keep_shards = command%has('--keep-shards')
     options%share = command%share
   end function sweep_options
 
@@ -401,24 +393,11 @@ contains
 
     call listen_to_signals()
     do i = 1, command%operand_count
-      call resume_run(command%operands(i)%text, command%quiet, error)
+      call resume_run(command%operands(i)%text, command%has('--quiet'), error)
       call complain_of(command%operands(i)%text, error)
       if (has_code(error, stopped_early)) exit
     end do
   end subroutine resume_runs
-
-  !> Print what each file is.
-  subroutine show_results()
-    type(error_t), allocatable :: error
-    character(:), allocatable :: text
-    integer :: i
-
-    do i = 1, command%operand_count
-      call show_result(command%operands(i)%text, text, error)
-      call complain(error)
-      if (.not. allocated(error)) call print_text(text)
-    end do
-  end subroutine show_results
 
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.
   function output_of(deck) result(file_name)

@@ -13,8 +13,8 @@ module dst_processes
   use dst_errors, only: error_t, raise, usage_error, some_failed, stopped_early
   use dst_disk, only: wait_seconds
   use dst_kinds, only: wp, int64
-  use dst_signals, only: stop_signal, signal_name, no_signal, stop_listening
-  use dst_clock, only: wall_clock
+  use dst_signals, only: stop_signal, stopped_by, no_signal, stop_listening
+  use dst_stopwatch, only: wall_clock
   use dst_standard_streams, only: put_error
   use dst_text, only: printable
   use dst_threads, only: allowed_cores, most_cores
@@ -249,7 +249,7 @@ contains
     if (stop_signal() == no_signal) return
     if (self%since < 0.0_wp) self%since = wall_clock()
     if (wall_clock() - self%since < longest_wait + stagger*min(processes%rank, most_staggered)) return
-    call put_error('dynstiction: stopped by '//signal_name(stop_signal())//', and another process does not answer: all '// &
+    call put_error('dynstiction: '//stopped_by()//', and another process does not answer: all '// &
       'are ended; start it again to go on'//new_line('a'))
     call mpi_abort(mpi_comm_world, stopped_early)
   end subroutine check

@@ -21,7 +21,7 @@ module dst_run
   use dst_result_file, only: result_file_t
   use dst_scene, only: scene_t, scene_from_deck
   use dst_sha256, only: sha256
-  use dst_signals, only: stop_signal, signal_name, no_signal
+  use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_simulation, only: simulation_t
   use dst_writer, only: outcome_t
   implicit none
@@ -321,7 +321,7 @@ contains
     character(:), allocatable :: text
 
     text = 'stopped at output.wall_limit'
-    if (stop_signal() /= no_signal) text = 'stopped by '//signal_name(stop_signal())
+    if (stop_signal() /= no_signal) text = stopped_by()
     text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%file%name
   end function stop_text
 

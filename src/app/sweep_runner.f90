@@ -21,8 +21,8 @@ module dst_sweep_runner
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: schema, sweep_group
   use dst_sha256, only: sha256
-  use dst_signals, only: stop_signal, is_told_to_end, signal_name, no_signal
-  use dst_clock, only: wall_clock
+  use dst_signals, only: stop_signal, is_told_to_end, stopped_by, no_signal
+  use dst_stopwatch, only: wall_clock
   use dst_sweep, only: sweep_t, axis_t, new_sweep, case_t, watch_t, worker_t, new_worker, series_quantities
   use dst_sweep_file, only: block_of, merge_shards, look_at_result
   use dst_sweep_shard, only: shard_t, head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &
@@ -324,7 +324,7 @@ contains
       associate (theirs => heads(i)%division, ours => head%division)
         if (ours%shares > 0 .and. theirs%shares == ours%shares .and. theirs%share /= ours%share) cycle
       end associate
-      if (is_told_to_end()) call raise(error, stopped_early, 'stopped by '//signal_name(stop_signal())//': start it again')
+      if (is_told_to_end()) call raise(error, stopped_early, stopped_by()//': start it again')
       if (allocated(error)) return
       call scan_shard(files(i)%text, layout_of(sweep), i, index, ignored, error)
       if (allocated(error)) return
@@ -687,7 +687,7 @@ contains
     character(:), allocatable :: text
 
     text = 'stopped at output.wall_limit'
-    if (state%stop > no_signal) text = 'stopped by '//signal_name(state%stop)
+    if (state%stop > no_signal) text = stopped_by(state%stop)
     text = text//' after '//integer_text(state%done_before + state%dealer%finished)//' of '// &
       integer_text(state%done_before + state%to_do)//' cases: start it again to go on'
   end function stop_text

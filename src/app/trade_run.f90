@@ -11,7 +11,7 @@ module dst_trade_run
   use dst_run, only: describe_run
   use dst_result_file, only: result_file_t
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_signals, only: stop_signal, signal_name, no_signal
+  use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_trade, only: trade_t, start_trade
   use dst_trade_table, only: table_of
   use dst_writer, only: quantity_t, outcome_t
@@ -81,7 +81,7 @@ contains
       call trade%proceed(slice, error)
       elapsed = min(trade%elapsed(), trade%budget)
       if (stop_signal() /= no_signal .and. .not. (trade%finished .or. allocated(error))) &
-        call raise(error, stopped_early, 'stopped by '//signal_name(stop_signal())//': the file holds what was measured until then')
+        call raise(error, stopped_early, stopped_by()//': the file holds what was measured until then')
       call progress%show('wall time', elapsed, trade%budget, elapsed)
     end do
     call progress%close()

@@ -4,10 +4,13 @@ module dst_text
   implicit none
   private
 
-  public :: text_builder_t
+  public :: text_builder_t, name_width, unit_width, value_width, meaning_width
   public :: lower_case, starts_with, word, word_count, has_word, nearest_word, alternatives, excerpt, printable, &
     one_per_line
   public :: real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
+
+  !> Widths of the texts of tables: of keys, columns, commands, ... The compiler refuses what would be cut.
+  integer, parameter :: name_width = 24, unit_width = 8, value_width = 32, meaning_width = 96
 
   !> Text that grows; appending costs time in proportion to what is appended.
   type :: text_builder_t

@@ -4,6 +4,7 @@
 module dst_writer
   use dst_kinds, only: wp
   use dst_errors, only: error_t
+  use dst_text, only: name_width, unit_width, meaning_width
   implicit none
   private
 
@@ -11,9 +12,9 @@ module dst_writer
 
   !> What a column of the time series, a summary value or a counter is.
   type :: quantity_t
-    character(24) :: name = ''
-    character(8) :: units = ''       !! 'm', 'N', 's', 'm s-1', 'rad', '1'
-    character(96) :: long_name = ''
+    character(name_width) :: name = ''
+    character(unit_width) :: units = ''   !! 'm', 'N', 's', 'm s-1', 'rad', '1'
+    character(meaning_width) :: long_name = ''
   end type quantity_t
 
   !> One column of a table: numbers or texts.

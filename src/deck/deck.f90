@@ -11,12 +11,12 @@ module dst_deck
                         integer_kind, text_kind, texts_kind, choice_kind
   use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, set_default, &
                              is_default, used, unused
-  use dst_deck_text, only: resolved, template, key_table, has_other_condition
+  use dst_deck_text, only: resolved, template, key_table, has_model, has_other_condition
   use dst_deck_sweep, only: check_sweep
   implicit none
   private
 
-  public :: deck_t, read_deck, parse_deck, parse_values, resolved, template, key_table
+  public :: deck_t, read_deck, parse_deck, parse_values, resolved, template, key_table, has_model
 
   !> Where a value comes from: a line of the deck or an argument of the command line.
   type :: source_t

@@ -9,7 +9,7 @@ module dst_deck_text
   implicit none
   private
 
-  public :: resolved, template, key_table, has_other_condition
+  public :: resolved, template, key_table, has_model, has_other_condition
 
   !> Column at which the comments begin.
   integer, parameter :: comment_column = 32

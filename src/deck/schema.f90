@@ -4,18 +4,20 @@
 !> page come from it. A key is added by adding its entry here.
 module dst_schema
   use dst_kinds, only: wp, int64
-  use dst_text, only: real_text, integer_text, alternatives
+  use dst_text, only: name_width, unit_width, value_width, meaning_width, real_text, integer_text, alternatives
   implicit none
   private
 
   public :: key_t, range_t, schema, key_count, group_names, sweep_group
-  public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind
+  public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind, kind_names
   public :: longest_text, most_values, adaptive_methods
   public :: find_key, find_name, names_file, keys_of, in_range, range_text
   public :: condition_count, condition_key, condition_choices, condition_text
 
   integer, parameter :: real_kind = 1, integer_kind = 2, text_kind = 3, choice_kind = 4
   integer, parameter :: reals_kind = 5, texts_kind = 6
+  !> Their names, in the order of these numbers.
+  character(*), parameter :: kind_names = 'real integer text choice reals texts'
 
   !> Bytes of the longest text value; numbers of the longest list.
   integer, parameter :: longest_text = 256, most_values = 10000
@@ -27,17 +29,17 @@ module dst_schema
   end type range_t
 
   type :: key_t
-    character(12) :: group
-    character(20) :: name
+    character(name_width) :: group
+    character(name_width) :: name
     integer :: kind
-    character(8) :: unit
+    character(unit_width) :: unit
     type(range_t) :: range
-    logical :: required          !! the user must give it when it is used
-    character(16) :: default     !! as in a deck, text without quotes; of a required key: what is tolerated when it is not used
-    character(32) :: sample      !! Fig. 3's value, for the template
-    character(256) :: choices    !! blank-separated; '' = free
-    character(128) :: used_by    !! conditions 'key=choice choice, key=choice' that must all hold; '' = always used
-    character(88) :: meaning
+    logical :: required                 !! the user must give it when it is used
+    character(value_width) :: default   !! as in a deck, text without quotes; of a required key: what is tolerated when it is not used
+    character(value_width) :: sample    !! Fig. 3's value, for the template
+    character(256) :: choices           !! blank-separated; '' = free
+    character(128) :: used_by           !! conditions 'key=choice choice, key=choice' that must all hold; '' = always used
+    character(meaning_width) :: meaning
   end type key_t
 
   type(range_t), parameter :: any_real = range_t()

@@ -13,7 +13,7 @@ module dst_sweep_file
   use dst_kinds, only: int64, real64
   use dst_result_file, only: result_file_t, check_target
   use dst_schema, only: schema
-  use dst_signals, only: stop_signal, is_told_to_end, signal_name
+  use dst_signals, only: is_told_to_end, stopped_by
   use dst_sweep, only: sweep_t, case_t, axis_t, value_count, value_quantities, wall_time_value, series_quantities
   use dst_seal, only: has_sound_seal
   use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, reader_t, without_concern, open_records, &
@@ -266,7 +266,7 @@ contains
     do first = 1, sweep%cases, length
       if (h5%status < 0) return
       if (is_told_to_end()) then
-        call raise(error, stopped_early, 'stopped by '//signal_name(stop_signal())//' while the result was written: the shards '// &
+        call raise(error, stopped_early, stopped_by()//' while the result was written: the shards '// &
           'keep what is done: start it again')
         return
       end if

@@ -1,7 +1,7 @@
 !> The summary of a single run: what dst_summary looks at, read from the pieces of the motion.
 module dst_motion_summary
   use dst_archive, only: archive_t
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp
   use dst_motion, only: motion_t
   use dst_piece, only: stick_begins, slips, sticks
   use dst_state, only: state_t, instant_t
@@ -11,7 +11,18 @@ module dst_motion_summary
   implicit none
   private
 
-  public :: motion_summary_t
+  public :: motion_summary_t, statistics
+
+  !> The work done, in the order of `describe`.
+  type(quantity_t), parameter :: statistics(*) = [ &
+    quantity_t('steps', '1', 'accepted steps'), &
+    quantity_t('rejected', '1', 'rejected steps'), &
+    quantity_t('rhs', '1', 'evaluations of the equations of motion'), &
+    quantity_t('jacobians', '1', 'evaluations of the Jacobian of a step'), &
+    quantity_t('factorisations', '1', 'factorised linear systems'), &
+    quantity_t('newton', '1', 'Newton iterations'), &
+    quantity_t('events', '1', 'stick and slip events'), &
+    quantity_t('wall_time', 's', 'wall time of the run')]
 
   !> What is known of a run so far.
   type, extends(summary_t) :: motion_summary_t
@@ -154,27 +165,10 @@ contains
     call self%values(motion, value, given)
     outcome%summary = pack(summary_quantities, given)
     outcome%summary_value = pack(value, given)
-    allocate (outcome%statistics(0), outcome%statistics_value(0))
     work = motion%work()
-    call put_count('steps', 'accepted steps', work%steps)
-    call put_count('rejected', 'rejected steps', work%rejected)
-    call put_count('rhs', 'evaluations of the equations of motion', work%rhs)
-    call put_count('jacobians', 'evaluations of the Jacobian of a step', work%jacobians)
-    call put_count('factorisations', 'factorised linear systems', work%factorisations)
-    call put_count('newton', 'Newton iterations', work%newton)
-    call put_count('events', 'stick and slip events', work%events)
-    outcome%statistics = [outcome%statistics, quantity_t('wall_time', 's', 'wall time of the run')]
-    outcome%statistics_value = [outcome%statistics_value, wall_time]
-
-  contains
-
-    subroutine put_count(name, long_name, count)
-      character(*), intent(in) :: name, long_name
-      integer(int64), intent(in) :: count
-
-      outcome%statistics = [outcome%statistics, quantity_t(name, '1', long_name)]
-      outcome%statistics_value = [outcome%statistics_value, real(count, wp)]
-    end subroutine put_count
+    outcome%statistics = statistics
+    outcome%statistics_value = [real([work%steps, work%rejected, work%rhs, work%jacobians, work%factorisations, work%newton, &
+      work%events], wp), wall_time]
   end subroutine describe
 
   !> Save or load.

@@ -4,7 +4,7 @@
 module dst_simulation
   use dst_archive, only: archive_t
   use dst_assembly, only: new_motion
-  use dst_clock, only: wall_clock
+  use dst_stopwatch, only: wall_clock
   use dst_columns, only: columns, find_column, default_columns, damping_ratio_exists, row_of
   use dst_errors, only: error_t, raise, result_done, deck_error, too_many_steps, not_finite, stopped_early
   use dst_kinds, only: wp, int64

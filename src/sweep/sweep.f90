@@ -15,7 +15,7 @@ module dst_sweep
   use dst_output_size, only: sample_count
   use dst_scene, only: scene_t, scene_from_deck, set_number
   use dst_schema, only: schema, sweep_group
-  use dst_clock, only: wall_clock
+  use dst_stopwatch, only: wall_clock
   use dst_simulation, only: simulation_t
   use dst_stepper, only: work_count_t
   use dst_summary, only: summary_quantities

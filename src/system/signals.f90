@@ -7,7 +7,7 @@ module dst_signals
   implicit none
   private
 
-  public :: listen_to_requests, listen_to_signals, stop_listening, stop_signal, is_told_to_end, signal_name, no_signal
+  public :: listen_to_requests, listen_to_signals, stop_listening, stop_signal, is_told_to_end, stopped_by, no_signal
 
   !> No signal has come.
   integer, parameter :: no_signal = 0
@@ -41,15 +41,18 @@ contains
     is_told_to_end = signal /= no_signal .and. signal /= dst_sigusr1
   end function is_told_to_end
 
-  !> 'SIGTERM' and the like.
-  pure function signal_name(number) result(name)
-    integer, intent(in) :: number
-    character(:), allocatable :: name
+  !> 'stopped by SIGTERM': by the signal that has come, or by `number`.
+  function stopped_by(number) result(text)
+    integer, intent(in), optional :: number
+    character(:), allocatable :: text
+    integer :: signal
 
-    name = 'a signal'
-    if (number == dst_sighup) name = 'SIGHUP'
-    if (number == dst_sigint) name = 'SIGINT'
-    if (number == dst_sigterm) name = 'SIGTERM'
-    if (number == dst_sigusr1) name = 'SIGUSR1'
-  end function signal_name
+    signal = stop_signal()
+    if (present(number)) signal = number
+    text = 'stopped by a signal'
+    if (signal == dst_sighup) text = 'stopped by SIGHUP'
+    if (signal == dst_sigint) text = 'stopped by SIGINT'
+    if (signal == dst_sigterm) text = 'stopped by SIGTERM'
+    if (signal == dst_sigusr1) text = 'stopped by SIGUSR1'
+  end function stopped_by
 end module dst_signals

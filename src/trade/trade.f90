@@ -9,7 +9,7 @@ module dst_trade
   use dst_errors, only: error_t, raise, result_done, usage_error, deck_error, stopped_early
   use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
-  use dst_clock, only: wall_clock
+  use dst_stopwatch, only: wall_clock
   use dst_simulation, only: simulation_t
   use dst_plain_numbers, only: number_text
   use dst_trade_plan, only: candidate_t, candidates_of, apply_candidate, same_family, order_of

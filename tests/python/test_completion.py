@@ -24,41 +24,25 @@ def offered(executable: Path, line: str) -> list[str]:
     return said.stdout.splitlines()
 
 
-def keys(executable: Path) -> list[str]:
-    said = Program((executable, "keys"))(status=0)
-    return [line.split("\t")[0] for line in said.stdout.splitlines()]
-
-
-def help_of(executable: Path, *command: str) -> str:
-    return Program((executable,))(*command, "--help", status=0).stdout
-
-
-def test_commands_are_those_of_the_help(executable):
-    commands = {word for word in offered(executable, "dynstiction ") if not word.startswith("-")}
-    assert commands == set(
-        re.findall(r"^  dynstiction ([a-z][a-z-]+)", help_of(executable), re.MULTILINE)
-    ) - {"check_"}
+def test_commands_are_those_of_the_table(executable, catalogue):
+    commands = [word for word in offered(executable, "dynstiction ") if not word.startswith("-")]
+    ours_first = sorted(catalogue["commands"], key=lambda command: command["by"] == "Python")
+    assert commands == [command["name"] for command in ours_first]
     assert offered(executable, "dynstiction mer") == ["merge"]
     assert offered(executable, "dynstiction nonsense") == []
 
 
-@pytest.mark.parametrize(
-    "command", ["run", "resume", "merge", "show", "check", "template", "keys", "stability", "trade"]
-)
-def test_every_option_in_the_help_is_offered_and_taken(executable, command):
-    options = set(offered(executable, f"dynstiction {command} -")) - {"--help"}
-    mentioned = set(
-        re.findall(r"(?<![\w-])(-o|--[a-z-]+)", help_of(executable, command).partition("Exit")[0])
-    )
-    assert mentioned <= options
-    for option in options:
-        value = {"--set": ["scene.t_end=1"], "--shard": ["1/2"], "-o": ["x.h5"]}.get(option, ["1"])
-        taken = Program((executable,))(command, "missing.nml", option, *(value if option_takes_value(option) else []))
-        assert "takes no -" not in taken.stderr
-
-
-def option_takes_value(option: str) -> bool:
-    return option in {"-o", "--set", "--shard", "--accuracy", "--budget", "--quantity"}
+def test_every_option_of_the_table_is_offered_and_taken(executable, catalogue):
+    arguments = {option["name"]: option["argument"] for option in reversed(catalogue["options"])}
+    values = {"--set": "scene.t_end=1", "--shard": "1/2", "-o": "x.h5"}
+    for command in catalogue["commands"]:
+        name = command["name"]
+        assert offered(executable, f"dynstiction {name} -") == [*command["options"], "--help"]
+        for option in command["options"] if command["by"] == "dynstiction" else []:
+            value = [values.get(option, "1")] if arguments[option] else []
+            taken = Program((executable,))(name, "missing.nml", option, *value)
+            assert "takes no -" not in taken.stderr
+            assert "unknown option" not in taken.stderr
 
 
 def test_an_option_of_another_command_is_refused(executable):
@@ -73,8 +57,8 @@ def test_an_option_of_another_command_is_refused(executable):
         assert f"takes no {line.split()[1]}: " in said.stderr
 
 
-def test_keys_are_offered_after_set(executable):
-    names = [f"{key}=" for key in keys(executable)]
+def test_keys_are_offered_after_set(executable, catalogue):
+    names = [f"{key['group']}.{key['name']}=" for key in catalogue["keys"]]
     assert len(names) > 30
     assert offered(executable, "dynstiction run --set ") == names
     assert offered(executable, "dynstiction run --set=friction.mu_i") == ["--set=friction.mu_inf="]
@@ -100,6 +84,10 @@ def test_operands(executable):
     assert "low_frequency" in offered(executable, "dynstiction template ")
     assert offered(executable, "dynstiction trade --quantity per") == ["period"]
     assert offered(executable, "dynstiction keys ") == []
+    assert offered(executable, "dynstiction plot ") == ["*.h5"]
+    assert offered(executable, "dynstiction plot x.h5 -o ") == ["*.png"]
+    assert offered(executable, "dynstiction run --shard ") == ["auto"]
+    assert offered(executable, "dynstiction paper --format p") == ["png", "pdf"]
 
 
 LINES = {

@@ -682,7 +682,8 @@ contains
     type(error_t), allocatable :: error
 
     call parse('run --quiet a.nml -o b.h5 --set x.y=1 --set=z.w=2 --overwrite', command, error)
-    call check('run', .not. allocated(error) .and. command%name == 'run' .and. command%quiet .and. command%overwrite)
+    call check('run', .not. allocated(error) .and. command%name == 'run')
+    call check('options', command%given == '--quiet -o --set --set --overwrite' .and. command%has('--quiet'))
     call check('operand', command%operand_count == 1 .and. command%output == 'b.h5')
     call check('settings', all(setting_list(command) == ['x.y=1', 'z.w=2']))
     call parse('check -- -a.nml', command, error)
@@ -690,9 +691,9 @@ contains
     call parse('--version', command, error)
     call check('version', command%name == 'version' .and. .not. allocated(error))
     call parse('--help', command, error)
-    call check('help', command%help .and. .not. allocated(error))
+    call check('help', command%has('--help') .and. .not. allocated(error))
     call parse('run --help', command, error)
-    call check('help on run', command%help .and. command%name == 'run' .and. .not. allocated(error))
+    call check('help on run', command%has('--help') .and. command%name == 'run' .and. .not. allocated(error))
     call check('help texts differ', help_text('run') /= help_text('check') .and. help_text('check') /= help_text('template') &
                .and. index(help_text(''), 'Exit status') > 0)
     call misused('', 'no command')

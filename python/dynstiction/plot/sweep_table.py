@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UsageError
+from ..scene import Scene
 from .samples import Floats
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ SYMBOLS = {
     "velocity": ("$V$", 1e3, "mm/s"),
     "t_end": (r"$t_\mathrm{end}$", 1.0, "s"),
 }
-
-NUMBER = re.compile(r"^ +(\w+) += +([-+.\deE]+) +!", re.MULTILINE)
 
 
 class Axis(NamedTuple):
@@ -142,7 +140,7 @@ def table_of(data: xarray.Dataset) -> Table:
         for key, values in data.coords.items()
     )
     codes = data["result_code"]
-    numbers = {name: float(value) for name, value in NUMBER.findall(str(data.attrs.get("deck", "")))}
+    numbers = numbers_of(str(data.attrs.get("deck", "")))
     own_order = np.arange(codes.size)
     if codes.dims != ("case",):
         return Table(data, axes, True, own_order, codes.shape, numbers)
@@ -154,3 +152,9 @@ def table_of(data: xarray.Dataset) -> Table:
             grid = tuple(axis._replace(values=side[0]) for axis, side in zip(axes[:2], sides, strict=True))
             return Table(data, grid, True, np.argsort(places), shape, numbers)
     return Table(data, axes, False, own_order, codes.shape, numbers)
+
+
+def numbers_of(deck: str) -> dict[str, float]:
+    """Values of the deck's keys that have one number."""
+    values = {name: value for group in Scene(deck).groups().values() for name, value in group.items()} if deck else {}
+    return {name: float(value) for name, value in values.items() if isinstance(value, (int, float))}

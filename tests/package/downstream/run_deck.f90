@@ -7,7 +7,7 @@ program run_deck
   use dst_errors, only: error_t
   use dst_kinds, only: wp
   use dst_memory_writer, only: memory_writer_t
-  use dst_observables, only: columns, find_column
+  use dst_columns, only: columns, find_column
   use dst_scene, only: scene_t, scene_from_deck
   use dst_simulation, only: simulation_t
   implicit none

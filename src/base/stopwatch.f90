@@ -1,5 +1,5 @@
-!> The clock on the wall.
-module dst_clock
+!> How long something takes.
+module dst_stopwatch
   use dst_kinds, only: wp, int64
   implicit none
   private
@@ -15,4 +15,4 @@ contains
     call system_clock(count, rate)
     wall_clock = real(count, wp)/real(rate, wp)
   end function wall_clock
-end module dst_clock
+end module dst_stopwatch

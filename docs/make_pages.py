@@ -1,0 +1,140 @@
+"""Write docs/command_line.md and docs/deck.md from what `dynstiction keys --json` prints.
+
+    python docs/make_pages.py [EXECUTABLE]
+
+It comes from src/app/command_table.f90 and src/deck/schema.f90, so every option, key, unit, range and default has one source.
+"""
+
+import json
+import subprocess
+import sys
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).resolve().parent
+
+COMMAND_LINE = """\
+# The command line
+
+<!-- Made by docs/make_pages.py from `dynstiction keys --json`: change src/app/command_table.f90 or the script, not this page. -->
+
+Every command explains itself with `--help`. Exit statuses and messages: [errors.md](errors.md). Commands marked *Python* are
+carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable finds the interpreter by the environment
+variable `DYNSTICTION_PYTHON`, else beside itself, else in `PATH`.
+
+## For other programs
+
+`dynstiction keys --json` prints one JSON object with all that has a name:
+
+| member | is a list of |
+| --- | --- |
+| `commands` | `name`, `by` (`dynstiction` or `Python`), `operands`, `brief`, `meaning`, `usage`, names of `options`, `examples` (one a line) |
+| `options` | `name`, `argument`, `commands` that take it, `times` (`?` at most once, `1` once, `*` any number), `meaning`; an entry for each kind of argument |
+| `exit_statuses` | `status`, `meaning` |
+| `keys` | of decks: `group`, `name`, `kind` (`real`, `integer`, `text`, `choice`, `reals`, `texts`), `required`, `units`, `range`, `choices`, `default` (`null`: none), `models` with which it may be used, `used_by` (key: those of its choices that use this one), `meaning` |
+| `columns`, `summary`, `statistics` | of results: `name`, `units`, `long_name` |
+
+Besides these there are `version`, and `program` with what the help says of it.
+
+## Commands
+"""
+
+DECK = """\
+# The deck
+
+<!-- Made by docs/make_pages.py from `dynstiction keys --json`: change src/deck/schema.f90 or the script, not this page. -->
+
+A deck is a text file of Fortran namelist groups: `&group`, then `key = value` lines, then `/`. Groups and
+keys come in any order, in upper or lower case. `!` begins a comment. Text stands in quotes, numbers do not.
+Lists are separated by commas; `3*0.0` means three zeros. Units are SI, angles are in degrees.
+
+```
+dynstiction template > my.nml     # a deck with every key explained; its values are those of Fig. 3
+dynstiction check my.nml          # every key as it will be used, marked user or default; runs nothing
+dynstiction run my.nml            # the same checks, then the run
+```
+
+A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)).
+What passes `check` runs: it also sets the scene up, reads a list of points, and compares what will be written with the
+room on the disk of the output: `samples × columns × 8 bytes` of a run with `interval` > 0, and a sweep's cases
+([sweeps.md](sweeps.md)). With `wall_limit` the room is not compared: such a run writes what it computes until then.
+A key without default must be given where it is used. A key that the chosen model, law, contact or method does
+not use is refused, unless its value is the one that switches it off (the default, or 0 for `step` and
+`v_smooth`). `--set group.key=value` on the command line replaces a value of the deck; text needs no
+quotes there. The resolved deck is kept in the result file (`/deck/resolved`), beside the deck as it was
+read (`/deck/text`).
+"""
+
+KINDS = {"reals": "list of reals", "texts": "list of texts"}
+
+
+def main() -> None:
+    executable = sys.argv[1] if len(sys.argv) > 1 else "dynstiction"
+    said = subprocess.run([executable, "keys", "--json"], capture_output=True, text=True, check=True).stdout
+    # Numbers stay as the program writes them.
+    catalogue = json.loads(said, parse_int=str, parse_float=str)
+    for name, parts in (("command_line", command_line(catalogue)), ("deck", deck(catalogue["keys"]))):
+        (FOLDER / f"{name}.md").write_text("\n".join(parts), encoding="utf-8")
+
+
+def command_line(catalogue: dict[str, Any]) -> list[str]:
+    commands = [(code(c["name"]), c["brief"], c["by"]) for c in catalogue["commands"]]
+    parts = [COMMAND_LINE, table(("command", "meaning", "by"), commands)]
+    for command in catalogue["commands"]:
+        taken = [option for option in catalogue["options"] if command["name"] in option["commands"]]
+        rows = [(code(f"{o['name']} {o['argument']}".strip()), o["meaning"]) for o in taken]
+        parts += [
+            f"## {command['name']}{' (Python)' if command['by'] == 'Python' else ''}\n",
+            block(command["usage"]),
+            command["meaning"].replace("*", r"\*") + "\n",
+            *([table(("option", "meaning"), rows)] if rows else []),
+            block(command["examples"]),
+        ]
+    statuses = [(s["status"], s["meaning"]) for s in catalogue["exit_statuses"]]
+    return [*parts, "## Exit statuses\n", table(("status", "meaning"), statuses)]
+
+
+def deck(keys: list[dict[str, Any]]) -> list[str]:
+    models = next(key["choices"] for key in keys if key["name"] == "model")
+    parts = [DECK]
+    for group, found in groupby(keys, key=lambda key: key["group"]):
+        head = ("key", "meaning", "values", "unit", "default")
+        parts += [f"## &{group}\n", table(head, [row(key, models) for key in found])]
+    return parts
+
+
+def row(key: dict[str, Any], models: list[str]) -> tuple[str, ...]:
+    meaning = key["meaning"].replace("|w|", "abs(w)").replace("|", r"\|").replace("*", r"\*")
+    conditions = {} if key["models"] == models else {"model": key["models"]}
+    conditions |= {name: choices for name, choices in key["used_by"].items() if name != "model"}
+    if conditions:
+        needed = (f"{name} {' or '.join(choices)}" for name, choices in conditions.items())
+        meaning += "; only with " + " and ".join(needed)
+    values = ", ".join(map(code, key["choices"])) or KINDS.get(key["kind"], key["kind"])
+    if key["choices"] and key["kind"] == "texts":
+        values = "list of " + values
+    if key["range"]:
+        values += f", {key['range']}"
+    default = None if key["required"] else key["default"]
+    if default is not None and key["kind"] in ("text", "texts", "choice"):
+        default = f"'{default}'"
+    units = key["units"] if key["units"] != "1" else ""
+    return code(key["name"]), meaning, values, units, "(none)" if default is None else code(default)
+
+
+def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def code(word: str) -> str:
+    return f"`{word}`".replace("|", r"\|")
+
+
+def block(text: str) -> str:
+    return f"```none\n{text}\n```\n"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,145 @@
+!> Everything that the program and its results have names for, as JSON: commands, options, exit statuses, keys of a deck, columns,
+!> summary values, statistics. `dynstiction keys --json` prints it; manual page, documentation and Python package read it.
+module dst_catalogue
+  use dst_command_line, only: usage_of
+  use dst_command_table, only: command_entry_t, option_t, the_program, commands, options, exit_statuses, options_of
+  use dst_deck, only: has_model
+  use dst_columns, only: columns
+  use dst_schema, only: key_t, schema, key_count, kind_names, text_kind, choice_kind, texts_kind, find_name, range_text, &
+    condition_count, condition_key, condition_choices
+  use dst_summary, only: summary_quantities
+  use dst_text, only: integer_text, word, word_count
+  use dst_motion_summary, only: statistics
+  use dst_writer, only: quantity_t
+  implicit none
+  private
+
+  public :: catalogue
+
+  character, parameter :: n = achar(10)
+
+contains
+
+  !> The catalogue of this version of the program.
+  function catalogue(version) result(text)
+    character(*), intent(in) :: version
+    character(:), allocatable :: text
+    integer :: i
+
+    text = '{"version": '//quoted(version)//','//n//'"program": '//of_command(the_program)//','//n//'"commands": ['
+    do i = 1, size(commands)
+      call add(text, of_command(commands(i)))
+    end do
+    text = text//'],'//n//'"options": ['
+    do i = 1, size(options)
+      call add(text, of_option(options(i)))
+    end do
+    text = text//'],'//n//'"exit_statuses": ['
+    do i = 1, size(exit_statuses)
+      call add(text, '{"status": '//integer_text(exit_statuses(i)%status)//', "meaning": '//quoted(exit_statuses(i)%meaning)//'}')
+    end do
+    text = text//'],'//n//'"keys": ['
+    do i = 1, key_count
+      call add(text, of_key(i))
+    end do
+    call add_quantities(text, 'columns', columns)
+    call add_quantities(text, 'summary', summary_quantities)
+    call add_quantities(text, 'statistics', statistics)
+    text = text//']}'//n
+  end function catalogue
+
+  !> An item of a list.
+  subroutine add(text, item)
+    character(:), allocatable, intent(inout) :: text
+    character(*), intent(in) :: item
+
+    if (text(len(text):) /= '[') text = text//','
+    text = text//n//item
+  end subroutine add
+
+  function of_command(command) result(text)
+    type(command_entry_t), intent(in) :: command
+    character(:), allocatable :: text
+
+    text = '{"name": '//quoted(command%name)//', "by": '//quoted(trim(merge('Python     ', 'dynstiction', command%of_python)))// &
+      ', "operands": '//quoted(command%operands)//', "brief": '//quoted(command%brief)//', "meaning": '//quoted(command%meaning)// &
+      ', "usage": '//quoted(usage_of(command))//', "options": '//of_words(options_of(trim(command%name)))//', "examples": '// &
+      quoted(command%examples)//'}'
+  end function of_command
+
+  function of_option(option) result(text)
+    type(option_t), intent(in) :: option
+    character(:), allocatable :: text
+
+    text = '{"name": '//quoted(option%name)//', "argument": '//quoted(option%argument)//', "commands": '// &
+      of_words(option%commands)//', "times": '//quoted(option%times)//', "meaning": '//quoted(option%meaning)//'}'
+  end function of_option
+
+  !> Of a key; its default as in a deck, null where it has none. `models`: with which it can be used; `used_by`: what else it needs.
+  function of_key(i) result(text)
+    integer, intent(in) :: i
+    character(:), allocatable :: text, default, models, used_by
+    integer :: k
+
+    associate (key => schema(i), all_models => schema(find_name('model'))%choices)
+      default = trim(key%default)
+      if (any(key%kind == [text_kind, choice_kind, texts_kind])) default = quoted(default)
+      if (default == '') default = 'null'
+      models = ''
+      do k = 1, word_count(all_models)
+        if (has_model(i, word(all_models, k))) models = models//' '//word(all_models, k)
+      end do
+      used_by = ''
+      do k = 1, condition_count(key)
+        if (k > 1) used_by = used_by//', '
+        used_by = used_by//quoted(schema(condition_key(key, k))%name)//': '//of_words(condition_choices(key, k))
+      end do
+      text = '{"group": '//quoted(key%group)//', "name": '//quoted(key%name)//', "kind": '//quoted(word(kind_names, key%kind))// &
+        ', "required": '//trim(merge('true ', 'false', key%required))//', "units": '//quoted(key%unit)//', "range": '// &
+        quoted(range_text(key))//', "choices": '//of_words(key%choices)//', "default": '//default//', "models": '// &
+        of_words(adjustl(models))//', "used_by": {'//used_by//'}, "meaning": '//quoted(key%meaning)//'}'
+    end associate
+  end function of_key
+
+  subroutine add_quantities(text, name, quantities)
+    character(:), allocatable, intent(inout) :: text
+    character(*), intent(in) :: name
+    type(quantity_t), intent(in) :: quantities(:)
+    integer :: i
+
+    text = text//'],'//n//'"'//name//'": ['
+    do i = 1, size(quantities)
+      call add(text, '{"name": '//quoted(quantities(i)%name)//', "units": '//quoted(quantities(i)%units)//', "long_name": '// &
+        quoted(quantities(i)%long_name)//'}')
+    end do
+  end subroutine add_quantities
+
+  function of_words(words) result(text)
+    character(*), intent(in) :: words
+    character(:), allocatable :: text
+    integer :: i
+
+    text = ''
+    do i = 1, word_count(words)
+      text = text//', '//quoted(word(words, i))
+    end do
+    text = '['//text(min(3, len(text) + 1):)//']'
+  end function of_words
+
+  !> A string of JSON, without blanks at its end.
+  pure function quoted(text) result(string)
+    character(*), intent(in) :: text
+    character(:), allocatable :: string
+    integer :: i
+
+    string = trim(text)
+    do i = len(string), 1, -1
+      if (string(i:i) == n) then
+        string = string(:i - 1)//'\n'//string(i + 1:)
+      else if (scan(string(i:i), '"\') == 1) then
+        string = string(:i - 1)//'\'//string(i:)
+      end if
+    end do
+    string = '"'//string//'"'
+  end function quoted
+end module dst_catalogue

@@ -1,0 +1,242 @@
+!> The one table of commands, options and exit statuses: parsing, help, completion, manual page and documentation follow from it.
+!>
+!> A command of Python is carried out by the Python package, whose parser takes its operands and options from here too.
+module dst_command_table
+  use dst_text, only: name_width, meaning_width, has_word, word, word_count
+  implicit none
+  private
+
+  public :: command_entry_t, option_t, exit_status_t, the_program, commands, options, exit_statuses
+  public :: find_command, find_option, command_names, options_of, operand_of, is_option_of
+
+  !> A command.
+  type :: command_entry_t
+    character(name_width) :: name
+    character(name_width) :: operands    !! 'DECK...', one or more; '[MODEL]', one or none; '' = none
+    logical :: of_python
+    character(72) :: brief               !! in one line
+    character(640) :: meaning
+    character(256) :: examples           !! one a line
+  end type command_entry_t
+
+  !> An option; one that takes several kinds of values has an entry for each.
+  type :: option_t
+    character(name_width) :: name
+    character(name_width) :: argument    !! what follows, in capitals, or the words one of which follows: 'png|pdf'; '' = nothing
+    character(meaning_width) :: commands   !! that take it; '' = the program itself
+    character :: times                   !! may it be given? '?': once, '*': any number of times; '1': it must be
+    character(192) :: meaning
+    character(64) :: lacking             !! the argument: what is missing, and what would be right
+  end type option_t
+
+  !> An exit status of the program.
+  type :: exit_status_t
+    integer :: status
+    character(meaning_width) :: meaning
+  end type exit_status_t
+
+  character, parameter :: n = achar(10)
+  logical, parameter :: ours = .false., python = .true.
+
+  !> What the help says of the program as a whole.
+  type(command_entry_t), parameter :: the_program = command_entry_t('', '', ours, &
+    'stick-slip of a spring-slider with misaligned anisotropic stiffness', &
+    'A DECK is a Fortran namelist file; SI units, angles in degrees. Start from the template:', &
+    'dynstiction template > my.nml'//n//'dynstiction check my.nml'//n//'dynstiction run my.nml')
+
+  !> name, operands, of Python?, brief, meaning, examples
+  type(command_entry_t), parameter :: commands(*) = [ &
+    command_entry_t('run', 'DECK...', ours, 'run decks and write their results', &
+      'Run each deck and write its results to an HDF5 file: FILE, else output.file of the deck, else the deck''s name with .h5 '// &
+      'in the current directory. All decks are checked before the first runs. Ctrl-C, SIGTERM, SIGUSR1 and output.wall_limit '// &
+      'stop the run with a checkpoint: go on with dynstiction resume. A deck with &sweep runs all its cases, on all cores; '// &
+      'started again after a stop or a kill, it goes on.', &
+      'dynstiction run inputs/fig3.nml'//n// &
+      'dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
+      'dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'), &
+    command_entry_t('resume', 'FILE.h5...', ours, 'go on with a run that was stopped or killed', &
+      'Go on with a run that was stopped or killed, from the checkpoint beside its result file, FILE.h5.checkpoint. '// &
+      'The deck is that in FILE.h5. The finished file holds the same numbers as that of a run without a stop, '// &
+      'but for the wall time.', &
+      'dynstiction resume fig3.h5'), &
+    command_entry_t('merge', 'DECK...', ours, 'join the shards of a sweep', &
+      'Write the finished cases of a sweep from its shards FILE.shard-* to FILE. Deck, -o and --set are those of the run. '// &
+      'Cases that have not been run are rows of NaN with result_code -1; the shards are then kept, and the next '// &
+      'merge or run of the same sweep replaces the file.', &
+      'dynstiction merge inputs/map_lambda.nml -o map_lambda.h5'), &
+    command_entry_t('check', 'DECK...', ours, 'print the deck as used, run nothing', &
+      'Check each deck, print it with every key as used, marked user or default, and run nothing. '// &
+      'What is printed is a deck itself. All faults of a deck are reported in one go, also that its results '// &
+      'need more room than the disk has. What passes runs.', &
+      'dynstiction check inputs/fig3.nml'//n// &
+      'dynstiction check inputs/fig3.nml --set integrator.method=dopri5 > complete.nml'), &
+    command_entry_t('template', '[MODEL]', ours, 'print a deck with every key explained', &
+      'Print a deck for MODEL (full) with every key, its unit, range or choices, default and meaning.', &
+      'dynstiction template > my.nml'), &
+    command_entry_t('keys', '', ours, 'print every key of a deck, a line each', &
+      'Print every key that a deck may have, a line each: GROUP.KEY, its kind, unit, range or choices and default, and '// &
+      'its meaning, with tabs between the three.', &
+      'dynstiction keys | grep velocity'//n//'dynstiction keys --json > dynstiction.json'), &
+    command_entry_t('stability', 'DECK...', ours, 'whether steady sliding is stable', &
+      'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment '// &
+      'angles, and the damping of the slow motion (Lambda, zeta, theta*). Of a drive with several velocities, '// &
+      'each one that is held and is not 0 is treated. Nothing runs, and no file is written.', &
+      'dynstiction stability inputs/fig3.nml'//n// &
+      'dynstiction stability inputs/fig3.nml --set system.misalignment_deg=10'), &
+    command_entry_t('trade', 'DECK', ours, 'measured error against cost of methods and models', &
+      'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing '// &
+      'velocities, against a reference whose own error is estimated. Prints a table, also of what failed or was '// &
+      'skipped, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current directory; '// &
+      'dynstiction plot FILE draws it.', &
+      'dynstiction trade inputs/fig3.nml --accuracy 1e-4'//n// &
+      'dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantity period --budget 3 --quiet'), &
+    command_entry_t('show', 'FILE.h5...', ours, 'what a result is, how far a sweep has come', &
+      'Print what each result file is: model, method, whether it is complete. Of a sweep that is not at its end, print '// &
+      'from its shards FILE.h5.shard-* how many cases are done, and of each shard its part, its times, and whether a '// &
+      'process is writing it; FILE.h5 itself need not be there yet. Nothing is changed, and nobody is disturbed.', &
+      'dynstiction show map_lambda.h5'), &
+    command_entry_t('plot', 'FILE.h5...', python, 'draw a result file, or several side by side', &
+      'Draw a result file; of several runs one figure that compares them.', &
+      'dynstiction plot fig3.h5 --kind path'), &
+    command_entry_t('report', 'FILE.h5', python, 'one HTML page with all that a result file holds', &
+      'Write one HTML page: summary, figures, animation of the friction vector, cycles, parameters, solver '// &
+      'statistics, provenance, deck. It needs neither network nor other files.', &
+      'dynstiction report fig3.h5'), &
+    command_entry_t('export', 'FILE.h5', python, 'write a result file''s tables as CSV', &
+      'Write the tables of a result file as CSV: of a run time series, events and summary, of a sweep its '// &
+      'cases, of a comparison its points. Prints the files it wrote.', &
+      'dynstiction export fig3.h5 --csv'), &
+    command_entry_t('animate', 'FILE.h5', python, 'show a run from above', &
+      'The object from above, while friction turns and the spring force and the position evolve.', &
+      'dynstiction animate fig3.h5 -o fig3.gif --from 2 --to 3'), &
+    command_entry_t('paper', '', python, 'draw every figure of the paper', &
+      'Run the decks of Nakano and Popov (2020) and draw every figure. Prints the files it wrote.', &
+      'dynstiction paper -o figures'), &
+    command_entry_t('validate-creep', '', python, 'which exponent Eq. (8) has', &
+      'Hold the forms of Eq. (8) against the exact creep, and that against the full model. Prints '// &
+      'the tables and the finding, writes creep_validation.png and creep_validation.csv; exit status 1 if a '// &
+      'check fails.', &
+      'dynstiction validate-creep')]
+
+  character(*), parameter :: takes_settings = 'run merge check stability trade'
+  character(*), parameter :: trade_help = 'a value: see dynstiction trade --help'
+
+  !> name, argument, commands, times, meaning, lacking
+  type(option_t), parameter :: options(*) = [ &
+    option_t('-o', 'FILE', 'run merge trade', '?', 'the output file (one deck only)', 'a file name: write -o FILE'), &
+    option_t('--set', 'GROUP.KEY=VALUE', takes_settings, '*', &
+      'use VALUE in place of the deck''s; may be repeated; text needs no quotes', 'a setting: write --set GROUP.KEY=VALUE'), &
+    option_t('--set', 'GROUP.KEY=', takes_settings, '*', 'as if the deck did not set the key', ''), &
+    option_t('--shard', 'I/N', 'run', '?', &
+      'of a sweep: the I-th of N equal parts of its cases; dynstiction merge joins the shards', &
+      'its number: write --shard I/N or --shard auto'), &
+    option_t('--shard', 'I', 'run', '?', 'the same where the shards that there are say N', ''), &
+    option_t('--shard', 'auto', 'run', '?', 'I and N from the job array, or from the launcher of several processes', ''), &
+    option_t('--accuracy', 'A', 'trade', '?', 'print the cheapest settings whose errors are below A with a margin', trade_help), &
+    option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', trade_help), &
+    option_t('--quantity', 'NAME', 'trade', '?', 'errors of which quantity; all; by default final_elongation, period, '// &
+      'peak_force and creep_velocity, as far as the scene has them', trade_help), &
+    option_t('--overwrite', '', 'run merge trade report export', '?', 'replace existing output files', ''), &
+    option_t('--quiet', '', 'run resume merge', '?', 'no progress', ''), &
+    option_t('--quiet', '', 'trade', '?', 'no progress and no table', ''), &
+    option_t('--keep-shards', '', 'run merge', '?', 'of a sweep: do not remove the shards when the result file is whole', ''), &
+    option_t('--redivide', '', 'run', '?', 'with --shard: another N than that of the shards; what is done stays done', ''), &
+    option_t('--json', '', 'keys', '?', &
+      'print as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics', ''), &
+    option_t('--help', '', '', '?', 'the help on the program, or on a command', ''), &
+    option_t('--version', '', '', '?', 'the version of the program, and how it was built', ''), &
+    option_t('--kind', 'KIND', 'plot', '?', 'of a run history, velocities, spectrogram, damping, creep, path or columns; by '// &
+      'default what its model is for; of a sweep map (the default) or lambda; of dynstiction trade work_precision', ''), &
+    option_t('--quantity', 'NAME', 'plot', '?', 'what a map of a sweep shows, like period (swing)', ''), &
+    option_t('-o', 'PNG', 'plot', '?', 'default: FILE.png, of several files comparison.png; also .pdf, .svg', ''), &
+    option_t('-o', 'HTML', 'report', '?', 'default: FILE.html', ''), &
+    option_t('--csv', '', 'export', '1', 'the format', ''), &
+    option_t('-o', 'DIR', 'export validate-creep', '?', 'made if it is not there; default: here', ''), &
+    option_t('-o', 'OUT', 'animate', '1', 'X.gif, X.mp4 (needs ffmpeg), or a folder for PNG frames', ''), &
+    option_t('--from', 'T', 'animate', '?', 'first time of the run [s]', ''), &
+    option_t('--to', 'T', 'animate', '?', 'last time of the run [s]', ''), &
+    option_t('--fps', 'N', 'animate', '?', 'frames per second (20)', ''), &
+    option_t('--seconds', 'S', 'animate', '?', 'length of the film [s] (10)', ''), &
+    option_t('-o', 'DIR', 'paper', '1', 'made if it is not there', ''), &
+    option_t('--format', 'png|pdf|svg', 'paper', '?', 'default: png', '')]
+
+  !> All exit statuses.
+  type(exit_status_t), parameter :: exit_statuses(*) = [ &
+    exit_status_t(0, 'done'), &
+    exit_status_t(1, 'wrong usage'), &
+    exit_status_t(2, 'a deck was refused; each fault as FILE:LINE: what is wrong: what would be right'), &
+    exit_status_t(3, 'a file or the output could not be read or written, exists already, or cannot be resumed'), &
+    exit_status_t(4, 'the solver gave up, or there was no memory'), &
+    exit_status_t(5, 'some cases of a sweep failed'), &
+    exit_status_t(75, 'stopped early by a signal or at the wall-time limit, with a checkpoint')]
+
+contains
+
+  !> Index of a command; 0 if there is none of this name.
+  pure integer function find_command(name)
+    character(*), intent(in) :: name
+
+    find_command = findloc(commands%name, name, dim=1)
+    if (len_trim(name) < len(name)) find_command = 0
+  end function find_command
+
+  !> Index of an option's first entry, for `command`, or for any if that is ''; 0 if there is none.
+  pure integer function find_option(name, command) result(k)
+    character(*), intent(in) :: name, command
+
+    do k = 1, size(options)
+      if (options(k)%name == name .and. (command == '' .or. has_word(options(k)%commands, command))) return
+    end do
+    k = 0
+  end function find_option
+
+  !> The commands of Python, or the others, blank-separated.
+  pure function command_names(of_python) result(names)
+    logical, intent(in) :: of_python
+    character(:), allocatable :: names
+    integer :: i
+
+    names = ''
+    do i = 1, size(commands)
+      if (commands(i)%of_python .eqv. of_python) names = trim(names//' '//commands(i)%name)
+    end do
+    names = names(2:)
+  end function command_names
+
+  !> The options that a command takes, blank-separated; of '' those of the program and of all commands but Python's.
+  pure function options_of(command) result(names)
+    character(*), intent(in) :: command
+    character(:), allocatable :: names
+    integer :: k
+
+    names = ''
+    do k = 1, size(options)
+      if (.not. is_option_of(options(k), command) .or. has_word(names, trim(options(k)%name))) cycle
+      names = trim(names//' '//options(k)%name)
+    end do
+    names = adjustl(names)
+  end function options_of
+
+  !> Whether `command` takes the option; of '', the program or any command but Python's.
+  pure logical function is_option_of(option, command)
+    type(option_t), intent(in) :: option
+    character(*), intent(in) :: command
+    integer :: i
+
+    is_option_of = has_word(option%commands, command)
+    if (command /= '') return
+    is_option_of = option%commands == ''
+    do i = 1, word_count(option%commands)
+      is_option_of = is_option_of .or. .not. commands(find_command(word(option%commands, i)))%of_python
+    end do
+  end function is_option_of
+
+  !> 'DECK', 'FILE.h5', 'MODEL' or ''.
+  pure function operand_of(command) result(operand)
+    type(command_entry_t), intent(in) :: command
+    character(:), allocatable :: operand
+
+    operand = command%operands(scan(command%operands, '[') + 1:len_trim(command%operands))
+    if (verify(operand, '.]', back=.true.) < len(operand)) operand = operand(:verify(operand, '.]', back=.true.))
+  end function operand_of
+end module dst_command_table

@@ -1,0 +1,153 @@
+"""The one table of names: what `keys --json` prints is what the program, its help, its results and Python's commands have."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import dynstiction as ds
+import pytest
+from dynstiction import __main__ as commands_of_python
+from dynstiction import _native
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def said(executable: Path, *arguments: str) -> str:
+    """What a command prints, its lines joined."""
+    done = subprocess.run([executable, *arguments], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stderr == ""
+    return " ".join(done.stdout.split())
+
+
+def test_the_python_package_has_the_same_table(executable: Path, catalogue: dict[str, Any]) -> None:
+    text = subprocess.run([executable, "keys", "--json"], capture_output=True, text=True, check=True).stdout
+    assert json.loads(text, parse_int=str, parse_float=str) == _native.catalogue()
+    assert catalogue["version"] == ds.__version__ == said(executable, "--version").split()[1]
+
+
+def test_names_are_unique_and_what_is_named_exists(catalogue: dict[str, Any]) -> None:
+    for kind in ("commands", "columns", "summary", "statistics", "keys"):
+        names = [entry["name"] for entry in catalogue[kind]]
+        assert len(names) == len(set(names)) > 5
+        for entry in catalogue[kind]:
+            assert entry.get("meaning") or entry.get("long_name")
+    commands = {command["name"] for command in catalogue["commands"]}
+    assert all(set(option["commands"]) <= commands for option in catalogue["options"])
+    keys = {key["name"]: key for key in catalogue["keys"]}
+    for key in catalogue["keys"]:
+        assert set(key["models"]) <= set(keys["model"]["choices"])
+        for name, choices in key["used_by"].items():
+            assert choices
+            assert set(choices) <= set(keys[name]["choices"])
+        assert (key["default"] is None) or key["kind"] not in ("real", "reals") or isinstance(key["default"], float)
+
+
+def test_the_help_says_what_the_table_says(executable: Path, catalogue: dict[str, Any]) -> None:
+    overview = said(executable, "--help")
+    for command in catalogue["commands"]:
+        assert " ".join(f"{command['name']} {command['operands']} {command['brief']}".split()) in overview
+        if command["by"] == "dynstiction":
+            text = said(executable, command["name"], "--help")
+            for part in ("usage", "meaning", "examples"):
+                assert " ".join(command[part].split()) in text
+            for option in catalogue["options"]:
+                if command["name"] in option["commands"]:
+                    assert " ".join(f"{option['name']} {option['argument']} {option['meaning']}".split()) in text
+            assert set(re.findall(r"(?<= )(-o|--[a-z-]+)", text.partition(" Examples: ")[0])) <= set(command["options"])
+            for entry in catalogue["exit_statuses"]:
+                assert f"{entry['status']} {entry['meaning']}" in text
+
+
+def test_the_commands_of_python_take_what_the_table_says(catalogue: dict[str, Any]) -> None:
+    (subparsers,) = (
+        action
+        for action in commands_of_python._parser("dynstiction")._actions
+        if isinstance(action, argparse._SubParsersAction)
+    )
+    listed = {command["name"]: command for command in catalogue["commands"] if command["by"] == "Python"}
+    assert set(subparsers.choices) == set(listed) == set(commands_of_python.COMMANDS)
+    for name, parser in subparsers.choices.items():
+        taken = {action.option_strings[0]: action for action in parser._actions if action.option_strings}
+        del taken["-h"]
+        assert list(taken) == listed[name]["options"]
+        for option in catalogue["options"]:
+            if name in option["commands"]:
+                action = taken[option["name"]]
+                assert action.required == (option["times"] == "1")
+                assert (action.nargs == 0) == (option["argument"] == "")
+                assert option["meaning"] in action.help
+        defaults = commands_of_python.COMMANDS[name][1]
+        assert set(defaults) <= {action.dest for action in parser._actions}
+        operands = [action.metavar for action in parser._actions if not action.option_strings]
+        assert operands == [listed[name]["operands"].removesuffix("...")] * bool(listed[name]["operands"])
+
+
+def test_results_have_the_columns_and_values_of_the_table(fig3_result: ds.Result, catalogue: dict[str, Any]) -> None:
+    def described(infos: Any) -> list[dict[str, str]]:
+        return [{"name": i.name, "units": i.units, "long_name": i.long_name} for i, _ in infos.info()]
+
+    assert described(fig3_result.columns) == catalogue["columns"]
+    assert described(fig3_result.statistics) == catalogue["statistics"]
+    found = described(fig3_result.summary)
+    assert [value for value in catalogue["summary"] if value in found] == found
+    assert len(found) > 15
+
+
+@pytest.fixture(scope="module")
+def modules(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with the compiled modules of the room base that tables need."""
+    if shutil.which("gfortran") is None:
+        pytest.skip("gfortran is not installed")
+    folder = tmp_path_factory.mktemp("modules")
+    precision = (ROOT / "src" / "base" / "precision.f90.in").read_text(encoding="utf-8").replace("@kind@", "real64")
+    (folder / "precision.f90").write_text(precision, encoding="utf-8")
+    base = [ROOT / "src" / "base" / f"{name}.f90" for name in ("kinds", "text", "errors", "writer")]
+    for source in (folder / "precision.f90", *base):
+        subprocess.run(["gfortran", "-fsyntax-only", "-J", folder, source], check=True)
+    return folder
+
+
+def compiled(source: Path, modules: Path) -> str:
+    """What the compiler complains of, with the warnings that meson.build asks for."""
+    warnings = re.findall(r"'(-W[\w=-]+)'", (ROOT / "meson.build").read_text(encoding="utf-8"))
+    command = ["gfortran", "-fsyntax-only", "-std=f2008", *warnings, "-J", modules, source]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode == 0) == (done.stderr == "")
+    return done.stderr
+
+
+QUANTITY = """module dst_more
+  use dst_writer, only: quantity_t
+  type(quantity_t), parameter :: more(*) = [quantity_t('name', 's', 'mean time')]
+end module dst_more
+"""
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ("deck/schema.f90", "mass of the object"),
+        ("deck/schema.f90", "'stiffness_x'"),
+        ("deck/schema.f90", "'N/m'"),
+        ("app/command_table.f90", "join the shards of a sweep"),
+        ("app/command_table.f90", "wall time in seconds (10)"),
+        ("app/command_table.f90", "some cases of a sweep failed"),
+        ("", "mean time"),
+    ],
+)
+def test_a_text_that_would_be_cut_is_refused(table: str, text: str, modules: Path, tmp_path: Path) -> None:
+    whole = (ROOT / "src" / table).read_text(encoding="utf-8") if table else QUANTITY
+    assert text in whole
+    file = tmp_path / "table.f90"
+    file.write_text(whole, encoding="utf-8")
+    assert compiled(file, modules) == ""
+    inside = text.strip("'")
+    longer = text.replace(inside, "&\n      &".join([inside, *[" and so on" * 8] * 4, ""]))
+    file.write_text(whole.replace(text, longer, 1), encoding="utf-8")
+    assert "truncated in constructor" in compiled(file, modules)
