@@ -105,7 +105,7 @@ package_tests() {
 }
 
 [[ $with_cluster == no ]] || debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge parallel)
-[[ $with_package == no ]] || debian_packages+=(patch)
+[[ $with_package == no ]] || debian_packages+=(patch musl-tools)
 prepare
 [[ $with_cluster == no ]] || install_engines
 build_release

@@ -24,8 +24,10 @@ contains
 
     interpreter = environment(variable)
     if (interpreter /= '') return
-    interpreter = folder_of(own_path())//'/python3'
-    if (.not. file_exists(interpreter)) interpreter = 'python3'
+    interpreter = own_path()
+    ! A word without a folder was found in PATH, where python3 is looked for, too.
+    if (index(interpreter, '/') > 0) interpreter = folder_of(true_path(interpreter))//'/python3'
+    if (index(interpreter, '/') == 0 .or. .not. file_exists(interpreter)) interpreter = 'python3'
   end function chosen_interpreter
 
   !> The executable's file: Linux says it; elsewhere it is the word that called it.
@@ -33,20 +35,18 @@ contains
     character(:), allocatable :: path
     integer :: length
 
-    path = true_path('/proc/self/exe')
-    if (path /= '/proc/self/exe') return
+    path = '/proc/self/exe'
+    if (file_exists(path)) return
     call get_command_argument(0, length=length)
     path = repeat(' ', length)
     call get_command_argument(0, path)
-    path = true_path(path)
   end function own_path
 
   !> Become Python with the arguments of this program; returns only if there is no interpreter.
   subroutine hand_over(own_arguments, error)
     type(argument_t), intent(in) :: own_arguments(:)
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: interpreter
-    character(:), allocatable :: words
+    character(:), allocatable :: interpreter, words
     integer :: i
 
     interpreter = chosen_interpreter()

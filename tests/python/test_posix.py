@@ -203,3 +203,33 @@ def test_faults_reach_every_call(tmp_path: Path) -> None:
         for name in sorted(imports)
         if name.removesuffix("64") not in HARMLESS and not re.search(rf"(?:\w[ *]+{name}\(\w|BY_\w+\([\w *]+, {name},)", shim)
     ]
+
+
+@pytest.mark.parametrize(
+    ("here", "command", "told"),
+    [
+        ("program", "./dynstiction", "beside"),
+        ("trap", "../program/dynstiction", "beside"),
+        ("trap", "./link", "beside"),
+        ("trap", "dynstiction", "of PATH"),
+    ],
+)
+def test_python_is_found_without_proc(executable: Path, tmp_path: Path, here: str, command: str, told: str) -> None:
+    """Where nobody tells a program its own file, the word that called it does; one that was looked up in PATH is no file here."""
+    if subprocess.run(["unshare", "-rm", "mount", "-t", "tmpfs", "none", "/proc"], capture_output=True, check=False).returncode:
+        pytest.skip("a user may not hide /proc here")
+    for folder, word in (("program", "beside"), ("path", "of PATH"), ("trap", "of the folder here")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "python3").write_text(f"#!/bin/sh\necho {word}\n", encoding="utf-8")
+        (tmp_path / folder / "python3").chmod(0o755)
+    shutil.copy(executable, tmp_path / "program" / "dynstiction")
+    (tmp_path / "trap" / "dynstiction").mkdir()
+    (tmp_path / "trap" / "link").symlink_to(tmp_path / "program" / "dynstiction")
+    (tmp_path / "path" / "dynstiction").symlink_to(tmp_path / "program" / "dynstiction")
+    variables = {name: value for name, value in os.environ.items() if name != "DYNSTICTION_PYTHON"}
+    done = subprocess.run(
+        ["unshare", "-rm", "sh", "-c", 'mount -t tmpfs none /proc; exec "$0" plot', command],
+        cwd=tmp_path / here, env=variables | {"PATH": f"{tmp_path / 'path'}:{os.environ['PATH']}"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr, done.returncode) == (f"{told}\n", "", 0)
