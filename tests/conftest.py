@@ -100,4 +100,6 @@ def executable() -> Path:
 @pytest.fixture(scope="session")
 def catalogue(executable: Path) -> dict[str, Any]:
     """Commands, options, keys, columns, ... as the program names them."""
-    return json.loads(subprocess.run([executable, "keys", "--json"], capture_output=True, timeout=60, check=True).stdout)
+    return json.loads(
+        subprocess.run([executable, "keys", "--json"], capture_output=True, timeout=60, check=True).stdout
+    )
