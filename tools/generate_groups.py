@@ -83,7 +83,11 @@ def group_class(group: str, name: str, keys: list[KeyInfo]) -> list[str]:
         about.append(f"    {key.name} : {type_of(key)}")
         about += wrapped(meaning_of(key), 8)
     about += ['    """', "", f'    group: ClassVar[str] = "{group}"', ""]
-    about += [f"    {key.name}: {type_of(key)} = {default_of(key)}" for key in keys]
+    for key in keys:
+        start, default = f"    {key.name}: {type_of(key)} = ", default_of(key)
+        fits = len(start) + len(default) <= WIDTH
+        # As the formatter would break it.
+        about += [start + default] if fits else [f"{start}(", f"        {default}", "    )"]
     return [*about, ""]
 
 

@@ -61,8 +61,18 @@ def describe(command: dict[str, Any], options: list[dict[str, Any]]) -> str:
         for option in options
         if command["name"] in option["commands"]
     ]
-    parts = [f'.SS "{escape(command["name"])}"\n', verbatim(command["usage"]), ".P\n", line(command["meaning"])]
-    parts += [BY_PYTHON if command["by"] == "Python" else "", entries(taken), ".P\nExamples:\n", verbatim(command["examples"])]
+    parts = [
+        f'.SS "{escape(command["name"])}"\n',
+        verbatim(command["usage"]),
+        ".P\n",
+        line(command["meaning"]),
+    ]
+    parts += [
+        BY_PYTHON if command["by"] == "Python" else "",
+        entries(taken),
+        ".P\nExamples:\n",
+        verbatim(command["examples"]),
+    ]
     return "".join(parts)
 
 
@@ -72,13 +82,17 @@ def explain(key: dict[str, Any]) -> str:
     condition = "; only with " + " and ".join(needed) if key["used_by"] else ""
     units = key["units"] if key["units"] != "1" else ""
     details = [" | ".join(key["choices"]) or key["kind"], units, key["range"]]
-    default = "no default" if key["required"] or key["default"] is None else f"default {key['default'] or 'empty'}"
+    default = (
+        "no default" if key["required"] or key["default"] is None else f"default {key['default'] or 'empty'}"
+    )
     return f"{key['meaning']}{condition}.\n{', '.join(filter(None, details))}; {default}."
 
 
 def entries(rows: list[tuple[str, str]]) -> str:
     """Words in bold, each with its meaning; its lines are kept."""
-    return "".join(f".TP\n.B {escape(word)}\n" + ".br\n".join(map(line, text.split("\n"))) for word, text in rows)
+    return "".join(
+        f".TP\n.B {escape(word)}\n" + ".br\n".join(map(line, text.split("\n"))) for word, text in rows
+    )
 
 
 def verbatim(text: str) -> str:

@@ -122,7 +122,7 @@ def _add_arguments(parser: _Parser, entry: Mapping[str, Any]) -> None:
         elif "|" in option["argument"]:
             how["choices"] = option["argument"].split("|")
         else:
-            how |= {"metavar": option["argument"], "type": TYPES[option["argument"]]}
+            how |= {"metavar": option["argument"], "type": TYPES.get(option["argument"], Path)}
         parser.add_argument(*names, **how)
 
 
@@ -265,8 +265,8 @@ def _warnings_in_one_line() -> Iterator[None]:
         print(f"dynstiction: {warning.message}", file=sys.stderr)
 
 
-TYPES = {"DIR": Path, "HTML": Path, "KIND": str, "N": int, "NAME": str, "OUT": Path, "PNG": Path, "S": float, "T": float}
-"""Types of the arguments of options."""
+TYPES = {"KIND": str, "N": int, "NAME": str, "S": float, "T": float}
+"""Types of the arguments of options; the others are paths."""
 
 COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, Any]]] = {
     "plot": (_plot, {}),

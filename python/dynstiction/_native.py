@@ -422,7 +422,9 @@ def machine_info() -> MachineInfo:
 @cache
 def catalogue() -> dict[str, Any]:
     """What ``dynstiction keys --json`` prints: commands, options, keys, columns, ...; numbers as texts, as a deck has them."""
-    return json.loads(_text(_core.catalogue_text(_core.catalogue_length())), parse_int=str, parse_float=str)
+    text = _text(_core.catalogue_text(_core.catalogue_length()))
+    found: dict[str, Any] = json.loads(text, parse_int=str, parse_float=str)
+    return found
 
 
 @cache

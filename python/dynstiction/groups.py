@@ -190,7 +190,9 @@ class Integrator(DeckGroup):
 
     group: ClassVar[str] = "integrator"
 
-    method: Literal["radau5", "radau9", "radau13", "dopri5", "dop853", "rodas4p", "rk4", "moreau_jean"] = "radau9"
+    method: Literal["radau5", "radau9", "radau13", "dopri5", "dop853", "rodas4p", "rk4", "moreau_jean"] = (
+        "radau9"
+    )
     rtol: float = 1e-08
     step: float = 0.0
     v_cut: float = 0.0

@@ -2,7 +2,7 @@
 !>
 !> A command of Python is carried out by the Python package, whose parser takes its operands and options from here too.
 module dst_command_table
-  use dst_text, only: name_width, meaning_width, has_word, word, word_count
+  use dst_text, only: name_width, meaning_width, has_word, word
   implicit none
   private
 
@@ -217,18 +217,15 @@ contains
     names = adjustl(names)
   end function options_of
 
-  !> Whether `command` takes the option; of '', the program or any command but Python's.
+  !> Whether `command` takes the option; of '', the program or any command but Python's, which come last in an entry.
   pure logical function is_option_of(option, command)
     type(option_t), intent(in) :: option
     character(*), intent(in) :: command
-    integer :: i
+    character(:), allocatable :: first
 
+    first = word(option%commands, 1)
     is_option_of = has_word(option%commands, command)
-    if (command /= '') return
-    is_option_of = option%commands == ''
-    do i = 1, word_count(option%commands)
-      is_option_of = is_option_of .or. .not. commands(find_command(word(option%commands, i)))%of_python
-    end do
+    if (command == '') is_option_of = first == '' .or. has_word(command_names(of_python=.false.), first)
   end function is_option_of
 
   !> 'DECK', 'FILE.h5', 'MODEL' or ''.

@@ -48,7 +48,9 @@ def test_every_key_is_in_the_page(catalogue, text):
 
 
 def test_everything_in_the_table_is_in_the_page(catalogue, text):
-    assert {"run", "resume", "check", "trade", "plot"} <= {command["name"] for command in catalogue["commands"]}
+    assert {"run", "resume", "check", "trade", "plot"} <= {
+        command["name"] for command in catalogue["commands"]
+    }
     for command in catalogue["commands"]:
         section = text.partition(f'.SS "{command["name"]}"')[2].partition(".SS")[0]
         for part in (command["usage"], command["meaning"], command["examples"]):

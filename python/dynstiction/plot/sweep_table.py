@@ -156,5 +156,9 @@ def table_of(data: xarray.Dataset) -> Table:
 
 def numbers_of(deck: str) -> dict[str, float]:
     """Values of the deck's keys that have one number."""
-    values = {name: value for group in Scene(deck).groups().values() for name, value in group.items()} if deck else {}
+    values = (
+        {name: value for group in Scene(deck).groups().values() for name, value in group.items()}
+        if deck
+        else {}
+    )
     return {name: float(value) for name, value in values.items() if isinstance(value, (int, float))}
