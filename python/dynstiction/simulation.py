@@ -255,15 +255,15 @@ class Simulation(Closing):
         if self._outcome is None:
             # The end is more than a time that is reached: the run is summed up there.
             aim = until if until < self._t_end else np.inf
-            finished, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
+            outcome, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
             self._samples.append(rows)
             events = np.empty(time.size, dtype=EVENT_DTYPE)
             events["time"], events["kind"] = time, kind
             self._events.append(events)
-            if finished:
-                self._outcome = self._core.outcome()
+            if outcome is not None:
+                self._outcome = outcome
                 self._summary = Described(self._core.summary())
-                self._statistics = Described(map(_counted, self._core.statistics()))
+                self._statistics = Described(self._core.statistics())
         if self._outcome is not None and self._outcome[0] != 0:
             self._time = self._samples.last_time()
         elif self._outcome is not None or reached:
@@ -312,8 +312,3 @@ class Simulation(Closing):
     def __repr__(self) -> str:
         state = "finished" if self.finished else "closed" if self._core.closed else "going on"
         return f"<Simulation {self._scene.name!r}: t = {self._time:g} of {self._t_end:g} s, {state}>"
-
-
-def _counted(entry: tuple[Info, float]) -> tuple[Info, float]:
-    info, value = entry
-    return info, int(value) if info.units == "1" else value
