@@ -440,10 +440,10 @@ contains
       end do
     case ('summary')
       call describe(self%table, self%outcome%summary, 1)
-      self%table%number(1, :) = self%outcome%summary_value
+      if (allocated(self%outcome%summary)) self%table%number(1, :) = self%outcome%summary_value
     case ('statistics')
       call describe(self%table, self%outcome%statistics, 1)
-      self%table%number(1, :) = self%outcome%statistics_value
+      if (allocated(self%outcome%statistics)) self%table%number(1, :) = self%outcome%statistics_value
     case default
       call self%session_t%make_table(which)
     end select
@@ -483,10 +483,12 @@ contains
   !> Name, units and meaning of quantities, with room for numbers.
   subroutine describe(table, quantities, numbers)
     type(table_t), intent(out) :: table
-    type(quantity_t), intent(in) :: quantities(:)
+    type(quantity_t), intent(in), optional :: quantities(:)   !! a run that goes on has no summary
     integer, intent(in) :: numbers
     integer :: i
 
+    call new_table(table, 0, 3, numbers)
+    if (.not. present(quantities)) return
     call new_table(table, size(quantities), 3, numbers)
     do i = 1, size(quantities)
       call put_quantity(table%text(:, i), quantities(i))

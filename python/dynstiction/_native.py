@@ -50,7 +50,6 @@ Value = float | int | str | tuple[float, ...] | tuple[str, ...]
 """Value of a key: of a list with one element that element."""
 
 _Characters: TypeAlias = NDArray[np.bytes_]
-_Cells: TypeAlias = list[tuple[str, ...]]
 T = TypeVar("T")
 
 
@@ -196,10 +195,10 @@ class Session(Closing):
         """Raise what the core says of a deck, if it has refused it."""
         if status != 0:
             with self._use() as handle:
-                places = _table(handle, "faults")
+                texts, places = _table(handle, "faults")
                 message = _named_text(handle, "message")
-            faults = [(int(line), int(n), text) for (text,), (line, n) in zip(*places, strict=True)]
-            raise deck.error(status, message, faults)
+            lines, settings = places.astype(int).tolist()
+            raise deck.error(status, message, zip(lines, settings, (text for (text,) in texts), strict=True))
 
 
 class DeckValues(Session):
@@ -226,7 +225,7 @@ class DeckValues(Session):
         with self._use() as handle:
             cells, numbers = _table(handle, "values")
         items: dict[tuple[str, str], list[Any]] = {}
-        for (group, name, text), (number,) in zip(cells, numbers, strict=True):
+        for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
             kind = _kinds()[group, name]
             value = int(text) if kind == "integer" else number if kind in ("real", "reals") else text
             items.setdefault((group, name), []).append(value)
@@ -244,7 +243,7 @@ class Run(Session):
         handle, status = _core.run_open(*deck.arguments())
         super().__init__(handle)
         self._raise(deck, status)
-        self.columns = [Info(*about) for about in _table(handle, "columns")[0]]
+        self.columns = _infos(handle, "columns")
         self.resolved_deck = _named_text(handle, "resolved")
         self.model = _named_text(handle, "model")
         self.method = _named_text(handle, "method")
@@ -271,28 +270,19 @@ class Run(Session):
             values = _core.run_state(handle, time, len(self.columns))
         return list(zip(self.columns, values.tolist(), strict=True))
 
-    def summary(self) -> list[tuple[Info, float]]:
-        """Summary values of a finished run."""
+    def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
+        """Of a finished run the summary values, and the counters of the work done."""
         with self._use() as handle:
-            cells, numbers = _table(handle, "summary")
-        return [(Info(*about), value) for about, (value,) in zip(cells, numbers, strict=True)]
-
-    def statistics(self) -> list[tuple[Info, float]]:
-        """Counters of the work done."""
-        with self._use() as handle:
-            cells, numbers = _table(handle, "statistics")
-        return [
-            (Info(*about), int(value) if about[1] == "1" else value)
-            for about, (value,) in zip(cells, numbers, strict=True)
-        ]
+            summary, work = _described(handle, "summary"), _described(handle, "statistics")
+        return summary, [(info, int(value) if info.units == "1" else value) for info, value in work]
 
     def parameters(self) -> list[tuple[Info, float | str]]:
         """Every key that the deck uses and its value."""
         with self._use() as handle:
-            cells, numbers = _table(handle, "parameters")
+            cells, (values, is_text) = _table(handle, "parameters", described=True)
         return [
-            (Info(*about), text if is_text else value)
-            for (*about, text), (value, is_text) in zip(cells, numbers, strict=True)
+            (info, text if is_one else value)
+            for (info, text), value, is_one in zip(cells, values.tolist(), is_text.tolist(), strict=True)
         ]
 
 
@@ -366,10 +356,10 @@ class Sweep(Session):
         super().__init__(handle)
         self._raise(deck, status)
         self.is_list = found_list == 1
-        (about, sizes), (_, points) = _table(handle, "axes"), _table(handle, "points")
-        ends = np.cumsum(sizes, dtype=int)[:-1]
-        self.axes = list(zip((Info(*a) for a in about), np.split(np.ravel(points), ends), strict=True))
-        self.quantities = [Info(*about) for about in _table(handle, "quantities")[0]]
+        sizes, points = _table(handle, "axes")[1][0], _table(handle, "points")[1][0]
+        values = np.split(points, np.cumsum(sizes, dtype=int)[:-1])
+        self.axes = list(zip(_infos(handle, "axes"), values, strict=True))
+        self.quantities = _infos(handle, "quantities")
         self.resolved_deck = _named_text(handle, "resolved")
 
     def run(self, first: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[int, str]]:
@@ -417,8 +407,8 @@ def schema() -> tuple[KeyInfo, ...]:
     """Every key that a deck may have: the one table of src/deck/schema.f90."""
     ((cells, required),) = _Library().read(_table, "keys")
     return tuple(
-        KeyInfo(*about[:3], needed == 1.0, *about[3:5], tuple(about[5].split()), *about[6:])
-        for about, (needed,) in zip(cells, required, strict=True)
+        KeyInfo._make((*about[:3], must == 1.0, *about[3:5], tuple(about[5].split()), *about[6:]))
+        for about, must in zip(cells, required[0].tolist(), strict=True)
     )
 
 
@@ -500,19 +490,27 @@ def _refuse(failed: int, message: bytes, cases: int) -> None:
         raise UsageError(where + text_from(message))
 
 
-def _table(handle: int, which: str) -> tuple[_Cells, list[list[float]]]:
-    """Texts and numbers of a table of the core, a row each."""
-    sizes = _core.table_size(handle, which)
-    texts, numbers = _core.table(handle, *sizes)
-    shape = texts.T.shape
-    return _decoded(texts.tobytes("A"), texts.itemsize, shape) if texts.size else [()] * shape[0], numbers.T.tolist()
+def _table(handle: int, which: str, described: bool = False) -> tuple[list[Any], NDArray[np.float64]]:
+    """Texts of a table of the core, a row each, and its numbers (column, row); what is described begins with an `Info`."""
+    texts, numbers = _core.table(handle, *_core.table_size(handle, which))
+    return _decoded(texts.tobytes("A"), texts.itemsize, texts.T.shape, described), numbers
 
 
 @lru_cache(maxsize=64)
-def _decoded(data: bytes, size: int, shape: tuple[int, int]) -> _Cells:
+def _decoded(data: bytes, size: int, shape: tuple[int, int], described: bool) -> list[Any]:
     # The same few descriptions come with every run; decoding them would take as long as a short run.
     rows = np.frombuffer(data, f"S{size}").reshape(shape).tolist()
-    return [tuple(text_from(cell).rstrip(" ") for cell in row) for row in rows]
+    cells = [tuple(text_from(cell).rstrip(" ") for cell in row) for row in rows]
+    return [(Info(*row[:3]), *row[3:]) for row in cells] if described else cells
+
+
+def _infos(handle: int, which: str) -> list[Info]:
+    return [info for info, *_ in _table(handle, which, described=True)[0]]
+
+
+def _described(handle: int, which: str) -> list[tuple[Info, float]]:
+    cells, numbers = _table(handle, which, described=True)
+    return [(info, value) for (info,), value in zip(cells, numbers[0].tolist(), strict=True)]
 
 
 def _named_text(handle: int, which: str) -> str:

@@ -16,7 +16,7 @@ from ._closing import Closing, OneAtATime
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
 from .groups import Groups
-from .record import EVENT_DTYPE, Described, Info
+from .record import EVENT_DTYPE, Described
 from .result import Result
 from .scene import DeckLike, Scene
 
@@ -91,7 +91,8 @@ class Simulation(Closing):
         self._parameters = Described(self._core.parameters())
         self._t_end = float(self._parameters["t_end"])
         self._samples = _Samples(len(self._core.columns), self._expected_rows())
-        self._events = [np.empty(0, dtype=EVENT_DTYPE)]
+        self._event_times: list[NDArray[np.float64]] = []
+        self._event_kinds: list[NDArray[np.int32]] = []
         self._outcome: tuple[int, str] | None = None
         self._summary: Described[float] = Described([])
         self._statistics: Described[float] = Described([])
@@ -147,7 +148,9 @@ class Simulation(Closing):
             return self._events_so_far()
 
     def _events_so_far(self) -> NDArray[np.void]:
-        events = np.concatenate(self._events)
+        time = np.concatenate(self._event_times)
+        events = np.empty(time.size, dtype=EVENT_DTYPE)
+        events["time"], events["kind"] = time, np.concatenate(self._event_kinds)
         return events if self.finished else events[events["time"] <= self._time]
 
     @property
@@ -257,13 +260,12 @@ class Simulation(Closing):
             aim = until if until < self._t_end else np.inf
             outcome, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
             self._samples.append(rows)
-            events = np.empty(time.size, dtype=EVENT_DTYPE)
-            events["time"], events["kind"] = time, kind
-            self._events.append(events)
+            self._event_times.append(time)
+            self._event_kinds.append(kind)
             if outcome is not None:
                 self._outcome = outcome
-                self._summary = Described(self._core.summary())
-                self._statistics = Described(self._core.statistics())
+                summary, work = self._core.ending()
+                self._summary, self._statistics = Described(summary), Described(work)
         if self._outcome is not None and self._outcome[0] != 0:
             self._time = self._samples.last_time()
         elif self._outcome is not None or reached:
