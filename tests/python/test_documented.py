@@ -15,6 +15,7 @@ from typing import Any
 
 import dynstiction as ds
 import pytest
+from dynstiction import _native
 from dynstiction.plot.paper import deck
 
 PACKAGE = Path(ds.__file__).parent
@@ -213,3 +214,19 @@ def test_running_from_python_costs_little(t_end: float) -> None:
         return time.perf_counter() - begun - result.statistics["wall_time"]
 
     assert min(overhead() for _ in range(10)) < 5e-3
+
+
+def test_a_run_asks_the_core_few_times(fig3: ds.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a short run costs beyond the integration is mostly calls."""
+    calls: list[str] = []
+
+    class Counting:
+        def __getattr__(self, name: str) -> Any:
+            calls.append(name)
+            return getattr(core, name)
+
+    core = _native._core
+    ds.run(fig3, scene={"t_end": 1e-3})
+    monkeypatch.setattr(_native, "_core", Counting())
+    ds.run(fig3, scene={"t_end": 1e-3})
+    assert 0 < len(calls) <= 25, calls
