@@ -44,6 +44,21 @@ __all__ = [
 CHUNK_SECONDS = 0.05
 """Wall time between two looks at Ctrl-C."""
 
+NOT_RUN, GOING_ON, STOPPED_EARLY = -1, -1, 75
+"""Result codes of a case that has not been run, of a run that goes on, and of one that stopped early; others are errors."""
+
+FORMS = {"first_power": 1, "printed": 2, "third_order": 3}
+"""Forms of Eq. (8), with the core's numbers for them."""
+
+RANGES = {
+    1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
+    2: "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad",
+    3: "kappa = {kappa:.17g}: kappa must be in [0, 1)",
+    4: "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips",
+    5: "tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)",
+}
+"""What a point of creep violates, by the core's number for it."""
+
 REPORT, RECOMMENDATION, SETTINGS, SHORTFALL = 1, 2, 3, 4
 
 Value = float | int | str | tuple[float, ...] | tuple[str, ...]
@@ -436,18 +451,24 @@ def jacobian(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArra
 
 def creep_exact(
     tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], int, int]:
-    """Creep (8, n), and of the first point out of range its index and its fault (0 if there is none)."""
+) -> NDArray[np.float64]:
+    """Creep (8, n)."""
     creep, point, fault = _core.creep_exact(tau, phi, kappa)
-    return creep.T, point - 1, fault
+    _check_range(point, fault, tau=tau, phi=phi, kappa=kappa)
+    return creep.T
 
 
-def creep_asymptotic(
-    form: int, tau: NDArray[np.float64], phi: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], int, int]:
-    """X'/V (n), and index and fault as for `creep_exact`."""
-    x_rate, point, fault = _core.creep_asymptotic(form, tau, phi)
-    return x_rate, point - 1, fault
+def creep_asymptotic(form: str, tau: NDArray[np.float64], phi: NDArray[np.float64]) -> NDArray[np.float64]:
+    """X'/V (n)."""
+    x_rate, point, fault = _core.creep_asymptotic(FORMS[form], tau, phi)
+    _check_range(point, fault, tau=tau, phi=phi)
+    return x_rate
+
+
+def _check_range(point: int, fault: int, **arguments: NDArray[np.float64]) -> None:
+    if fault != 0:
+        here = {name: float(values[min(point, values.size) - 1]) for name, values in arguments.items()}
+        raise UsageError(RANGES[fault].format(**here))
 
 
 def eigenvalues(sliders: NDArray[np.float64]) -> NDArray[np.complex128]:

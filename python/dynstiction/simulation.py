@@ -22,9 +22,6 @@ from .scene import DeckLike, Scene
 
 __all__ = ["Simulation"]
 
-STOPPED_EARLY = 75
-GOING_ON = -1
-
 BAR = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining}]"
 
 
@@ -282,7 +279,7 @@ class Simulation(Closing):
     def _tell(self, stacklevel: int) -> None:
         """Raise or warn if the run has ended badly."""
         code, text = self._outcome or (0, "")
-        if code == STOPPED_EARLY:
+        if code == _native.STOPPED_EARLY:
             warnings.warn(text, IncompleteWarning, stacklevel=stacklevel)
         elif code != 0:
             error = self._scene.source.error(code, text)
@@ -291,7 +288,7 @@ class Simulation(Closing):
             raise error
 
     def _attributes(self) -> dict[str, str | int]:
-        going_on = GOING_ON, f"reached t = {self._time:g} s"
+        going_on = _native.GOING_ON, f"reached t = {self._time:g} s"
         code, text = self._outcome if self.finished and self._outcome else going_on
         choice = self._core.model_choice
         return {
