@@ -1,9 +1,8 @@
-!> The one flat file that f2py sees: runs and comparisons by handle, and for arrays the equations of motion and slow creep.
+!> The one flat file that f2py sees: decks, runs and sweeps by handle, and for arrays the equations of motion and slow creep.
 !>
-!> Texts travel as arrays of bytes in default integers, the kind that f2py translates without fault
-!> (UTF-8, padded with blanks on the way out). A run lives on the heap and is known by its handle;
-!> there is no module state, so different runs may proceed in different threads. Status 0 is
-!> success, otherwise a code of dst_errors.
+!> Texts come in as arrays of single characters, since f2py cuts a longer one at a NUL; what goes out is UTF-8, padded with blanks.
+!> What lives on the heap is known by its handle, and is described by named tables and texts: there is no module state, so different
+!> runs may proceed in different threads. Status 0 is success, otherwise a code of dst_errors.
 module dst_python_api
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
   use dst_build_info, only: version, git_revision, compiler, build_flags
@@ -14,21 +13,22 @@ module dst_python_api
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
   use dst_deck, only: deck_t, parse_deck, parse_values, resolved
   use dst_errors, only: error_t, raise, usage_error
+  use dst_faults, only: faults_t, not_all_faults
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
   use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema
+  use dst_schema, only: schema, key_count, integer_kind, real_kind, reals_kind
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: stage_terms_t, new_terms
   use dst_stability, only: critical_t, steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, &
                            damping_scale, damping_ratio, weakening_damping_ratio
-  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_count, &
-    value_quantities
+  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities
   use dst_sweep_points, only: read_csv
+  use dst_text, only: integer_text, printable
   use dst_trade, only: trade_t, start_trade
   use dst_trade_advice, only: check_wish, cheapest, advice, advised_settings
   use dst_trade_report, only: trade_report
@@ -37,42 +37,64 @@ module dst_python_api
   implicit none
   private
 
-  public :: catalogue_length, catalogue_text, deck_open, deck_given, deck_numbers, deck_texts, deck_close
-  public :: run_open, run_columns, column_info, run_advance, run_state, run_samples, run_events, run_outcome, run_counts
-  public :: summary_info, statistics_info, parameter_info, parameter_text, run_text_length, run_text, run_close
-  public :: sweep_open, sweep_sizes, sweep_axis, sweep_value_info, sweep_run, sweep_stop, sweep_message
-  public :: sweep_deck_length, sweep_deck, sweep_close
+  public :: library_open, deck_open, run_open, sweep_open, table_size, table, text_size, text, release
+  public :: run_advance, run_state, run_samples, run_events, sweep_run, sweep_stop
   public :: trade_open, trade_advance, trade_size, trade_column, trade_numbers, trade_texts, trade_text_length, trade_text
   public :: trade_close
-  public :: build_text, rhs, jacobian, creep_exact, creep_asymptotic, eigenvalues, critical, slow_damping
+  public :: rhs, jacobian, creep_exact, creep_asymptotic, eigenvalues, critical, slow_damping
 
-  !> A deck that has been read.
-  type :: deck_session_t
-    type(deck_t) :: deck
-    type(error_t), allocatable :: error
-  end type deck_session_t
+  !> No text in a table is longer.
+  integer, parameter :: longest_cell = 512
 
-  !> A run with everything that Python may ask of it.
+  !> The parameters of a slider in the order of the vectors that the routines for arrays take: in SI units.
+  character(*), parameter :: slider_parameters(10) = [character(12) :: 'mass', 'stiffness_x', 'stiffness_y', 'misalignment', &
+    'mu_0', 'mu_inf', 'v_f', 'normal_load', 'velocity', 'v_smooth']
+
+  !> Texts and numbers (column, row) that say what something holds.
+  type :: table_t
+    character(longest_cell), allocatable :: text(:, :)
+    real(wp), allocatable :: number(:, :)
+  end type table_t
+
+  !> What lives under a handle: the library itself, or one of the types below.
   type :: session_t
-    type(deck_t) :: deck
-    type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
     type(error_t), allocatable :: error
-    type(outcome_t) :: outcome
-    type(quantity_t), allocatable :: columns(:)
-    type(parameter_t), allocatable :: parameters(:)
-    character(:), allocatable :: resolved
-    character(:), allocatable :: model_choice
+    type(faults_t) :: faults
+    type(deck_t), allocatable :: deck
+    type(table_t) :: table                   !! the last one that was asked for
+    character(:), allocatable :: text        !! the last one that was asked for
+  contains
+    procedure :: make_table
+    procedure :: make_text
   end type session_t
 
+  !> A run with everything that Python may ask of it.
+  type, extends(session_t) :: run_t
+    type(simulation_t) :: simulation
+    type(memory_writer_t) :: writer
+    type(outcome_t) :: outcome
+    character(:), allocatable :: model_choice
+  contains
+    procedure :: make_table => make_run_table
+    procedure :: make_text => make_run_text
+  end type run_t
+
   !> A sweep. Its threads only read it, but for `stop`; each copies the worker, which is made under the interpreter's lock.
-  type :: sweep_session_t
+  type, extends(session_t) :: sweep_session_t
     type(sweep_t) :: sweep
-    character(:), allocatable :: resolved
     type(worker_t) :: worker
-    type(error_t), allocatable :: error
     logical :: stop = .false.
+  contains
+    procedure :: make_table => make_sweep_table
+    procedure :: make_text => make_sweep_text
   end type sweep_session_t
+
+  !> What a handle points to. (f2py loses its way in a `select type`.)
+  type :: holder_t
+    class(session_t), pointer :: session => null()
+    type(run_t), pointer :: run => null()
+    type(sweep_session_t), pointer :: sweep => null()
+  end type holder_t
 
   type, extends(watch_t) :: stop_watch_t
     type(sweep_session_t), pointer :: session => null()
@@ -90,106 +112,208 @@ module dst_python_api
     character(:), allocatable :: report, advice, settings, message
   end type comparison_t
 
+  !> Characters to text; of `trade`, codes of characters.
+  interface text_of
+    module procedure text_of_characters, text_of_codes
+  end interface text_of
+
 contains
 
-  !> Bytes of the catalogue.
-  subroutine catalogue_length(n)
-    integer(c_int), intent(out) :: n
-
-    n = int(len(catalogue(version)), c_int)
-  end subroutine catalogue_length
-
-  !> Commands, options, keys, columns, ... as JSON.
-  subroutine catalogue_text(n, text)
-    integer(c_int), intent(in) :: n
-    integer(c_int), intent(out) :: text(n)
-
-    call put_text(catalogue(version), text)
-  end subroutine catalogue_text
-
-  !> Read a deck and hold it against the schema as a whole, or with `alone` = 1 each value against its own key only. The
-  !> handle is valid until deck_close, also on failure; `message` is cut at 8192 bytes.
-  subroutine deck_open(n_deck, deck, n_name, name, n_settings, settings, alone, handle, status, message)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings
-    integer(c_int), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), alone
+  !> What does not depend on a deck: the table 'slider', the texts 'catalogue' (commands, options, keys, columns, ... as JSON), 'version',
+  !> 'git_revision', 'compiler', 'build_flags', 'host' and 'job'.
+  subroutine library_open(handle)
     integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status, message(8192)
-    ! Not f2py threadsafe, as run_open.
-    type(deck_session_t), pointer :: session
+    type(holder_t), pointer :: holder
 
-    allocate (session)
-    handle = handle_of(c_loc(session))
-    if (alone == 1) then
-      call parse_values(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
-    else
-      call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
-    end if
-    status = 0
-    call put_text('', message)
-    if (.not. allocated(session%error)) return
-    status = int(session%error%code, c_int)
-    call put_text(session%error%text, message)
+    allocate (holder)
+    handle = handle_of(c_loc(holder))
+    allocate (holder%session)
+  end subroutine library_open
+
+  !> Read a deck and hold it against the schema as a whole, or with `alone` = 1 each value against its own key only. A handle
+  !> is valid until `release`, also on failure; then the text 'message' says why, and the table 'faults' where (line, setting).
+  subroutine deck_open(n_deck, deck, n_name, name, n_settings, settings, alone, handle, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings, alone
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status
+    type(holder_t), pointer :: holder
+
+    allocate (holder)
+    handle = handle_of(c_loc(holder))
+    allocate (holder%session)
+    call read_deck(holder%session, text_of(deck), text_of(name), text_of(settings), alone == 1)
+    status = status_of(holder%session)
   end subroutine deck_open
 
-  !> Whether key i (from 1) is given, and its values: numbers of them, of texts, and the value of an integer key.
-  subroutine deck_given(handle, i, given, n_numbers, n_texts, integer_value)
+  !> Read a deck (text, name for messages, overrides 'group.key=value' one a line) and get ready to run.
+  subroutine run_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status
+    ! Not f2py threadsafe: gfortran keeps lengths of text results in static storage, so decks are read
+    ! one at a time, under the interpreter's lock.
+    type(holder_t), pointer :: holder
+    type(run_t), pointer :: run
+    type(scene_t) :: scene
+
+    allocate (holder, run)
+    handle = handle_of(c_loc(holder))
+    holder%session => run
+    holder%run => run
+    call read_deck(run, text_of(deck), text_of(name), text_of(settings), .false.)
+    if (.not. allocated(run%error) .and. run%deck%is_sweep()) call raise(run%error, usage_error, &
+      'the deck has a &sweep of many cases: use dynstiction.sweep, or remove the group')
+    if (.not. allocated(run%error)) then
+      call scene_from_deck(run%deck, scene)
+      call settle_model(scene, run%model_choice)
+      call run%simulation%start(scene, run%error)
+    end if
+    status = status_of(run)
+  end subroutine run_open
+
+  !> Read a deck and the parameters that are varied: their names one a line, the number of values of each, all values one
+  !> after the other. Without names the deck's own &sweep is taken. `is_list` = 1: the values of a case have the same place;
+  !> `found_list` says so of the deck's own. `at_once` cases run side by side.
+  subroutine sweep_open(n_deck, deck, n_name, name, n_settings, settings, n_names, names, n_axes, sizes, n_values, values, &
+                        is_list, handle, cases, at_once, found_list, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_names, n_axes, n_values, is_list
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), names(n_names)
+    integer(c_int), intent(in) :: sizes(n_axes)
+    real(c_double), intent(in) :: values(n_values)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: cases, at_once, found_list, status
+    ! Not f2py threadsafe, as run_open.
+    type(holder_t), pointer :: holder
+    type(sweep_session_t), pointer :: self
+    type(axis_t), allocatable :: given(:)
+    character(max(1, n_names)), allocatable :: lines(:)
+    integer :: i, first
+
+    allocate (holder, self)
+    handle = handle_of(c_loc(holder))
+    holder%session => self
+    holder%sweep => self
+    call read_deck(self, text_of(deck), text_of(name), text_of(settings), .false.)
+    if (.not. allocated(self%error)) then
+      lines = lines_of(text_of(names))
+      if (size(lines) > 0) then
+        allocate (given(size(lines)))
+        first = 1
+        do i = 1, size(given)
+          given(i)%name = lines(i)
+          given(i)%values = real(values(first:first + sizes(i) - 1), wp)
+          first = first + sizes(i)
+        end do
+        call new_sweep(self%deck, self%sweep, self%error, given, is_list == 1)
+      else if (self%deck%text_of('sweep', 'points') /= '') then
+        call read_csv(self%deck, given, self%error)
+        if (.not. allocated(self%error)) call new_sweep(self%deck, self%sweep, self%error, given, .true.)
+      else if (self%deck%is_sweep()) then
+        call new_sweep(self%deck, self%sweep, self%error)
+      else
+        call raise(self%error, usage_error, 'nothing is varied: give parameters, or a deck with &sweep')
+      end if
+    end if
+    status = status_of(self)
+    cases = 0
+    at_once = 0
+    found_list = 0
+    if (status /= 0) return
+    call new_worker(self%sweep, self%worker)
+    cases = int(self%sweep%cases, c_int)
+    at_once = int(cases_at_once(self%sweep), c_int)
+    found_list = merge(1_c_int, 0_c_int, self%sweep%is_list)
+  end subroutine sweep_open
+
+  subroutine read_deck(session, text, name, settings, alone)
+    class(session_t), intent(inout) :: session
+    character(*), intent(in) :: text, name, settings
+    logical, intent(in) :: alone
+
+    allocate (session%deck)
+    if (alone) then
+      call parse_values(text, name, lines_of(settings), session%deck, session%error, session%faults)
+    else
+      call parse_deck(text, name, lines_of(settings), session%deck, session%error, session%faults)
+    end if
+  end subroutine read_deck
+
+  integer(c_int) function status_of(session)
+    class(session_t), intent(in) :: session
+
+    status_of = 0
+    if (allocated(session%error)) status_of = int(session%error%code, c_int)
+  end function status_of
+
+  !> Make the table `which`, and its sizes: rows, columns of texts and of numbers, and bytes of the longest text.
+  subroutine table_size(handle, which, n_rows, n_texts, n_numbers, n_bytes)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: given, n_numbers, n_texts
-    integer(c_long_long), intent(out) :: integer_value
-    type(deck_session_t), pointer :: session
+    character(len=*), intent(in) :: which
+    integer(c_int), intent(out) :: n_rows, n_texts, n_numbers, n_bytes
+    type(holder_t), pointer :: held
 
-    session => deck_of(handle)
-    associate (value => session%deck%value(i))
-      given = merge(1_c_int, 0_c_int, value%user)
-      n_numbers = 0
-      n_texts = 0
-      if (allocated(value%reals)) n_numbers = int(size(value%reals), c_int)
-      if (allocated(value%texts)) n_texts = int(size(value%texts), c_int)
-      integer_value = int(value%integer, c_long_long)
-    end associate
-  end subroutine deck_given
+    held => holder_of(handle)
+    call held%session%make_table(which)
+    n_rows = int(size(held%session%table%text, 2), c_int)
+    n_texts = int(size(held%session%table%text, 1), c_int)
+    n_numbers = int(size(held%session%table%number, 1), c_int)
+    n_bytes = max(1_c_int, int(maxval(len_trim(held%session%table%text)), c_int))
+  end subroutine table_size
 
-  !> The n numbers of key i.
-  subroutine deck_numbers(handle, i, n, values)
+  !> The table whose sizes have been asked for last: texts and numbers (column, row).
+  subroutine table(handle, n_rows, n_texts, n_numbers, n_bytes, texts, numbers)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i, n
-    real(c_double), intent(out) :: values(n)
-    type(deck_session_t), pointer :: session
+    integer(c_int), intent(in) :: n_rows, n_texts, n_numbers, n_bytes
+    character(len=n_bytes), intent(out) :: texts(n_texts, n_rows)
+    real(c_double), intent(out) :: numbers(n_numbers, n_rows)
+    type(holder_t), pointer :: held
 
-    session => deck_of(handle)
-    values = real(session%deck%value(i)%reals, c_double)
-  end subroutine deck_numbers
+    held => holder_of(handle)
+    texts = held%session%table%text
+    numbers = real(held%session%table%number, c_double)
+  end subroutine table
 
-  !> The n texts of key i (byte, text).
-  subroutine deck_texts(handle, i, n, texts)
+  !> Make the text `which`, and its number of bytes.
+  subroutine text_size(handle, which, n_bytes)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i, n
-    integer(c_int), intent(out) :: texts(256, n)
-    type(deck_session_t), pointer :: session
-    integer :: k
+    character(len=*), intent(in) :: which
+    integer(c_int), intent(out) :: n_bytes
+    type(holder_t), pointer :: held
 
-    session => deck_of(handle)
-    do k = 1, n
-      call put_text(session%deck%value(i)%texts(k), texts(:, k))
-    end do
-  end subroutine deck_texts
+    held => holder_of(handle)
+    call held%session%make_text(which)
+    n_bytes = int(len(held%session%text), c_int)
+  end subroutine text_size
 
-  !> Free the deck; the handle is void afterwards.
-  subroutine deck_close(handle)
+  !> The text whose size has been asked for last.
+  subroutine text(handle, n_bytes, content)
     integer(c_long_long), intent(in) :: handle
-    type(deck_session_t), pointer :: session
+    integer(c_int), intent(in) :: n_bytes
+    character(len=n_bytes), intent(out) :: content
+    type(holder_t), pointer :: held
 
-    session => deck_of(handle)
-    deallocate (session)
-  end subroutine deck_close
+    held => holder_of(handle)
+    content = held%session%text
+  end subroutine text
 
-  function deck_of(handle) result(session)
+  !> Free what the handle stands for; it is void afterwards.
+  subroutine release(handle)
     integer(c_long_long), intent(in) :: handle
-    type(deck_session_t), pointer :: session
+    type(holder_t), pointer :: held
 
-    call c_f_pointer(address_of(handle), session)
-  end function deck_of
+    held => holder_of(handle)
+    deallocate (held%session)
+    deallocate (held)
+  end subroutine release
+
+  function holder_of(handle) result(holder)
+    integer(c_long_long), intent(in) :: handle
+    type(holder_t), pointer :: holder
+
+    call c_f_pointer(address_of(handle), holder)
+  end function holder_of
 
   !> What Python keeps for an address, and back.
   pure integer(c_long_long) function handle_of(address)
@@ -204,270 +328,242 @@ contains
     address_of = transfer(int(handle, c_intptr_t), address_of)
   end function address_of
 
-  !> Read a deck and the parameters that are varied: their names one a line, the number of values of each, all values one
-  !> after the other. Without names the deck's own &sweep is taken. `is_list` = 1: the values of a case have the same place.
-  subroutine sweep_open(n_deck, deck, n_name, name, n_settings, settings, n_names, names, n_axes, sizes, n_values, values, &
-                        is_list, handle, cases, axes, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_names, n_axes, n_values
-    integer(c_int), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), names(n_names), sizes(n_axes), is_list
-    real(c_double), intent(in) :: values(n_values)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: cases, axes, status
-    type(sweep_session_t), pointer :: session
-    type(axis_t), allocatable :: given(:)
-    character(max(1, n_names)), allocatable :: lines(:)
-    type(deck_t), allocatable :: parsed
+  pure subroutine new_table(table, rows, texts, numbers)
+    type(table_t), intent(out) :: table
+    integer, intent(in) :: rows, texts, numbers
+
+    allocate (table%text(texts, rows), table%number(numbers, rows))
+    table%text = ''
+    table%number = 0.0_wp
+  end subroutine new_table
+
+  !> Tables of every session: 'slider', 'faults', and of a deck 'values'.
+  subroutine make_table(self, which)
+    class(session_t), intent(inout) :: self
+    character(*), intent(in) :: which
+    integer :: i
+
+    select case (which)
+    case ('slider')
+      call new_table(self%table, size(slider_parameters), 1, 0)
+      self%table%text(1, :) = slider_parameters
+    case ('faults')
+      call new_table(self%table, self%faults%count + merge(1, 0, self%faults%full()), 1, 2)
+      if (self%faults%full()) self%table%text(1, self%faults%count + 1) = not_all_faults
+      do i = 1, self%faults%count
+        associate (fault => self%faults%item(i))
+          self%table%text(1, i) = printable(trim(fault%text))
+          self%table%number(:, i) = real([fault%line, fault%setting], wp)
+        end associate
+      end do
+    case ('values')
+      call make_table_of_values(self%deck, self%table)
+    case default
+      call new_table(self%table, 0, 0, 0)
+    end select
+  end subroutine make_table
+
+  !> Group, key and value of every key that is given: a text, or a number. A list has a row for each of its values.
+  subroutine make_table_of_values(deck, table)
+    type(deck_t), intent(in) :: deck
+    type(table_t), intent(out) :: table
+    integer :: i, k, row
+
+    call new_table(table, sum([(count_of(i), i=1, key_count)]), 3, 1)
+    row = 0
+    do i = 1, key_count
+      do k = 1, count_of(i)
+        row = row + 1
+        table%text(1:2, row) = [character(longest_cell) :: schema(i)%group, schema(i)%name]
+        select case (schema(i)%kind)
+        case (integer_kind)
+          table%text(3, row) = integer_text(deck%value(i)%integer)
+        case (real_kind, reals_kind)
+          table%number(1, row) = deck%value(i)%reals(k)
+        case default
+          table%text(3, row) = deck%value(i)%texts(k)
+        end select
+      end do
+    end do
+
+  contains
+
+    integer function count_of(key)
+      integer, intent(in) :: key
+
+      count_of = 0
+      if (.not. deck%value(key)%user) return
+      select case (schema(key)%kind)
+      case (integer_kind)
+        count_of = 1
+      case (real_kind, reals_kind)
+        count_of = size(deck%value(key)%reals)
+      case default
+        count_of = size(deck%value(key)%texts)
+      end select
+    end function count_of
+  end subroutine make_table_of_values
+
+  !> Also 'columns', 'parameters', of which a text has the second number 1, and of a finished run 'summary' and 'statistics'.
+  subroutine make_run_table(self, which)
+    class(run_t), intent(inout) :: self
+    character(*), intent(in) :: which
+    type(parameter_t), allocatable :: parameters(:)
+    integer :: i
+
+    select case (which)
+    case ('columns')
+      call describe(self%table, self%simulation%output_columns(), 0)
+    case ('parameters')
+      call parameters_of(self%deck, parameters)
+      call new_table(self%table, size(parameters), 4, 2)
+      do i = 1, size(parameters)
+        call put_quantity(self%table%text(:3, i), parameters(i)%quantity)
+        self%table%number(1, i) = parameters(i)%value
+        if (.not. allocated(parameters(i)%text)) cycle
+        self%table%text(4, i) = parameters(i)%text
+        self%table%number(2, i) = 1.0_wp
+      end do
+    case ('summary')
+      call describe(self%table, self%outcome%summary, 1)
+      if (allocated(self%outcome%summary)) self%table%number(1, :) = self%outcome%summary_value
+    case ('statistics')
+      call describe(self%table, self%outcome%statistics, 1)
+      if (allocated(self%outcome%statistics)) self%table%number(1, :) = self%outcome%statistics_value
+    case default
+      call self%session_t%make_table(which)
+    end select
+  end subroutine make_run_table
+
+  !> Also 'axes' with the numbers of their values, the values of all 'points' one axis after the other, and 'quantities' of a case.
+  subroutine make_sweep_table(self, which)
+    class(sweep_session_t), intent(inout) :: self
+    character(*), intent(in) :: which
     integer :: i, first
 
-    allocate (session, parsed)
-    handle = handle_of(c_loc(session))
-    call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), parsed, session%error)
-    if (.not. allocated(session%error)) then
-      lines = lines_of(text_of(names))
-      if (size(lines) > 0) then
-        allocate (given(size(lines)))
-        first = 1
-        do i = 1, size(given)
-          given(i)%name = lines(i)
-          given(i)%values = real(values(first:first + sizes(i) - 1), wp)
-          first = first + sizes(i)
-        end do
-        call new_sweep(parsed, session%sweep, session%error, given, is_list == 1)
-      else if (parsed%text_of('sweep', 'points') /= '') then
-        call read_csv(parsed, given, session%error)
-        if (.not. allocated(session%error)) call new_sweep(parsed, session%sweep, session%error, given, .true.)
-      else if (parsed%is_sweep()) then
-        call new_sweep(parsed, session%sweep, session%error)
-      else
-        call raise(session%error, usage_error, 'nothing is varied: give parameters, or a deck with &sweep')
-      end if
-    end if
-    status = 0
-    cases = 0
-    axes = 0
-    if (allocated(session%error)) then
-      status = int(session%error%code, c_int)
-      return
-    end if
-    session%resolved = resolved(session%sweep%deck)
-    call new_worker(session%sweep, session%worker)
-    cases = int(session%sweep%cases, c_int)
-    axes = int(size(session%sweep%axes), c_int)
-  end subroutine sweep_open
-
-  !> Number of values of axis i (from 1), and of a case; of the cases that run side by side; and `is_list` = 1: the values of a
-  !> case have the same place.
-  subroutine sweep_sizes(handle, i, n_axis, n_case, n_at_once, is_list)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: n_axis, n_case, n_at_once, is_list
-    type(sweep_session_t), pointer :: session
-
-    session => sweep_of(handle)
-    n_axis = int(size(session%sweep%axes(i)%values), c_int)
-    n_case = int(value_count, c_int)
-    n_at_once = int(cases_at_once(session%sweep), c_int)
-    is_list = merge(1_c_int, 0_c_int, session%sweep%is_list)
-  end subroutine sweep_sizes
-
-  !> Axis i (from 1): its name, units, meaning and values.
-  subroutine sweep_axis(handle, i, n, name, units, long_name, values)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i, n
-    integer(c_int), intent(out) :: name(40), units(8), long_name(96)
-    real(c_double), intent(out) :: values(n)
-    type(sweep_session_t), pointer :: session
-
-    session => sweep_of(handle)
-    associate (axis => session%sweep%axes(i))
-      call put_text(axis%name, name)
-      call put_text(schema(axis%key)%unit, units)
-      call put_text(schema(axis%key)%meaning, long_name)
-      values = real(axis%values, c_double)
-    end associate
-  end subroutine sweep_axis
-
-  !> Value i (from 1) of every case.
-  subroutine sweep_value_info(i, name, units, long_name)
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
-    type(quantity_t) :: quantities(value_count)
-
-    quantities = value_quantities()
-    call put_description(quantities(i), name, units, long_name)
-  end subroutine sweep_value_info
-
-  !> Run the cases `first` to `first + n - 1`: values (value, case), result X
-  subroutine sweep_run(handle, first, n, n_values, values, codes, messages)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: first, n, n_values
-    real(c_double), intent(out) :: values(n_values, n)
-    integer(c_int), intent(out) :: codes(n), messages(400, n)
-    !f2py threadsafe
-    type(sweep_session_t), pointer :: session
-    type(stop_watch_t) :: watch
-    type(worker_t) :: worker
-    type(case_t) :: case
-    integer :: next
-    logical :: finished
-
-    session => sweep_of(handle)
-    watch%session => session
-    worker = session%worker
-    values = 0.0_c_double
-    codes = -1
-    messages = iachar(' ')
-    next = int(first)
-    do
-      do while (worker%has_room() .and. next < first + n)
-        call worker%begin_case(session%sweep, next)
-        next = next + 1
+    select case (which)
+    case ('axes')
+      call new_table(self%table, size(self%sweep%axes), 3, 1)
+      do i = 1, size(self%sweep%axes)
+        associate (axis => self%sweep%axes(i))
+          call put_quantity(self%table%text(:, i), quantity_t(axis%name, schema(axis%key)%unit, schema(axis%key)%meaning))
+          self%table%number(1, i) = size(axis%values)
+        end associate
       end do
-      if (worker%is_idle()) exit
-      call worker%next_result(watch, case, finished)
-      if (.not. finished) exit
-      associate (i => case%number - int(first) + 1)
-        values(:, i) = real(case%values, c_double)
-        codes(i) = int(case%result_code, c_int)
-        if (case%result_code /= 0) call put_text(case%result_text, messages(:, i))
-      end associate
+    case ('points')
+      call new_table(self%table, sum([(size(self%sweep%axes(i)%values), i=1, size(self%sweep%axes))]), 0, 1)
+      first = 1
+      do i = 1, size(self%sweep%axes)
+        associate (values => self%sweep%axes(i)%values)
+          self%table%number(1, first:first + size(values) - 1) = values
+          first = first + size(values)
+        end associate
+      end do
+    case ('quantities')
+      call describe(self%table, value_quantities(), 0)
+    case default
+      call self%session_t%make_table(which)
+    end select
+  end subroutine make_sweep_table
+
+  !> Name, units and meaning of quantities, with room for numbers.
+  subroutine describe(table, quantities, numbers)
+    type(table_t), intent(out) :: table
+    type(quantity_t), intent(in), optional :: quantities(:)   !! a run that goes on has no summary
+    integer, intent(in) :: numbers
+    integer :: i
+
+    call new_table(table, 0, 3, numbers)
+    if (.not. present(quantities)) return
+    call new_table(table, size(quantities), 3, numbers)
+    do i = 1, size(quantities)
+      call put_quantity(table%text(:, i), quantities(i))
     end do
-  end subroutine sweep_run
+  end subroutine describe
 
-  !> Give up what is under way.
-  subroutine sweep_stop(handle)
-    integer(c_long_long), intent(in) :: handle
-    type(sweep_session_t), pointer :: session
+  pure subroutine put_quantity(cells, quantity)
+    character(*), intent(out) :: cells(:)
+    type(quantity_t), intent(in) :: quantity
 
-    session => sweep_of(handle)
-    !$omp atomic write
-    session%stop = .true.
-  end subroutine sweep_stop
+    cells(1) = quantity%name
+    cells(2) = quantity%units
+    cells(3) = quantity%long_name
+  end subroutine put_quantity
 
-  !> Why `sweep_open` failed, cut at 4096 bytes.
-  subroutine sweep_message(handle, message)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(out) :: message(4096)
-    type(sweep_session_t), pointer :: session
+  !> Texts of every session: 'message', 'resolved' (deck), and those of `library_open`.
+  subroutine make_text(self, which)
+    class(session_t), intent(inout) :: self
+    character(*), intent(in) :: which
 
-    session => sweep_of(handle)
-    call put_text('', message)
-    if (allocated(session%error)) call put_text(session%error%text, message)
-  end subroutine sweep_message
+    self%text = ''
+    select case (which)
+    case ('message')
+      if (allocated(self%error)) self%text = self%error%text
+    case ('resolved')
+      self%text = resolved(self%deck)
+    case ('catalogue')
+      self%text = catalogue(version)
+    case ('version')
+      self%text = version
+    case ('git_revision')
+      self%text = git_revision
+    case ('compiler')
+      self%text = compiler
+    case ('build_flags')
+      self%text = build_flags
+    case ('host')
+      self%text = host_name()
+    case ('job')
+      self%text = job_name()
+    end select
+  end subroutine make_text
 
-  !> Bytes of the resolved deck of a sweep.
-  subroutine sweep_deck_length(handle, n)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(out) :: n
-    type(sweep_session_t), pointer :: session
+  !> Also 'model', 'method', and why model 'auto' is that one: 'model_choice'.
+  subroutine make_run_text(self, which)
+    class(run_t), intent(inout) :: self
+    character(*), intent(in) :: which
 
-    session => sweep_of(handle)
-    n = int(len(session%resolved), c_int)
-  end subroutine sweep_deck_length
+    select case (which)
+    case ('model')
+      self%text = trim(self%simulation%scene%model)
+    case ('method')
+      self%text = trim(self%simulation%scene%method_name())
+    case ('model_choice')
+      self%text = self%model_choice
+    case default
+      call self%session_t%make_text(which)
+    end select
+  end subroutine make_run_text
 
-  !> The resolved deck of a sweep.
-  subroutine sweep_deck(handle, n, text)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: n
-    integer(c_int), intent(out) :: text(n)
-    type(sweep_session_t), pointer :: session
+  !> The deck is that of the sweep, with the values that it settles.
+  subroutine make_sweep_text(self, which)
+    class(sweep_session_t), intent(inout) :: self
+    character(*), intent(in) :: which
 
-    session => sweep_of(handle)
-    call put_text(session%resolved, text)
-  end subroutine sweep_deck
-
-  !> Free the sweep; the handle is void afterwards.
-  subroutine sweep_close(handle)
-    integer(c_long_long), intent(in) :: handle
-    type(sweep_session_t), pointer :: session
-
-    session => sweep_of(handle)
-    deallocate (session)
-  end subroutine sweep_close
-
-  logical function asked_to_stop(self)
-    class(stop_watch_t), intent(inout) :: self
-
-    !$omp atomic read
-    asked_to_stop = self%session%stop
-  end function asked_to_stop
-
-  function sweep_of(handle) result(session)
-    integer(c_long_long), intent(in) :: handle
-    type(sweep_session_t), pointer :: session
-
-    call c_f_pointer(address_of(handle), session)
-  end function sweep_of
-
-  !> Read a deck (text, name for messages, overrides 'group.key=value' one a line) and get ready to
-  !> run. On failure the handle is still valid until run_close, and text 3 is the message.
-  subroutine run_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings
-    integer(c_int), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe: gfortran keeps lengths of text results in static storage, so decks are read
-    ! one at a time, under the interpreter's lock.
-    type(session_t), pointer :: session
-    type(scene_t) :: scene
-
-    allocate (session)
-    handle = handle_of(c_loc(session))
-    call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), session%deck, session%error)
-    if (.not. allocated(session%error) .and. session%deck%is_sweep()) call raise(session%error, usage_error, &
-      'the deck has a &sweep of many cases: use dynstiction.sweep, or remove the group')
-    if (.not. allocated(session%error)) then
-      call scene_from_deck(session%deck, scene)
-      call settle_model(scene, session%model_choice)
-      call session%simulation%start(scene, session%error)
+    if (which == 'resolved') then
+      self%text = resolved(self%sweep%deck)
+    else
+      call self%session_t%make_text(which)
     end if
-    status = 0
-    if (allocated(session%error)) then
-      status = int(session%error%code, c_int)
-      return
-    end if
-    session%columns = session%simulation%output_columns()
-    session%resolved = resolved(session%deck)
-    call parameters_of(session%deck, session%parameters)
-  end subroutine run_open
-
-  !> Number of output columns.
-  subroutine run_columns(handle, n)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(out) :: n
-    type(session_t), pointer :: session
-
-    session => session_of(handle)
-    n = int(size(session%columns), c_int)
-  end subroutine run_columns
-
-  !> Name, units and meaning of column i (from 1).
-  subroutine column_info(handle, i, name, units, long_name)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
-    type(session_t), pointer :: session
-
-    session => session_of(handle)
-    call put_description(session%columns(i), name, units, long_name)
-  end subroutine column_info
+  end subroutine make_sweep_text
 
   !> Integrate for at most `seconds` of wall time [s] or until the simulated time `until` [s] has been `reached`; rows and
-  !> events now wait to be taken.
-  subroutine run_advance(handle, seconds, until, finished, reached, n_rows, n_events)
+  !> events now wait to be taken. `status` is the result code of a run that has ended.
+  subroutine run_advance(handle, seconds, until, finished, reached, n_rows, n_events, status)
     integer(c_long_long), intent(in) :: handle
     real(c_double), intent(in) :: seconds, until
-    integer(c_int), intent(out) :: finished, reached, n_rows, n_events
+    integer(c_int), intent(out) :: finished, reached, n_rows, n_events, status
     !f2py threadsafe
-    type(session_t), pointer :: session
+    type(holder_t), pointer :: held
 
-    session => session_of(handle)
-    call session%simulation%proceed(real(seconds, wp), session%writer, session%error, until=real(until, wp))
-    finished = merge(1_c_int, 0_c_int, session%simulation%finished)
-    reached = merge(1_c_int, 0_c_int, session%simulation%has_reached(real(until, wp)))
-    if (finished == 1) call session%simulation%outcome(session%error, session%outcome)
-    n_rows = int(session%writer%rows, c_int)
-    n_events = int(session%writer%events, c_int)
+    held => holder_of(handle)
+    call held%run%simulation%proceed(real(seconds, wp), held%run%writer, held%run%error, until=real(until, wp))
+    finished = merge(1_c_int, 0_c_int, held%run%simulation%finished)
+    reached = merge(1_c_int, 0_c_int, held%run%simulation%has_reached(real(until, wp)))
+    if (finished == 1) call held%run%simulation%outcome(held%run%error, held%run%outcome)
+    n_rows = int(held%run%writer%rows, c_int)
+    n_events = int(held%run%writer%events, c_int)
+    status = status_of(held%run)
   end subroutine run_advance
 
   !> What a sample at `time` [s] would hold, within the last advance.
@@ -476,11 +572,11 @@ contains
     real(c_double), intent(in) :: time
     integer(c_int), intent(in) :: n_columns
     real(c_double), intent(out) :: state(n_columns)
-    type(session_t), pointer :: session
+    type(holder_t), pointer :: held
     real(wp) :: row(n_columns)
 
-    session => session_of(handle)
-    call session%simulation%state_at(real(time, wp), row)
+    held => holder_of(handle)
+    call held%run%simulation%state_at(real(time, wp), row)
     state = real(row, c_double)
   end subroutine run_state
 
@@ -489,17 +585,17 @@ contains
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: n_columns, n_rows
     real(c_double), intent(out) :: samples(n_rows, n_columns)
-    type(session_t), pointer :: session
+    type(holder_t), pointer :: held
     !> Rows that fit into a processor's nearest memory: turned all at once, a long run's samples would take longer than its Python.
     integer, parameter :: block_rows = 128
     integer :: first, last
 
-    session => session_of(handle)
+    held => holder_of(handle)
     do first = 1, n_rows, block_rows
       last = min(first + block_rows - 1, int(n_rows))
-      samples(first:last, :) = transpose(real(session%writer%samples(:, first:last), c_double))
+      samples(first:last, :) = transpose(real(held%run%writer%samples(:, first:last), c_double))
     end do
-    session%writer%rows = 0
+    held%run%writer%rows = 0
   end subroutine run_samples
 
   !> Take the waiting events: time [s] and kind (1 = stick begins, 2 = slip begins).
@@ -508,119 +604,68 @@ contains
     integer(c_int), intent(in) :: n_events
     real(c_double), intent(out) :: time(n_events)
     integer(c_int), intent(out) :: kind(n_events)
-    type(session_t), pointer :: session
+    type(holder_t), pointer :: held
 
-    session => session_of(handle)
-    time = real(session%writer%event_time(:n_events), c_double)
-    kind = int(session%writer%event_kind(:n_events), c_int)
-    session%writer%events = 0
+    held => holder_of(handle)
+    time = real(held%run%writer%event_time(:n_events), c_double)
+    kind = int(held%run%writer%event_kind(:n_events), c_int)
+    held%run%writer%events = 0
   end subroutine run_events
 
-  !> Result code; its text is text 3.
-  subroutine run_outcome(handle, status)
+  !> Run the cases `first` to `first + n - 1`: values (value, case), result X
+  subroutine sweep_run(handle, first, n, n_values, values, codes, messages)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(out) :: status
-    type(session_t), pointer :: session
+    integer(c_int), intent(in) :: first, n, n_values
+    real(c_double), intent(out) :: values(n_values, n)
+    integer(c_int), intent(out) :: codes(n)
+    character(len=400), intent(out) :: messages(n)
+    !f2py threadsafe
+    type(holder_t), pointer :: held
+    type(stop_watch_t) :: watch
+    type(worker_t) :: worker
+    type(case_t) :: case
+    integer :: next
+    logical :: finished
 
-    session => session_of(handle)
-    status = 0
-    if (allocated(session%error)) status = int(session%error%code, c_int)
-  end subroutine run_outcome
+    held => holder_of(handle)
+    watch%session => held%sweep
+    worker = held%sweep%worker
+    values = 0.0_c_double
+    codes = -1
+    messages = ''
+    next = int(first)
+    do
+      do while (worker%has_room() .and. next < first + n)
+        call worker%begin_case(held%sweep%sweep, next)
+        next = next + 1
+      end do
+      if (worker%is_idle()) exit
+      call worker%next_result(watch, case, finished)
+      if (.not. finished) exit
+      associate (i => case%number - int(first) + 1)
+        values(:, i) = real(case%values, c_double)
+        codes(i) = int(case%result_code, c_int)
+        if (case%result_code /= 0) messages(i) = case%result_text
+      end associate
+    end do
+  end subroutine sweep_run
 
-  !> Number of summary values, counters and deck parameters.
-  subroutine run_counts(handle, n_summary, n_statistics, n_parameters)
+  !> Give up what is under way.
+  subroutine sweep_stop(handle)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(out) :: n_summary, n_statistics, n_parameters
-    type(session_t), pointer :: session
+    type(holder_t), pointer :: held
 
-    session => session_of(handle)
-    n_summary = 0
-    n_statistics = 0
-    if (allocated(session%outcome%summary)) n_summary = int(size(session%outcome%summary), c_int)
-    if (allocated(session%outcome%statistics)) n_statistics = int(size(session%outcome%statistics), c_int)
-    n_parameters = int(size(session%parameters), c_int)
-  end subroutine run_counts
+    held => holder_of(handle)
+    !$omp atomic write
+    held%sweep%stop = .true.
+  end subroutine sweep_stop
 
-  !> Summary value i (from 1).
-  subroutine summary_info(handle, i, name, units, long_name, value)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
-    real(c_double), intent(out) :: value
-    type(session_t), pointer :: session
+  logical function asked_to_stop(self)
+    class(stop_watch_t), intent(inout) :: self
 
-    session => session_of(handle)
-    call put_description(session%outcome%summary(i), name, units, long_name)
-    value = real(session%outcome%summary_value(i), c_double)
-  end subroutine summary_info
-
-  !> Counter i (from 1).
-  subroutine statistics_info(handle, i, name, units, long_name, value)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
-    real(c_double), intent(out) :: value
-    type(session_t), pointer :: session
-
-    session => session_of(handle)
-    call put_description(session%outcome%statistics(i), name, units, long_name)
-    value = real(session%outcome%statistics_value(i), c_double)
-  end subroutine statistics_info
-
-  !> Deck parameter i (from 1); `is_text` = 1 if its value is what parameter_text gives.
-  subroutine parameter_info(handle, i, name, units, long_name, value, is_text)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: name(24), units(8), long_name(96)
-    real(c_double), intent(out) :: value
-    integer(c_int), intent(out) :: is_text
-    type(session_t), pointer :: session
-
-    session => session_of(handle)
-    associate (parameter => session%parameters(i))
-      call put_description(parameter%quantity, name, units, long_name)
-      value = real(parameter%value, c_double)
-      is_text = merge(1_c_int, 0_c_int, allocated(parameter%text))
-    end associate
-  end subroutine parameter_info
-
-  !> Text of deck parameter i, cut at 512 bytes.
-  subroutine parameter_text(handle, i, text)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: text(512)
-    type(session_t), pointer :: session
-
-    session => session_of(handle)
-    call put_text(session%parameters(i)%text, text)
-  end subroutine parameter_text
-
-  !> Bytes of text `which`: 1 deck as read, 2 resolved deck, 3 error message, 4 model, 5 method, 6 why model 'auto' is that.
-  subroutine run_text_length(handle, which, n)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: which
-    integer(c_int), intent(out) :: n
-
-    n = int(len(chosen_text(handle, which)), c_int)
-  end subroutine run_text_length
-
-  !> Text `which` (see run_text_length).
-  subroutine run_text(handle, which, n, text)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: which, n
-    integer(c_int), intent(out) :: text(n)
-
-    call put_text(chosen_text(handle, which), text)
-  end subroutine run_text
-
-  !> Free the run; the handle is void afterwards.
-  subroutine run_close(handle)
-    integer(c_long_long), intent(in) :: handle
-    type(session_t), pointer :: session
-
-    session => session_of(handle)
-    deallocate (session)
-  end subroutine run_close
+    !$omp atomic read
+    asked_to_stop = self%session%stop
+  end function asked_to_stop
 
   !> Read a deck as run_open does and get ready to compare within `budget` seconds from now on, for `accuracy` (0 = none) in
   !> `quantity` (empty = the usual ones). On failure the handle is valid until trade_close, and text 4 is the message.
@@ -796,30 +841,8 @@ contains
     end select
   end function text_of_comparison
 
-  !> What the extension was built from, 1 version, 2 revision, 3 compiler, 4 its flags, and where it runs: 5 host, 6 job.
-  subroutine build_text(which, text)
-    integer(c_int), intent(in) :: which
-    integer(c_int), intent(out) :: text(512)
-
-    select case (which)
-    case (1)
-      call put_text(version, text)
-    case (2)
-      call put_text(git_revision, text)
-    case (3)
-      call put_text(compiler, text)
-    case (4)
-      call put_text(build_flags, text)
-    case (5)
-      call put_text(host_name(), text)
-    case default
-      call put_text(job_name(), text)
-    end select
-  end subroutine build_text
-
   !> Right-hand side of Eqs. (1)-(5) for n states (u_x, u_y, w_x, w_y) [m, m/s]: their time derivatives.
-  !> slider: mass, k_x, k_y, phi [rad], mu_0, mu_inf, v_f, W, V, v_smooth (SI). Without smoothing the
-  !> friction has no value at w = 0; the caller excludes it.
+  !> `slider` as `slider_parameters`. Without smoothing the friction has no value at w = 0; the caller excludes it.
   subroutine rhs(slider, n, state, derivative)
     integer(c_int), intent(in) :: n
     real(c_double), intent(in) :: slider(10), state(4, n)
@@ -944,13 +967,15 @@ contains
     integer(c_int), intent(in) :: n
     real(c_double), intent(in) :: sliders(10, n)
     real(c_double), intent(out) :: real_part(4, n), imaginary_part(4, n)
-    integer(c_int), intent(out) :: failed, message(256)
+    integer(c_int), intent(out) :: failed
+    character(len=256), intent(out) :: message
     !f2py threadsafe
     type(error_t), allocatable :: error
     complex(wp) :: values(4)
     integer :: i
 
-    call start_report(failed, message)
+    failed = 0
+    message = ''
     do i = 1, n
       values = (0.0_wp, 0.0_wp)
       call check_parameters(real(sliders(:, i), wp), error)
@@ -969,7 +994,8 @@ contains
     real(c_double), intent(in) :: sliders(10, n)
     integer(c_int), intent(out) :: exists(n)
     real(c_double), intent(out) :: angle(2, n), frequency(2, n), window(2, n), limit(n)
-    integer(c_int), intent(out) :: failed, message(256)
+    integer(c_int), intent(out) :: failed
+    character(len=256), intent(out) :: message
     !f2py threadsafe
     type(error_t), allocatable :: error
     type(critical_t) :: found
@@ -977,7 +1003,8 @@ contains
     real(wp) :: low_limit
     integer :: i
 
-    call start_report(failed, message)
+    failed = 0
+    message = ''
     do i = 1, n
       found = critical_t()
       low_limit = 0.0_wp
@@ -1002,13 +1029,15 @@ contains
     integer(c_int), intent(in) :: n, weakening
     real(c_double), intent(in) :: sliders(10, n), theta(n)
     real(c_double), intent(out) :: zeta(n)
-    integer(c_int), intent(out) :: failed, message(256)
+    integer(c_int), intent(out) :: failed
+    character(len=256), intent(out) :: message
     !f2py threadsafe
     type(error_t), allocatable :: error
     real(wp) :: value
     integer :: i
 
-    call start_report(failed, message)
+    failed = 0
+    message = ''
     do i = 1, n
       call check_parameters(real(sliders(:, i), wp), error)
       if (.not. (allocated(error) .or. abs(theta(i)) <= huge(theta))) &
@@ -1052,22 +1081,16 @@ contains
     end associate
   end subroutine check_parameters
 
-  subroutine start_report(failed, message)
-    integer(c_int), intent(out) :: failed, message(256)
-
-    failed = 0
-    call put_text('', message)
-  end subroutine start_report
-
   !> Keep the first error of a loop over sliders.
   subroutine report(i, error, failed, message)
     integer, intent(in) :: i
     type(error_t), allocatable, intent(in) :: error
-    integer(c_int), intent(inout) :: failed, message(256)
+    integer(c_int), intent(inout) :: failed
+    character(*), intent(inout) :: message
 
     if (.not. allocated(error) .or. failed > 0) return
     failed = int(i, c_int)
-    call put_text(error%text, message)
+    message = error%text
   end subroutine report
 
   function slider_from(values) result(slider)
@@ -1080,37 +1103,6 @@ contains
     call new_friction_law('weakening', values(5), values(6), values(7), values(8), slider%law)
     slider%smoothing = values(10)**2
   end function slider_from
-
-  function session_of(handle) result(session)
-    integer(c_long_long), intent(in) :: handle
-    type(session_t), pointer :: session
-
-    call c_f_pointer(address_of(handle), session)
-  end function session_of
-
-  function chosen_text(handle, which) result(text)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: which
-    character(:), allocatable :: text
-    type(session_t), pointer :: session
-
-    session => session_of(handle)
-    text = ''
-    select case (which)
-    case (1)
-      if (allocated(session%deck%text)) text = session%deck%text
-    case (2)
-      if (allocated(session%resolved)) text = session%resolved
-    case (3)
-      if (allocated(session%error)) text = session%error%text
-    case (4)
-      text = session%simulation%scene%model
-    case (5)
-      text = session%simulation%scene%method_name()
-    case default
-      text = session%model_choice
-    end select
-  end function chosen_text
 
   subroutine put_description(quantity, name, units, long_name)
     type(quantity_t), intent(in) :: quantity
@@ -1134,7 +1126,7 @@ contains
   end subroutine put_text
 
   !> Bytes to text.
-  pure function text_of(bytes) result(text)
+  pure function text_of_codes(bytes) result(text)
     integer(c_int), intent(in) :: bytes(:)
     character(size(bytes)) :: text
     integer :: i
@@ -1142,7 +1134,17 @@ contains
     do i = 1, size(bytes)
       text(i:i) = char(bytes(i))
     end do
-  end function text_of
+  end function text_of_codes
+
+  pure function text_of_characters(characters) result(text)
+    character(len=1), intent(in) :: characters(:)
+    character(size(characters)) :: text
+    integer :: i
+
+    do i = 1, size(characters)
+      text(i:i) = characters(i)
+    end do
+  end function text_of_characters
 
   !> The lines of a text that are not blank, padded to one length.
   pure function lines_of(text) result(lines)

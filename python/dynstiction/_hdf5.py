@@ -14,15 +14,11 @@ from numpy.typing import NDArray
 
 from ._open import open_file
 from .errors import FileError, IncompleteWarning
-from .record import EVENT_DTYPE, Described, Info, Record
+from .record import EVENT_DTYPE, EVENTS, Described, Info, Record
 
-__all__ = ["EVENTS", "PROGRAM", "read"]
+__all__ = ["PROGRAM", "read"]
 
 PROGRAM = "dynstiction"
-EVENTS = {
-    "time": Info("time", "s", "time of the event"),
-    "kind": Info("kind", "1", "1 = stick begins, 2 = slip begins"),
-}
 
 
 def read(path: str | os.PathLike[str]) -> Record:

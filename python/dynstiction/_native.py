@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
-from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +46,28 @@ __all__ = [
 CHUNK_SECONDS = 0.05
 """Wall time between two looks at Ctrl-C."""
 
-RESOLVED_DECK, MESSAGE, MODEL, METHOD, MODEL_CHOICE = 2, 3, 4, 5, 6
+NOT_RUN, GOING_ON, STOPPED_EARLY = -1, -1, 75
+"""Result codes of a case that has not been run, of a run that goes on, and of one that stopped early; others are errors."""
+
+FORMS = {"first_power": 1, "printed": 2, "third_order": 3}
+"""Forms of Eq. (8), with the core's numbers for them."""
+
+RANGES = {
+    1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
+    2: "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad",
+    3: "kappa = {kappa:.17g}: kappa must be in [0, 1)",
+    4: "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips",
+    5: "tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)",
+}
+"""What a point of creep violates, by the core's number for it."""
+
 REPORT, RECOMMENDATION, SETTINGS, SHORTFALL = 1, 2, 3, 4
 
 Value = float | int | str | tuple[float, ...] | tuple[str, ...]
 """Value of a key: of a list with one element that element."""
+
+_Characters: TypeAlias = NDArray[np.bytes_]
+T = TypeVar("T")
 
 
 class DeckSource(NamedTuple):
@@ -64,25 +79,33 @@ class DeckSource(NamedTuple):
     fields: Mapping[int, str] = {}
     """Group or key of each line of a text that was made from them: messages name it, not the line."""
 
-    def encoded(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    def arguments(self) -> tuple[_Characters, _Characters, _Characters]:
         """Text, name and settings for the core, which is about to read them."""
+        check_stack()
+        return _characters(self.text), _characters(self.name), _characters("\n".join(self.settings))
+
+    def encoded(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+        """The same as codes of bytes, for `Comparison`."""
         check_stack()
         return _bytes(self.text), _bytes(self.name), _bytes("\n".join(self.settings))
 
-    def error(self, status: int, message: str) -> Error:
-        """Exception for a status of the core; its text names keys where the user gave keys."""
-        return error_for(status, "\n".join(map(self._with_key, message.splitlines())))
+    def error(self, status: int, message: str, faults: Iterable[tuple[int, int, str]] = ()) -> Error:
+        """Exception for a status of the core; its text names keys where the user gave keys.
 
-    def _with_key(self, line: str) -> str:
-        place, _, rest = line.removeprefix(f"{self.name}:").partition(": ")
-        if line.startswith(f"{self.name}:") and place.isdecimal() and int(place) in self.fields:
-            return f"{self.fields[int(place)]}: {rest}"
-        if match := re.match(r"--set (\d+) \(", line):
-            setting = self.settings[int(match[1]) - 1]
-            whole = f"{match[0]}{setting}): "
-            rest = line[len(whole) :] if line.startswith(whole) else line.partition("...): ")[2]
-            return f"{setting.partition('=')[0]}: {rest}"
-        return line
+        Parameters
+        ----------
+        status, message
+            As the core gives them.
+        faults : iterable of (int, int, str)
+            Line of the deck, number of the setting (0 if it is none), and what is wrong, for each fault of a deck.
+        """
+        lines = [f"{self._place(line, setting)}: {text}" for line, setting, text in faults]
+        return error_for(status, "\n".join(lines) or message)
+
+    def _place(self, line: int, setting: int) -> str:
+        if setting > 0:
+            return self.settings[setting - 1].partition("=")[0]
+        return self.fields.get(line) or (f"{self.name}:{line}" if line > 0 else self.name)
 
 
 class KeyInfo(NamedTuple):
@@ -107,7 +130,8 @@ class KeyInfo(NamedTuple):
 class Advance(NamedTuple):
     """What one call of `Run.advance` brought: samples (rows, columns; each column contiguous), event times and kinds."""
 
-    finished: bool
+    outcome: tuple[int, str] | None
+    """Result code (0 done) and its text, if the run has ended."""
     reached: bool
     samples: NDArray[np.float64]
     event_time: NDArray[np.float64]
@@ -181,9 +205,17 @@ class Session(Closing):
             yield memory.handle
 
     @staticmethod
-    @abstractmethod
     def _free(handle: int) -> None:
-        """Free what the handle stands for."""
+        _core.release(handle)
+
+    def _raise(self, deck: DeckSource, status: int) -> None:
+        """Raise what the core says of a deck, if it has refused it."""
+        if status != 0:
+            with self._use() as handle:
+                texts, places = _table(handle, "faults")
+                message = _named_text(handle, "message")
+            lines, settings = places.astype(int).tolist()
+            raise deck.error(status, message, zip(lines, settings, (text for (text,) in texts), strict=True))
 
 
 class DeckValues(Session):
@@ -200,34 +232,23 @@ class DeckValues(Session):
     name = "deck"
 
     def __init__(self, deck: DeckSource, *, alone: bool) -> None:
-        handle, status, message = _core.deck_open(*deck.encoded(), int(alone))
+        handle, status = _core.deck_open(*deck.arguments(), int(alone))
         super().__init__(handle)
-        if status != 0:
-            raise deck.error(status, _text(message))
-
-    @staticmethod
-    def _free(handle: int) -> None:
-        _core.deck_close(handle)
+        self._raise(deck, status)
 
     def given(self) -> dict[str, dict[str, Value]]:
         """Values by group and key, of the keys that are given, in the schema's order."""
         groups: dict[str, dict[str, Value]] = {}
         with self._use() as handle:
-            for i, key in enumerate(schema()):
-                given, *sizes = _core.deck_given(handle, i + 1)
-                if given:
-                    groups.setdefault(key.group, {})[key.name] = self._value(handle, i + 1, key.kind, *sizes)
+            cells, numbers = _table(handle, "values")
+        items: dict[tuple[str, str], list[Any]] = {}
+        for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
+            kind = _kinds()[group, name]
+            value = int(text) if kind == "integer" else number if kind in ("real", "reals") else text
+            items.setdefault((group, name), []).append(value)
+        for (group, name), values in items.items():
+            groups.setdefault(group, {})[name] = values[0] if len(values) == 1 else tuple(values)
         return groups
-
-    @staticmethod
-    def _value(handle: int, i: int, kind: str, n_numbers: int, n_texts: int, integer: int) -> Value:
-        if kind == "integer":
-            return integer
-        if kind in ("real", "reals"):
-            numbers = tuple(_core.deck_numbers(handle, i, n_numbers).tolist())
-            return numbers[0] if n_numbers == 1 else numbers
-        texts = tuple(_text(text) for text in _core.deck_texts(handle, i, n_texts).T)
-        return texts[0] if n_texts == 1 else texts
 
 
 class Run(Session):
@@ -236,32 +257,29 @@ class Run(Session):
     name = "simulation"
 
     def __init__(self, deck: DeckSource) -> None:
-        handle, status = _core.run_open(*deck.encoded())
+        handle, status = _core.run_open(*deck.arguments())
         super().__init__(handle)
-        if status != 0:
-            raise deck.error(status, self._text(handle, MESSAGE))
-        self.columns = [_info(*_core.column_info(handle, i + 1)) for i in range(_core.run_columns(handle))]
-        self.resolved_deck = self._text(handle, RESOLVED_DECK)
-        self.model = self._text(handle, MODEL)
-        self.method = self._text(handle, METHOD)
-        self.model_choice = self._text(handle, MODEL_CHOICE)
+        self._raise(deck, status)
+        self.columns = _infos(handle, "columns")
+        self.resolved_deck = _named_text(handle, "resolved")
+        self.model = _named_text(handle, "model")
+        self.method = _named_text(handle, "method")
+        self.model_choice = _named_text(handle, "model_choice")
         """Why the model 'auto' is the one integrated; empty if the deck names another."""
-
-    @staticmethod
-    def _free(handle: int) -> None:
-        _core.run_close(handle)
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
-        samples = np.empty((0, len(self.columns)))
+        samples, outcome = np.empty((0, len(self.columns))), None
         time, kind = np.empty(0), np.empty(0, dtype=np.int32)
         with self._use() as handle:
-            finished, reached, n_rows, n_events = _core.run_advance(handle, seconds, until)
+            finished, reached, n_rows, n_events, status = _core.run_advance(handle, seconds, until)
             if n_rows > 0:
                 samples = _core.run_samples(handle, len(self.columns), n_rows)
             if n_events > 0:
                 time, kind = _core.run_events(handle, n_events)
-        return Advance(bool(finished), bool(reached), samples, time, kind)
+            if finished:
+                outcome = status, _named_text(handle, "message") if status != 0 else "done"
+        return Advance(outcome, bool(reached), samples, time, kind)
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """What a sample at `time` would hold; it lies in the last advance."""
@@ -269,39 +287,20 @@ class Run(Session):
             values = _core.run_state(handle, time, len(self.columns))
         return list(zip(self.columns, values.tolist(), strict=True))
 
-    def outcome(self) -> tuple[int, str]:
-        """Result code (0 done) and its text."""
+    def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
+        """Of a finished run the summary values, and the counters of the work done."""
         with self._use() as handle:
-            status = _core.run_outcome(handle)
-            return status, self._text(handle, MESSAGE) if status != 0 else "done"
-
-    def summary(self) -> list[tuple[Info, float]]:
-        """Summary values of a finished run."""
-        with self._use() as handle:
-            n, _, _ = _core.run_counts(handle)
-            return [_described(*_core.summary_info(handle, i + 1)) for i in range(n)]
-
-    def statistics(self) -> list[tuple[Info, float]]:
-        """Counters of the work done."""
-        with self._use() as handle:
-            _, n, _ = _core.run_counts(handle)
-            return [_described(*_core.statistics_info(handle, i + 1)) for i in range(n)]
+            summary, work = _described(handle, "summary"), _described(handle, "statistics")
+        return summary, [(info, int(value) if info.units == "1" else value) for info, value in work]
 
     def parameters(self) -> list[tuple[Info, float | str]]:
         """Every key that the deck uses and its value."""
         with self._use() as handle:
-            _, _, n = _core.run_counts(handle)
-            return [self._parameter(handle, i + 1) for i in range(n)]
-
-    @staticmethod
-    def _parameter(handle: int, i: int) -> tuple[Info, float | str]:
-        *about, value, is_text = _core.parameter_info(handle, i)
-        return _info(*about), _text(_core.parameter_text(handle, i)) if is_text else value
-
-    @staticmethod
-    def _text(handle: int, which: int) -> str:
-        length = _core.run_text_length(handle, which)
-        return text_from(_core.run_text(handle, which, length).astype(np.uint8).tobytes())
+            cells, (values, is_text) = _table(handle, "parameters", described=True)
+        return [
+            (info, text if is_one else value)
+            for (info, text), value, is_one in zip(cells, values.tolist(), is_text.tolist(), strict=True)
+        ]
 
 
 class Comparison(Session):
@@ -313,13 +312,13 @@ class Comparison(Session):
         self._deck = deck
         handle, status = _core.trade_open(*deck.encoded(), _bytes(quantity), accuracy, budget)
         super().__init__(handle)
-        self._raise(handle, status)
+        self._refuse(handle, status)
 
     @staticmethod
     def _free(handle: int) -> None:
         _core.trade_close(handle)
 
-    def _raise(self, handle: int, status: int) -> None:
+    def _refuse(self, handle: int, status: int) -> None:
         if status != 0:
             self.close()
             raise self._deck.error(status, self._text(handle, SHORTFALL))
@@ -328,7 +327,7 @@ class Comparison(Session):
         """Go on for at most `seconds` of wall time, under the interpreter's lock; whether that was the end."""
         with self._use() as handle:
             finished, status = _core.trade_advance(handle, seconds)
-            self._raise(handle, status)
+            self._refuse(handle, status)
         return bool(finished)
 
     def table(self) -> list[tuple[Info, NDArray[np.float64] | list[str]]]:
@@ -364,32 +363,21 @@ class Sweep(Session):
         self, deck: DeckSource, axes: Sequence[tuple[str, NDArray[np.float64]]], is_list: bool
     ) -> None:
         values = [np.asarray(axis, dtype=np.float64) for _, axis in axes]
-        handle, self.cases, n_axes, status = _core.sweep_open(
-            *deck.encoded(),
-            _bytes("\n".join(key for key, _ in axes)),
+        handle, self.cases, self.at_once, found_list, status = _core.sweep_open(
+            *deck.arguments(),
+            _characters("\n".join(key for key, _ in axes)),
             np.array([axis.size for axis in values], dtype=np.int32),
             np.concatenate([np.empty(0), *values]),
             int(is_list),
         )
         super().__init__(handle)
-        if status != 0:
-            raise deck.error(status, _text(_core.sweep_message(handle)))
-        self.axes = [self._axis(handle, i + 1) for i in range(n_axes)]
-        _, self._n_values, self.at_once, found_list = _core.sweep_sizes(handle, 1)
+        self._raise(deck, status)
         self.is_list = found_list == 1
-        self.quantities = [_info(*_core.sweep_value_info(i + 1)) for i in range(self._n_values)]
-        length = _core.sweep_deck_length(handle)
-        self.resolved_deck = text_from(_core.sweep_deck(handle, length).astype(np.uint8).tobytes())
-
-    @staticmethod
-    def _axis(handle: int, i: int) -> tuple[Info, NDArray[np.float64]]:
-        size, _, _, _ = _core.sweep_sizes(handle, i)
-        name, units, long_name, values = _core.sweep_axis(handle, i, size)
-        return _info(name, units, long_name), values
-
-    @staticmethod
-    def _free(handle: int) -> None:
-        _core.sweep_close(handle)
+        sizes, points = _table(handle, "axes")[1][0], _table(handle, "points")[1][0]
+        values = np.split(points, np.cumsum(sizes, dtype=int)[:-1])
+        self.axes = list(zip(_infos(handle, "axes"), values, strict=True))
+        self.quantities = _infos(handle, "quantities")
+        self.resolved_deck = _named_text(handle, "resolved")
 
     def run(self, first: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[int, str]]:
         """Run cases `first` (from 0) and following: values (case, value), codes (-1 if stopped), messages.
@@ -397,9 +385,9 @@ class Sweep(Session):
         Several threads may do so at once.
         """
         memory = self._opened()
-        values, codes, messages = _core.sweep_run(memory.handle, first + 1, count, self._n_values)
+        values, codes, messages = _core.sweep_run(memory.handle, first + 1, count, len(self.quantities))
         values[:, codes < 0] = np.nan
-        failed = {first + int(i): _text(messages[:, i]) for i in np.flatnonzero(codes > 0)}
+        failed = {first + int(i): text_from(messages[i]).rstrip() for i in np.flatnonzero(codes > 0)}
         return values.T, codes, failed
 
     def stop(self) -> None:
@@ -408,21 +396,33 @@ class Sweep(Session):
         _core.sweep_stop(memory.handle)
 
 
+class _Library(Session):
+    name = "library"
+
+    def __init__(self) -> None:
+        super().__init__(_core.library_open())
+
+    def read(self, get: Callable[[int, str], T], *names: str) -> list[T]:
+        with self._use() as handle:
+            return [get(handle, name) for name in names]
+
+
 @cache
 def build_info() -> BuildInfo:
     """Version, revision and compiler of the core."""
-    return BuildInfo(*(_text(_core.build_text(which)) for which in (1, 2, 3, 4)))
+    return BuildInfo(*_Library().read(_named_text, *BuildInfo._fields))
 
 
+@cache
 def machine_info() -> MachineInfo:
     """Where this process runs."""
-    return MachineInfo(*(_text(_core.build_text(which)) for which in (5, 6)))
+    return MachineInfo(*_Library().read(_named_text, *MachineInfo._fields))
 
 
 @cache
 def catalogue() -> dict[str, Any]:
     """What ``dynstiction keys --json`` prints: commands, options, keys, columns, ...; numbers as texts, as a deck has them."""
-    text = _text(_core.catalogue_text(_core.catalogue_length()))
+    (text,) = _Library().read(_named_text, "catalogue")
     found: dict[str, Any] = json.loads(text, parse_int=str, parse_float=str)
     return found
 
@@ -439,6 +439,18 @@ def _key(key: dict[str, Any]) -> KeyInfo:
     return KeyInfo(**{name: key.get(name) for name in KeyInfo._fields} | given)
 
 
+@cache
+def _kinds() -> dict[tuple[str, str], str]:
+    return {(key.group, key.name): key.kind for key in schema()}
+
+
+@cache
+def slider_parameters() -> tuple[str, ...]:
+    """Names of the parameters of a slider, in the order of the vectors that `rhs` and its like take."""
+    ((cells, _),) = _Library().read(_table, "slider")
+    return tuple(name for (name,) in cells)
+
+
 def rhs(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
     """Right-hand sides (n, 4) of the states (n, 4), C-contiguous."""
     return _core.rhs(slider, states.T).T
@@ -451,18 +463,24 @@ def jacobian(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArra
 
 def creep_exact(
     tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], int, int]:
-    """Creep (8, n), and of the first point out of range its index and its fault (0 if there is none)."""
+) -> NDArray[np.float64]:
+    """Creep (8, n)."""
     creep, point, fault = _core.creep_exact(tau, phi, kappa)
-    return creep.T, point - 1, fault
+    _check_range(point, fault, tau=tau, phi=phi, kappa=kappa)
+    return creep.T
 
 
-def creep_asymptotic(
-    form: int, tau: NDArray[np.float64], phi: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], int, int]:
-    """X'/V (n), and index and fault as for `creep_exact`."""
-    x_rate, point, fault = _core.creep_asymptotic(form, tau, phi)
-    return x_rate, point - 1, fault
+def creep_asymptotic(form: str, tau: NDArray[np.float64], phi: NDArray[np.float64]) -> NDArray[np.float64]:
+    """X'/V (n)."""
+    x_rate, point, fault = _core.creep_asymptotic(FORMS[form], tau, phi)
+    _check_range(point, fault, tau=tau, phi=phi)
+    return x_rate
+
+
+def _check_range(point: int, fault: int, **arguments: NDArray[np.float64]) -> None:
+    if fault != 0:
+        here = {name: float(values[min(point, values.size) - 1]) for name, values in arguments.items()}
+        raise UsageError(RANGES[fault].format(**here))
 
 
 def eigenvalues(sliders: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -499,34 +517,52 @@ def slow_damping(
     return zeta
 
 
-def _refuse(failed: int, message: NDArray[np.int32], cases: int) -> None:
+def _refuse(failed: int, message: bytes, cases: int) -> None:
     if failed > 0:
         where = f"element {failed - 1} of {cases}: " if cases > 1 else ""
-        raise UsageError(where + _text(message))
+        raise UsageError(where + text_from(message))
 
 
-def _described(
-    name: NDArray[np.int32], units: NDArray[np.int32], long_name: NDArray[np.int32], value: float
-) -> tuple[Info, float]:
-    return _info(name, units, long_name), value
+def _table(handle: int, which: str, described: bool = False) -> tuple[list[Any], NDArray[np.float64]]:
+    """Texts of a table of the core, a row each, and its numbers (column, row); what is described begins with an `Info`."""
+    texts, numbers = _core.table(handle, *_core.table_size(handle, which))
+    return _decoded(texts.tobytes("A"), texts.itemsize, texts.T.shape, described), numbers
+
+
+@lru_cache(maxsize=64)
+def _decoded(data: bytes, size: int, shape: tuple[int, int], described: bool) -> list[Any]:
+    # The same few descriptions come with every run; decoding them would take as long as a short run.
+    rows = np.frombuffer(data, f"S{size}").reshape(shape).tolist()
+    cells = [tuple(text_from(cell).rstrip(" ") for cell in row) for row in rows]
+    return [(Info(*row[:3]), *row[3:]) for row in cells] if described else cells
+
+
+def _infos(handle: int, which: str) -> list[Info]:
+    return [info for info, *_ in _table(handle, which, described=True)[0]]
+
+
+def _described(handle: int, which: str) -> list[tuple[Info, float]]:
+    cells, numbers = _table(handle, which, described=True)
+    return [(info, value) for (info,), value in zip(cells, numbers[0].tolist(), strict=True)]
+
+
+def _named_text(handle: int, which: str) -> str:
+    return text_from(_core.text(handle, _core.text_size(handle, which)))
+
+
+def _characters(text: str) -> _Characters:
+    try:
+        return np.frombuffer(text.encode("utf-8", "surrogateescape"), dtype="S1")
+    except UnicodeEncodeError as error:
+        raise UsageError(f"{text[:40]!r}: holds a half of a character: {error.reason}") from None
 
 
 def _info(name: NDArray[np.int32], units: NDArray[np.int32], long_name: NDArray[np.int32]) -> Info:
-    return _decoded_info(name.tobytes(), units.tobytes(), long_name.tobytes())
-
-
-@lru_cache(maxsize=512)
-def _decoded_info(*texts: bytes) -> Info:
-    # The same few descriptions come with every run; decoding them would take as long as a short run.
-    return Info(*(_text(np.frombuffer(text, dtype=np.int32)) for text in texts))
+    return Info(_text(name), _text(units), _text(long_name))
 
 
 def _bytes(text: str) -> NDArray[np.int32]:
-    try:
-        data = text.encode("utf-8", "surrogateescape")
-    except UnicodeEncodeError as error:
-        raise UsageError(f"{text[:40]!r}: holds a half of a character: {error.reason}") from None
-    return np.frombuffer(data, dtype=np.uint8).astype(np.int32)
+    return _characters(text).view(np.uint8).astype(np.int32)
 
 
 def _text(array: NDArray[np.int32]) -> str:

@@ -17,10 +17,10 @@ import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
-from ._hdf5 import EVENTS, PROGRAM
+from ._hdf5 import PROGRAM
 from ._open import SEAL, open_file
 from .errors import FileError
-from .record import Info, Record
+from .record import EVENTS, Info, Record
 
 __all__ = ["write"]
 

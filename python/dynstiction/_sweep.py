@@ -32,9 +32,6 @@ Floats: TypeAlias = NDArray[np.float64]
 Axis: TypeAlias = tuple[Info, Floats]
 """A parameter and its values: along one side of a grid, or of each case of a list."""
 
-NOT_RUN = -1
-"""Result code of a case that has not been run."""
-
 LONGEST_PIECE = 64
 """Cases that a thread takes at once, at most."""
 
@@ -166,7 +163,7 @@ class _Work:
         self._stopped = False
         self._error: BaseException | None = None
         self.values = np.full((core.cases, len(core.quantities)), np.nan)
-        self.codes = np.full(core.cases, NOT_RUN, dtype=np.int32)
+        self.codes = np.full(core.cases, _native.NOT_RUN, dtype=np.int32)
         self.messages: dict[int, str] = {}
 
     def run(self, n_threads: int, show: Callable[[float], None]) -> None:
@@ -231,7 +228,9 @@ class _Work:
     def warn(self) -> None:
         """Say if not all is done."""
         if self._stopped:
-            text = f"stopped after {np.count_nonzero(self.codes != NOT_RUN)} of {self._core.cases} cases"
+            text = (
+                f"stopped after {np.count_nonzero(self.codes != _native.NOT_RUN)} of {self._core.cases} cases"
+            )
         elif self.messages:
             case, message = min(self.messages.items())
             text = f"{len(self.messages)} of {self._core.cases} cases failed; the first, number {case}: {message}"

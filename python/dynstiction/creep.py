@@ -19,14 +19,7 @@ __all__ = ["Creep", "creep_asymptotic", "creep_exact", "creep_velocity", "dimens
 
 _Floats = NDArray[np.float64]
 Form = Literal["first_power", "printed", "third_order"]
-FORMS: dict[str, int] = {"first_power": 1, "printed": 2, "third_order": 3}
-RANGES = {
-    1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
-    2: "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad",
-    3: "kappa = {kappa:.17g}: kappa must be in [0, 1)",
-    4: "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips",
-    5: "tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)",
-}
+FORMS = _native.FORMS
 
 
 class Creep(NamedTuple):
@@ -94,8 +87,7 @@ def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep
     )
     if taus.size == 0:
         return Creep(*(np.empty(shape) for _ in Creep._fields))
-    values, point, fault = _native.creep_exact(taus, phis, kappas)
-    _check(point, fault, tau=taus, phi=phis, kappa=kappas)
+    values = _native.creep_exact(taus, phis, kappas)
     return Creep(*(column.reshape(shape) for column in finite("creep", values)))
 
 
@@ -131,9 +123,7 @@ def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power")
     taus, phis = _flat(given["tau"], shape), _one_or_flat(given["phi"], shape)
     if taus.size == 0:
         return np.empty(shape)
-    x_rate, point, fault = _native.creep_asymptotic(FORMS[form], taus, phis)
-    _check(point, fault, tau=taus, phi=phis)
-    return finite("X'/V", x_rate.reshape(shape))
+    return finite("X'/V", _native.creep_asymptotic(form, taus, phis).reshape(shape))
 
 
 def creep_velocity(
@@ -238,9 +228,3 @@ def _flat(array: _Floats, shape: tuple[int, ...]) -> _Floats:
 def _one_or_flat(array: _Floats, shape: tuple[int, ...]) -> _Floats:
     """A single value stays single: the core then need not look at it again."""
     return array.reshape(1) if array.size == 1 else _flat(array, shape)
-
-
-def _check(point: int, fault: int, **arguments: _Floats) -> None:
-    if fault != 0:
-        here = {name: float(values[min(point, values.size - 1)]) for name, values in arguments.items()}
-        raise UsageError(RANGES[fault].format(**here))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,7 +11,21 @@ from . import _native
 from ._arguments import SMALLEST, finite, number, reals
 from .errors import UsageError
 
-__all__ = ["jacobian", "rhs"]
+__all__ = ["jacobian", "rhs", "slider_parameters"]
+
+LIMITS: dict[str, dict[str, Any]] = {
+    "mass": {"above": 0.0, "units": "kg"},
+    "stiffness_x": {"above": 0.0, "units": "N/m"},
+    "stiffness_y": {"above": 0.0, "units": "N/m"},
+    "misalignment": {"units": "rad"},
+    "mu_0": {"least": 0.0},
+    "mu_inf": {"least": 0.0},
+    "v_f": {"least": SMALLEST, "units": "m/s"},
+    "normal_load": {"least": 0.0, "units": "N"},
+    "velocity": {"units": "m/s"},
+    "v_smooth": {"least": 0.0, "units": "m/s"},
+}
+"""Of the parameters of a slider, as `_arguments.reals` takes them."""
 
 
 def rhs(
@@ -133,34 +149,29 @@ def _finite(rates: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[
     return finite("the result", rates)
 
 
-def _slider(
-    mass: float,
-    stiffness_x: float,
-    stiffness_y: float,
-    misalignment: float,
-    mu_0: float,
-    mu_inf: float | None,
-    v_f: float | None,
-    normal_load: float,
-    velocity: float,
-    v_smooth: float,
-) -> NDArray[np.float64]:
-    """The parameter vector of the core's flat routines."""
-    if (mu_inf is None) != (v_f is None):
-        raise UsageError("mu_inf and v_f belong together: both for weakening friction, neither for constant")
-    if mu_inf is None or v_f is None:
-        mu_inf, v_f = mu_0, 1.0
+def _slider(*values: float | None) -> NDArray[np.float64]:
+    """The parameter vector of the core."""
     return np.array(
-        [
-            number("mass", mass, above=0.0, units="kg"),
-            number("stiffness_x", stiffness_x, above=0.0, units="N/m"),
-            number("stiffness_y", stiffness_y, above=0.0, units="N/m"),
-            number("misalignment", misalignment, units="rad"),
-            number("mu_0", mu_0, least=0.0),
-            number("mu_inf", mu_inf, least=0.0),
-            number("v_f", v_f, least=SMALLEST, units="m/s"),
-            number("normal_load", normal_load, least=0.0, units="N"),
-            number("velocity", velocity, units="m/s"),
-            number("v_smooth", v_smooth, least=0.0, units="m/s"),
-        ]
+        [number(name, value, **LIMITS[name]) for name, value in slider_parameters(*values).items()]
     )
+
+
+def slider_parameters(*values: ArrayLike | None) -> dict[str, ArrayLike]:
+    """Parameters of sliders by name, in the order of the core; without `mu_inf` and `v_f` friction is constant.
+
+    Parameters
+    ----------
+    *values : array_like or None
+        All parameters, in that order.
+
+    Raises
+    ------
+    UsageError
+        If only one of `mu_inf` and `v_f` is given.
+    """
+    given = dict(zip(_native.slider_parameters(), values, strict=True))
+    if (given["mu_inf"] is None) != (given["v_f"] is None):
+        raise UsageError("mu_inf and v_f belong together: both for weakening friction, neither for constant")
+    if given["mu_inf"] is None:
+        given |= {"mu_inf": given["mu_0"], "v_f": 1.0}
+    return cast(dict[str, ArrayLike], given)

@@ -13,12 +13,11 @@ import numpy as np
 from ._open import open_file
 from ._trade import Trade
 from .errors import FileError
-from .record import Info
+from .record import EVENTS, Info
 from .result import Result
 
 __all__ = ["export_csv", "export_sweep_csv"]
 
-EVENTS = (Info("time", "s", ""), Info("kind", "1", ""))
 FORMULA_BEGINNINGS = ("=", "+", "-", "@", "\t", "\r", "\n", "|")
 ABOUT = ("table", "name", "value", "unit", "meaning")
 
@@ -52,8 +51,8 @@ def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bo
         return
     infos, values = zip(*result.columns.info(), strict=True)
     yield _write(folder / f"{name}_time_series.csv", _heads(infos), _rows(values), overwrite)
-    events = [result.events[info.name] for info in EVENTS]
-    yield _write(folder / f"{name}_events.csv", _heads(EVENTS), _rows(events), overwrite)
+    events = [result.events[info.name] for info in EVENTS.values()]
+    yield _write(folder / f"{name}_events.csv", _heads(EVENTS.values()), _rows(events), overwrite)
     yield _write(folder / f"{name}_summary.csv", ABOUT, _summary_rows(result), overwrite)
 
 

@@ -4,14 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import UsageError, printable
+from ._arguments import shown
+from ._optional import needed
+from .errors import ColumnError, UsageError, printable
+from .html import page_table
 
-__all__ = ["EVENT_DTYPE", "SLIP_BEGINS", "STICK_BEGINS", "Described", "Info", "Record"]
+if TYPE_CHECKING:
+    import pandas  # type: ignore[import-untyped]
+    import xarray
+
+__all__ = [
+    "EVENTS",
+    "EVENT_DTYPE",
+    "SLIP_BEGINS",
+    "STICK_BEGINS",
+    "Described",
+    "Info",
+    "Record",
+    "Table",
+    "frame_of",
+]
 
 STICK_BEGINS = 1
 SLIP_BEGINS = 2
@@ -19,6 +36,7 @@ SLIP_BEGINS = 2
 EVENT_DTYPE = np.dtype([("time", np.float64), ("kind", np.int32)])
 
 T = TypeVar("T")
+C = TypeVar("C", bound=NDArray[np.generic])
 
 
 class Info(NamedTuple):
@@ -29,6 +47,12 @@ class Info(NamedTuple):
     long_name: str
 
 
+EVENTS = {
+    "time": Info("time", "s", "time of the event"),
+    "kind": Info("kind", "1", "1 = stick begins, 2 = slip begins"),
+}
+
+
 class Described(Mapping[str, T], Generic[T]):
     """Read-only mapping of names to values that knows what each value is.
 
@@ -36,52 +60,118 @@ class Described(Mapping[str, T], Generic[T]):
     ----------
     entries : iterable of (Info, value)
         Name, unit and meaning of each value, and the value.
-
-    Attributes
-    ----------
-    units : dict of str
-        Unit of each value, ``"1"`` where it has none.
-    long_names : dict of str
-        What each value is, in words.
     """
 
     def __init__(self, entries: Iterable[tuple[Info, T]]) -> None:
-        self._values: dict[str, T] = {}
-        self.units: dict[str, str] = {}
-        self.long_names: dict[str, str] = {}
+        self._entries: dict[str, tuple[Info, T]] = {}
         try:
-            described = [(Info(*info), value) for info, value in entries]
+            for info, value in entries:
+                about = info if type(info) is Info else Info(*info)
+                self._entries[about.name] = about, value
         except (TypeError, ValueError) as error:
             raise UsageError(
                 f"entries are pairs of an Info (name, units, long_name) and a value: {error}"
             ) from None
-        for info, value in described:
-            self._values[info.name] = value
-            self.units[info.name] = info.units
-            self.long_names[info.name] = info.long_name
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each value, ``"1"`` where it has none."""
+        return {name: info.units for name, (info, _) in self._entries.items()}
+
+    @property
+    def long_names(self) -> dict[str, str]:
+        """What each value is, in words."""
+        return {name: info.long_name for name, (info, _) in self._entries.items()}
 
     def __getitem__(self, name: str) -> T:
-        return self._values[name]
+        return self._entries[name][1]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
+        return iter(self._entries)
 
     def __len__(self) -> int:
-        return len(self._values)
+        return len(self._entries)
 
     def info(self) -> list[tuple[Info, T]]:
         """Name, unit and meaning of each value with the value itself."""
-        return [
-            (Info(name, self.units[name], self.long_names[name]), value)
-            for name, value in self._values.items()
-        ]
+        return list(self._entries.values())
 
     def __repr__(self) -> str:
-        return "\n".join(printable(f"{name} = {value} {self.units[name]}") for name, value in self.items())
+        return "\n".join(printable(f"{info.name} = {value} {info.units}") for info, value in self.info())
+
+
+class Table(Generic[C]):
+    """Columns of one length under their names: ``table["u_x"]`` is a column, ``for name in table`` runs over the names.
+
+    Attributes
+    ----------
+    columns : Described of ndarray, shape (n,)
+        The columns, with units and meanings.
+    """
+
+    columns: Described[C]
+    missing: ClassVar[str] = ""
+    """What to do about a column that is not there."""
+
+    def __getitem__(self, name: str) -> C:
+        try:
+            return self.columns[name]
+        except (KeyError, TypeError):
+            names = ", ".join(self.columns)
+            raise ColumnError(f"no column {shown(name)}, only {names}{self.missing}") from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The table as a `pandas.DataFrame`, one row a line; ``frame.attrs["units"]`` has the units.
+
+        Raises
+        ------
+        PackageError
+            If pandas is not installed.
+        """
+        return frame_of(self.columns)
+
+    def _dataset(self, index: str, attributes: Mapping[str, object]) -> xarray.Dataset:
+        """The table as an `xarray.Dataset` over one of its columns, or over the number of the row."""
+        needed("xarray", "to_xarray")
+        import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
+
+        variables = {
+            info.name: (index, values, {"units": info.units, "long_name": info.long_name})
+            for info, values in self.columns.info()
+        }
+        coordinates = {index: variables.pop(index)} if index in variables else {}
+        return xarray.Dataset(variables, coordinates, dict(attributes))
+
+    def _values(self) -> tuple[str, str, Described[float]]:
+        """What a notebook shows: a title, what is listed, and the list."""
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        title, head, values = self._values()
+        rows = [
+            (i.name, f"{v:.6g}", "" if i.units == "1" else i.units, i.long_name) for i, v in values.info()
+        ]
+        return page_table(title, (head, "value", "unit", ""), rows)
+
+
+def frame_of(columns: Described[C]) -> pandas.DataFrame:
+    """Columns as a `pandas.DataFrame` that knows their units."""
+    needed("pandas", "to_pandas")
+    import pandas  # noqa: PLC0415  (optional)
+
+    frame = pandas.DataFrame(dict(columns))
+    frame.attrs["units"] = columns.units
+    return frame
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Record:
+class Record(Table[NDArray[np.float64]]):
     """What one run has brought.
 
     Attributes

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._arguments import flag, number, path_name, shown
-from ._optional import needed
-from .errors import ColumnError, UsageError, printable
-from .html import page_table, sparkline, table
-from .record import STICK_BEGINS, Record
+from .errors import UsageError, printable
+from .html import sparkline, table
+from .record import EVENTS, STICK_BEGINS, Described, Record, frame_of
 from .thinning import extremes
 
 if TYPE_CHECKING:
@@ -33,20 +30,7 @@ class Result(Record):
     ``result["u_x"]`` is a column, ``for name in result`` runs over their names.
     """
 
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
-        try:
-            return self.columns[name]
-        except (KeyError, TypeError):
-            raise ColumnError(
-                f"no column {shown(name)}, only {', '.join(self.columns)}: "
-                "name it in the deck's output.fields and run again"
-            ) from None
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.columns
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns)
+    missing = ": name it in the deck's output.fields and run again"
 
     def sticks(self, until: float = np.inf) -> int:
         """Number of sticks that began, the first one included.
@@ -78,18 +62,7 @@ class Result(Record):
         PackageError
             If xarray is not installed.
         """
-        needed("xarray", "to_xarray")
-        import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
-
-        variables = {
-            info.name: ("time", values, {"units": info.units, "long_name": info.long_name})
-            for info, values in self.columns.info()
-        }
-        return xarray.Dataset(
-            {name: variable for name, variable in variables.items() if name != "time"},
-            coords={"time": variables["time"]},
-            attrs=dict(self.attributes),
-        )
+        return self._dataset("time", self.attributes)
 
     def to_pandas(self, which: str = "time_series") -> pandas.DataFrame:
         """Time series or events as a `pandas.DataFrame`; ``frame.attrs["units"]`` has the units.
@@ -107,21 +80,13 @@ class Result(Record):
         PackageError
             If pandas is not installed.
         """
-        needed("pandas", "to_pandas")
-        import pandas  # noqa: PLC0415  (optional)
-
         if not isinstance(which, str):
             which = shown(which)
-        if which == "time_series":
-            series = {name: values for name, values in self.columns.items() if name != "time"}
-            frame = pandas.DataFrame(series, index=pandas.Index(self.time, name="time"))
-            frame.attrs["units"] = dict(self.columns.units)
-        elif which == "events":
-            frame = pandas.DataFrame({name: self.events[name] for name in ("time", "kind")})
-            frame.attrs["units"] = {"time": "s", "kind": "1"}
-        else:
+        if which not in ("time_series", "events"):
             raise UsageError(f"which={which!r}: a result has 'time_series' and 'events'")
-        return frame
+        if which == "time_series":
+            return super().to_pandas().set_index("time")
+        return frame_of(Described((info, self.events[name]) for name, info in EVENTS.items()))
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the HDF5 file that the executable writes; it appears under its name only when it is whole.
@@ -150,11 +115,10 @@ class Result(Record):
         span = f"to t = {self.time[-1]:g} s" if self.time.size else "none"
         return f"Result {about}: {self.time.size} samples {span}, {self.sticks()} sticks, {state}"
 
+    def _values(self) -> tuple[str, str, Described[float]]:
+        return self._heading(), "summary", self.summary
+
     def _repr_html_(self) -> str:
-        summary = [
-            (info.name, f"{value:.6g}", "" if info.units == "1" else info.units, info.long_name)
-            for info, value in self.summary.info()
-        ]
         lines = ""
         if self.time.size > 1:
             drawn = [
@@ -163,10 +127,10 @@ class Result(Record):
                 if name in self
             ]
             lines = f"<table>{''.join(drawn)}</table>"
-        shown = page_table(self._heading(), ("summary", "value", "unit", ""), summary)
         columns = table(
             ("column", "unit", ""), [(i.name, i.units, i.long_name) for i, _ in self.columns.info()]
         )
+        shown = super()._repr_html_()
         return f"{shown}{lines}<details><summary>{len(self.columns)} columns</summary>{columns}</details>"
 
     def __repr__(self) -> str:

@@ -61,16 +61,18 @@ class Scene(SceneGroups):
     0.25
     """
 
-    __slots__ = ("_fields", "_name", "_settings", "_text")
+    __slots__ = ("_cache", "_fields", "_name", "_settings", "_text")
 
     _text: str
     _name: str
     _fields: Mapping[int, str]
     _settings: dict[str, str]
+    _cache: dict[object, Any]
+    """What the core has made of the deck, which never changes: its values, and its groups as dataclasses."""
 
     def __init__(self, deck: DeckLike | None = None, /, **groups: Unpack[Groups]) -> None:
         given = cast(Mapping[str, Group], groups)
-        self._fields, self._settings = {}, {}
+        self._fields, self._settings, self._cache = {}, {}, {}
         if isinstance(deck, Scene):
             self._text, self._name, self._fields = deck._text, deck._name, deck._fields
             self._settings = dict(deck._settings)
@@ -140,8 +142,13 @@ class Scene(SceneGroups):
         DeckError
             If a key or a value is refused.
         """
-        with _native.DeckValues(self.source, alone=True) as values:
-            return values.given()
+        return {group: dict(keys) for group, keys in self._given().items()}
+
+    def _given(self) -> dict[str, dict[str, _native.Value]]:
+        if "values" not in self._cache:
+            with _native.DeckValues(self.source, alone=True) as values:
+                self._cache["values"] = values.given()
+        return cast(dict[str, dict[str, _native.Value]], self._cache["values"])
 
     def to_deck(self) -> str:
         """Text of a deck with every key that the scene gives, overrides included.
@@ -177,16 +184,18 @@ class Scene(SceneGroups):
             return run.resolved_deck
 
     def _group(self, kind: type[G]) -> G:
-        return kind._read(self.groups().get(kind.group, {}))
+        if kind not in self._cache:
+            self._cache[kind] = kind._read(self._given().get(kind.group, {}))
+        return cast(G, self._cache[kind])
 
     def _identity(self) -> object:
         """What makes two scenes the same: the values, or of one that cannot be read its text."""
         try:
-            given = self.groups()
+            given = self._given()
         except DeckError:
             return self._text, frozenset(self._settings.items())
         kinds = (kind for kind in DeckGroup.__subclasses__() if kind.group in given)
-        groups = (kind._read(given[kind.group]) for kind in kinds)
+        groups = (self._group(kind) for kind in kinds)
         return tuple(group for group in groups if group.given())
 
     def __eq__(self, other: object) -> bool:
@@ -202,6 +211,7 @@ class Scene(SceneGroups):
 
     def __setstate__(self, state: tuple[str, str, dict[int, str], dict[str, str]]) -> None:
         self._text, self._name, self._fields, self._settings = state
+        self._cache = {}
 
     def __copy__(self) -> Self:
         return self

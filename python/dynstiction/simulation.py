@@ -16,14 +16,11 @@ from ._closing import Closing, OneAtATime
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
 from .groups import Groups
-from .record import EVENT_DTYPE, Described, Info
+from .record import EVENT_DTYPE, Described
 from .result import Result
 from .scene import DeckLike, Scene
 
 __all__ = ["Simulation"]
-
-STOPPED_EARLY = 75
-GOING_ON = -1
 
 BAR = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining}]"
 
@@ -91,7 +88,8 @@ class Simulation(Closing):
         self._parameters = Described(self._core.parameters())
         self._t_end = float(self._parameters["t_end"])
         self._samples = _Samples(len(self._core.columns), self._expected_rows())
-        self._events = [np.empty(0, dtype=EVENT_DTYPE)]
+        self._event_times: list[NDArray[np.float64]] = []
+        self._event_kinds: list[NDArray[np.int32]] = []
         self._outcome: tuple[int, str] | None = None
         self._summary: Described[float] = Described([])
         self._statistics: Described[float] = Described([])
@@ -147,7 +145,9 @@ class Simulation(Closing):
             return self._events_so_far()
 
     def _events_so_far(self) -> NDArray[np.void]:
-        events = np.concatenate(self._events)
+        time = np.concatenate(self._event_times)
+        events = np.empty(time.size, dtype=EVENT_DTYPE)
+        events["time"], events["kind"] = time, np.concatenate(self._event_kinds)
         return events if self.finished else events[events["time"] <= self._time]
 
     @property
@@ -255,15 +255,14 @@ class Simulation(Closing):
         if self._outcome is None:
             # The end is more than a time that is reached: the run is summed up there.
             aim = until if until < self._t_end else np.inf
-            finished, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
+            outcome, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
             self._samples.append(rows)
-            events = np.empty(time.size, dtype=EVENT_DTYPE)
-            events["time"], events["kind"] = time, kind
-            self._events.append(events)
-            if finished:
-                self._outcome = self._core.outcome()
-                self._summary = Described(self._core.summary())
-                self._statistics = Described(map(_counted, self._core.statistics()))
+            self._event_times.append(time)
+            self._event_kinds.append(kind)
+            if outcome is not None:
+                self._outcome = outcome
+                summary, work = self._core.ending()
+                self._summary, self._statistics = Described(summary), Described(work)
         if self._outcome is not None and self._outcome[0] != 0:
             self._time = self._samples.last_time()
         elif self._outcome is not None or reached:
@@ -280,7 +279,7 @@ class Simulation(Closing):
     def _tell(self, stacklevel: int) -> None:
         """Raise or warn if the run has ended badly."""
         code, text = self._outcome or (0, "")
-        if code == STOPPED_EARLY:
+        if code == _native.STOPPED_EARLY:
             warnings.warn(text, IncompleteWarning, stacklevel=stacklevel)
         elif code != 0:
             error = self._scene.source.error(code, text)
@@ -289,7 +288,7 @@ class Simulation(Closing):
             raise error
 
     def _attributes(self) -> dict[str, str | int]:
-        going_on = GOING_ON, f"reached t = {self._time:g} s"
+        going_on = _native.GOING_ON, f"reached t = {self._time:g} s"
         code, text = self._outcome if self.finished and self._outcome else going_on
         choice = self._core.model_choice
         return {
@@ -312,8 +311,3 @@ class Simulation(Closing):
     def __repr__(self) -> str:
         state = "finished" if self.finished else "closed" if self._core.closed else "going on"
         return f"<Simulation {self._scene.name!r}: t = {self._time:g} of {self._t_end:g} s, {state}>"
-
-
-def _counted(entry: tuple[Info, float]) -> tuple[Info, float]:
-    info, value = entry
-    return info, int(value) if info.units == "1" else value

@@ -12,14 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import reals, shape_of
-from .errors import UsageError
+from .equations import slider_parameters
 
 __all__ = ["CriticalMisalignment", "critical_misalignment", "damping_ratio", "steady_sliding_eigenvalues"]
-
-NAMES = (
-    "mass", "stiffness_x", "stiffness_y", "misalignment", "mu_0", "mu_inf", "v_f", "normal_load", "velocity", "v_smooth"
-)  # fmt: skip
-"""Parameters in the order of the core."""
 
 
 class CriticalMisalignment(NamedTuple):
@@ -205,26 +200,11 @@ def damping_ratio(
 
 
 def _sliders(
-    mass: ArrayLike,
-    stiffness_x: ArrayLike,
-    stiffness_y: ArrayLike,
-    misalignment: ArrayLike,
-    mu_0: ArrayLike,
-    mu_inf: ArrayLike | None,
-    v_f: ArrayLike | None,
-    normal_load: ArrayLike,
-    velocity: ArrayLike,
-    v_smooth: ArrayLike,
-    **others: NDArray[np.float64],
+    *values: ArrayLike | None, **others: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], tuple[int, ...]]:
-    """Parameter rows (n, 10) of the core, and the shape that they and `others` broadcast to."""
-    if (mu_inf is None) != (v_f is None):
-        raise UsageError("mu_inf and v_f belong together: both for weakening friction, neither for constant")
-    if mu_inf is None or v_f is None:
-        mu_inf, v_f = mu_0, 1.0
-    values = mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
+    """Parameter rows of the core, and the shape that they and `others` broadcast to."""
     # The core checks their ranges.
-    parameters = {name: reals(name, value, checked=False) for name, value in zip(NAMES, values, strict=True)}
+    parameters = {n: reals(n, v, checked=False) for n, v in slider_parameters(*values).items()}
     shape = shape_of(**parameters, **others)
     rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in parameters.values()], axis=1)
     return np.ascontiguousarray(rows), shape

@@ -5,23 +5,16 @@ The definitions are those of the core's summary (src/results/cycles.f90).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import instance, shown
-from ._optional import needed
-from .errors import ColumnError, UsageError
-from .html import page_table
-from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info
+from ._arguments import instance
+from .errors import UsageError
+from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info, Table
 from .result import Result
 from .scene import Scene
-
-if TYPE_CHECKING:
-    import pandas  # type: ignore[import-untyped]
 
 __all__ = ["StickSlip", "stick_slip_statistics"]
 
@@ -56,7 +49,7 @@ INSTANTS = ("peak_time", "valley_time")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class StickSlip:
+class StickSlip(Table[_Floats]):
     """Table of stick-slip cycles, from each peak of the longitudinal spring force to the next.
 
     Attributes
@@ -72,15 +65,6 @@ class StickSlip:
 
     columns: Described[_Floats]
     settled: NDArray[np.bool_]
-
-    def __getitem__(self, name: str) -> _Floats:
-        try:
-            return self.columns[name]
-        except (KeyError, TypeError):
-            raise ColumnError(f"no column {shown(name)}, only {', '.join(self.columns)}") from None
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns)
 
     def __len__(self) -> int:
         return int(self.columns["peak_time"].size)
@@ -98,24 +82,12 @@ class StickSlip:
             return []
         return [(info, v[self.settled]) for info, v in self.columns.info() if info.name not in INSTANTS]
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """The table as a `pandas.DataFrame`, one row a cycle; ``frame.attrs["units"]`` has the units."""
-        needed("pandas", "to_pandas")
-        import pandas  # noqa: PLC0415  (optional)
-
-        frame = pandas.DataFrame(dict(self.columns))
-        frame.attrs["units"] = dict(self.columns.units)
-        return frame
-
     def __repr__(self) -> str:
         lines = [f"{n} = {value:.6g} {self.columns.units[n]}" for n, value in self.means().items()]
         return "\n  ".join([f"<StickSlip: {len(self)} peaks; means", *lines]) + ">"
 
-    def _repr_html_(self) -> str:
-        rows = [
-            (info.name, f"{value:.6g}", info.units, info.long_name) for info, value in self.means().info()
-        ]
-        return page_table(f"Stick-slip: {len(self)} peaks", ("mean of", "value", "unit", ""), rows)
+    def _values(self) -> tuple[str, str, Described[float]]:
+        return f"Stick-slip: {len(self)} peaks", "mean of", self.means()
 
 
 def stick_slip_statistics(result: Result) -> StickSlip:

@@ -17,6 +17,8 @@ from typing import TextIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline  # type: ignore[import-untyped]
+from scipy.optimize import least_squares  # type: ignore[import-untyped]
 
 from ._run import run
 from .creep import FORMS, creep_asymptotic, creep_exact
@@ -466,7 +468,7 @@ def mean_creep(
             int(np.argmin(np.abs(begins - edge))) for edge in (time - HALF_WIDTH, time + HALF_WIDTH)
         )
         window = begins[[first, last]]
-        way = float(np.diff(_cubic(window, t, x, x_rate))[0])
+        way = float(np.diff(CubicHermiteSpline(t, x, x_rate)(window))[0])
         way_exact = L_X * float(np.diff(creep_exact(velocity * window / L_X, phi, kappa).X)[0])
         scale = 1.0 / (velocity * float(window[1] - window[0]))
         found.append(
@@ -481,22 +483,10 @@ def _rising_zeros(t: _Floats, values: _Floats) -> _Floats:
     return t[before] - values[before] / slope
 
 
-def _cubic(at: _Floats, t: _Floats, x: _Floats, x_rate: _Floats) -> _Floats:
-    """Hermite's cubic interpolation."""
-    i = np.searchsorted(t, at, side="right") - 1
-    step = t[i + 1] - t[i]
-    p = (at - t[i]) / step
-    return (
-        (1.0 + 2.0 * p) * (1.0 - p) ** 2 * x[i]
-        + p**2 * (3.0 - 2.0 * p) * x[i + 1]
-        + step * p * (1.0 - p) * ((1.0 - p) * x_rate[i] - p * x_rate[i + 1])
-    )
-
-
 def separate(phi: _Floats, tau: _Floats, x_rate: _Floats) -> Contributions:
     """Fit the two contributions to X'/V, ``a phi^p tau^(m-1) + b phi^q tau^(n-1)/sqrt(1 - tau^2)``.
 
-    At one t, tau stands for V. Least squares of the logarithm by the method of Levenberg and Marquardt; both contributions
+    At one t, tau stands for V. Least squares of the logarithm; both contributions
     start alike, one a little to either side of the other, from phi^1.5 V^1.5.
 
     Parameters
@@ -504,44 +494,32 @@ def separate(phi: _Floats, tau: _Floats, x_rate: _Floats) -> Contributions:
     phi, tau, x_rate : ndarray, shape (n,)
         Misalignment [rad], V t/l_x [-] in (0, 1), X'/V [-]; n at least 6.
     """
-    one, log_phi, log_tau = np.ones_like(phi), np.log(phi), np.log(tau)
+    log_phi, log_tau = np.log(phi), np.log(tau)
+    columns = np.stack([np.ones_like(phi), log_phi, log_tau], axis=1)
     root = -0.5 * np.log1p(-(tau**2))
 
     def terms(unknowns: _Floats) -> tuple[_Floats, _Floats]:
-        first, second = unknowns[:3], unknowns[3:]
-        columns = np.stack([one, log_phi, log_tau], axis=1)
-        return np.exp(columns @ first), np.exp(columns @ second + root)
+        return np.exp(columns @ unknowns[:3]), np.exp(columns @ unknowns[3:] + root)
 
     def residual_of(unknowns: _Floats) -> _Floats:
+        return np.log(sum(terms(unknowns)) / x_rate)
+
+    def jacobian_of(unknowns: _Floats) -> _Floats:
         first, second = terms(unknowns)
-        return np.log((first + second) / x_rate)
+        share = (first / (first + second))[:, np.newaxis]
+        return np.hstack([share * columns, (1.0 - share) * columns])
 
     unknowns = np.array([0.0, 1.6, 0.5, 0.0, 1.5, 0.6])
     # Each starts as half of the whole.
     for i in (0, 3):
         unknowns[i] = np.mean(np.log(0.5 * x_rate) - unknowns[i + 1] * log_phi - unknowns[i + 2] * log_tau)
-    residual, damping = residual_of(unknowns), 1.0e-2
-    for _ in range(200):
-        first, second = terms(unknowns)
-        share = first / (first + second)
-        columns = np.stack([one, log_phi, log_tau], axis=1)
-        jacobian = np.hstack([share[:, None] * columns, (1.0 - share)[:, None] * columns])
-        scale = np.linalg.norm(jacobian, axis=0)
-        matrix = np.vstack([jacobian / scale, math.sqrt(damping) * np.eye(6)])
-        step = np.linalg.lstsq(matrix, np.concatenate([-residual, np.zeros(6)]), rcond=None)[0] / scale
-        if np.max(np.abs(step)) < 1.0e-9:
-            break
-        tried = residual_of(unknowns + step)
-        if tried @ tried < residual @ residual:
-            unknowns, residual, damping = unknowns + step, tried, 0.25 * damping
-        else:
-            damping *= 4.0
-    a, p, m, b, q, n = (float(value) for value in unknowns)
+    fit = least_squares(residual_of, unknowns, jacobian_of, method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    a, p, m, b, q, n = fit.x.tolist()
     return Contributions(
         coefficients=(math.exp(a), math.exp(b)),
         powers_of_phi=(p, q),
         powers_of_velocity=(m + 1.0, n + 1.0),
-        residual=float(np.sqrt(np.mean(residual**2))),
+        residual=float(np.sqrt(np.mean(fit.fun**2))),
     )
 
 

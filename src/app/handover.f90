@@ -27,7 +27,10 @@ contains
     interpreter = own_path()
     ! A word without a folder was found in PATH, where python3 is looked for, too.
     if (index(interpreter, '/') > 0) interpreter = folder_of(true_path(interpreter))//'/python3'
-    if (index(interpreter, '/') == 0 .or. .not. file_exists(interpreter)) interpreter = 'python3'
+    if (index(interpreter, '/') > 0) then
+      if (file_exists(interpreter)) return
+    end if
+    interpreter = 'python3'
   end function chosen_interpreter
 
   !> The executable's file: Linux says it; elsewhere it is the word that called it.

@@ -99,7 +99,8 @@ contains
     first = 1
     do i = 1, n
       if (first > len_trim(list)) exit
-      width = index(list(first:)//' ', ' ') - 1
+      width = scan(list(first:), ' ') - 1
+      if (width < 0) width = len(list) - first + 1
       if (i == n) then
         text = list(first:first + width - 1)
         return
@@ -122,8 +123,19 @@ contains
   !> Whether `text` is one of the words of a list separated by blanks.
   pure logical function has_word(list, text)
     character(*), intent(in) :: list, text
+    integer :: first, width
 
-    has_word = index(text, ' ') == 0 .and. index(' '//trim(list)//' ', ' '//text//' ') > 0
+    ! Without a copy of the list: a deck's conditions are asked some hundred times.
+    has_word = list == '' .and. len(text) == 0
+    first = 1
+    do while (first <= len_trim(list))
+      width = scan(list(first:), ' ') - 1
+      if (width < 0) width = len(list) - first + 1
+      has_word = width == len(text)
+      if (has_word) has_word = list(first:first + width - 1) == text
+      if (has_word) return
+      first = first + width + 1
+    end do
   end function has_word
 
   !> The words of a list as one shows a choice: 'a | b | c'.
@@ -266,14 +278,15 @@ contains
     integer, parameter :: most_figures = precision(1.0_wp) + 3
 
     do figures = 1, most_figures
-      write (form, '(a, i0, a)') '(es48.', figures - 1, 'e4)'
+      ! Two digits of decimals at fixed places: to write and to read a format takes as long as the number itself.
+      form = '(es48.'//achar(iachar('0') + (figures - 1)/10)//achar(iachar('0') + mod(figures - 1, 10))//'e4)'
       write (buffer, form) abs(value)
       read (buffer, *, iostat=ios) again
       if (ios == 0 .and. again <= abs(value) .and. again >= abs(value)) exit
     end do
     buffer = adjustl(buffer)
     mantissa = buffer(1:1)//buffer(3:index(buffer, 'E') - 1)
-    read (buffer(index(buffer, 'E') + 1:), *) exponent
+    read (buffer(index(buffer, 'E') + 1:), '(i5)') exponent
     text = decimal_text(mantissa, exponent)
     if (sign(1.0_wp, value) < 0.0_wp) text = '-'//text
   end function real_text

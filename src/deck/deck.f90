@@ -80,11 +80,12 @@ contains
   end subroutine read_text
 
   !> Read a deck from memory; `name` stands for the file's name in messages.
-  subroutine parse_deck(text, name, settings, deck, error)
+  subroutine parse_deck(text, name, settings, deck, error, found)
     character(*), intent(in) :: text, name
     character(*), intent(in) :: settings(:)
     type(deck_t), intent(out) :: deck
     type(error_t), allocatable, intent(out) :: error
+    type(faults_t), intent(out), optional :: found   !! what `error` says, fault by fault
     type(faults_t) :: faults
     integer :: line_of(word_count(group_names))
     logical :: plain
@@ -99,21 +100,24 @@ contains
       call check_sweep(deck, line_of(group_number(sweep_group)), faults)
     end if
     if (faults%count > 0) call raise_lines(error, deck_error, faults%report(name))
+    if (present(found)) found = faults
   end subroutine parse_deck
 
   !> As `parse_deck`, but each value is held against its own key only: a part of a deck is not refused for what it lacks, or
   !> for what does not go together.
-  subroutine parse_values(text, name, settings, deck, error)
+  subroutine parse_values(text, name, settings, deck, error, found)
     character(*), intent(in) :: text, name
     character(*), intent(in) :: settings(:)
     type(deck_t), intent(out) :: deck
     type(error_t), allocatable, intent(out) :: error
+    type(faults_t), intent(out), optional :: found   !! what `error` says, fault by fault
     type(faults_t) :: faults
     integer :: line_of(word_count(group_names))
     logical :: plain
 
     call take_text(text, name, settings, deck, line_of, plain, faults)
     if (faults%count > 0) call raise_lines(error, deck_error, faults%report(name))
+    if (present(found)) found = faults
   end subroutine parse_values
 
   !> The values of a deck and of the settings that win over it. `line_of` is the line of each known group, 0 if it is absent;

@@ -2,9 +2,9 @@
 module dst_deck_values
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
-  use dst_text, only: has_word, read_real, read_integer
+  use dst_text, only: read_real, read_integer
   use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, longest_text, real_kind, reals_kind, integer_kind, &
-                        condition_count, condition_key, condition_choices
+                        condition_count, condition_key, holds_with
   implicit none
   private
 
@@ -151,7 +151,7 @@ contains
         cycle
       end if
       if (its_usage == used) then
-        if (has_word(condition_choices(schema(i), n), trim(deck%value(on)%texts(1)))) cycle
+        if (holds_with(schema(i), n, trim(deck%value(on)%texts(1)))) cycle
       end if
       answer = unused
       return
@@ -170,7 +170,7 @@ contains
       on = condition_key(schema(i), n)
       if (usage(deck, on) == unused) then
         text = failing_condition(deck, on)
-      else if (.not. has_word(condition_choices(schema(i), n), trim(deck%value(on)%texts(1)))) then
+      else if (.not. holds_with(schema(i), n, trim(deck%value(on)%texts(1)))) then
         text = trim(schema(on)%name)//' '//trim(deck%value(on)%texts(1))
       else
         cycle

@@ -4,10 +4,11 @@ module dst_faults
   implicit none
   private
 
-  public :: faults_t
+  public :: faults_t, not_all_faults
 
   !> More faults than a reader would want: the search for more may stop.
   integer, parameter :: most_faults = 100
+  character(*), parameter :: not_all_faults = 'only the first faults are listed: mend these and check again'
 
   type :: fault_t
     integer :: line = 0        !! line of the deck; 0 = the file as a whole
@@ -86,8 +87,7 @@ contains
         call builder%append(': '//printable(trim(fault%text)))
       end associate
     end do
-    if (self%full()) call builder%append(achar(10)//printable(name)// &
-      ': only the first faults are listed: mend these and check again')
+    if (self%full()) call builder%append(achar(10)//printable(name)//': '//not_all_faults)
     text = builder%content()
   end function report
 

@@ -1,7 +1,7 @@
 !> The keys of a deck as a result file shows them: name, unit, meaning, value.
 module dst_parameters
   use dst_kinds, only: wp
-  use dst_deck, only: deck_t
+  use dst_deck_values, only: deck_t, usage, used
   use dst_schema, only: schema, key_count, sweep_group, real_kind, reals_kind, integer_kind
   use dst_writer, only: quantity_t
   implicit none
@@ -27,22 +27,20 @@ contains
 
     n = 0
     do i = 1, key_count
-      associate (key => schema(i))
-        if (key%group == sweep_group .or. .not. deck%is_used(trim(key%group), trim(key%name))) cycle
+      associate (key => schema(i), value => deck%value(i))
+        if (key%group == sweep_group .or. usage(deck, i) /= used) cycle
         if (key%kind == reals_kind) then
-          if (size(deck%reals_of(trim(key%group), trim(key%name))) /= 1) cycle
+          if (size(value%reals) /= 1) cycle
         end if
         n = n + 1
-        found(n)%quantity%name = key%name
-        found(n)%quantity%units = key%unit
-        found(n)%quantity%long_name = key%meaning
+        found(n)%quantity = quantity_t(key%name, key%unit, key%meaning)
         if (key%unit == '') found(n)%quantity%units = '1'
         if (key%kind == integer_kind) then
-          found(n)%value = real(deck%integer_of(trim(key%group), trim(key%name)), wp)
+          found(n)%value = real(value%integer, wp)
         else if (key%kind == real_kind .or. key%kind == reals_kind) then
           found(n)%value = deck%real_of(trim(key%group), trim(key%name))
         else
-          found(n)%text = joined(deck, trim(key%group), trim(key%name))
+          found(n)%text = joined(value%texts)
         end if
       end associate
     end do
@@ -53,25 +51,15 @@ contains
   end subroutine parameters_of
 
   !> The texts of a key, one after the other.
-  function joined(deck, group, name) result(text)
-    type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: group, name
-    character(:), allocatable :: text
+  pure function joined(texts) result(list)
+    character(*), intent(in) :: texts(:)
+    character(:), allocatable :: list
+    integer :: i
 
-    text = list(deck%texts_of(group, name))
-
-  contains
-
-    pure function list(texts)
-      character(*), intent(in) :: texts(:)
-      character(:), allocatable :: list
-      integer :: i
-
-      list = ''
-      do i = 1, size(texts)
-        list = list//trim(texts(i))
-        if (i < size(texts)) list = list//' '
-      end do
-    end function list
+    list = ''
+    do i = 1, size(texts)
+      list = list//trim(texts(i))
+      if (i < size(texts)) list = list//' '
+    end do
   end function joined
 end module dst_parameters

@@ -4,7 +4,7 @@
 !> page come from it. A key is added by adding its entry here.
 module dst_schema
   use dst_kinds, only: wp, int64
-  use dst_text, only: name_width, unit_width, value_width, meaning_width, real_text, integer_text, alternatives
+  use dst_text, only: name_width, unit_width, value_width, meaning_width, real_text, integer_text, has_word, alternatives
   implicit none
   private
 
@@ -12,7 +12,7 @@ module dst_schema
   public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind, kind_names
   public :: longest_text, most_values, adaptive_methods
   public :: find_key, find_name, names_file, keys_of, in_range, range_text
-  public :: condition_count, condition_key, condition_choices, condition_text
+  public :: condition_count, condition_key, condition_choices, condition_text, holds_with
 
   integer, parameter :: real_kind = 1, integer_kind = 2, text_kind = 3, choice_kind = 4
   integer, parameter :: reals_kind = 5, texts_kind = 6
@@ -190,6 +190,7 @@ contains
     find_name = 0
     do i = 1, key_count
       if (schema(i)%name == name) find_name = i
+      if (find_name > 0) return
     end do
   end function find_name
 
@@ -253,41 +254,57 @@ contains
     type(key_t), intent(in) :: key
     integer :: i
 
-    condition_count = count([(key%used_by(i:i) == '=', i=1, len(key%used_by))])
+    condition_count = count([(key%used_by(i:i) == '=', i=1, len_trim(key%used_by))])
   end function condition_count
 
-  !> Condition `n` of `key`, as 'key=choice choice'.
-  pure function condition(key, n) result(text)
+  !> Where in `key%used_by` condition `n` stands, 'key=choice choice', and its equals sign. Nothing is copied: a deck's conditions
+  !> are asked some hundred times.
+  pure subroutine find_condition(key, n, first, equals, last)
     type(key_t), intent(in) :: key
     integer, intent(in) :: n
-    character(:), allocatable :: text
+    integer, intent(out) :: first, equals, last
     integer :: i
 
-    text = key%used_by
-    do i = 2, n
-      text = text(index(text, ', ') + 2:)
+    last = -1
+    do i = 1, n
+      first = last + 2
+      last = scan(key%used_by(first:), ',') + first - 2
+      if (last < first) last = len_trim(key%used_by)
     end do
-    text = trim(text(:index(text//',', ',') - 1))
-  end function condition
+    first = verify(key%used_by(first:), ' ') + first - 1
+    equals = scan(key%used_by(first:), '=') + first - 1
+  end subroutine find_condition
 
   !> Index of the key on which condition `n` of `key` depends.
   pure integer function condition_key(key, n)
     type(key_t), intent(in) :: key
     integer, intent(in) :: n
-    character(:), allocatable :: text
+    integer :: first, equals, last
 
-    text = condition(key, n)
-    condition_key = find_name(text(:index(text, '=') - 1))
+    call find_condition(key, n, first, equals, last)
+    condition_key = find_name(key%used_by(first:equals - 1))
   end function condition_key
+
+  !> Whether condition `n` of `key` holds with a choice.
+  pure logical function holds_with(key, n, choice)
+    type(key_t), intent(in) :: key
+    integer, intent(in) :: n
+    character(*), intent(in) :: choice
+    integer :: first, equals, last
+
+    call find_condition(key, n, first, equals, last)
+    holds_with = has_word(key%used_by(equals + 1:last), choice)
+  end function holds_with
 
   !> The choices with which condition `n` of `key` holds, blank-separated.
   pure function condition_choices(key, n) result(list)
     type(key_t), intent(in) :: key
     integer, intent(in) :: n
     character(:), allocatable :: list
+    integer :: first, equals, last
 
-    list = condition(key, n)
-    list = list(index(list, '=') + 1:)
+    call find_condition(key, n, first, equals, last)
+    list = key%used_by(equals + 1:last)
   end function condition_choices
 
   !> 'law weakening', 'method dopri5 | dop853 and contact exact'; '' when always used.

@@ -14,6 +14,7 @@ from typing import Any
 
 import dynstiction as ds
 import pytest
+from dynstiction import _native
 from dynstiction.plot.paper import deck
 from programs import SCRIPT, Program
 
@@ -105,13 +106,13 @@ def test_public_modules_name_what_they_offer() -> None:
 
 def test_the_package_says_that_it_is_typed() -> None:
     assert (PACKAGE / "py.typed").is_file()
-    assert (PACKAGE / "_core.pyi").is_file()
+    assert (Path(ds.__file__).parent / "_core.pyi").is_file()
 
 
 def test_the_stub_is_that_of_the_extension() -> None:
     from dynstiction._core import dst_python_api  # noqa: PLC0415
 
-    tree = ast.parse((PACKAGE / "_core.pyi").read_text(encoding="utf-8"))
+    tree = ast.parse((Path(ds.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))
     (stub,) = [node for node in tree.body if isinstance(node, ast.ClassDef)]
     declared = {node.name: node for node in stub.body if isinstance(node, ast.FunctionDef)}
     routines = {name for name in dir(dst_python_api) if not name.startswith("_")}
@@ -198,3 +199,19 @@ def test_running_from_python_costs_little(t_end: float) -> None:
         return time.perf_counter() - begun - result.statistics["wall_time"]
 
     assert min(overhead() for _ in range(10)) < 5e-3
+
+
+def test_a_run_asks_the_core_few_times(fig3: ds.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a short run costs beyond the integration is mostly calls."""
+    calls: list[str] = []
+
+    class Counting:
+        def __getattr__(self, name: str) -> Any:
+            calls.append(name)
+            return getattr(core, name)
+
+    core = _native._core
+    ds.run(fig3, scene={"t_end": 1e-3})
+    monkeypatch.setattr(_native, "_core", Counting())
+    ds.run(fig3, scene={"t_end": 1e-3})
+    assert 0 < len(calls) <= 25, calls

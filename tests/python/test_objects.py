@@ -136,7 +136,7 @@ def test_closed_handles_say_so(fig3: ds.Scene) -> None:
     sweep = _native.Sweep(fig3.source, [("drive.velocity", np.array([1e-3]))], False)
     trade = _native.Comparison(fig3.source, "", 0.0, 1.0)
     uses: list[tuple[_native.Session, list[Callable[[], object]]]] = [
-        (run, [lambda: run.advance(0.1), lambda: run.state(0.0), run.outcome, run.summary, run.parameters]),
+        (run, [lambda: run.advance(0.1), lambda: run.state(0.0), run.ending, run.parameters]),
         (values, [values.given]),
         (sweep, [lambda: sweep.run(0, 1), sweep.stop]),
         (trade, [lambda: trade.advance(0.1), trade.table, lambda: trade.text(_native.REPORT)]),

@@ -16,6 +16,7 @@ import f90nml
 import fig3 as fig3_deck
 import numpy as np
 import pytest
+from dynstiction import _native
 from dynstiction._native import schema
 from dynstiction.deck_group import DeckGroup
 from hypothesis import given
@@ -29,6 +30,9 @@ FIG3 = {
     for name, keys in fig3_deck.GROUPS.items()
     if name != "integrator"
 }
+
+
+FIG3_TEXT = ds.Scene(**FIG3).text
 
 
 # The classes and the schema
@@ -144,6 +148,58 @@ def test_faults_name_keys_not_lines_of_a_text_that_nobody_wrote(fig3: ds.Scene) 
         velocity[at] = math.inf
         with pytest.raises(ds.DeckError, match=r"^drive\.velocity: 'inf'"):
             ds.Scene(**{**FIG3, "drive": {"time": list(range(30)), "velocity": velocity}}).check()
+
+
+@given(
+    st.lists(
+        st.sampled_from(["x", "): ", "...", "=", ":7: ", "\x07", "\x7f", "ä", "'", "--set 1 ("]), max_size=40
+    )
+)
+def test_a_fault_is_told_whole_whatever_the_value_is(parts: list[str]) -> None:
+    law = "y" + "".join(parts)
+    made = ds.Scene(**{**FIG3, "friction": {**FIG3["friction"].given(), "law": law}})
+    for scene in (made, ds.Scene(FIG3_TEXT, friction={"law": law})):
+        with pytest.raises(ds.DeckError) as refused:
+            scene.check()
+        first = str(refused.value).splitlines()[0]
+        assert first.startswith("friction.law: ")
+        assert "constant" in first or "plain UTF-8 text" in first, "the remedy"
+
+
+def test_the_name_of_a_deck_may_be_anything(tmp_path: Path) -> None:
+    for name in ("a:3: b.nml", "--set 1 (x).nml", "tab\t.nml"):
+        path = tmp_path / name
+        path.write_text(FIG3_TEXT)
+        with pytest.raises(ds.DeckError, match=r"^system\.mass: mass = '-1'"):
+            ds.Scene(path, system={"mass": -1}).check()
+        path.write_text(FIG3_TEXT.replace("mass = ", "mass = -"))
+        with pytest.raises(ds.DeckError) as refused:
+            ds.Scene(path).check()
+        shown = str(path).replace("\t", "?")
+        assert re.fullmatch(re.escape(shown) + r":\d+: mass = '-.*", str(refused.value).splitlines()[0])
+
+
+def test_more_faults_than_are_listed() -> None:
+    text = FIG3_TEXT + "".join(f"&group_{i} /\n" for i in range(150))
+    with pytest.raises(ds.DeckError) as refused:
+        ds.Scene(text).check()
+    lines = str(refused.value).splitlines()
+    assert len(lines) == 101
+    assert lines[-1] == "deck: only the first faults are listed: mend these and check again"
+
+
+def test_the_deck_of_a_scene_is_read_once(monkeypatch: pytest.MonkeyPatch, fig3: ds.Scene) -> None:
+    scene, reads = fig3.replace(system={"mass": 0.5}), []
+    read = _native.DeckValues.given
+    monkeypatch.setattr(_native.DeckValues, "given", lambda self: reads.append(1) or read(self))
+    assert (scene.system.mass, scene.friction.law, scene.system.stiffness_x) == (0.5, "weakening", 1e3)
+    assert scene == scene.replace()
+    values = scene.groups()
+    values["system"]["mass"] = 7.0
+    values.clear()
+    assert scene.groups()["system"]["mass"] == scene.system.mass == 0.5
+    assert hash(scene) == hash(pickle.loads(pickle.dumps(scene)))
+    assert len(reads) == 3, "of each of three scenes"
 
 
 def test_wrong_groups_are_refused(fig3: ds.Scene) -> None:

@@ -1,12 +1,15 @@
 """What Python adds to the solver: the import of the package, and `ds.run` beyond the time that the solver takes.
 
-    python bench/overhead.py [--runs N] [--short]
+    python bench/python_overhead.py [--runs N] [--short] [--against FOLDER]
 
 The solver's time is `statistics/wall_time` of the same run: the integration, which is the same in the executable. Prints the
-medians of N [ms], of the overhead also the least, which is what a busy machine leaves visible. The import is that of a new interpreter, less one that imports nothing.
+medians of N [ms], of the overhead also the least, which is what a busy machine leaves visible. Then the overhead of a run that
+takes the solver some microseconds and the time of an attribute of a scene [us], of 2000 each, and with `--against`, a folder that
+holds the package of another revision, the ratio to that one, measured in turn. The import is that of a new interpreter, less one that imports nothing.
 """
 
 import argparse
+import os
 import statistics
 import subprocess
 import sys
@@ -30,6 +33,7 @@ def main() -> None:
     )
     parser.add_argument("--runs", type=int, default=9, help="of which the median is taken")
     parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--against", metavar="FOLDER", help="package to compare with")
     options = parser.parse_args()
     runs = 1 if options.short else options.runs
     print(
@@ -44,10 +48,46 @@ def main() -> None:
             f"{name:24} {result.time.size:8} {result.events.size:8} {1e3 * wall:10.2f} {1e3 * solver:10.2f}"
             f" {statistics.median(overheads):12.2f} {min(overheads):8.2f}"
         )
+    compare(10 if options.short else 2000, options.against)
     bare = statistics.median(start("pass") for _ in range(runs))
     loaded = statistics.median(start("import dynstiction") for _ in range(runs))
     numpy = statistics.median(start("import numpy") for _ in range(runs))
     print(f"import dynstiction: {1e3 * (loaded - bare):.0f} ms, of which numpy {1e3 * (numpy - bare):.0f} ms")
+
+
+SMALL = """
+import statistics, sys, time
+import dynstiction as ds
+scene = ds.Scene(sys.argv[1], scene={"t_end": 0.1})
+for call in (lambda: ds.run(scene), lambda: scene.system.stiffness_x):
+    spent = []
+    for _ in range(int(sys.argv[2])):
+        begin = time.perf_counter()
+        result = call()
+        spent.append(time.perf_counter() - begin - (result.statistics["wall_time"] if isinstance(result, ds.Result) else 0.0))
+    print(1e6 * statistics.median(spent), 1e6 * min(spent))
+"""
+NAMES = ("overhead of a short run", "attribute of a scene")
+
+
+def compare(runs: int, against: str | None) -> None:
+    """Print the times of what is small [us], and their ratio to those of another package."""
+    columns = [small(runs, folder) for folder in (None, against)[: 2 if against else 1]]
+    for name, *times in zip(NAMES, *columns, strict=True):
+        ratio = (
+            f", {times[0][0] / times[1][0]:.2f} (least {times[0][1] / times[1][1]:.2f}) of before"
+            if against
+            else ""
+        )
+        print(f"{name}: {times[0][0]:.1f} us, least {times[0][1]:.1f} us{ratio}")
+
+
+def small(runs: int, folder: str | None) -> list[tuple[float, ...]]:
+    """Median and least [us] of each."""
+    command = [sys.executable, "-c", SMALL, INPUTS / "creep.nml", str(runs)]
+    environment = os.environ | ({"PYTHONPATH": folder} if folder else {})
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
+    return [tuple(map(float, line.split())) for line in done.stdout.splitlines()]
 
 
 def measure(deck: Path, changes: dict[str, float]) -> tuple[float, float]:
