@@ -1,4 +1,4 @@
-!> The one flat file that f2py sees: runs and comparisons by handle, and for arrays the equations of motion and slow creep.
+!> The one flat file that f2py sees: runs by handle, and for arrays the equations of motion and slow creep.
 !>
 !> Texts travel as arrays of bytes in default integers, the kind that f2py translates without fault
 !> (UTF-8, padded with blanks on the way out). A run lives on the heap and is known by its handle;
@@ -28,21 +28,16 @@ module dst_python_api
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_count, &
     value_quantities
   use dst_sweep_points, only: read_csv
-  use dst_trade, only: trade_t, start_trade
-  use dst_trade_advice, only: check_wish, cheapest, advice, advised_settings
-  use dst_trade_report, only: trade_report
-  use dst_trade_table, only: table_of
-  use dst_writer, only: quantity_t, outcome_t, table_column_t
+  use dst_writer, only: quantity_t, outcome_t
   implicit none
   private
 
   public :: key_total, key_info, key_default, deck_open, deck_given, deck_numbers, deck_texts, deck_close
-  public :: run_open, run_columns, column_info, run_advance, run_state, run_samples, run_events, run_outcome, run_counts
+  public :: run_open, run_columns, column_info, run_advance, run_state, run_samples, run_events, run_instants, run_time
+  public :: run_outcome, run_counts
   public :: summary_info, statistics_info, parameter_info, parameter_text, run_text_length, run_text, run_close
   public :: sweep_open, sweep_sizes, sweep_axis, sweep_value_info, sweep_run, sweep_stop, sweep_message
   public :: sweep_deck_length, sweep_deck, sweep_close
-  public :: trade_open, trade_advance, trade_size, trade_column, trade_numbers, trade_texts, trade_text_length, trade_text
-  public :: trade_close
   public :: build_text, rhs, jacobian, creep_exact, creep_asymptotic, eigenvalues, critical, slow_damping
 
   !> A deck that has been read.
@@ -78,16 +73,6 @@ module dst_python_api
   contains
     procedure :: asked_to_stop
   end type stop_watch_t
-
-  !> A comparison of settings, and what is wished of it.
-  type :: comparison_t
-    type(deck_t) :: deck
-    type(trade_t) :: trade
-    real(wp) :: accuracy = 0.0_wp          !! 0 = no recommendation
-    character(:), allocatable :: quantity
-    type(table_column_t), allocatable :: table(:)
-    character(:), allocatable :: report, advice, settings, message
-  end type comparison_t
 
 contains
 
@@ -484,7 +469,6 @@ contains
     call session%simulation%proceed(real(seconds, wp), session%writer, session%error, until=real(until, wp))
     finished = merge(1_c_int, 0_c_int, session%simulation%finished)
     reached = merge(1_c_int, 0_c_int, session%simulation%has_reached(real(until, wp)))
-    if (finished == 1) call session%simulation%outcome(session%error, session%outcome)
     n_rows = int(session%writer%rows, c_int)
     n_events = int(session%writer%events, c_int)
   end subroutine run_advance
@@ -535,13 +519,35 @@ contains
     session%writer%events = 0
   end subroutine run_events
 
-  !> Result code; its text is text 3.
+  !> Take samples at these instants [s] from now on, not at equal distances: from 0 to the end, one for each sample so far at least.
+  subroutine run_instants(handle, n, instants)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: n
+    real(c_double), intent(in) :: instants(n)
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    session%simulation%instants = real(instants, wp)
+  end subroutine run_instants
+
+  !> Simulated time reached [s].
+  subroutine run_time(handle, time)
+    integer(c_long_long), intent(in) :: handle
+    real(c_double), intent(out) :: time
+    type(session_t), pointer :: session
+
+    session => session_of(handle)
+    time = real(session%simulation%trajectory%now%time, c_double)
+  end subroutine run_time
+
+  !> Sum up the run as far as it has come: result code; its text is text 3.
   subroutine run_outcome(handle, status)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(out) :: status
     type(session_t), pointer :: session
 
     session => session_of(handle)
+    call session%simulation%outcome(session%error, session%outcome)
     status = 0
     if (allocated(session%error)) status = int(session%error%code, c_int)
   end subroutine run_outcome
@@ -640,180 +646,6 @@ contains
     session => session_of(handle)
     deallocate (session)
   end subroutine run_close
-
-  !> Read a deck as run_open does and get ready to compare within `budget` seconds from now on, for `accuracy` (0 = none) in
-  !> `quantity` (empty = the usual ones). On failure the handle is valid until trade_close, and text 4 is the message.
-  subroutine trade_open(n_deck, deck, n_name, name, n_settings, settings, n_quantity, quantity, accuracy, budget, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_quantity
-    integer(c_int), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), quantity(n_quantity)
-    real(c_double), intent(in) :: accuracy, budget
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe, as run_open.
-    type(comparison_t), pointer :: comparison
-    type(error_t), allocatable :: error
-    type(scene_t) :: scene
-
-    allocate (comparison)
-    handle = handle_of(c_loc(comparison))
-    comparison%accuracy = accuracy
-    comparison%quantity = text_of(quantity)
-    if (abs(accuracy) > 0.0_c_double) call check_wish(comparison%accuracy, comparison%quantity, error)
-    if (.not. allocated(error)) call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), comparison%deck, error)
-    if (.not. allocated(error)) then
-      call scene_from_deck(comparison%deck, scene)
-      call start_trade(scene, real(budget, wp), comparison%trade, error)
-    end if
-    call note_error(comparison, error, status)
-  end subroutine trade_open
-
-  !> Compare for at most `seconds` of wall time [s]; at the end the table and the texts are there. `status` is also that of a
-  !> comparison without reference.
-  subroutine trade_advance(handle, seconds, finished, status)
-    integer(c_long_long), intent(in) :: handle
-    real(c_double), intent(in) :: seconds
-    integer(c_int), intent(out) :: finished, status
-    ! Not f2py threadsafe, as run_open: candidates are planned, described and advised on with texts.
-    type(comparison_t), pointer :: comparison
-    type(error_t), allocatable :: error
-
-    comparison => comparison_of(handle)
-    call comparison%trade%proceed(real(seconds, wp), error)
-    finished = merge(1_c_int, 0_c_int, comparison%trade%finished)
-    call note_error(comparison, error, status)
-  end subroutine trade_advance
-
-  !> Number of columns and rows of the table of a finished comparison.
-  subroutine trade_size(handle, n_columns, n_rows)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(out) :: n_columns, n_rows
-    type(comparison_t), pointer :: comparison
-
-    comparison => comparison_of(handle)
-    call describe_comparison(comparison)
-    n_columns = int(size(comparison%table), c_int)
-    n_rows = int(size(comparison%table(1)%number), c_int)
-  end subroutine trade_size
-
-  !> Name, units and meaning of column i (from 1), and whether it holds texts.
-  subroutine trade_column(handle, i, name, units, long_name, is_text)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: name(24), units(8), long_name(96), is_text
-    type(comparison_t), pointer :: comparison
-
-    comparison => comparison_of(handle)
-    call put_description(comparison%table(i)%quantity, name, units, long_name)
-    is_text = merge(1_c_int, 0_c_int, allocated(comparison%table(i)%text))
-  end subroutine trade_column
-
-  !> The numbers of column i.
-  subroutine trade_numbers(handle, i, n, values)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i, n
-    real(c_double), intent(out) :: values(n)
-    type(comparison_t), pointer :: comparison
-
-    comparison => comparison_of(handle)
-    values = real(comparison%table(i)%number, c_double)
-  end subroutine trade_numbers
-
-  !> The texts of column i (byte, row).
-  subroutine trade_texts(handle, i, n, texts)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i, n
-    integer(c_int), intent(out) :: texts(200, n)
-    type(comparison_t), pointer :: comparison
-    integer :: row
-
-    comparison => comparison_of(handle)
-    do row = 1, n
-      call put_text(comparison%table(i)%text(row), texts(:, row))
-    end do
-  end subroutine trade_texts
-
-  !> Bytes of text `which`: 1 report, 2 recommendation, 3 its settings, one a line, 4 message of an error or why there is no
-  !> recommendation.
-  subroutine trade_text_length(handle, which, n)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: which
-    integer(c_int), intent(out) :: n
-
-    n = int(len(text_of_comparison(comparison_of(handle), which)), c_int)
-  end subroutine trade_text_length
-
-  !> Text `which` (see trade_text_length).
-  subroutine trade_text(handle, which, n, text)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: which, n
-    integer(c_int), intent(out) :: text(n)
-
-    call put_text(text_of_comparison(comparison_of(handle), which), text)
-  end subroutine trade_text
-
-  !> Free the comparison; the handle is void afterwards.
-  subroutine trade_close(handle)
-    integer(c_long_long), intent(in) :: handle
-    type(comparison_t), pointer :: comparison
-
-    comparison => comparison_of(handle)
-    deallocate (comparison)
-  end subroutine trade_close
-
-  function comparison_of(handle) result(comparison)
-    integer(c_long_long), intent(in) :: handle
-    type(comparison_t), pointer :: comparison
-
-    call c_f_pointer(address_of(handle), comparison)
-  end function comparison_of
-
-  subroutine note_error(comparison, error, status)
-    type(comparison_t), intent(inout) :: comparison
-    type(error_t), allocatable, intent(in) :: error
-    integer(c_int), intent(out) :: status
-
-    status = 0
-    if (.not. allocated(error)) return
-    status = int(error%code, c_int)
-    comparison%message = error%text
-  end subroutine note_error
-
-  !> Table, report and recommendation of a finished comparison.
-  subroutine describe_comparison(comparison)
-    type(comparison_t), intent(inout) :: comparison
-    type(error_t), allocatable :: error
-    integer :: best
-
-    if (allocated(comparison%table)) return
-    comparison%table = table_of(comparison%trade)
-    comparison%report = trade_report(comparison%trade)
-    if (.not. comparison%accuracy > 0.0_wp) return
-    call cheapest(comparison%trade, comparison%accuracy, comparison%quantity, best, error)
-    if (best > 0) then
-      comparison%advice = advice(comparison%deck, comparison%trade, best)
-      comparison%settings = advised_settings(comparison%deck, comparison%trade, best)
-    else
-      comparison%message = error%text
-    end if
-  end subroutine describe_comparison
-
-  function text_of_comparison(comparison, which) result(text)
-    type(comparison_t), intent(in) :: comparison
-    integer(c_int), intent(in) :: which
-    character(:), allocatable :: text
-
-    text = ''
-    select case (which)
-    case (1)
-      if (allocated(comparison%report)) text = comparison%report
-    case (2)
-      if (allocated(comparison%advice)) text = comparison%advice
-    case (3)
-      if (allocated(comparison%settings)) text = comparison%settings
-    case default
-      if (allocated(comparison%message)) text = comparison%message
-    end select
-  end function text_of_comparison
 
   !> What the extension was built from, 1 version, 2 revision, 3 compiler, 4 its flags, and where it runs: 5 host, 6 job.
   subroutine build_text(which, text)

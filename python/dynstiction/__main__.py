@@ -11,6 +11,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, NoReturn
 
@@ -98,6 +99,7 @@ def _parser(program: str) -> _Parser:
     _add_plot(commands)
     _add_report(commands)
     _add_export(commands)
+    _add_trade(commands)
     _add_paper(commands)
     _add_animate(commands)
     _add_validate_creep(commands)
@@ -201,6 +203,41 @@ def _export(options: argparse.Namespace) -> None:
     result = open_trade(options.file) if "trade" in groups else _open(options.file)
     for file in export_csv(result, folder, name, overwrite=options.overwrite):
         _say(printable(str(file)))
+
+
+def _add_trade(commands: argparse._SubParsersAction[_Parser]) -> None:
+    parser = commands.add_parser(
+        "trade",
+        help="measure error against cost on a deck's scene",
+        description="Measure error against cost of models, methods and tolerances on a deck's scene: dynstiction trade --help.",
+    )
+    parser.add_argument("deck", metavar="DECK")
+    parser.add_argument("--accuracy", metavar="A", type=float, help="print the cheapest settings whose errors are below A")
+    parser.add_argument("--quantity", metavar="NAME", default="", help="errors of which quantity; all")
+    parser.add_argument("--budget", metavar="S", type=float, default=10.0, help="wall time in seconds (10)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="default: DECK_trade.h5, here")
+    parser.add_argument(
+        "--set", metavar="GROUP.KEY=VALUE", action="append", default=[], help="use VALUE in place of the deck's"
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace an existing output file")
+    parser.add_argument("--quiet", action="store_true", help="no progress and no table")
+    parser.set_defaults(command=_trade)
+
+
+def _trade(options: argparse.Namespace) -> None:
+    from ._trade.command import compare  # noqa: PLC0415
+
+    compare(
+        options.deck,
+        options.set,
+        options.output or f"{Path(options.deck).stem}_trade.h5",
+        accuracy=options.accuracy,
+        quantity=options.quantity,
+        budget=options.budget,
+        overwrite=options.overwrite,
+        quiet=options.quiet,
+        say=partial(_say, end=""),
+    )
 
 
 def _add_paper(commands: argparse._SubParsersAction[_Parser]) -> None:

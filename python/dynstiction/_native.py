@@ -22,7 +22,6 @@ __all__ = [
     "CHUNK_SECONDS",
     "Advance",
     "BuildInfo",
-    "Comparison",
     "DeckSource",
     "DeckValues",
     "KeyInfo",
@@ -47,7 +46,6 @@ CHUNK_SECONDS = 0.05
 """Wall time between two looks at Ctrl-C."""
 
 RESOLVED_DECK, MESSAGE, MODEL, METHOD, MODEL_CHOICE = 2, 3, 4, 5, 6
-REPORT, RECOMMENDATION, SETTINGS, SHORTFALL = 1, 2, 3, 4
 
 Value = float | int | str | tuple[float, ...] | tuple[str, ...]
 """Value of a key: of a list with one element that element."""
@@ -267,20 +265,30 @@ class Run(Session):
             values = _core.run_state(handle, time, len(self.columns))
         return list(zip(self.columns, values.tolist(), strict=True))
 
+    def sample_at(self, instants: NDArray[np.float64]) -> None:
+        """Sample at these instants [s], from 0 to the end, of a run that is at its first sample."""
+        with self._use() as handle:
+            _core.run_instants(handle, instants)
+
+    def time(self) -> float:
+        """Simulated time reached [s]."""
+        with self._use() as handle:
+            return _core.run_time(handle)
+
     def outcome(self) -> tuple[int, str]:
-        """Result code (0 done) and its text."""
+        """Result code (0 done) and its text; summary and statistics are those of now."""
         with self._use() as handle:
             status = _core.run_outcome(handle)
             return status, self._text(handle, MESSAGE) if status != 0 else "done"
 
     def summary(self) -> list[tuple[Info, float]]:
-        """Summary values of a finished run."""
+        """Summary values when `outcome` was called."""
         with self._use() as handle:
             n, _, _ = _core.run_counts(handle)
             return [_described(*_core.summary_info(handle, i + 1)) for i in range(n)]
 
     def statistics(self) -> list[tuple[Info, float]]:
-        """Counters of the work done."""
+        """Counters of the work done when `outcome` was called."""
         with self._use() as handle:
             _, n, _ = _core.run_counts(handle)
             return [_described(*_core.statistics_info(handle, i + 1)) for i in range(n)]
@@ -300,57 +308,6 @@ class Run(Session):
     def _text(handle: int, which: int) -> str:
         length = _core.run_text_length(handle, which)
         return text_from(_core.run_text(handle, which, length).astype(np.uint8).tobytes())
-
-
-class Comparison(Session):
-    """A comparison of settings in the core, from deck to table."""
-
-    name = "comparison"
-
-    def __init__(self, deck: DeckSource, quantity: str, accuracy: float, budget: float) -> None:
-        self._deck = deck
-        handle, status = _core.trade_open(*deck.encoded(), _bytes(quantity), accuracy, budget)
-        super().__init__(handle)
-        self._raise(handle, status)
-
-    @staticmethod
-    def _free(handle: int) -> None:
-        _core.trade_close(handle)
-
-    def _raise(self, handle: int, status: int) -> None:
-        if status != 0:
-            self.close()
-            raise self._deck.error(status, self._text(handle, SHORTFALL))
-
-    def advance(self, seconds: float) -> bool:
-        """Go on for at most `seconds` of wall time, under the interpreter's lock; whether that was the end."""
-        with self._use() as handle:
-            finished, status = _core.trade_advance(handle, seconds)
-            self._raise(handle, status)
-        return bool(finished)
-
-    def table(self) -> list[tuple[Info, NDArray[np.float64] | list[str]]]:
-        """Columns of a finished comparison, one row a point."""
-        with self._use() as handle:
-            n_columns, n_rows = _core.trade_size(handle)
-            return [self._column(handle, i + 1, n_rows) for i in range(n_columns)]
-
-    @staticmethod
-    def _column(handle: int, i: int, n: int) -> tuple[Info, NDArray[np.float64] | list[str]]:
-        *about, is_text = _core.trade_column(handle, i)
-        if is_text:
-            return _info(*about), [_text(column) for column in _core.trade_texts(handle, i, n).T]
-        return _info(*about), _core.trade_numbers(handle, i, n)
-
-    def text(self, which: int) -> str:
-        """One of `REPORT`, `RECOMMENDATION`, `SETTINGS` (``group.key=value``, one a line) and `SHORTFALL`, after `table`."""
-        with self._use() as handle:
-            return self._text(handle, which)
-
-    @staticmethod
-    def _text(handle: int, which: int) -> str:
-        length = _core.trade_text_length(handle, which)
-        return text_from(_core.trade_text(handle, which, length).astype(np.uint8).tobytes())
 
 
 class Sweep(Session):

@@ -249,13 +249,27 @@ class Simulation(Closing):
             self._tell(stacklevel)
             return self._result_so_far()
 
-    def _advance(self, until: float) -> bool:
+    def _sample_at(self, instants: NDArray[np.float64]) -> None:
+        """Sample at these instants [s], from 0 to the end, of a run that has not been told to go on yet."""
+        self._core.sample_at(instants)
+
+    def _go_on(self, seconds: float) -> bool:
+        """Go on for at most `seconds` of wall time; whether the run has ended."""
+        with self._alone:
+            return self._advance(self._t_end, seconds)
+
+    def _statistics_so_far(self) -> list[tuple[Info, float]]:
+        if self._outcome is None:
+            self._core.outcome()
+        return self._core.statistics()
+
+    def _advance(self, until: float, seconds: float = _native.CHUNK_SECONDS) -> bool:
         """Go on for a while, at most to `until`; whether that has been reached, or the run has ended before."""
         reached = False
         if self._outcome is None:
             # The end is more than a time that is reached: the run is summed up there.
             aim = until if until < self._t_end else np.inf
-            finished, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
+            finished, reached, rows, time, kind = self._core.advance(seconds, aim)
             self._samples.append(rows)
             events = np.empty(time.size, dtype=EVENT_DTYPE)
             events["time"], events["kind"] = time, kind

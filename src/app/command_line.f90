@@ -9,7 +9,7 @@ module dst_command_line
   private
 
   public :: argument_t, command_t, program_arguments, is_python_command, parse_arguments, setting_list, help_text
-  public :: commands, python_commands, options_of, takes_value
+  public :: commands, python_commands, options_of, takes_value, trade_quantities
 
   !> One word of the command line.
   type :: argument_t
@@ -36,6 +36,9 @@ module dst_command_line
   character(*), parameter :: commands_on_files = 'run resume merge check stability trade show'
   !> Commands of the Python package, to which the executable hands over.
   character(*), parameter :: python_commands = 'plot report export animate paper validate-creep'
+  !> What 'trade' measures besides quantities of the user: those of the Python package, for completion.
+  character(*), parameter :: trade_quantities = 'final_elongation final_velocity period peak_force valley_force slip_length '// &
+    'max_X_rate creep_velocity fast_amplitude fast_phase sticks first_peak_force'
   character(*), parameter :: options_with_value = '-o --set --shard --accuracy --budget --quantity'
   character(*), parameter :: all_options = options_with_value//' --overwrite --quiet --keep-shards --redivide --help --version'
   character(*), parameter :: see_help = ', see dynstiction --help'

@@ -4,10 +4,9 @@
 !> one is being typed. It prints the candidates, a line each; a line '*.nml' or '*.h5' stands for the files of that ending. So the
 !> shells know no command, option or key themselves.
 module dst_completion
-  use dst_command_line, only: argument_t, commands, python_commands, options_of, takes_value
+  use dst_command_line, only: argument_t, commands, python_commands, options_of, takes_value, trade_quantities
   use dst_schema, only: key_t, schema, key_count, find_key, find_name
   use dst_text, only: text_builder_t, starts_with, word, word_count
-  use dst_trade_quantities, only: quantities
   implicit none
   private
 
@@ -62,7 +61,6 @@ contains
   subroutine offer_values(builder, option, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: option, typed
-    integer :: i
 
     select case (option)
     case ('--set')
@@ -70,10 +68,7 @@ contains
     case ('-o')
       call builder%line('*.h5')
     case ('--quantity')
-      do i = 1, size(quantities)
-        call offer(builder, trim(quantities(i)%name), typed)
-      end do
-      call offer(builder, 'all', typed)
+      call offer(builder, trade_quantities//' all', typed)
     end select
   end subroutine offer_values
 

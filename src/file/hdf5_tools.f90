@@ -30,7 +30,7 @@ module dst_hdf5_tools
   private
 
   public :: start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor
-  public :: put_attribute, get_attribute, put_text, put_texts, get_text, put_number
+  public :: put_attribute, get_attribute, put_text, get_text, put_number
   public :: create_group, delete_link, column_t, create_column, open_column, append, cut_column, copy_rows
   public :: make_scale, attach_scale, table_t, create_table, append_rows
   public :: refusal_t, message_list_t, create_messages, append_messages, names_in, read_list
@@ -445,38 +445,6 @@ contains
     call write_scalar(group, quantity_t(name, '1', long_name), text_type, text_type, c_loc(address), status)
     call release_type(text_type, status)
   end subroutine put_text
-
-  !> A column of texts, whole, with `scale` as its coordinate; trailing blanks do not count.
-  subroutine put_texts(group, quantity, texts, scale, status)
-    integer(hid_t), intent(in) :: group
-    type(quantity_t), intent(in) :: quantity
-    character(*), intent(in) :: texts(:)
-    type(column_t), intent(in) :: scale
-    integer, intent(inout) :: status
-    character(c_char), target :: bytes(len(texts) + 1, size(texts))
-    type(c_ptr), target :: addresses(size(texts))
-    type(column_t) :: column
-    integer(hid_t) :: text_type, space
-    integer :: i, length, ignored
-
-    if (status < 0) return
-    do i = 1, size(texts)
-      length = len_trim(texts(i))
-      bytes(:length + 1, i) = c_bytes(texts(i)(:length))
-      addresses(i) = c_loc(bytes(1, i))
-    end do
-    call create_text_type(text_type, status)
-    if (status < 0) return
-    call h5screate_simple_f(1, [size(texts, kind=hsize_t)], space, status)
-    if (status < 0) return
-    call h5dcreate_f(group, trim(quantity%name), text_type, space, column%dataset, status)
-    if (status < 0) return
-    call h5dwrite_f(column%dataset, text_type, c_loc(addresses), status)
-    call describe(column%dataset, quantity, status)
-    call attach_scale(column%dataset, scale, status)
-    call h5sclose_f(space, ignored)
-    call release_type(text_type, status)
-  end subroutine put_texts
 
   !> Read a scalar dataset of text.
   subroutine get_text(object, name, text, status, refusal)

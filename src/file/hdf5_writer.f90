@@ -14,11 +14,11 @@ module dst_hdf5_writer
     h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
-  use dst_writer, only: writer_t, quantity_t, outcome_t, table_column_t
+  use dst_writer, only: writer_t, quantity_t, outcome_t
   use dst_archive, only: archive_t
   use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy, ignore_size_limit_signal
   use dst_hdf5_tools, only: start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
-    put_attribute, put_text, put_texts, put_number, create_group, delete_link, column_t, create_column, open_column, append, &
+    put_attribute, put_text, put_number, create_group, delete_link, column_t, create_column, open_column, append, &
     cut_column, copy_rows, make_scale, attach_scale
   use dst_process, only: guard_t, is_child, end_child
   implicit none
@@ -82,7 +82,6 @@ module dst_hdf5_writer
     procedure :: write_events
     procedure :: flush => flush_all
     procedure :: finish
-    procedure :: write_table
     procedure :: discard
     procedure :: set_bookmark
     procedure, private :: write_waiting
@@ -322,37 +321,6 @@ contains
     if (self%sound) call close_file(self)
     if (.not. self%sound .and. allocated(self%failure)) error = self%failure
   end subroutine finish
-
-  !> A group of columns of one length, the first of which numbers the rows.
-  subroutine write_table(self, name, columns, error)
-    class(hdf5_writer_t), intent(inout) :: self
-    character(*), intent(in) :: name
-    type(table_column_t), intent(in) :: columns(:)
-    type(error_t), allocatable, intent(out) :: error
-    type(column_t) :: stored(size(columns))
-    integer(hid_t) :: group
-    integer :: status, i
-
-    call self%reserve()
-    if (.not. allocated(self%failure)) then
-      status = 0
-      call create_group(self%file, name, group, status)
-      do i = 1, size(columns)
-        if (allocated(columns(i)%text)) then
-          call put_texts(group, columns(i)%quantity, columns(i)%text, stored(1), status)
-          cycle
-        end if
-        call create_column(group, columns(i)%quantity, h5t_ieee_f64le, max(1, size(columns(1)%number)), stored(i), status)
-        call append(stored(i), real(columns(i)%number, real64), status)
-        if (abs(columns(i)%fill) > 0.0_wp) call put_attribute(stored(i)%dataset, '_FillValue', columns(i)%fill, status)
-        if (i == 1) call make_scale(stored(1), trim(columns(1)%quantity%name), status)
-        if (i > 1) call attach_scale(stored(i)%dataset, stored(1), status)
-      end do
-      call close_group(group, status)
-      if (status < 0) call self%fail(failure_reason(), sound=.false.)
-    end if
-    if (allocated(self%failure)) error = self%failure
-  end subroutine write_table
 
   !> Append what waits, and flush when told to.
   subroutine write_waiting(self, flush_now, error)
