@@ -24,11 +24,11 @@ PRINTING = {
     "template": ("template",),
     "check": ("check", str(INPUTS / "fig3.nml")),
     "stability": ("stability", str(INPUTS / "fig3.nml")),
-    "trade": ("trade", str(INPUTS / "low_frequency.nml"), "--budget", "1", "--set", "scene.t_end=1", "--overwrite"),
     "completion": ("complete", "ru"),
 }
 PYTHON = {
     "export": ("export", "x.h5", "--csv", "--overwrite"),
+    "trade": ("trade", str(INPUTS / "low_frequency.nml"), "--budget", "3", "--set", "scene.t_end=1", "--overwrite"),
     "help": ("--help",),
     "help on a command": ("plot", "--help"),
 }

@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from ..record import Described, Info, Record
 from ..scene import Scene
 from ..simulation import STOPPED_EARLY, Simulation
 from .plan import Candidate, Settings, Subject, candidates
-from .quantities import Observer, Quantity
+from .quantities import QUANTITIES, Observer, Quantity
 from .words import plain
 
 __all__ = ["RESOLUTION", "Comparison", "Point", "StoppedEarlyError"]
@@ -44,6 +45,23 @@ RHS_PER_STEP = 4.0
 
 CLOSED_FORMS = ("creep", "creep_asymptotic")
 
+COLUMNS = {
+    "role": ("1", "reference, check (its errors are those of the reference) or candidate", "role"),
+    "model": ("1", "equations", "candidate.model"),
+    "form": ("1", "of Eq. (8)", "candidate.form"),
+    "method": ("1", "integrator; empty for a closed form", "candidate.method"),
+    "contact": ("1", "exact or smoothed; empty where the model has no choice", "candidate.contact"),
+    "rtol": ("1", "relative tolerance; 0 = not used", "candidate.rtol"),
+    "step": ("s", "fixed step; 0 = not used", "candidate.step"),
+    "v_smooth": ("m s-1", "smoothing velocity; 0 = not used", "candidate.v_smooth"),
+    "seconds": ("s", "wall time; of an abandoned run what it would have been at its pace", "seconds"),
+    "steps": ("1", "accepted steps", "steps"),
+    "rhs": ("1", "evaluations of the equations of motion", "rhs"),
+    "newton": ("1", "Newton iterations", "newton"),
+    "result_code": ("1", "0 = done, 40 to 49 = the solver gave up, 75 = no budget, 2 = cannot be used", "code"),
+}
+"""Units and meaning of the columns besides those of the errors, and what of a point they hold."""
+
 
 class StoppedEarlyError(Error):
     """The budget did not suffice, or a signal came."""
@@ -56,11 +74,13 @@ class Point:
     """One candidate and what came of it."""
 
     candidate: Candidate
+    role: str = "candidate"
     code: int = STOPPED_EARLY
     text: str = "not tried"
     seconds: float = 0.0
-    work: Mapping[str, float] = field(default_factory=dict)
-    """The run's statistics."""
+    steps: float = 0.0
+    rhs: float = 0.0
+    newton: float = 0.0
     errors: Mapping[str, float] = field(default_factory=dict)
     """By quantity, of those that the scene has."""
 
@@ -93,7 +113,6 @@ class Comparison:
     def __init__(
         self, scene: Scene, budget: float, quantities: Mapping[str, Quantity], own: Iterable[Settings]
     ) -> None:
-        self._begun = time.monotonic()
         self.budget = budget
         self.subject = subject = Subject(scene)
         if subject.model in CLOSED_FORMS:
@@ -105,13 +124,14 @@ class Comparison:
             self._record = simulation.result
         v_smooth = subject.number("v_smooth") if subject.contact == "smoothed" else 0.0
         best = Candidate(subject.model, "radau13", subject.contact, rtol=SMALLEST_RTOL, v_smooth=v_smooth)
-        self.best, self.second = Point(best), Point(replace(best, method="radau9"))
+        self.best, self.second = Point(best, "reference"), Point(replace(best, method="radau9"), "check")
         self.points = [Point(candidate) for candidate in candidates(subject, own)]
         self._quantities = quantities
         self._t_end = subject.number("t_end")
         self._survey = self._start(replace(self.second.candidate, rtol=SURVEY_RTOL), self._t_end / SURVEY_SAMPLES)
         self.has_reference = False
         """Whether there is something to compare with."""
+        self._begun = time.monotonic()
 
     @property
     def elapsed(self) -> float:
@@ -234,13 +254,14 @@ class Comparison:
 
     @staticmethod
     def _note(point: Point, simulation: Simulation) -> None:
-        point.work = _work(simulation)
-        point.seconds = point.work["wall_time"]
+        work = _work(simulation)
+        point.steps, point.rhs, point.newton = (work[name] for name in ("steps", "rhs", "newton"))
+        point.seconds = work["wall_time"]
         point.code, point.text = simulation._outcome or (0, "")
 
     def _skip(self, point: Point, expected: float) -> None:
         # That it was abandoned in the first round says more.
-        if not point.work:
+        if point.steps == 0.0:
             left = self.left
             point.text = "skipped: the budget was used up"
             if left > 0.0:
@@ -274,38 +295,14 @@ class Comparison:
     def table(self) -> Described[NDArray[np.float64] | NDArray[np.str_]]:
         """One row a point: the reference, the run that tells its error, and the candidates in the order in which they were tried."""
         points = [self.best, self.second, *self.points]
-        chosen = [point.candidate for point in points]
-        numbers = {
-            Info("rtol", "1", "relative tolerance; 0 = not used"): [c.rtol for c in chosen],
-            Info("step", "s", "fixed step; 0 = not used"): [c.step for c in chosen],
-            Info("v_smooth", "m s-1", "smoothing velocity; 0 = not used"): [c.v_smooth for c in chosen],
-            Info("seconds", "s", "wall time; of an abandoned run what it would have been at its pace"): [
-                p.seconds for p in points
-            ],
-            Info("steps", "1", "accepted steps"): [p.work.get("steps", 0) for p in points],
-            Info("rhs", "1", "evaluations of the equations of motion"): [p.work.get("rhs", 0) for p in points],
-            Info("newton", "1", "Newton iterations"): [p.work.get("newton", 0) for p in points],
-            Info("result_code", "1", "0 = done, 40 to 49 = the solver gave up, 75 = no budget, 2 = cannot be used"): [
-                p.code for p in points
-            ],
-        }
-        for name, units, long_name in self._observer.infos():
-            errors = [p.errors.get(name, math.nan) for p in points]
-            numbers[Info(f"error_{name}", units, long_name)] = errors
-        roles = ["reference", "check", *["candidate"] * len(self.points)]
-        texts = {
-            Info("role", "1", "reference, check (its errors are those of the reference) or candidate"): roles,
-            Info("model", "1", "equations"): [c.model for c in chosen],
-            Info("form", "1", "of Eq. (8)"): [c.form for c in chosen],
-            Info("method", "1", "integrator; empty for a closed form"): [c.method for c in chosen],
-            Info("contact", "1", "exact or smoothed; empty where the model has no choice"): [c.contact for c in chosen],
-        }
-        return Described(
-            [(Info("point", "1", "number of the point"), np.arange(1.0, len(points) + 1.0))]
-            + [(info, np.array(column)) for info, column in texts.items()]
-            + [(info, np.array(column, dtype=np.float64)) for info, column in numbers.items()]
-            + [(Info("text", "1", "how it ended"), np.array([p.text for p in points]))]
-        )
+        columns = [(Info("point", "1", "number of the point"), np.arange(1.0, len(points) + 1.0))]
+        for name, (units, long_name, place) in COLUMNS.items():
+            values = np.array([attrgetter(place)(point) for point in points])
+            columns.append((Info(name, units, long_name), values.astype(float) if values.dtype.kind in "if" else values))
+        for name, text in (QUANTITIES | dict.fromkeys(self._quantities, "quantity of the user")).items():
+            errors = np.array([point.errors.get(name, math.nan) for point in points])
+            columns.append((Info(f"error_{name}", "1", f"error of: {text}"), errors))
+        return Described([*columns, (Info("text", "1", "how it ended"), np.array([point.text for point in points]))])
 
 
 def _work(simulation: Simulation) -> dict[str, float]:

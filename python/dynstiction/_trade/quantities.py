@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import Error
-from ..record import Described, Info
+from ..record import Described
 from ..result import Result
 from ..simulation import Simulation
 from .plan import Subject
@@ -147,11 +147,6 @@ class Observer:
                 values = seen.get(name)
                 errors[name] = 1.0 if values is None or values.shape != true.shape else _distance(name, values - true) / scale
         return errors
-
-    def infos(self) -> list[Info]:
-        """What has an error: the names are those of the quantities."""
-        own = {name: "quantity of the user" for name in self._own}
-        return [Info(name, "1", f"error of: {text}") for name, text in (QUANTITIES | own).items()]
 
 
 def _distance(name: str, difference: Any) -> float:

@@ -24,7 +24,7 @@ def report(comparison: Comparison) -> str:
     def row(point: Point, role: str = "", *, errors: bool = True) -> str:
         name = _name(point) if not role else f"{_name(point):.{ROLE_PLACE}}{role}"
         entries = "".join(f" {entry(point, name, role, errors):10}" for name in shown)
-        newton, rhs = round(point.work["newton"]), round(min(point.work["rhs"], 2.0e9))
+        newton, rhs = round(point.newton), round(min(point.rhs, 2.0e9))
         return f"{name:{NAME_WIDTH}}{entries}{point.seconds:13.2E}{newton:12d}{rhs:12d}"
 
     def entry(point: Point, quantity: str, role: str, errors: bool) -> str:
