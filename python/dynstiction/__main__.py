@@ -1,4 +1,4 @@
-"""``python -m dynstiction``: figures, reports and tables of results, figures of the paper, the validation of slow creep.
+"""``python -m dynstiction``: figures, reports and tables of results, figures of the paper, comparisons, the validation of slow creep.
 
 The executable hands these commands over to this module: ``dynstiction plot FILE.h5`` is the same.
 """
@@ -206,21 +206,16 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _add_trade(commands: argparse._SubParsersAction[_Parser]) -> None:
-    parser = commands.add_parser(
-        "trade",
-        help="measure error against cost on a deck's scene",
-        description="Measure error against cost of models, methods and tolerances on a deck's scene: dynstiction trade --help.",
-    )
+    """The executable explains this command, and understands its words before it makes way."""
+    parser = commands.add_parser("trade", description="See dynstiction trade --help.")
     parser.add_argument("deck", metavar="DECK")
-    parser.add_argument("--accuracy", metavar="A", type=float, help="print the cheapest settings whose errors are below A")
-    parser.add_argument("--quantity", metavar="NAME", default="", help="errors of which quantity; all")
-    parser.add_argument("--budget", metavar="S", type=float, default=10.0, help="wall time in seconds (10)")
-    parser.add_argument("-o", "--output", metavar="FILE", help="default: DECK_trade.h5, here")
-    parser.add_argument(
-        "--set", metavar="GROUP.KEY=VALUE", action="append", default=[], help="use VALUE in place of the deck's"
-    )
-    parser.add_argument("--overwrite", action="store_true", help="replace an existing output file")
-    parser.add_argument("--quiet", action="store_true", help="no progress and no table")
+    parser.add_argument("--accuracy", metavar="A", type=float)
+    parser.add_argument("--quantity", metavar="NAME", default="")
+    parser.add_argument("--budget", metavar="S", type=float, default=10.0)
+    parser.add_argument("-o", "--output", metavar="FILE")
+    parser.add_argument("--set", metavar="GROUP.KEY=VALUE", action="append", default=[])
+    parser.add_argument("--overwrite", action="store_true")
+    parser.add_argument("--quiet", action="store_true")
     parser.set_defaults(command=_trade)
 
 

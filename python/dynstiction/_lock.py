@@ -67,7 +67,9 @@ def locked(path: str) -> Iterator[None]:
 def _taken(name: str) -> int:
     """Descriptor of the lock file, locked."""
     for _ in range(MOST_TRIES):
-        descriptor = os.open(name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
+        descriptor = os.open(
+            name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666
+        )
         try:
             _lock(descriptor)
             if os.fstat(descriptor).st_size > 0 and not _owner(name):

@@ -163,7 +163,9 @@ def _write_contents(file: h5py.File, result: Record, trade: Table | None) -> Non
         _describe(dataset, Info(name, "1", TEXTS[name]))
     if result.columns:
         _write_series(file.create_group("time_series"), result.columns.info(), "time")
-        _write_series(file.create_group("events"), [(EVENTS[name], result.events[name]) for name in EVENTS], "time")
+        _write_series(
+            file.create_group("events"), [(EVENTS[name], result.events[name]) for name in EVENTS], "time"
+        )
     if trade is not None:
         _write_series(file.create_group("trade"), trade.info(), "point")
     _write_group(file.create_group("summary"), result.summary.info())

@@ -358,6 +358,7 @@ OWN = {
     "path": lambda run: run["X"],
     "nothing": lambda run: np.nan,
     "no_column": lambda run: run["no"],
+    "no_value": lambda run: run.summary["no"],
     "elongation": lambda run: [run["u_x"][-1], run["u_y"][-1]],
 }
 
@@ -373,7 +374,7 @@ def test_own_quantities_and_candidates(fig3, executable):
     scene = fig3.replace(scene={"t_end": 0.05})
     trade = ds.trade(scene, budget=20.0, quantities=OWN, candidates=more, accuracy=1e-2)
     assert trade.quantities[-3:] == ("rms", "path", "elongation")
-    assert np.all(np.isnan(trade.error("nothing"))) and np.all(np.isnan(trade.error("no_column")))
+    assert all(np.all(np.isnan(trade.error(name))) for name in ("nothing", "no_column", "no_value"))
     assert list(trade["rtol"][2:6]) == [3e-6, 1e-5, 1e-8, 1e-8]
     assert list(trade["contact"][2:6]) == ["exact", "smoothed", "exact", "exact"]
     assert trade["result_code"][5] == 2 and "rtoll" in trade["text"][5]
@@ -406,7 +407,7 @@ def recommended_seconds(trade) -> float:
         ({"quantities": {"period": rms}}, "'period'"),
         ({"quantities": {"two words": rms}}, "'two words'"),
         ({"quantities": {"rms": 3.0}}, "'rms'"),
-        ({"quantities": [rms]}, "Mapping"),
+        ({"quantities": [rms]}, "by name"),
         ({"candidates": [3]}, "settings by group"),
         ({"candidates": {"integrator": {"rtol": 1e-5}}}, "settings by group"),
         ({"candidates": [{"integrator": 1e-5}]}, "settings by group"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arguments import instance, number, path_name, shown, text
+from .._arguments import number, path_name, shown, text
 from .._open import open_file
 from .._optional import needed
 from .._progress import progress_bar
@@ -194,8 +194,8 @@ def trade(
         creep_velocity, as far as the scene has them, and those of `quantities`.
     quantities : dict of callable, optional
         Quantities of your own by name: each takes the `Result` of a run, with samples every ``output.interval``, and gives a
-        number or an array, whose error is the length of the difference over that of the reference. NaN, and an `Error` of the
-        package (a column that a model does not have), mean that the run has none.
+        number or an array, whose error is the length of the difference over that of the reference. NaN, a `KeyError` and an
+        `Error` of the package (a column, a value of the summary that the run does not have) mean that the run has none.
     candidates : iterable of dict, optional
         Settings of your own by group, as for `dynstiction.run`; they are tried first, with all else as in the scene.
     progress : bool, optional
@@ -252,14 +252,27 @@ def begin(
 ) -> Comparison:
     """A comparison that is about to begin, if all that is wished for can be meant: see `trade`."""
     budget, quantity = number("budget", budget, above=0.0, units="s"), text("quantity", quantity)
-    own = {} if quantities is None else dict(instance("quantities", quantities, Mapping, "give functions by name"))  # type: ignore[type-abstract]
+    own = {} if quantities is None else quantities
+    if not isinstance(own, Mapping):
+        raise UsageError(f"quantities={shown(own)}: give functions of a Result by name")
     for name, function in own.items():
-        if not (isinstance(name, str) and name.isidentifier() and name not in (*QUANTITIES, "all") and callable(function)):
-            raise UsageError(f"quantities: {shown(name)}: give functions of a Result, each by a name that is an identifier and not taken")
+        if not (
+            isinstance(name, str)
+            and name.isidentifier()
+            and name not in (*QUANTITIES, "all")
+            and callable(function)
+        ):
+            raise UsageError(
+                f"quantities: {shown(name)}: give functions of a Result, each by a name that is an identifier and not taken"
+            )
     tried = list(candidates) if isinstance(candidates, Iterable) else [candidates]
     for settings in tried:
-        if not (isinstance(settings, Mapping) and all(isinstance(keys, Mapping) for keys in settings.values())):
-            raise UsageError(f"candidates: {shown(settings)}: give settings by group, like {{'integrator': {{'rtol': 1e-5}}}}")
+        if not (
+            isinstance(settings, Mapping) and all(isinstance(keys, Mapping) for keys in settings.values())
+        ):
+            raise UsageError(
+                f"candidates: {shown(settings)}: give settings by group, like {{'integrator': {{'rtol': 1e-5}}}}"
+            )
     if accuracy is not None:
         check_quantity(quantity, own)
     return Comparison(scene, budget, own, tried)

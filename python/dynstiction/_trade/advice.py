@@ -61,7 +61,9 @@ def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
             if other.candidate.family == here.family
             and (other.candidate.rtol < here.rtol or other.candidate.step < here.step)
         )
-        return MARGIN * largest[id(point)] + known <= accuracy and all(largest[id(p)] <= accuracy for p in finer)
+        return MARGIN * largest[id(point)] + known <= accuracy and all(
+            largest[id(p)] <= accuracy for p in finer
+        )
 
     trusted = [point for point in done if is_trusted(point)]
     if trusted:
@@ -76,10 +78,16 @@ def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
 
 def advice(comparison: Comparison, best: Point) -> str:
     """The settings of a point as namelist groups, and as a command that also takes out what nothing uses any more."""
-    errors = ", ".join(f"{name} {short(best.errors[name])}" for name in (*QUANTITIES, *best.errors) if name in best.errors)
+    errors = ", ".join(
+        f"{name} {short(best.errors[name])}" for name in (*QUANTITIES, *best.errors) if name in best.errors
+    )
     lines = [f"! {_described(best.candidate)}: {short(best.seconds)} s, errors {errors}"]
     for group, keys in best.candidate.settings().items():
-        lines += [f"&{group}", *(f"  {key} = {_written(value, quoted=True)}" for key, value in keys.items()), "/"]
+        lines += [
+            f"&{group}",
+            *(f"  {key} = {_written(value, quoted=True)}" for key, value in keys.items()),
+            "/",
+        ]
     command = ""
     for group, settings in advised_settings(comparison, best).items():
         for key, setting in settings.items():
@@ -87,13 +95,20 @@ def advice(comparison: Comparison, best: Point) -> str:
             if setting is None:
                 lines.append(f"! Nothing uses {group}.{key} any more: remove it.")
     deck = comparison.subject.name
-    return "\n".join([*lines, f"! In place of the deck's own values; or: dynstiction run {deck}{command}"]) + "\n"
+    return (
+        "\n".join([*lines, f"! In place of the deck's own values; or: dynstiction run {deck}{command}"])
+        + "\n"
+    )
 
 
 def advised_settings(comparison: Comparison, best: Point) -> dict[str, dict[str, Any]]:
     """The settings of a point by group; None takes out what the deck sets and nothing uses any more."""
     given = best.candidate.settings()
-    gone = {(key.group, key.name) for key, value in comparison.subject.unused(given) if not _is_default(key, value)}
+    gone = {
+        (key.group, key.name)
+        for key, value in comparison.subject.unused(given)
+        if not _is_default(key, value)
+    }
     settings: dict[str, dict[str, Any]] = {}
     for key in _native.schema():
         if key.name in given.get(key.group, {}) or (key.group, key.name) in gone:

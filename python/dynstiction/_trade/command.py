@@ -75,7 +75,8 @@ def _watch(comparison: Comparison, received: Sequence[str], label: str) -> Error
     """Compare until the end, a fault or a signal, and tell how far that is; without a label in silence. Gives the fault."""
     terminal = sys.stderr is not None and sys.stderr.isatty()
     interval = TERMINAL_INTERVAL if terminal else PLAIN_INTERVAL
-    budget, due, fault = comparison.budget, interval, None
+    budget, due = comparison.budget, interval
+    fault: Error | None = None
     try:
         for _ in comparison.steps():
             elapsed = min(comparison.elapsed, budget)

@@ -58,7 +58,11 @@ COLUMNS = {
     "steps": ("1", "accepted steps", "steps"),
     "rhs": ("1", "evaluations of the equations of motion", "rhs"),
     "newton": ("1", "Newton iterations", "newton"),
-    "result_code": ("1", "0 = done, 40 to 49 = the solver gave up, 75 = no budget, 2 = cannot be used", "code"),
+    "result_code": (
+        "1",
+        "0 = done, 40 to 49 = the solver gave up, 75 = no budget, 2 = cannot be used",
+        "code",
+    ),
 }
 """Units and meaning of the columns besides those of the errors, and what of a point they hold."""
 
@@ -128,7 +132,9 @@ class Comparison:
         self.points = [Point(candidate) for candidate in candidates(subject, own)]
         self._quantities = quantities
         self._t_end = subject.number("t_end")
-        self._survey = self._start(replace(self.second.candidate, rtol=SURVEY_RTOL), self._t_end / SURVEY_SAMPLES)
+        self._survey = self._start(
+            replace(self.second.candidate, rtol=SURVEY_RTOL), self._t_end / SURVEY_SAMPLES
+        )
         self.has_reference = False
         """Whether there is something to compare with."""
         self._begun = time.monotonic()
@@ -237,7 +243,7 @@ class Comparison:
                     yield
                     spent, reached = time.monotonic() - begun, simulation._core.time()
                     pace = self._t_end / max(reached, 1.0e-6 * self._t_end)
-                    if spent > allowance or spent > PROOF * allowance and spent * pace > 3.0 * allowance:
+                    if spent > allowance or (spent > PROOF * allowance and spent * pace > 3.0 * allowance):
                         self._note(point, simulation)
                         point.code, point.seconds = STOPPED_EARLY, point.seconds * pace
                         point.text = f"abandoned after {plain(spent)} s at t = {plain(reached)} s: the budget did not suffice"
@@ -287,10 +293,16 @@ class Comparison:
     def record(self, fault: Error | None) -> Record:
         """The scene, where it was compared and how that ended, with summary and statistics of the reference, without samples."""
         code = 0 if fault is None else getattr(fault, "code", fault.exit_status)
-        about = {"model": self.subject.model, "method": "radau13", "complete": int(fault is None)}
-        outcome = {"result_code": code, "result_text": "done" if fault is None else str(fault)}
-        attributes = {key: value for key, value in self._record.attributes.items() if key != "model_choice"}
-        return replace(self._record, columns=Described([]), attributes=attributes | about | outcome)
+        attributes: dict[str, str | int] = {
+            **self._record.attributes,
+            "model": self.subject.model,
+            "method": "radau13",
+            "result_code": code,
+            "result_text": "done" if fault is None else str(fault),
+            "complete": int(fault is None),
+        }
+        attributes.pop("model_choice", None)
+        return replace(self._record, columns=Described([]), attributes=attributes)
 
     def table(self) -> Described[NDArray[np.float64] | NDArray[np.str_]]:
         """One row a point: the reference, the run that tells its error, and the candidates in the order in which they were tried."""
@@ -298,11 +310,15 @@ class Comparison:
         columns = [(Info("point", "1", "number of the point"), np.arange(1.0, len(points) + 1.0))]
         for name, (units, long_name, place) in COLUMNS.items():
             values = np.array([attrgetter(place)(point) for point in points])
-            columns.append((Info(name, units, long_name), values.astype(float) if values.dtype.kind in "if" else values))
+            columns.append(
+                (Info(name, units, long_name), values.astype(float) if values.dtype.kind in "if" else values)
+            )
         for name, text in (QUANTITIES | dict.fromkeys(self._quantities, "quantity of the user")).items():
             errors = np.array([point.errors.get(name, math.nan) for point in points])
             columns.append((Info(f"error_{name}", "1", f"error of: {text}"), errors))
-        return Described([*columns, (Info("text", "1", "how it ended"), np.array([point.text for point in points]))])
+        return Described(
+            [*columns, (Info("text", "1", "how it ended"), np.array([point.text for point in points]))]
+        )
 
 
 def _work(simulation: Simulation) -> dict[str, float]:

@@ -23,7 +23,11 @@ TOLERANCES = {6: 1, 4: 2, 8: 3, 3: 4, 10: 5, 5: 6, 7: 6, 9: 7, 11: 7}
 """Relative tolerances 10^-n, and their ranks: every second one first."""
 SMOOTHING_SHARES = (0.1, 1.0, 1.0e-2, 1.0e-3)
 """Smoothing velocities over V sin(phi)."""
-KEYS = {"scene": ("model", "form"), "friction": ("contact", "v_smooth"), "integrator": ("method", "rtol", "step")}
+KEYS = {
+    "scene": ("model", "form"),
+    "friction": ("contact", "v_smooth"),
+    "integrator": ("method", "rtol", "step"),
+}
 """What tells candidates apart, and has a column."""
 
 
@@ -59,7 +63,10 @@ class Candidate:
 
     def settings(self) -> dict[str, dict[str, Any]]:
         """All that it sets, by group and key."""
-        groups = {group: {key: getattr(self, key) for key in keys if getattr(self, key)} for group, keys in KEYS.items()}
+        groups = {
+            group: {key: getattr(self, key) for key in keys if getattr(self, key)}
+            for group, keys in KEYS.items()
+        }
         for group, keys in self.more.items():
             groups.setdefault(group, {}).update(keys)
         return {group: keys for group, keys in groups.items() if keys}
@@ -146,7 +153,10 @@ def _own(subject: Subject, settings: Settings) -> Candidate:
         if key.name in KEYS.get(key.group, ()) and is_used(key, values):
             kind = float if key.kind == "real" else str
             kept[key.name] = kind(cast(Any, values.get(key.name, key.default)))
-    more = {group: {k: v for k, v in keys.items() if k not in KEYS.get(group, ())} for group, keys in settings.items()}
+    more = {
+        group: {k: v for k, v in keys.items() if k not in KEYS.get(group, ())}
+        for group, keys in settings.items()
+    }
     return Candidate(**kept, more={group: keys for group, keys in more.items() if keys})
 
 
@@ -192,7 +202,9 @@ def _smoothed(subject: Subject) -> Iterator[Candidate]:
     The friction direction relaxes at the rate F_0/(m v_smooth); rk4 is stable up to 2.8 of its inverse.
     """
 
-    def smoothed(method: str, v_smooth: float, rank: int, rtol: float = 0.0, share: float = 0.0) -> Iterator[Candidate]:
+    def smoothed(
+        method: str, v_smooth: float, rank: int, rtol: float = 0.0, share: float = 0.0
+    ) -> Iterator[Candidate]:
         onset = subject.number("mu_0") * subject.number("normal_load")
         if v_smooth > 0.0 and (share == 0.0 or onset > 0.0):
             step = _rounded(share * subject.number("mass") * v_smooth / onset) if share > 0.0 else 0.0

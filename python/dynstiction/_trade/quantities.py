@@ -40,7 +40,15 @@ QUANTITIES = {
     "sticks": "times that the object came to rest",
     "first_peak_force": "first peak of the load",
 }
-OF_SUMMARY = ("period", "peak_force", "valley_force", "slip_length", "max_X_rate", "sticks", "first_peak_force")
+OF_SUMMARY = (
+    "period",
+    "peak_force",
+    "valley_force",
+    "slip_length",
+    "max_X_rate",
+    "sticks",
+    "first_peak_force",
+)
 
 PERIODS, SAMPLES_PER_PERIOD = 8, 24
 """Length of the window in which the fast oscillation is seen."""
@@ -78,13 +86,18 @@ class Observer:
         along /= max(along.sum(), np.finfo(float).tiny)
         self._frequency = math.sqrt(stiffness @ along / subject.number("mass")) / (2.0 * math.pi)
         window = np.empty(0)
-        if subject.model != "low_frequency" and PERIODS < 0.2 * end * self._frequency:
-            window = 0.5 * end + np.arange(PERIODS * SAMPLES_PER_PERIOD + 1) / (SAMPLES_PER_PERIOD * self._frequency)
+        if subject.model != "low_frequency" and 0.2 * end * self._frequency > PERIODS:
+            window = 0.5 * end + np.arange(PERIODS * SAMPLES_PER_PERIOD + 1) / (
+                SAMPLES_PER_PERIOD * self._frequency
+            )
         looks = np.concatenate([[0.0, 0.25 * end], window, [0.75 * end, time[-1]]])
         series = _series(subject.number("interval"), time) if own else np.empty(0)
         self.instants = np.unique(np.concatenate([looks, series]))
         """Times to sample [s], from 0 to the end."""
-        self._looks, self._series = np.searchsorted(self.instants, looks), np.searchsorted(self.instants, series)
+        self._looks, self._series = (
+            np.searchsorted(self.instants, looks),
+            np.searchsorted(self.instants, series),
+        )
         self._window = window - 0.5 * (window[0] + window[-1]) if window.size else window
 
     def tune(self, result: Result) -> None:
@@ -132,7 +145,7 @@ class Observer:
         for name, quantity in self._own.items():
             try:
                 values = np.asarray(quantity(shown), dtype=np.float64)
-            except Error:  # of a model that does not have the column, or of a motion without cycles
+            except (Error, KeyError):  # a column or a value of the summary that the run does not have
                 continue
             if values.size and np.all(np.isfinite(values)):
                 seen[name] = values
@@ -145,7 +158,11 @@ class Observer:
             scale = self._scales.get(name) or float(np.linalg.norm(true))
             if scale > 0.0:
                 values = seen.get(name)
-                errors[name] = 1.0 if values is None or values.shape != true.shape else _distance(name, values - true) / scale
+                errors[name] = (
+                    1.0
+                    if values is None or values.shape != true.shape
+                    else _distance(name, values - true) / scale
+                )
         return errors
 
 
