@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from operator import attrgetter
 
 import numpy as np
@@ -72,6 +73,9 @@ class StoppedEarlyError(Error):
 
     exit_status = STOPPED_EARLY
 
+    def __init__(self, text: str) -> None:
+        super().__init__(f"{text}; see docs/errors.md")
+
 
 @dataclass
 class Point:
@@ -125,7 +129,7 @@ class Comparison:
                 "among its candidates"
             )
         with Simulation(subject.scene()) as simulation:
-            self._record = simulation.result
+            self._record = replace(simulation.result, deck=scene.text)
         v_smooth = subject.number("v_smooth") if subject.contact == "smoothed" else 0.0
         best = Candidate(subject.model, "radau13", subject.contact, rtol=SMALLEST_RTOL, v_smooth=v_smooth)
         self.best, self.second = Point(best, "reference"), Point(replace(best, method="radau9"), "check")
@@ -295,6 +299,7 @@ class Comparison:
         code = 0 if fault is None else getattr(fault, "code", fault.exit_status)
         attributes: dict[str, str | int] = {
             **self._record.attributes,
+            "deck_sha256": sha256(self._record.deck.encode("utf-8", "surrogateescape")).hexdigest(),
             "model": self.subject.model,
             "method": "radau13",
             "result_code": code,

@@ -87,8 +87,9 @@ class Subject:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._scene, self.name = scene, scene.name
-        self.given = scene.groups()
+        self.name, self.given = scene.name, scene.groups()
+        # Of a sweep the scene that its cases vary.
+        self._scene = Scene(**cast(Any, self.given)) if self.given.pop("sweep", None) else scene
         self.value = {name: value for keys in self.given.values() for name, value in keys.items()}
         """By key; no two keys have one name."""
         self.model = str(self.value.get("model", "full"))
@@ -110,7 +111,6 @@ class Subject:
     def scene(self, settings: Settings | None = None, **output: float | None) -> Scene:
         """The scene with settings of a candidate, of output, and without what nothing uses any more or goes on too long."""
         changes: dict[str, dict[str, Any]] = {"scene": {}, "integrator": {}, "output": dict(output)}
-        changes["sweep"] = dict.fromkeys(self.given.get("sweep", {}))
         if settings is not None:
             changes["integrator"]["max_steps"] = changes["output"]["wall_limit"] = None
             for key, _ in self.unused(settings):
