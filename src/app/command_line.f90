@@ -463,7 +463,7 @@ contains
         'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing'//n// &
         'velocities, against a reference whose own error is estimated. Prints a table, also of what failed or was'//n// &
         'skipped, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current directory;'//n// &
-        'dynstiction plot FILE draws it. The Python package does both: see dynstiction --help.'//n//n// &
+        'dynstiction plot FILE draws it. The Python package does both.'//n//n// &
         '  --accuracy A           print the cheapest settings whose errors are below A with a margin'//n// &
         '  --quantity NAME        errors of which quantity; all; by default final_elongation, period, peak_force'//n// &
         '                         and creep_velocity, as far as the scene has them'//n// &
