@@ -29,18 +29,12 @@ module dst_python_api
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities
   use dst_sweep_points, only: read_csv
   use dst_text, only: integer_text, printable
-  use dst_trade, only: trade_t, start_trade
-  use dst_trade_advice, only: check_wish, cheapest, advice, advised_settings
-  use dst_trade_report, only: trade_report
-  use dst_trade_table, only: table_of
-  use dst_writer, only: quantity_t, outcome_t, table_column_t
+  use dst_writer, only: quantity_t, outcome_t
   implicit none
   private
 
   public :: library_open, deck_open, run_open, sweep_open, table_size, table, text_size, text, release
-  public :: run_advance, run_state, run_samples, run_events, sweep_run, sweep_stop
-  public :: trade_open, trade_advance, trade_size, trade_column, trade_numbers, trade_texts, trade_text_length, trade_text
-  public :: trade_close
+  public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
   public :: rhs, jacobian, creep_exact, creep_asymptotic, eigenvalues, critical, slow_damping
 
   !> No text in a table is longer.
@@ -72,7 +66,6 @@ module dst_python_api
   type, extends(session_t) :: run_t
     type(simulation_t) :: simulation
     type(memory_writer_t) :: writer
-    type(outcome_t) :: outcome
     character(:), allocatable :: model_choice
   contains
     procedure :: make_table => make_run_table
@@ -101,21 +94,6 @@ module dst_python_api
   contains
     procedure :: asked_to_stop
   end type stop_watch_t
-
-  !> A comparison of settings, and what is wished of it.
-  type :: comparison_t
-    type(deck_t) :: deck
-    type(trade_t) :: trade
-    real(wp) :: accuracy = 0.0_wp          !! 0 = no recommendation
-    character(:), allocatable :: quantity
-    type(table_column_t), allocatable :: table(:)
-    character(:), allocatable :: report, advice, settings, message
-  end type comparison_t
-
-  !> Characters to text; of `trade`, codes of characters.
-  interface text_of
-    module procedure text_of_characters, text_of_codes
-  end interface text_of
 
 contains
 
@@ -409,6 +387,7 @@ contains
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
     type(parameter_t), allocatable :: parameters(:)
+    type(outcome_t) :: outcome
     integer :: i
 
     select case (which)
@@ -425,11 +404,13 @@ contains
         self%table%number(2, i) = 1.0_wp
       end do
     case ('summary')
-      call describe(self%table, self%outcome%summary, 1)
-      if (allocated(self%outcome%summary)) self%table%number(1, :) = self%outcome%summary_value
+      call self%simulation%outcome(self%error, outcome)
+      call describe(self%table, outcome%summary, 1)
+      self%table%number(1, :) = outcome%summary_value
     case ('statistics')
-      call describe(self%table, self%outcome%statistics, 1)
-      if (allocated(self%outcome%statistics)) self%table%number(1, :) = self%outcome%statistics_value
+      call self%simulation%outcome(self%error, outcome)
+      call describe(self%table, outcome%statistics, 1)
+      self%table%number(1, :) = outcome%statistics_value
     case default
       call self%session_t%make_table(which)
     end select
@@ -560,7 +541,6 @@ contains
     call held%run%simulation%proceed(real(seconds, wp), held%run%writer, held%run%error, until=real(until, wp))
     finished = merge(1_c_int, 0_c_int, held%run%simulation%finished)
     reached = merge(1_c_int, 0_c_int, held%run%simulation%has_reached(real(until, wp)))
-    if (finished == 1) call held%run%simulation%outcome(held%run%error, held%run%outcome)
     n_rows = int(held%run%writer%rows, c_int)
     n_events = int(held%run%writer%events, c_int)
     status = status_of(held%run)
@@ -579,6 +559,27 @@ contains
     call held%run%simulation%state_at(real(time, wp), row)
     state = real(row, c_double)
   end subroutine run_state
+
+  !> Simulated time reached [s].
+  subroutine run_time(handle, time)
+    integer(c_long_long), intent(in) :: handle
+    real(c_double), intent(out) :: time
+    type(holder_t), pointer :: held
+
+    held => holder_of(handle)
+    time = real(held%run%simulation%motion%piece%to%time, c_double)
+  end subroutine run_time
+
+  !> Take samples at these instants [s] from now on, not at equal distances: from 0 to the end, one for each sample so far at least.
+  subroutine run_instants(handle, n, instants)
+    integer(c_long_long), intent(in) :: handle
+    integer(c_int), intent(in) :: n
+    real(c_double), intent(in) :: instants(n)
+    type(holder_t), pointer :: held
+
+    held => holder_of(handle)
+    held%run%simulation%instants = real(instants, wp)
+  end subroutine run_instants
 
   !> Take the waiting samples (row, column).
   subroutine run_samples(handle, n_columns, n_rows, samples)
@@ -666,180 +667,6 @@ contains
     !$omp atomic read
     asked_to_stop = self%session%stop
   end function asked_to_stop
-
-  !> Read a deck as run_open does and get ready to compare within `budget` seconds from now on, for `accuracy` (0 = none) in
-  !> `quantity` (empty = the usual ones). On failure the handle is valid until trade_close, and text 4 is the message.
-  subroutine trade_open(n_deck, deck, n_name, name, n_settings, settings, n_quantity, quantity, accuracy, budget, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_quantity
-    integer(c_int), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), quantity(n_quantity)
-    real(c_double), intent(in) :: accuracy, budget
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe, as run_open.
-    type(comparison_t), pointer :: comparison
-    type(error_t), allocatable :: error
-    type(scene_t) :: scene
-
-    allocate (comparison)
-    handle = handle_of(c_loc(comparison))
-    comparison%accuracy = accuracy
-    comparison%quantity = text_of(quantity)
-    if (abs(accuracy) > 0.0_c_double) call check_wish(comparison%accuracy, comparison%quantity, error)
-    if (.not. allocated(error)) call parse_deck(text_of(deck), text_of(name), lines_of(text_of(settings)), comparison%deck, error)
-    if (.not. allocated(error)) then
-      call scene_from_deck(comparison%deck, scene)
-      call start_trade(scene, real(budget, wp), comparison%trade, error)
-    end if
-    call note_error(comparison, error, status)
-  end subroutine trade_open
-
-  !> Compare for at most `seconds` of wall time [s]; at the end the table and the texts are there. `status` is also that of a
-  !> comparison without reference.
-  subroutine trade_advance(handle, seconds, finished, status)
-    integer(c_long_long), intent(in) :: handle
-    real(c_double), intent(in) :: seconds
-    integer(c_int), intent(out) :: finished, status
-    ! Not f2py threadsafe, as run_open: candidates are planned, described and advised on with texts.
-    type(comparison_t), pointer :: comparison
-    type(error_t), allocatable :: error
-
-    comparison => comparison_of(handle)
-    call comparison%trade%proceed(real(seconds, wp), error)
-    finished = merge(1_c_int, 0_c_int, comparison%trade%finished)
-    call note_error(comparison, error, status)
-  end subroutine trade_advance
-
-  !> Number of columns and rows of the table of a finished comparison.
-  subroutine trade_size(handle, n_columns, n_rows)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(out) :: n_columns, n_rows
-    type(comparison_t), pointer :: comparison
-
-    comparison => comparison_of(handle)
-    call describe_comparison(comparison)
-    n_columns = int(size(comparison%table), c_int)
-    n_rows = int(size(comparison%table(1)%number), c_int)
-  end subroutine trade_size
-
-  !> Name, units and meaning of column i (from 1), and whether it holds texts.
-  subroutine trade_column(handle, i, name, units, long_name, is_text)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i
-    integer(c_int), intent(out) :: name(24), units(8), long_name(96), is_text
-    type(comparison_t), pointer :: comparison
-
-    comparison => comparison_of(handle)
-    call put_description(comparison%table(i)%quantity, name, units, long_name)
-    is_text = merge(1_c_int, 0_c_int, allocated(comparison%table(i)%text))
-  end subroutine trade_column
-
-  !> The numbers of column i.
-  subroutine trade_numbers(handle, i, n, values)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i, n
-    real(c_double), intent(out) :: values(n)
-    type(comparison_t), pointer :: comparison
-
-    comparison => comparison_of(handle)
-    values = real(comparison%table(i)%number, c_double)
-  end subroutine trade_numbers
-
-  !> The texts of column i (byte, row).
-  subroutine trade_texts(handle, i, n, texts)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: i, n
-    integer(c_int), intent(out) :: texts(200, n)
-    type(comparison_t), pointer :: comparison
-    integer :: row
-
-    comparison => comparison_of(handle)
-    do row = 1, n
-      call put_text(comparison%table(i)%text(row), texts(:, row))
-    end do
-  end subroutine trade_texts
-
-  !> Bytes of text `which`: 1 report, 2 recommendation, 3 its settings, one a line, 4 message of an error or why there is no
-  !> recommendation.
-  subroutine trade_text_length(handle, which, n)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: which
-    integer(c_int), intent(out) :: n
-
-    n = int(len(text_of_comparison(comparison_of(handle), which)), c_int)
-  end subroutine trade_text_length
-
-  !> Text `which` (see trade_text_length).
-  subroutine trade_text(handle, which, n, text)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: which, n
-    integer(c_int), intent(out) :: text(n)
-
-    call put_text(text_of_comparison(comparison_of(handle), which), text)
-  end subroutine trade_text
-
-  !> Free the comparison; the handle is void afterwards.
-  subroutine trade_close(handle)
-    integer(c_long_long), intent(in) :: handle
-    type(comparison_t), pointer :: comparison
-
-    comparison => comparison_of(handle)
-    deallocate (comparison)
-  end subroutine trade_close
-
-  function comparison_of(handle) result(comparison)
-    integer(c_long_long), intent(in) :: handle
-    type(comparison_t), pointer :: comparison
-
-    call c_f_pointer(address_of(handle), comparison)
-  end function comparison_of
-
-  subroutine note_error(comparison, error, status)
-    type(comparison_t), intent(inout) :: comparison
-    type(error_t), allocatable, intent(in) :: error
-    integer(c_int), intent(out) :: status
-
-    status = 0
-    if (.not. allocated(error)) return
-    status = int(error%code, c_int)
-    comparison%message = error%text
-  end subroutine note_error
-
-  !> Table, report and recommendation of a finished comparison.
-  subroutine describe_comparison(comparison)
-    type(comparison_t), intent(inout) :: comparison
-    type(error_t), allocatable :: error
-    integer :: best
-
-    if (allocated(comparison%table)) return
-    comparison%table = table_of(comparison%trade)
-    comparison%report = trade_report(comparison%trade)
-    if (.not. comparison%accuracy > 0.0_wp) return
-    call cheapest(comparison%trade, comparison%accuracy, comparison%quantity, best, error)
-    if (best > 0) then
-      comparison%advice = advice(comparison%deck, comparison%trade, best)
-      comparison%settings = advised_settings(comparison%deck, comparison%trade, best)
-    else
-      comparison%message = error%text
-    end if
-  end subroutine describe_comparison
-
-  function text_of_comparison(comparison, which) result(text)
-    type(comparison_t), intent(in) :: comparison
-    integer(c_int), intent(in) :: which
-    character(:), allocatable :: text
-
-    text = ''
-    select case (which)
-    case (1)
-      if (allocated(comparison%report)) text = comparison%report
-    case (2)
-      if (allocated(comparison%advice)) text = comparison%advice
-    case (3)
-      if (allocated(comparison%settings)) text = comparison%settings
-    case default
-      if (allocated(comparison%message)) text = comparison%message
-    end select
-  end function text_of_comparison
 
   !> Right-hand side of Eqs. (1)-(5) for n states (u_x, u_y, w_x, w_y) [m, m/s]: their time derivatives.
   !> `slider` as `slider_parameters`. Without smoothing the friction has no value at w = 0; the caller excludes it.
@@ -1104,39 +931,8 @@ contains
     slider%smoothing = values(10)**2
   end function slider_from
 
-  subroutine put_description(quantity, name, units, long_name)
-    type(quantity_t), intent(in) :: quantity
-    integer(c_int), intent(out) :: name(:), units(:), long_name(:)
-
-    call put_text(quantity%name, name)
-    call put_text(quantity%units, units)
-    call put_text(quantity%long_name, long_name)
-  end subroutine put_description
-
-  !> Text to bytes, cut or padded with blanks.
-  pure subroutine put_text(text, bytes)
-    character(*), intent(in) :: text
-    integer(c_int), intent(out) :: bytes(:)
-    integer :: i
-
-    bytes = iachar(' ')
-    do i = 1, min(len(text), size(bytes))
-      bytes(i) = ichar(text(i:i), c_int)
-    end do
-  end subroutine put_text
-
-  !> Bytes to text.
-  pure function text_of_codes(bytes) result(text)
-    integer(c_int), intent(in) :: bytes(:)
-    character(size(bytes)) :: text
-    integer :: i
-
-    do i = 1, size(bytes)
-      text(i:i) = char(bytes(i))
-    end do
-  end function text_of_codes
-
-  pure function text_of_characters(characters) result(text)
+  !> Characters to text.
+  pure function text_of(characters) result(text)
     character(len=1), intent(in) :: characters(:)
     character(size(characters)) :: text
     integer :: i
@@ -1144,7 +940,7 @@ contains
     do i = 1, size(characters)
       text(i:i) = characters(i)
     end do
-  end function text_of_characters
+  end function text_of
 
   !> The lines of a text that are not blank, padded to one length.
   pure function lines_of(text) result(lines)

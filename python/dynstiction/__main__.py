@@ -11,6 +11,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NoReturn
 
@@ -103,6 +104,7 @@ def _parser(program: str) -> _Parser:
             run, defaults = COMMANDS[entry["name"]]
             command.set_defaults(command=run, **defaults)
             _add_arguments(command, entry)
+    _add_trade(commands)
     return parser
 
 
@@ -166,6 +168,36 @@ def _export(options: argparse.Namespace) -> None:
     result = open_trade(options.file) if "trade" in groups else _open(options.file)
     for file in export_csv(result, folder, name, overwrite=options.overwrite):
         _say(printable(str(file)))
+
+
+def _add_trade(commands: argparse._SubParsersAction[_Parser]) -> None:
+    """The executable explains this command, and understands its words before it makes way."""
+    parser = commands.add_parser("trade", description="See dynstiction trade --help.")
+    parser.add_argument("deck", metavar="DECK")
+    parser.add_argument("--accuracy", metavar="A", type=float)
+    parser.add_argument("--quantity", metavar="NAME", default="")
+    parser.add_argument("--budget", metavar="S", type=float, default=10.0)
+    parser.add_argument("-o", "--output", metavar="FILE")
+    parser.add_argument("--set", metavar="GROUP.KEY=VALUE", action="append", default=[])
+    parser.add_argument("--overwrite", action="store_true")
+    parser.add_argument("--quiet", action="store_true")
+    parser.set_defaults(command=_trade)
+
+
+def _trade(options: argparse.Namespace) -> None:
+    from ._trade.command import compare  # noqa: PLC0415
+
+    compare(
+        options.deck,
+        options.set,
+        options.output or f"{Path(options.deck).stem}_trade.h5",
+        accuracy=options.accuracy,
+        quantity=options.quantity,
+        budget=options.budget,
+        overwrite=options.overwrite,
+        quiet=options.quiet,
+        say=partial(_say, end=""),
+    )
 
 
 def _paper(options: argparse.Namespace) -> None:

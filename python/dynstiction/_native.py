@@ -21,7 +21,6 @@ __all__ = [
     "CHUNK_SECONDS",
     "Advance",
     "BuildInfo",
-    "Comparison",
     "DeckSource",
     "DeckValues",
     "KeyInfo",
@@ -61,7 +60,6 @@ RANGES = {
 }
 """What a point of creep violates, by the core's number for it."""
 
-REPORT, RECOMMENDATION, SETTINGS, SHORTFALL = 1, 2, 3, 4
 
 Value = float | int | str | tuple[float, ...] | tuple[str, ...]
 """Value of a key: of a list with one element that element."""
@@ -83,11 +81,6 @@ class DeckSource(NamedTuple):
         """Text, name and settings for the core, which is about to read them."""
         check_stack()
         return _characters(self.text), _characters(self.name), _characters("\n".join(self.settings))
-
-    def encoded(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-        """The same as codes of bytes, for `Comparison`."""
-        check_stack()
-        return _bytes(self.text), _bytes(self.name), _bytes("\n".join(self.settings))
 
     def error(self, status: int, message: str, faults: Iterable[tuple[int, int, str]] = ()) -> Error:
         """Exception for a status of the core; its text names keys where the user gave keys.
@@ -287,6 +280,16 @@ class Run(Session):
             values = _core.run_state(handle, time, len(self.columns))
         return list(zip(self.columns, values.tolist(), strict=True))
 
+    def sample_at(self, instants: NDArray[np.float64]) -> None:
+        """Sample at these instants [s], from 0 to the end, of a run that is at its first sample."""
+        with self._use() as handle:
+            _core.run_instants(handle, instants)
+
+    def time(self) -> float:
+        """Simulated time reached [s]."""
+        with self._use() as handle:
+            return _core.run_time(handle)
+
     def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
         """Of a finished run the summary values, and the counters of the work done."""
         with self._use() as handle:
@@ -301,57 +304,6 @@ class Run(Session):
             (info, text if is_one else value)
             for (info, text), value, is_one in zip(cells, values.tolist(), is_text.tolist(), strict=True)
         ]
-
-
-class Comparison(Session):
-    """A comparison of settings in the core, from deck to table."""
-
-    name = "comparison"
-
-    def __init__(self, deck: DeckSource, quantity: str, accuracy: float, budget: float) -> None:
-        self._deck = deck
-        handle, status = _core.trade_open(*deck.encoded(), _bytes(quantity), accuracy, budget)
-        super().__init__(handle)
-        self._refuse(handle, status)
-
-    @staticmethod
-    def _free(handle: int) -> None:
-        _core.trade_close(handle)
-
-    def _refuse(self, handle: int, status: int) -> None:
-        if status != 0:
-            self.close()
-            raise self._deck.error(status, self._text(handle, SHORTFALL))
-
-    def advance(self, seconds: float) -> bool:
-        """Go on for at most `seconds` of wall time, under the interpreter's lock; whether that was the end."""
-        with self._use() as handle:
-            finished, status = _core.trade_advance(handle, seconds)
-            self._refuse(handle, status)
-        return bool(finished)
-
-    def table(self) -> list[tuple[Info, NDArray[np.float64] | list[str]]]:
-        """Columns of a finished comparison, one row a point."""
-        with self._use() as handle:
-            n_columns, n_rows = _core.trade_size(handle)
-            return [self._column(handle, i + 1, n_rows) for i in range(n_columns)]
-
-    @staticmethod
-    def _column(handle: int, i: int, n: int) -> tuple[Info, NDArray[np.float64] | list[str]]:
-        *about, is_text = _core.trade_column(handle, i)
-        if is_text:
-            return _info(*about), [_text(column) for column in _core.trade_texts(handle, i, n).T]
-        return _info(*about), _core.trade_numbers(handle, i, n)
-
-    def text(self, which: int) -> str:
-        """One of `REPORT`, `RECOMMENDATION`, `SETTINGS` (``group.key=value``, one a line) and `SHORTFALL`, after `table`."""
-        with self._use() as handle:
-            return self._text(handle, which)
-
-    @staticmethod
-    def _text(handle: int, which: int) -> str:
-        length = _core.trade_text_length(handle, which)
-        return text_from(_core.trade_text(handle, which, length).astype(np.uint8).tobytes())
 
 
 class Sweep(Session):
@@ -555,18 +507,6 @@ def _characters(text: str) -> _Characters:
         return np.frombuffer(text.encode("utf-8", "surrogateescape"), dtype="S1")
     except UnicodeEncodeError as error:
         raise UsageError(f"{text[:40]!r}: holds a half of a character: {error.reason}") from None
-
-
-def _info(name: NDArray[np.int32], units: NDArray[np.int32], long_name: NDArray[np.int32]) -> Info:
-    return Info(_text(name), _text(units), _text(long_name))
-
-
-def _bytes(text: str) -> NDArray[np.int32]:
-    return _characters(text).view(np.uint8).astype(np.int32)
-
-
-def _text(array: NDArray[np.int32]) -> str:
-    return text_from(array.astype(np.uint8).tobytes()).rstrip(" ")
 
 
 def text_from(data: bytes) -> str:

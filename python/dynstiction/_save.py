@@ -1,4 +1,4 @@
-"""Writing the HDF5 file of a run: the same layout as the executable's (see the manual, "The result file").
+"""Writing the HDF5 file of a run or a comparison: the same layout as the executable's (see the manual, "The result file").
 
 The file is made in memory and written as bytes: HDF5 itself never meets a disk that is full, after which it would fail again and
 again, also at the end of the process.
@@ -12,6 +12,7 @@ import os
 import secrets
 import zlib
 from collections.abc import Iterable
+from typing import Any
 
 import h5py  # type: ignore[import-untyped]
 import numpy as np
@@ -20,23 +21,44 @@ from numpy.typing import NDArray
 from ._hdf5 import PROGRAM
 from ._open import SEAL, open_file
 from .errors import FileError
-from .record import EVENTS, Info, Record
+from .record import EVENTS, Described, Info, Record
 
-__all__ = ["write"]
+__all__ = ["refuse_to_replace", "write"]
 
 TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
 # The oldest format with checksums of what describes the data.
 FORMAT = ("v108", "v108")
 STORED_AS = {"sticking": np.int8, "kind": np.int8}
+ERROR, NOT_APPLICABLE = "error_", -1.0
+"""Columns of a comparison that may have no value, and what stands for it."""
+
+Table = Described[NDArray[np.float64] | NDArray[np.str_]]
 
 GROWTH = 2**20
 """Bytes by which the file in memory grows."""
 
 
-def write(result: Record, path: str, *, overwrite: bool) -> None:
-    """Write a result; the file appears under its name only when it is whole and on the disk."""
-    _refuse_to_replace(path, overwrite)
-    image = _image(result)
+def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = None) -> None:
+    """Write a result; the file appears under its name only when it is whole and on the disk.
+
+    Parameters
+    ----------
+    result : Record
+        Without columns no time series is written, nor events.
+    path : str
+        The file.
+    overwrite : bool
+        Whether a result that is there may be replaced.
+    trade : Described of ndarray, optional
+        The table of a comparison, ``point`` first.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written, or what is there not be replaced.
+    """
+    refuse_to_replace(path, overwrite=overwrite)
+    image = _image(result, trade)
     folder, name = os.path.split(path)
     temporary = os.path.join(folder, f".{name[:100]}.{secrets.token_hex(8)}.part")
     try:
@@ -47,7 +69,8 @@ def write(result: Record, path: str, *, overwrite: bool) -> None:
         raise FileError(f"{path}: cannot be written: {reason}: {_remedy(error)}") from None
 
 
-def _refuse_to_replace(path: str, overwrite: bool) -> None:
+def refuse_to_replace(path: str, *, overwrite: bool) -> None:
+    """Raise if a result cannot get this name for what has it."""
     if not os.path.lexists(path):
         return
     if not overwrite:
@@ -70,12 +93,12 @@ def _exists(path: str) -> FileError:
     return FileError(f"{path}: the file exists: pass overwrite=True or choose another name")
 
 
-def _image(result: Record) -> bytes:
+def _image(result: Record, trade: Table | None) -> bytes:
     """The bytes of the file, which HDF5 knows by a name that no other thread's has."""
     with h5py.File(
         secrets.token_hex(16), "w", libver=FORMAT, driver="core", backing_store=False, block_size=GROWTH
     ) as file:
-        _write_contents(file, result)
+        _write_contents(file, result, trade)
         file.flush()
         image: bytes = file.id.get_file_image()
     return image
@@ -130,7 +153,7 @@ def _remedy(error: Exception) -> str:
     return "choose another name or folder"
 
 
-def _write_contents(file: h5py.File, result: Record) -> None:
+def _write_contents(file: h5py.File, result: Record, trade: Table | None) -> None:
     for name, value in result.attributes.items():
         if name != "complete":
             file.attrs[name] = np.int32(value) if isinstance(value, int) else value
@@ -138,24 +161,38 @@ def _write_contents(file: h5py.File, result: Record) -> None:
         data = text.encode("utf-8", "surrogateescape")
         dataset = file.create_dataset(f"deck/{name}", data=data, dtype=h5py.string_dtype("utf-8"))
         _describe(dataset, Info(name, "1", TEXTS[name]))
-    _write_series(file.create_group("time_series"), result.columns.info())
-    _write_series(file.create_group("events"), [(EVENTS[name], result.events[name]) for name in EVENTS])
+    if result.columns:
+        _write_series(file.create_group("time_series"), result.columns.info(), "time")
+        _write_series(
+            file.create_group("events"), [(EVENTS[name], result.events[name]) for name in EVENTS], "time"
+        )
+    if trade is not None:
+        _write_series(file.create_group("trade"), trade.info(), "point")
     _write_group(file.create_group("summary"), result.summary.info())
     _write_group(file.create_group("statistics"), result.statistics.info())
     _write_group(file.create_group("parameters"), result.parameters.info())
     file.attrs["complete"] = np.int32(result.complete)
 
 
-def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[np.generic]]]) -> None:
-    """Columns over the group's time, which becomes the dimension scale of the others."""
+def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[Any]]], scale: str) -> None:
+    """Columns over one of the group's, which becomes the dimension scale of the others. NaN is written as the fill value."""
     for info, values in entries:
+        if values.dtype.kind == "U":
+            texts = [str(text).encode("utf-8", "surrogateescape") for text in values]
+            _describe(group.create_dataset(info.name, data=texts, dtype=h5py.string_dtype()), info)
+            continue
         stored = values.astype(STORED_AS.get(info.name, np.float64), copy=False)
+        fills = info.name.startswith(ERROR)
+        if fills:
+            stored = np.nan_to_num(stored, nan=NOT_APPLICABLE)
         # With a checksum, so that damage is found when it is read.
         _describe(group.create_dataset(info.name, data=stored, chunks=True, fletcher32=True), info)
-    group["time"].make_scale("time")
+        if fills:
+            group[info.name].attrs["_FillValue"] = NOT_APPLICABLE
+    group[scale].make_scale(scale)
     for name in group:
-        if name != "time":
-            group[name].dims[0].attach_scale(group["time"])
+        if name != scale:
+            group[name].dims[0].attach_scale(group[scale])
 
 
 def _write_group(group: h5py.Group, entries: Iterable[tuple[Info, object]]) -> None:

@@ -7,7 +7,7 @@ the deck reader of the Fortran core merges, checks and completes them.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, Self, TypeAlias, TypeVar, Unpack, cast
@@ -113,6 +113,29 @@ class Scene(SceneGroups):
             Path of a deck, text of a deck, or a scene.
         """
         return cls(deck)
+
+    @classmethod
+    def of_command(cls, path: str, settings: Iterable[str]) -> Scene:
+        """Scene of the deck in a file, with settings ``group.key=value`` of a command line, where text has no quotes.
+
+        Parameters
+        ----------
+        path : str
+            The file, as messages show it.
+        settings : iterable of str
+            Overrides of the deck.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read.
+        """
+        scene = cls.read(path)
+        scene._name = path
+        for setting in settings:
+            name, _, value = setting.partition("=")
+            scene._settings[name.lower()] = value
+        return scene
 
     @property
     def text(self) -> str:

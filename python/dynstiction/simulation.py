@@ -16,7 +16,7 @@ from ._closing import Closing, OneAtATime
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
 from .groups import Groups
-from .record import EVENT_DTYPE, Described
+from .record import EVENT_DTYPE, Described, Info
 from .result import Result
 from .scene import DeckLike, Scene
 
@@ -249,13 +249,25 @@ class Simulation(Closing):
             self._tell(stacklevel)
             return self._result_so_far()
 
-    def _advance(self, until: float) -> bool:
+    def _sample_at(self, instants: NDArray[np.float64]) -> None:
+        """Sample at these instants [s], from 0 to the end, of a run that has not been told to go on yet."""
+        self._core.sample_at(instants)
+
+    def _go_on(self, seconds: float) -> bool:
+        """Go on for at most `seconds` of wall time; whether the run has ended."""
+        with self._alone:
+            return self._advance(self._t_end, seconds)
+
+    def _statistics_so_far(self) -> list[tuple[Info, float]]:
+        return self._core.ending()[1]
+
+    def _advance(self, until: float, seconds: float = _native.CHUNK_SECONDS) -> bool:
         """Go on for a while, at most to `until`; whether that has been reached, or the run has ended before."""
         reached = False
         if self._outcome is None:
             # The end is more than a time that is reached: the run is summed up there.
             aim = until if until < self._t_end else np.inf
-            outcome, reached, rows, time, kind = self._core.advance(_native.CHUNK_SECONDS, aim)
+            outcome, reached, rows, time, kind = self._core.advance(seconds, aim)
             self._samples.append(rows)
             self._event_times.append(time)
             self._event_kinds.append(kind)

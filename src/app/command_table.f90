@@ -6,7 +6,7 @@ module dst_command_table
   implicit none
   private
 
-  public :: command_entry_t, option_t, exit_status_t, the_program, commands, options, exit_statuses
+  public :: command_entry_t, option_t, exit_status_t, the_program, commands, options, exit_statuses, trade_quantities
   public :: find_command, find_option, command_names, options_of, operand_of, is_option_of
 
   !> A command.
@@ -87,7 +87,7 @@ module dst_command_table
       'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing '// &
       'velocities, against a reference whose own error is estimated. Prints a table, also of what failed or was '// &
       'skipped, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current directory; '// &
-      'dynstiction plot FILE draws it.', &
+      'dynstiction plot FILE draws it. The Python package does both.', &
       'dynstiction trade inputs/fig3.nml --accuracy 1e-4'//n// &
       'dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantity period --budget 3 --quiet'), &
     command_entry_t('show', 'FILE.h5...', ours, 'what a result is, how far a sweep has come', &
@@ -117,6 +117,10 @@ module dst_command_table
       'the tables and the finding, writes creep_validation.png and creep_validation.csv; exit status 1 if a '// &
       'check fails.', &
       'dynstiction validate-creep')]
+
+  !> What 'trade' measures besides quantities of the user: those of the Python package, for completion.
+  character(*), parameter :: trade_quantities = 'final_elongation final_velocity period peak_force valley_force slip_length '// &
+    'max_X_rate creep_velocity fast_amplitude fast_phase sticks first_peak_force'
 
   character(*), parameter :: takes_settings = 'run merge check stability trade'
   character(*), parameter :: trade_help = 'a value: see dynstiction trade --help'

@@ -5,10 +5,10 @@
 !> shells know no command, option or key themselves.
 module dst_completion
   use dst_command_line, only: argument_t, takes_value
-  use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of
+  use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of, &
+    trade_quantities
   use dst_schema, only: schema, key_count, find_key, find_name
   use dst_text, only: text_builder_t, starts_with, lower_case, word, word_count
-  use dst_trade_quantities, only: quantities
   implicit none
   private
 
@@ -68,10 +68,7 @@ contains
     if (option == '--set') then
       call offer_settings(builder, '', typed)
     else if (option == '--quantity' .and. command == 'trade') then
-      do i = 1, size(quantities)
-        call offer(builder, trim(quantities(i)%name), typed)
-      end do
-      call offer(builder, 'all', typed)
+      call offer(builder, trade_quantities//' all', typed)
     else
       do i = 1, size(options)
         if (options(i)%name == option .and. is_option_of(options(i), command)) &

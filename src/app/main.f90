@@ -2,7 +2,7 @@
 module dst_main
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
-  use dst_text, only: integer_text, one_per_line, printable
+  use dst_text, only: integer_text, one_per_line, printable, real_text
   use dst_disk, only: place_of
   use dst_deck, only: deck_t, read_deck, parse_deck, resolved, template, key_table
   use dst_deck_check, only: check_deck
@@ -25,10 +25,6 @@ module dst_main
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
   use dst_threads, only: task_t
-  use dst_trade, only: trade_t
-  use dst_trade_advice, only: check_wish, cheapest, advice
-  use dst_trade_report, only: trade_report
-  use dst_trade_run, only: trade_deck
   use dst_build_info, only: program_name, version, git_revision, compiler, build_facts
   implicit none
   private
@@ -74,8 +70,9 @@ contains
       return
     end if
     call parse_arguments(arguments, command, usage)
-    ! Before anything can fail but the words. Processes that take their shares from the environment do without.
-    if (copies > 1 .and. .not. command%share%is_auto) call processes%start(error)
+    ! Before anything can fail but the words. Processes that take their shares from the environment do without, and one that makes
+    ! way for Python.
+    if (copies > 1 .and. .not. (command%share%is_auto .or. command%name == 'trade')) call processes%start(error)
     if (.not. allocated(error)) call move_alloc(usage, error)
     call processes%agree(error)
     call complain(error)
@@ -239,35 +236,39 @@ contains
     if (.not. allocated(error)) call check_deck(deck, output_of(deck), command%share%least_shares(), remark, error)
   end subroutine read_sound_deck
 
-  !> Measure error against cost on a deck's scene, and recommend settings.
+  !> Let Python measure error against cost on a deck's scene, when the words are understood, and the deck, and the name of the file.
   subroutine compare_settings()
     type(deck_t), allocatable :: deck
-    type(trade_t), allocatable :: trade
     type(argument_t) :: output(1)
     type(error_t), allocatable :: error
-    integer :: best
 
-    if (command%accuracy > 0.0_wp) call check_wish(command%accuracy, command%quantity, error)
-    if (.not. allocated(error)) then
-      allocate (deck, trade)
-      call read_deck(command%operands(1)%text, setting_list(command), deck, error)
-    end if
+    allocate (deck)
+    call read_deck(command%operands(1)%text, setting_list(command), deck, error)
     if (.not. allocated(error)) then
       output(1)%text = command%output
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
       call check_output(output, 1, command%operands(:1), command%has('--overwrite'), error)
     end if
-    call listen_to_signals()
-    if (.not. allocated(error)) &
-      call trade_deck(deck, output(1)%text, command%has('--overwrite'), command%has('--quiet'), command%budget, trade, error)
+    if (.not. allocated(error)) call hand_over(words_of_trade(output(1)%text), error)
     call complain(error)
-    if (allocated(error)) return
-    if (.not. command%has('--quiet')) call print_text(trade_report(trade))
-    if (.not. command%accuracy > 0.0_wp) return
-    call cheapest(trade, command%accuracy, command%quantity, best, error)
-    call complain(error)
-    if (best > 0) call print_text(advice(deck, trade, best))
   end subroutine compare_settings
+
+  !> The command 'trade' as Python takes it.
+  function words_of_trade(output) result(words)
+    character(*), intent(in) :: output
+    type(argument_t), allocatable :: words(:)
+    integer :: i
+
+    words = [argument_t('trade'), argument_t('--output='//output), argument_t('--budget='//real_text(command%budget)), &
+             argument_t('--quantity='//command%quantity)]
+    if (command%accuracy > 0.0_wp) words = [words, argument_t('--accuracy='//real_text(command%accuracy))]
+    do i = 1, command%setting_count
+      words = [words, argument_t('--set='//command%settings(i)%text)]
+    end do
+    if (command%has('--overwrite')) words = [words, argument_t('--overwrite')]
+    if (command%has('--quiet')) words = [words, argument_t('--quiet')]
+    words = [words, argument_t('--'), command%operands(1)]
+  end function words_of_trade
 
   !> Run the decks, or merge what their shards hold: nothing unless every deck is sound and every output file may be written.
   subroutine run_decks()

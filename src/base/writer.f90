@@ -8,7 +8,7 @@ module dst_writer
   implicit none
   private
 
-  public :: writer_t, quantity_t, outcome_t, table_column_t, find_quantity
+  public :: writer_t, quantity_t, outcome_t, find_quantity
 
   !> What a column of the time series, a summary value or a counter is.
   type :: quantity_t
@@ -16,14 +16,6 @@ module dst_writer
     character(unit_width) :: units = ''   !! 'm', 'N', 's', 'm s-1', 'rad', '1'
     character(meaning_width) :: long_name = ''
   end type quantity_t
-
-  !> One column of a table: numbers or texts.
-  type :: table_column_t
-    type(quantity_t) :: quantity
-    real(wp), allocatable :: number(:)
-    character(200), allocatable :: text(:)
-    real(wp) :: fill = 0.0_wp      !! what stands for no value, if it is not 0
-  end type table_column_t
 
   !> How a run ended.
   type :: outcome_t

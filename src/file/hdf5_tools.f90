@@ -49,7 +49,7 @@ module dst_hdf5_tools
 
   !> Create or overwrite an attribute of a file, group or dataset.
   interface put_attribute
-    module procedure put_text_attribute, put_integer_attribute, put_real_attribute
+    module procedure put_text_attribute, put_integer_attribute
   end interface put_attribute
 
   !> Read an attribute.
@@ -260,17 +260,6 @@ contains
 
     call write_attribute(object, name, h5t_std_i32le, h5t_native_integer, c_loc(number), h5)
   end subroutine put_integer_attribute
-
-  subroutine put_real_attribute(object, name, number, h5)
-    integer(hid_t), intent(in) :: object
-    character(*), intent(in) :: name
-    real(wp), intent(in) :: number
-    type(hdf5_t), intent(inout) :: h5
-    real(real64), target :: value
-
-    value = real(number, real64)
-    call write_attribute(object, name, h5t_ieee_f64le, h5t_native_double, c_loc(value), h5)
-  end subroutine put_real_attribute
 
   !> Write an attribute's value, and create the attribute when it is not there.
   subroutine write_attribute(object, name, stored_as, memory_type, value, h5)

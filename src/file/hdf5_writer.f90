@@ -14,10 +14,10 @@ module dst_hdf5_writer
     h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
-  use dst_writer, only: writer_t, quantity_t, outcome_t, table_column_t
+  use dst_writer, only: writer_t, quantity_t, outcome_t
   use dst_archive, only: archive_t
   use dst_crc32, only: crc32_t
-  use dst_disk, only: path_t, reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy, &
+  use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy, &
     ignore_size_limit_signal
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
     put_attribute, put_value, create_group, delete_link, release, dataset_t, create_dataset, open_dataset, append, cut, &
@@ -95,7 +95,6 @@ module dst_hdf5_writer
     procedure :: write_events
     procedure :: flush => flush_all
     procedure :: finish
-    procedure :: write_table
     procedure :: discard
     procedure :: set_bookmark
     procedure, private :: write_row
@@ -447,44 +446,6 @@ contains
     if (self%sound) call close_file(self)
     if (.not. self%sound .and. allocated(self%failure)) error = self%failure
   end subroutine finish
-
-  !> A group of columns of one length, the first of which numbers the rows.
-  subroutine write_table(self, name, columns, error)
-    class(hdf5_writer_t), intent(inout) :: self
-    character(*), intent(in) :: name
-    type(table_column_t), intent(in) :: columns(:)
-    type(error_t), allocatable, intent(out) :: error
-    type(dataset_t) :: stored(size(columns))
-    type(path_t), allocatable :: texts(:)
-    type(hdf5_t) :: h5
-    integer(hid_t) :: group
-    integer :: rows, i, j
-
-    call self%reserve()
-    if (.not. allocated(self%failure)) then
-      call create_group(self%file, name, group, h5)
-      rows = size(columns(1)%number)
-      allocate (texts(rows))
-      do i = 1, size(columns)
-        if (allocated(columns(i)%text)) then
-          do j = 1, rows
-            texts(j)%text = trim(columns(i)%text(j))
-          end do
-          call create_dataset(group, columns(i)%quantity, max(1, rows), stored(i), h5)
-          call append(stored(i), texts, h5)
-        else
-          call create_dataset(group, columns(i)%quantity, max(1, rows), stored(i), h5, h5t_ieee_f64le)
-          call append(stored(i), real(columns(i)%number, real64), h5)
-          if (abs(columns(i)%fill) > 0.0_wp) call put_attribute(stored(i)%id, '_FillValue', columns(i)%fill, h5)
-        end if
-        if (i == 1) call make_scale(stored(1), trim(columns(1)%quantity%name), h5)
-        if (i > 1) call attach_scale(stored(i), stored(1), h5)
-      end do
-      call release([group], h5)
-      if (h5%status < 0) call self%fail(failure_reason(), sound=.false.)
-    end if
-    if (allocated(self%failure)) error = self%failure
-  end subroutine write_table
 
   !> Append what waits, and flush when told to.
   subroutine write_waiting(self, flush_now, error)

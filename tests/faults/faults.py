@@ -50,7 +50,6 @@ DECKS = {
     "other.nml": OTHER_DECK,
     "sweep.nml": SCENE + GRID + "/\n",
     "series.nml": SCENE + GRID + "  keep = 'series'\n/\n",
-    "trade.nml": SCENE.replace("interval = 1.0e-2", "interval = 0.1"),
 }
 
 
@@ -132,7 +131,6 @@ OTHER_RUN = ("run", "other.nml", "-o", RESULT, "--quiet")
 OTHER, OTHER_STOPPED = (OTHER_RUN, "", 1.0), (OTHER_RUN, *STOP_RUN[1:])
 SWEEP = ("run", "sweep.nml", "-o", RESULT, "--quiet")
 SERIES = ("run", "series.nml", "-o", RESULT, "--quiet")
-TRADE = ("trade", "trade.nml", "-o", RESULT, "--quiet", "--budget", "3.0")
 KILL_SWEEP = (SWEEP, "kill:parent:write@5", 0.0)
 OPERATIONS = {
     "run": Operation(RUN),
@@ -149,7 +147,6 @@ OPERATIONS = {
                        clock=0.0, resumable=False, repeated=True),
     "sweep": Operation(SWEEP, clock=0.0, resumable=False, repeated=True),
     "sweep with series": Operation(SERIES, clock=0.0, resumable=False, repeated=True),
-    "trade": Operation(TRADE, clock=0.005, resumable=False),
 }  # fmt: skip
 
 
@@ -263,8 +260,6 @@ class Laboratory:
 
     def is_right(self, operation: Operation, file: Path) -> bool:
         """Whether a complete file holds what the operation without a fault gives."""
-        if operation.command[0] == "trade":
-            return True  # the numbers are measured times
         return content(file) == self.reference(self.deck_of(operation))
 
     @staticmethod

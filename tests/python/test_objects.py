@@ -83,26 +83,6 @@ assert "closed" in ends[0], ends
 assert simulation.result["X"].shape == simulation.result.time.shape
 """
 
-COMPARISON = """
-import threading
-from dynstiction import _native
-core = _native.Comparison(ds.Scene(DECK).source, "", 0.0, 0.5)
-ends = []
-def use():
-    try:
-        while not core.advance(0.02):
-            pass
-        core.table()
-    except ds.Error as error:
-        ends.append(str(error))
-users = [threading.Thread(target=use) for _ in range(3)]
-for user in users: user.start()
-users[0].join(0.2)
-core.close()
-for user in users: user.join()
-assert all("closed" in text or "busy" in text or "budget" in text for text in ends), ends
-"""
-
 SWEEP = """
 import threading, time
 import numpy as np
@@ -125,7 +105,7 @@ assert len(ends) == 3 and all("closed" in text for text in ends), (ends, len(don
 
 
 @pytest.mark.parametrize(
-    "script", [TWO_THREADS, CLOSED_BY_ANOTHER, COMPARISON, SWEEP], ids=["two", "close", "trade", "sweep"]
+    "script", [TWO_THREADS, CLOSED_BY_ANOTHER, SWEEP], ids=["two", "close", "sweep"]
 )
 def test_threads_are_refused_or_work(script: str, fig3_text: str) -> None:
     process(script, fig3_text)
@@ -134,12 +114,11 @@ def test_threads_are_refused_or_work(script: str, fig3_text: str) -> None:
 def test_closed_handles_say_so(fig3: ds.Scene) -> None:
     run, values = _native.Run(fig3.source), _native.DeckValues(fig3.source, alone=True)
     sweep = _native.Sweep(fig3.source, [("drive.velocity", np.array([1e-3]))], False)
-    trade = _native.Comparison(fig3.source, "", 0.0, 1.0)
     uses: list[tuple[_native.Session, list[Callable[[], object]]]] = [
-        (run, [lambda: run.advance(0.1), lambda: run.state(0.0), run.ending, run.parameters]),
+        (run, [lambda: run.advance(0.1), lambda: run.state(0.0), run.ending, run.parameters,
+               lambda: run.sample_at(np.zeros(1)), run.time]),  # fmt: skip
         (values, [values.given]),
         (sweep, [lambda: sweep.run(0, 1), sweep.stop]),
-        (trade, [lambda: trade.advance(0.1), trade.table, lambda: trade.text(_native.REPORT)]),
     ]
     for handle, methods in uses:
         handle.close()

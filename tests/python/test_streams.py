@@ -21,11 +21,11 @@ PRINTING = {
     "template": ("template",),
     "check": ("check", DECK),
     "stability": ("stability", DECK),
-    "trade": ("trade", INPUTS / "low_frequency.nml", "--budget", "1", "--set", "scene.t_end=1", "--overwrite"),
     "completion": ("complete", "ru"),
 }
 PYTHON = {
     "export": ("export", "x.h5", "--csv", "--overwrite"),
+    "trade": ("trade", str(INPUTS / "low_frequency.nml"), "--budget", "3", "--set", "scene.t_end=1", "--overwrite"),
     "help": ("--help",),
     "help on a command": ("plot", "--help"),
 }

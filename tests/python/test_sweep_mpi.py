@@ -206,7 +206,6 @@ REFUSED = [
     "resume no.h5",
     "merge map.nml",
     "merge one.nml",
-    "trade bad.nml",
 ]
 
 
@@ -270,13 +269,13 @@ def test_merge_works_once(launched, decks, tmp_path):
     assert same(found, values(tmp_path / "alone.h5"))
 
 
-def test_trade_works_once(launched, decks, tmp_path):
-    ended = Ended(launched, "trade", "full.nml", "--budget", "1", "-o", "t.h5", ranks=3)
-    assert ended.statuses == [ended.statuses[0]] * 3 and ended.statuses[0] in (0, 75)
-    assert len(ended.messages) == (ended.statuses[0] != 0)
-    lines = [line for line in ended.output.splitlines() if line.strip()]
-    assert lines and len(lines) == len(set(lines))
-    assert results(tmp_path) == ["t.h5"]
+@pytest.mark.parametrize("deck", ["full.nml", "bad.nml"])
+def test_trade_is_refused_before_it_becomes_python(launched, decks, tmp_path, deck):
+    """A process that MPI has started cannot make way for another program."""
+    ended = Ended(launched, "trade", deck, "--budget", "1", "-o", "t.h5", ranks=3)
+    assert ended.statuses == [1, 1, 1] and not ended.output
+    assert len(ended.messages) == 1 and "'trade' is for one process" in ended.messages[0]
+    assert not results(tmp_path)
 
 
 def ranks_in(folder):

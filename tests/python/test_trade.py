@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import resource
+import signal
+import subprocess
 import time
+from functools import partial
 
 import dynstiction as ds
 import h5py
@@ -333,6 +338,186 @@ def test_families(creep):
     )
     assert family.error[0] > 1e3 * family.error[-1]
     assert family.error.min() >= creep.floor("final_velocity")
+
+
+# Own quantities and candidates
+
+
+def rms(run: ds.Result) -> float:
+    assert run.time[-1] == 0.05 and np.allclose(np.diff(run.time), 1e-4)
+    return float(np.sqrt(np.mean(run["u_x"] ** 2)))
+
+
+OWN = {
+    "rms": rms,
+    "path": lambda run: run["X"],
+    "nothing": lambda run: np.nan,
+    "no_column": lambda run: run["no"],
+    "no_value": lambda run: run.summary["no"],
+    "elongation": lambda run: [run["u_x"][-1], run["u_y"][-1]],
+}
+
+
+def test_own_quantities_and_candidates(fig3, executable):
+    """They see what ds.run gives, and errors by the same definition; what a run does not have is an error of 1."""
+    more = [
+        {"integrator": {"rtol": 3e-6}},
+        {"friction": {"contact": "smoothed", "v_smooth": 1e-7}, "integrator": {"rtol": 1e-5}},
+        {"system": {"mass": 0.5}},
+        {"integrator": {"rtoll": 1e-5}},
+    ]
+    scene = fig3.replace(scene={"t_end": 0.05})
+    trade = ds.trade(scene, budget=20.0, quantities=OWN, candidates=more, accuracy=1e-2)
+    assert trade.quantities[-3:] == ("rms", "path", "elongation")
+    assert all(np.all(np.isnan(trade.error(name))) for name in ("nothing", "no_column", "no_value"))
+    assert list(trade["rtol"][2:6]) == [3e-6, 1e-5, 1e-8, 1e-8]
+    assert list(trade["contact"][2:6]) == ["exact", "smoothed", "exact", "exact"]
+    assert trade["result_code"][5] == 2 and "rtoll" in trade["text"][5]
+    best = ds.run(scene, integrator={"method": "radau13", "rtol": 1e-13})
+    for i, settings in enumerate(more[:3], 2):
+        tried = ds.run(scene, **settings)
+        for name in ("rms", "path", "elongation"):
+            true, seen = (np.asarray(OWN[name](run)) for run in (best, tried))
+            expected = np.linalg.norm(seen - true) / np.linalg.norm(true)
+            assert trade.error(name)[i] == pytest.approx(expected, rel=1e-6, abs=1e-14)
+    printed = row(trade, form="printed")
+    assert trade.error("rms")[printed] == 1.0 > trade.error("path")[printed]
+    # By default own quantities count, too.
+    assert trade.recommendation
+    counted = ("final_elongation", "creep_velocity", "rms", "path", "elongation")
+    worst = np.max([trade.error(name) for name in counted], axis=0)
+    assert 3.0 * worst[trade.number("seconds").tolist().index(recommended_seconds(trade))] < 1e-2
+
+
+def recommended_seconds(trade) -> float:
+    """Of the cheapest point that has all the settings that are recommended."""
+    flat = {key: value for keys in trade.settings.values() for key, value in keys.items() if value is not None}
+    same = [i for i in np.flatnonzero(trade.done) if all(trade[key][i] == value for key, value in flat.items())]
+    return min(trade["seconds"][i] for i in same)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"quantities": {"period": rms}}, "'period'"),
+        ({"quantities": {"two words": rms}}, "'two words'"),
+        ({"quantities": {"rms": 3.0}}, "'rms'"),
+        ({"quantities": [rms]}, "by name"),
+        ({"candidates": [3]}, "settings by group"),
+        ({"candidates": {"integrator": {"rtol": 1e-5}}}, "settings by group"),
+        ({"candidates": [{"integrator": 1e-5}]}, "settings by group"),
+        ({"candidates": 3}, "settings by group"),
+        ({"accuracy": 1e-3, "quantity": "rsm", "quantities": {"rms": rms}}, "nearest is 'rms'"),
+    ],
+)
+def test_wishes_that_cannot_be_meant(fig3, wrong, named):
+    with pytest.raises(ds.UsageError, match=named):
+        ds.trade(fig3, **wrong)
+
+
+def test_a_fault_of_an_own_quantity_is_told(fig3):
+    with pytest.raises(ZeroDivisionError):
+        ds.trade(fig3, budget=BUDGET, scene={"t_end": 0.01}, quantities={"wrong": lambda run: 1 / 0})
+
+
+def test_completion_offers_what_is_measured(executable):
+    words = [str(executable), "complete", "trade", "--quantity", ""]
+    offered = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert offered.split() == [*QUANTITIES, "all"]
+
+
+# What was measured is what the recommended command gives
+
+
+def test_a_point_is_the_run_of_its_settings(fig3):
+    """Also where the model leaves keys of the deck out: steps and evaluations are those of `run`."""
+    scene, tolerance = fig3.replace(scene={"t_end": 0.1}), {"integrator": {"rtol": 3e-6}}
+    models = {"full": {}, "low_frequency": {"system": {"stiffness_y": None}}}
+    trade = ds.trade(scene, budget=8.0, candidates=[{"scene": {"model": model}, **tolerance} for model in models])
+    for i, (model, gone) in enumerate(models.items(), 2):
+        run = ds.run(scene, scene={"model": model}, output={"interval": 0.1}, **tolerance, **gone)
+        assert trade["model"][i] == model and trade.done[i]
+        assert (trade["steps"][i], trade["rhs"][i]) == (run.statistics["steps"], run.statistics["rhs"])
+
+
+# The file, and what may happen to it
+
+
+def begun(executable, folder, *arguments: str, budget: str = "60") -> subprocess.Popen[str]:
+    """A comparison that measures candidates."""
+    words = [str(executable), "trade", "deck.nml", "-o", "x.h5", "--budget", budget, "--quiet", *arguments]
+    process = subprocess.Popen(words, cwd=folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while not (folder / "x.h5.lock").exists() and process.poll() is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    return process
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGUSR1])
+def test_a_signal_keeps_what_was_measured(command, executable, tmp_path, number):
+    process = begun(executable, tmp_path)
+    time.sleep(2.0)
+    process.send_signal(number)
+    said, errors = process.communicate(timeout=60)
+    assert (process.returncode, said) == (75, "")
+    assert errors == f"dynstiction: stopped by {number.name}: the file holds what was measured until then; see docs/errors.md\n"
+    assert {path.name for path in tmp_path.iterdir()} == {"deck.nml", "x.h5"}
+    with h5py.File(tmp_path / "x.h5") as file:
+        assert (file.attrs["complete"], file.attrs["result_code"]) == (0, 75)
+        assert number.name in file.attrs["result_text"]
+        if "trade" in file:
+            assert {"not tried", "done"} & set(file["trade/text"].asstr()[:])
+
+
+def test_the_name_belongs_to_one_process(command, executable, tmp_path):
+    """To a comparison as to a run, whichever comes second; a lock that a killed one has left is taken over."""
+    process = begun(executable, tmp_path)
+    for second in (["trade", "deck.nml", "--budget", "1"], ["run", "deck.nml"]):
+        refused = command(*second, "-o", "x.h5", "--overwrite", "--quiet")
+        assert refused.returncode == 3
+        assert f"another process is writing this file (process {process.pid} on {os.uname().nodename})" in refused.stderr
+    process.kill()
+    process.wait()
+    assert (tmp_path / "x.h5.lock").exists() and not (tmp_path / "x.h5").exists()
+    assert command("trade", "deck.nml", "--budget", "5", "-o", "x.h5", "--quiet").returncode in (0, 75)
+    assert {path.name for path in tmp_path.iterdir()} == {"deck.nml", "x.h5"}
+
+
+@pytest.mark.parametrize("strange", ["notes\n", ""])
+def test_a_lock_that_is_none_stays(command, tmp_path, strange):
+    (tmp_path / "x.h5.lock").write_text(strange)
+    done = command("trade", "deck.nml", "--budget", "3", "-o", "x.h5", "--quiet")
+    if strange:
+        assert done.returncode == 3 and "x.h5.lock is no lock of this program: move it away" in done.stderr
+        assert (tmp_path / "x.h5.lock").read_text() == strange
+    else:
+        assert done.returncode in (0, 75) and not (tmp_path / "x.h5.lock").exists()
+
+
+def test_what_is_there_is_replaced_only_if_it_is_a_result(command, tmp_path):
+    (tmp_path / "x.h5").write_text("notes\n")
+    done = command("trade", "deck.nml", "--budget", "1", "-o", "x.h5", "--overwrite")
+    assert done.returncode == 3 and (tmp_path / "x.h5").read_text() == "notes\n"
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link.h5").symlink_to("folder/real.h5")
+    (tmp_path / "folder" / "real.h5").touch()
+    done = command("trade", "deck.nml", "--budget", "5", "-o", "link.h5", "--overwrite", "--quiet")
+    assert done.returncode in (0, 75)
+    assert (tmp_path / "link.h5").is_symlink()
+    assert ds.open_trade(tmp_path / "folder" / "real.h5").done.any()
+
+
+def test_a_full_disk(command, executable, tmp_path):
+    """What was there stays, and nothing unfinished is left."""
+    assert command("trade", "deck.nml", "--budget", "2", "-o", "x.h5", "--quiet").returncode in (0, 75)
+    before = (tmp_path / "x.h5").read_bytes()
+    limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (20_000, 20_000))
+    words = [str(executable), "trade", "deck.nml", "--budget", "2", "-o", "x.h5", "--overwrite", "--quiet"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, preexec_fn=limit)
+    assert done.returncode == 3 and "x.h5: cannot be written: " in done.stderr, done
+    assert (tmp_path / "x.h5").read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {"deck.nml", "x.h5"}
 
 
 # Scenes that were not used to build trade: changes of Fig. 3, and the accuracy asked for.

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Unpack
@@ -12,25 +11,26 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _native
-from ._arguments import number, path_name, shown, text
-from ._open import open_file
-from ._optional import needed
-from ._progress import progress_bar
-from .errors import FileError, UsageError, printable
-from .groups import Groups
-from .html import table
-from .record import Described, Info
-from .scene import DeckLike, Scene
+from .._arguments import number, path_name, shown, text
+from .._open import open_file
+from .._optional import needed
+from .._progress import progress_bar
+from ..errors import Error, FileError, UsageError, printable
+from ..groups import Groups
+from ..html import table
+from ..record import Described, Info
+from ..scene import DeckLike, Scene
+from .advice import advice, advised_settings, cheapest, check_quantity
+from .measure import RESOLUTION, Comparison
+from .plan import Settings
+from .quantities import QUANTITIES, Quantity
+from .report import report
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
     import xarray
 
 __all__ = ["Trade", "open_trade", "trade"]
-
-RESOLUTION = 100.0
-"""An error counts as measured from this multiple of the reference's own on."""
 
 BAR = "{percentage:3.0f}%|{bar}| {n:.0f} of {total:.0f} s"
 
@@ -174,6 +174,8 @@ def trade(
     budget: float = 10.0,
     *,
     quantity: str = "",
+    quantities: Mapping[str, Quantity] | None = None,
+    candidates: Iterable[Settings] = (),
     progress: bool | None = None,
     **groups: Unpack[Groups],
 ) -> Trade:
@@ -189,7 +191,13 @@ def trade(
         Wall time [s].
     quantity : str
         Of which quantity the accuracy is meant, or ``"all"``; by default final_elongation, period, peak_force and
-        creep_velocity, as far as the scene has them.
+        creep_velocity, as far as the scene has them, and those of `quantities`.
+    quantities : dict of callable, optional
+        Quantities of your own by name: each takes the `Result` of a run, with samples every ``output.interval``, and gives a
+        number or an array, whose error is the length of the difference over that of the reference. NaN, a `KeyError` and an
+        `Error` of the package (a column, a value of the summary that the run does not have) mean that the run has none.
+    candidates : iterable of dict, optional
+        Settings of your own by group, as for `dynstiction.run`; they are tried first, with all else as in the scene.
     progress : bool, optional
         Whether to show the time spent of the budget as a bar; by default as for `dynstiction.run`.
     **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
@@ -205,7 +213,7 @@ def trade(
     DeckError
         If the scene is refused.
     UsageError
-        If accuracy, budget or quantity cannot be meant.
+        If accuracy, budget, quantity, quantities or candidates cannot be meant.
     Error
         If the budget does not suffice for the reference, or there is none.
 
@@ -214,25 +222,60 @@ def trade(
     >>> result = trade("inputs/fig3.nml", accuracy=1e-3)                   # doctest: +SKIP
     >>> print(result.recommendation)                                       # doctest: +SKIP
     >>> run("inputs/fig3.nml", **result.settings)                          # doctest: +SKIP
+    >>> trade("inputs/fig3.nml", quantities={"work": lambda run: run["friction"] @ run["X_rate"]},
+    ...       candidates=[{"integrator": {"method": "radau9", "rtol": 3e-6}}])  # doctest: +SKIP
     """
-    scene = Scene(deck, **groups)
-    wanted = 0.0 if accuracy is None else number("accuracy", accuracy, checked=False)
-    if accuracy is not None and not 0.0 < wanted <= 1.0:
+    wanted = None if accuracy is None else number("accuracy", accuracy, checked=False)
+    if wanted is not None and not 0.0 < wanted <= 1.0:
         raise UsageError(f"accuracy={shown(accuracy)}: it must be > 0 and <= 1")
+    comparison = begin(Scene(deck, **groups), wanted, budget, quantity, quantities, candidates)
+    with progress_bar(progress, comparison.budget, BAR) as show:
+        for _ in comparison.steps():
+            show(min(comparison.budget, comparison.elapsed))
+    recommendation, settings, shortfall = "", {}, ""
+    if wanted is not None:
+        try:
+            best = cheapest(comparison, wanted, quantity)
+            recommendation, settings = advice(comparison, best), advised_settings(comparison, best)
+        except Error as error:
+            shortfall = str(error)
+    return Trade(comparison.table(), report(comparison), recommendation, settings, shortfall)
+
+
+def begin(
+    scene: Scene,
+    accuracy: float | None,
+    budget: float,
+    quantity: str,
+    quantities: Mapping[str, Quantity] | None = None,
+    candidates: Iterable[Settings] = (),
+) -> Comparison:
+    """A comparison that is about to begin, if all that is wished for can be meant: see `trade`."""
     budget, quantity = number("budget", budget, above=0.0, units="s"), text("quantity", quantity)
-    with _native.Comparison(scene.source, quantity, wanted, budget) as core:
-        begun = time.monotonic()
-        with progress_bar(progress, budget, BAR) as show:
-            while not core.advance(_native.CHUNK_SECONDS):
-                show(min(budget, time.monotonic() - begun))
-        columns = Described((info, _array(info, values)) for info, values in core.table())
-        return Trade(
-            columns=columns,
-            report=core.text(_native.REPORT),
-            recommendation=core.text(_native.RECOMMENDATION),
-            settings=_groups(core.text(_native.SETTINGS).splitlines()),
-            shortfall=core.text(_native.SHORTFALL),
-        )
+    own = {} if quantities is None else quantities
+    if not isinstance(own, Mapping):
+        raise UsageError(f"quantities={shown(own)}: give functions of a Result by name")
+    for name, function in own.items():
+        if not (
+            isinstance(name, str)
+            and name.isidentifier()
+            and name not in (*QUANTITIES, "all")
+            and callable(function)
+        ):
+            raise UsageError(
+                f"quantities: {shown(name)}: give functions of a Result, each by a name that is an identifier and not taken"
+            )
+    tried = list(candidates) if isinstance(candidates, Iterable) else [candidates]
+    for settings in tried:
+        if not (
+            isinstance(settings, Mapping) and all(isinstance(keys, Mapping) for keys in settings.values())
+        ):
+            raise UsageError(
+                f"candidates: {shown(settings)}: give settings by group, like {{'integrator': {{'rtol': 1e-5}}}}"
+            )
+    if accuracy is not None:
+        check_quantity(quantity, own)
+    return Comparison(scene, budget, own, tried)
 
 
 def _array(info: Info, values: NDArray[np.float64] | Sequence[str]) -> Column:
@@ -241,22 +284,6 @@ def _array(info: Info, values: NDArray[np.float64] | Sequence[str]) -> Column:
         errors[errors < 0.0] = np.nan
         return errors
     return np.asarray(values)
-
-
-def _groups(settings: Sequence[str]) -> dict[str, dict[str, object]]:
-    groups: dict[str, dict[str, object]] = {}
-    for setting in settings:
-        name, _, value = setting.partition("=")
-        group, key = name.split(".")
-        groups.setdefault(group, {})[key] = _number_or_text(value) if value else None
-    return groups
-
-
-def _number_or_text(value: str) -> float | str:
-    try:
-        return float(value)
-    except ValueError:
-        return value
 
 
 def open_trade(path: str | os.PathLike[str]) -> Trade:

@@ -1,0 +1,138 @@
+"""The cheapest settings that `trade` has measured to meet an accuracy, ready to paste into the deck."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from difflib import get_close_matches
+from typing import Any
+
+from .. import _native
+from ..deck_text import setting_value
+from ..errors import UsageError
+from .measure import Comparison, Point, StoppedEarlyError
+from .plan import Candidate
+from .quantities import QUANTITIES
+from .words import as_in_a_deck, short
+
+__all__ = ["advice", "advised_settings", "cheapest", "check_quantity"]
+
+USUAL_QUANTITIES = ("final_elongation", "period", "peak_force", "creep_velocity")
+"""What a user reads most."""
+MARGIN = 3.0
+"""Errors scatter: a setting is trusted if its error is smaller than asked for by this factor."""
+
+
+def check_quantity(quantity: str, own: Collection[str]) -> None:
+    """Refuse a name of no quantity; empty means the usual ones."""
+    names = ["all", *QUANTITIES, *own]
+    if quantity in ("", *names):
+        return
+    near = "".join(f"the nearest is '{name}', " for name in get_close_matches(quantity, names, 1))
+    raise UsageError(f"unknown quantity '{quantity}': {near}there are {' '.join(names)}")
+
+
+def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
+    """The cheapest point whose errors stay below `accuracy` with the margin.
+
+    Raises
+    ------
+    UsageError
+        If the scene does not have the quantity.
+    Error
+        If there is no such point.
+    """
+    own = comparison.second.errors
+    usual = {*USUAL_QUANTITIES, *(own.keys() - QUANTITIES.keys())}
+    wanted = [name for name in own if quantity in ("all", name) or (quantity == "" and name in usual)]
+    if not wanted:
+        raise UsageError(f"the scene has no '{quantity}': choose another quantity, or a longer scene.t_end")
+    done = [point for point in comparison.points if point.done]
+    if not done:
+        raise StoppedEarlyError("no setting was measured: raise --budget")
+    largest = {id(point): max(point.errors[name] for name in wanted) for point in done}
+    known = max(own[name] for name in wanted)
+
+    def is_trusted(point: Point) -> bool:
+        """Whether a point meets the accuracy with the margin, and everything finer of its family meets it too."""
+        here = point.candidate
+        finer = (
+            other
+            for other in done
+            if other.candidate.family == here.family
+            and (other.candidate.rtol < here.rtol or other.candidate.step < here.step)
+        )
+        return MARGIN * largest[id(point)] + known <= accuracy and all(
+            largest[id(p)] <= accuracy for p in finer
+        )
+
+    trusted = [point for point in done if is_trusted(point)]
+    if trusted:
+        return min(trusted, key=lambda point: point.seconds)
+    nearest = min(done, key=lambda point: largest[id(point)])
+    raise StoppedEarlyError(
+        f"no setting that was measured meets {short(accuracy)} with a margin of {short(MARGIN)}: the best, "
+        f"{_described(nearest.candidate)}, errs by {short(largest[id(nearest)])}, known to {short(known)}: "
+        "raise --budget or --accuracy"
+    )
+
+
+def advice(comparison: Comparison, best: Point) -> str:
+    """The settings of a point as namelist groups, and as a command that also takes out what nothing uses any more."""
+    errors = ", ".join(
+        f"{name} {short(best.errors[name])}" for name in (*QUANTITIES, *best.errors) if name in best.errors
+    )
+    lines = [f"! {_described(best.candidate)}: {short(best.seconds)} s, errors {errors}"]
+    for group, keys in best.candidate.settings().items():
+        lines += [
+            f"&{group}",
+            *(f"  {key} = {_written(value, quoted=True)}" for key, value in keys.items()),
+            "/",
+        ]
+    command = ""
+    for group, settings in advised_settings(comparison, best).items():
+        for key, setting in settings.items():
+            command += f" --set {group}.{key}={_written(setting)}"
+            if setting is None:
+                lines.append(f"! Nothing uses {group}.{key} any more: remove it.")
+    deck = comparison.subject.name
+    return (
+        "\n".join([*lines, f"! In place of the deck's own values; or: dynstiction run {deck}{command}"])
+        + "\n"
+    )
+
+
+def advised_settings(comparison: Comparison, best: Point) -> dict[str, dict[str, Any]]:
+    """The settings of a point by group; None takes out what the deck sets and nothing uses any more."""
+    given = best.candidate.settings()
+    gone = {
+        (key.group, key.name)
+        for key, value in comparison.subject.unused(given)
+        if not _is_default(key, value)
+    }
+    settings: dict[str, dict[str, Any]] = {}
+    for key in _native.schema():
+        if key.name in given.get(key.group, {}) or (key.group, key.name) in gone:
+            settings.setdefault(key.group, {})[key.name] = given.get(key.group, {}).get(key.name)
+    return settings
+
+
+def _is_default(key: _native.KeyInfo, value: object) -> bool:
+    if isinstance(value, float):
+        return key.default != "" and float(key.default) == value
+    return key.default == str(value)
+
+
+def _described(candidate: Candidate) -> str:
+    """A candidate in words: low_frequency, radau9, rtol 1.0e-5."""
+    words = [" ".join(filter(None, (candidate.model, candidate.form))), candidate.method]
+    numbers = (("v_smooth", candidate.v_smooth), ("rtol", candidate.rtol), ("step", candidate.step))
+    words += [f"{name} {as_in_a_deck(value)}" for name, value in numbers if value > 0.0]
+    words += [f"{key} {_written(value)}" for keys in candidate.more.values() for key, value in keys.items()]
+    return ", ".join(filter(None, words))
+
+
+def _written(value: object, *, quoted: bool = False) -> str:
+    """A value as in a deck, or without quotes as on the command line."""
+    if isinstance(value, float):
+        return as_in_a_deck(value)
+    return value if isinstance(value, str) and not quoted else setting_value(value)

@@ -1,0 +1,122 @@
+"""``dynstiction trade``: compare on a deck's scene into a file, stopped by signals, with a line of progress.
+
+The file is like that of a run, its summary and statistics those of the reference; the group /trade has one row a point in place of
+the time series.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+from .._lock import locked
+from ..errors import Error, FileError, UsageError, printable
+from ..scene import Scene
+from . import begin
+from .advice import advice, cheapest
+from .measure import Comparison, StoppedEarlyError
+from .report import report
+from .words import duration, plain
+
+__all__ = ["compare"]
+
+TERMINAL_INTERVAL, PLAIN_INTERVAL = 0.2, 10.0
+"""Wall time between two lines of progress [s]."""
+
+
+def compare(
+    deck: str,
+    settings: Sequence[str],
+    output: str,
+    *,
+    accuracy: float | None,
+    quantity: str,
+    budget: float,
+    overwrite: bool,
+    quiet: bool,
+    say: Callable[[str], None],
+) -> None:
+    """Compare, write `output`, print the table and a recommendation for `accuracy`.
+
+    Raises
+    ------
+    Error
+        If anything is refused or fails; a comparison that was stopped, or has no reference, is written nevertheless.
+    """
+    if accuracy is not None and accuracy > 1.0:
+        raise UsageError("the accuracy is out of range: it must be > 0.0 and <= 1.0")
+    with _listening() as received:
+        from .. import _save  # noqa: PLC0415  (h5py is slow to import)
+
+        comparison = begin(Scene.of_command(deck, settings), accuracy, budget, quantity)
+        place = os.path.realpath(output) if os.path.islink(output) else output
+        with locked(place):
+            _save.refuse_to_replace(place, overwrite=overwrite)
+            fault = _watch(comparison, received, "" if quiet else printable(deck))
+            table = comparison.table() if comparison.has_reference else None
+            try:
+                _save.write(comparison.record(fault), place, overwrite=overwrite, trade=table)
+            except FileError as error:
+                fault = fault or error
+    if fault is not None:
+        raise fault
+    if not quiet:
+        say(report(comparison))
+    if accuracy is not None:
+        text = advice(comparison, cheapest(comparison, accuracy, quantity))
+        say("".join(f"{printable(line)}\n" for line in text.splitlines()))
+
+
+def _watch(comparison: Comparison, received: Sequence[str], label: str) -> Error | None:
+    """Compare until the end, a fault or a signal, and tell how far that is; without a label in silence. Gives the fault."""
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+    interval = TERMINAL_INTERVAL if terminal else PLAIN_INTERVAL
+    budget, due = comparison.budget, interval
+    fault: Error | None = None
+    try:
+        for _ in comparison.steps():
+            elapsed = min(comparison.elapsed, budget)
+            if received:
+                text = f"stopped by {received[0]}: the file holds what was measured until then"
+                fault = StoppedEarlyError(text)
+                break
+            if label and elapsed >= due:
+                done = f"{100.0 * elapsed / budget:6.1f} %, wall time = {plain(elapsed)} of {plain(budget)} s"
+                line = f"{label}:{done}, {duration(budget - elapsed)} left"
+                _put(f"\r{line}\x1b[K" if terminal else f"{line}\n")
+                due = elapsed + interval
+    except Error as error:
+        fault = error
+    if terminal and due > interval:
+        _put("\r\x1b[K")
+    return fault
+
+
+def _put(text: str) -> None:
+    with suppress(OSError):
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+
+@contextmanager
+def _listening() -> Iterator[list[str]]:
+    """Names of the signals that asked to stop; a second SIGINT ends the process at once."""
+    received: list[str] = []
+
+    def remember(number: int, _: FrameType | None) -> None:
+        received.append(signal.Signals(number).name)
+        if number == signal.SIGINT:
+            signal.signal(number, signal.SIG_DFL)
+
+    # The shell lets a job in the background ignore SIGINT: what is ignored stays so.
+    all_of_them = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+    before = {n: signal.signal(n, remember) for n in all_of_them if signal.getsignal(n) is not signal.SIG_IGN}
+    try:
+        yield received
+    finally:
+        for number, action in before.items():
+            signal.signal(number, action)

@@ -1,0 +1,331 @@
+"""Measured error against cost on one scene, in slices of wall time.
+
+A survey finds the time scales of the motion. The reference is radau13 at the smallest tolerance, its error what radau9 at ten times
+that tolerance differs from it. Then every candidate that is not costly runs in turn, after them the costly ones, the cheapest first,
+until the budget of wall time is used up. What does not fit is skipped or abandoned, and stays in the list with the reason.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _native
+from ..errors import DeckError, Error
+from ..record import Described, Info, Record
+from ..scene import Scene
+from .._native import STOPPED_EARLY, Simulation
+from .plan import Candidate, Settings, Subject, candidates
+from .quantities import QUANTITIES, Observer, Quantity
+from .words import plain
+
+__all__ = ["RESOLUTION", "Comparison", "Point", "StoppedEarlyError"]
+
+RESOLUTION = 100.0
+"""An error counts as measured from this multiple of the reference's own on."""
+WORST_REFERENCE = 1.0e-2
+"""A quantity that the reference itself knows no better is none."""
+ROUNDOFF = 10.0 * float(np.finfo(float).eps)
+"""That two runs agree by chance to the last digit makes neither exact."""
+SMALLEST_RTOL, LOOSEST_REFERENCE = 1.0e-13, 1.0e-9
+SURVEY_RTOL, SURVEY_SAMPLES = 1.0e-6, 4000
+SHARE = 0.08
+"""Of the budget left, that one candidate may take before the costly ones have their turn."""
+PROOF = 0.15
+"""Share of what a candidate may take after which its pace is looked at."""
+SHORT_RUN, MOST_REPEATS = 0.02, 3
+"""Shorter runs [s] are repeated so often, and the shortest time counts."""
+RHS_PER_STEP = 4.0
+
+CLOSED_FORMS = ("creep", "creep_asymptotic")
+
+COLUMNS = {
+    "role": ("1", "reference, check (its errors are those of the reference) or candidate", "role"),
+    "model": ("1", "equations", "candidate.model"),
+    "form": ("1", "of Eq. (8)", "candidate.form"),
+    "method": ("1", "integrator; empty for a closed form", "candidate.method"),
+    "contact": ("1", "exact or smoothed; empty where the model has no choice", "candidate.contact"),
+    "rtol": ("1", "relative tolerance; 0 = not used", "candidate.rtol"),
+    "step": ("s", "fixed step; 0 = not used", "candidate.step"),
+    "v_smooth": ("m s-1", "smoothing velocity; 0 = not used", "candidate.v_smooth"),
+    "seconds": ("s", "wall time; of an abandoned run what it would have been at its pace", "seconds"),
+    "steps": ("1", "accepted steps", "steps"),
+    "rhs": ("1", "evaluations of the equations of motion", "rhs"),
+    "newton": ("1", "Newton iterations", "newton"),
+    "result_code": (
+        "1",
+        "0 = done, 40 to 49 = the solver gave up, 75 = no budget, 2 = cannot be used",
+        "code",
+    ),
+}
+"""Units and meaning of the columns besides those of the errors, and what of a point they hold."""
+
+
+class StoppedEarlyError(Error):
+    """The budget did not suffice, or a signal came."""
+
+    exit_status = STOPPED_EARLY
+
+    def __init__(self, text: str) -> None:
+        super().__init__(f"{text}; see docs/errors.md")
+
+
+@dataclass
+class Point:
+    """One candidate and what came of it."""
+
+    candidate: Candidate
+    role: str = "candidate"
+    code: int = STOPPED_EARLY
+    text: str = "not tried"
+    seconds: float = 0.0
+    steps: float = 0.0
+    rhs: float = 0.0
+    newton: float = 0.0
+    errors: Mapping[str, float] = field(default_factory=dict)
+    """By quantity, of those that the scene has."""
+
+    @property
+    def done(self) -> bool:
+        """Whether it was measured."""
+        return self.code == 0
+
+
+class Comparison:
+    """What is to be tried, what was measured, and on what budget.
+
+    Parameters
+    ----------
+    scene : Scene
+        As the user gave it.
+    budget : float
+        Wall time from now on [s].
+    quantities : dict of Quantity
+        Of the user.
+    own : iterable of Settings
+        Candidates of the user.
+
+    Raises
+    ------
+    DeckError
+        If the scene is refused.
+    """
+
+    def __init__(
+        self, scene: Scene, budget: float, quantities: Mapping[str, Quantity], own: Iterable[Settings]
+    ) -> None:
+        self.budget = budget
+        self.subject = subject = Subject(scene)
+        if subject.model in CLOSED_FORMS:
+            raise DeckError(
+                f"model '{subject.model}' is a closed form and leaves nothing to compare: choose model = 'full', which has it "
+                "among its candidates"
+            )
+        with Simulation(subject.scene()) as simulation:
+            self._record = replace(simulation.result, deck=scene.text)
+        v_smooth = subject.number("v_smooth") if subject.contact == "smoothed" else 0.0
+        best = Candidate(subject.model, "radau13", subject.contact, rtol=SMALLEST_RTOL, v_smooth=v_smooth)
+        self.best, self.second = Point(best, "reference"), Point(replace(best, method="radau9"), "check")
+        self.points = [Point(candidate) for candidate in candidates(subject, own)]
+        self._quantities = quantities
+        self._t_end = subject.number("t_end")
+        self._survey = self._start(
+            replace(self.second.candidate, rtol=SURVEY_RTOL), self._t_end / SURVEY_SAMPLES
+        )
+        self.has_reference = False
+        """Whether there is something to compare with."""
+        self._begun = time.monotonic()
+
+    @property
+    def elapsed(self) -> float:
+        """Wall time since the start [s]."""
+        return time.monotonic() - self._begun
+
+    @property
+    def left(self) -> float:
+        """Budget left [s]."""
+        return self.budget - self.elapsed
+
+    def steps(self) -> Iterator[None]:
+        """Compare, in steps of some 50 ms.
+
+        Raises
+        ------
+        Error
+            If there is no reference, or the budget does not suffice for it.
+        """
+        yield from self._find_reference()
+        waiting = yield from self._try_all(range(len(self.points)), SHARE)
+        cost = {i: max(self.points[i].seconds, self._expected(self.points[i].candidate)) for i in waiting}
+        yield from self._try_all(sorted(waiting, key=cost.__getitem__), 1.0)
+
+    def _start(self, candidate: Candidate, interval: float = 0.0) -> Simulation:
+        settings = candidate.settings()
+        simulation = Simulation(self.subject.scene(settings, interval=interval or self._t_end, fields=None))
+        if not interval:
+            simulation._sample_at(self._observer.instants)
+        return simulation
+
+    def _find_reference(self) -> Iterator[None]:
+        with self._survey as survey:
+            yield from self._finish(survey)
+            self._observer = Observer(self.subject, survey.result, self._quantities)
+            work = _work(survey)
+            self._seconds_per_rhs = work["wall_time"] / max(1.0, work["rhs"])
+        with (yield from self._finish_loosened(self.best)) as reference:
+            result = reference.result
+            self._observer.tune(result)
+            self._true = self._observer.observe(reference)
+            self._record = replace(self._record, summary=result.summary, statistics=result.statistics)
+        self.second.candidate = replace(self.second.candidate, rtol=10.0 * self.best.candidate.rtol)
+        with (yield from self._finish_loosened(self.second)) as check:
+            errors = self._observer.errors(self._observer.observe(check), self._true)
+        errors = {name: max(error, ROUNDOFF) for name, error in errors.items() if error <= WORST_REFERENCE}
+        self._true = {name: self._true[name] for name in errors}
+        self.second.errors = errors
+        self.has_reference = True
+
+    def _finish_loosened(self, point: Point) -> Generator[None, None, Simulation]:
+        """Run the reference; where its solver gives up, at a larger tolerance."""
+        while True:
+            simulation = self._start(point.candidate)
+            yield from self._finish(simulation, loosest=point.candidate.rtol >= LOOSEST_REFERENCE)
+            self._note(point, simulation)
+            if point.done:
+                return simulation
+            point.candidate = replace(point.candidate, rtol=10.0 * point.candidate.rtol)
+
+    def _finish(self, simulation: Simulation, *, loosest: bool = True) -> Iterator[None]:
+        while not simulation._go_on(min(_native.CHUNK_SECONDS, self.left)):
+            yield
+            if self.left <= 0.0:
+                raise StoppedEarlyError(
+                    f"the budget of {plain(self.budget)} s does not suffice for the reference: raise --budget, or lower scene.t_end"
+                )
+        code, text = simulation._outcome or (0, "")
+        if code != 0 and loosest:
+            raise self.subject.scene().source.error(code, f"there is no reference: {text}")
+        yield
+
+    def _try_all(self, order: Iterable[int], share: float) -> Generator[None, None, list[int]]:
+        """Try points in turn, each with a share of the budget left; what was too costly has to wait."""
+        waiting = []
+        for i in order:
+            point = self.points[i]
+            try:
+                self._check(point.candidate)
+                allowance, expected = share * self.left, self._expected(point.candidate)
+                if expected > allowance or self.left <= 0.0:
+                    self._skip(point, expected)
+                    waiting.append(i)
+                elif not (yield from self._try(point, allowance)):
+                    waiting.append(i)
+            except DeckError as error:
+                point.code, point.text = error.exit_status, str(error)
+        return waiting
+
+    def _check(self, candidate: Candidate) -> None:
+        """Refuse what cannot take the deck's place: by its own obstacle, or for output that its closed form does not give."""
+        if candidate.obstacle:
+            raise DeckError(candidate.obstacle)
+        if candidate.order == 0:
+            Simulation(self.subject.scene(candidate.settings())).close()
+
+    def _try(self, point: Point, allowance: float) -> Generator[None, None, bool]:
+        """Run a candidate; whether it came to its end."""
+        for repeat in range(MOST_REPEATS):
+            with self._start(point.candidate) as simulation:
+                begun = time.monotonic()
+                while not simulation._go_on(min(_native.CHUNK_SECONDS, self.left, PROOF * allowance)):
+                    yield
+                    spent, reached = time.monotonic() - begun, simulation._core.time()
+                    pace = self._t_end / max(reached, 1.0e-6 * self._t_end)
+                    if spent > allowance or (spent > PROOF * allowance and spent * pace > 3.0 * allowance):
+                        self._note(point, simulation)
+                        point.code, point.seconds = STOPPED_EARLY, point.seconds * pace
+                        point.text = f"abandoned after {plain(spent)} s at t = {plain(reached)} s: the budget did not suffice"
+                        return False
+                if repeat == 0:
+                    self._note(point, simulation)
+                    if point.done:
+                        point.errors = self._observer.errors(self._observer.observe(simulation), self._true)
+                point.seconds = min(point.seconds, _work(simulation)["wall_time"])
+            yield
+            if not point.done or point.seconds >= SHORT_RUN or self.left <= 10.0 * point.seconds:
+                break
+        return True
+
+    @staticmethod
+    def _note(point: Point, simulation: Simulation) -> None:
+        work = _work(simulation)
+        point.steps, point.rhs, point.newton = (work[name] for name in ("steps", "rhs", "newton"))
+        point.seconds = work["wall_time"]
+        point.code, point.text = simulation._outcome or (0, "")
+
+    def _skip(self, point: Point, expected: float) -> None:
+        # That it was abandoned in the first round says more.
+        if point.steps == 0.0:
+            left = self.left
+            point.text = "skipped: the budget was used up"
+            if left > 0.0:
+                point.text = f"skipped: it was expected to take {plain(expected)} s, and {plain(left)} s of the budget were left"
+
+    def _expected(self, candidate: Candidate) -> float:
+        """What a candidate is expected to cost [s], from the nearest of its family; 0 if nothing is known."""
+        expected, nearest = 0.0, math.inf
+        if candidate.step > 0.0:
+            expected = self._seconds_per_rhs * RHS_PER_STEP * self._t_end / candidate.step
+        for point in self.points:
+            other = point.candidate
+            if point.seconds > 0.0 and other.family == candidate.family:
+                ratio = 1.0
+                if candidate.step > 0.0:
+                    ratio = other.step / candidate.step
+                elif candidate.rtol > 0.0:
+                    ratio = (other.rtol / candidate.rtol) ** (1.0 / max(1, candidate.order))
+                if abs(math.log(ratio)) < nearest:
+                    expected, nearest = point.seconds * ratio, abs(math.log(ratio))
+        return expected
+
+    def record(self, fault: Error | None) -> Record:
+        """The scene, where it was compared and how that ended, with summary and statistics of the reference, without samples."""
+        code = 0 if fault is None else getattr(fault, "code", fault.exit_status)
+        attributes: dict[str, str | int] = {
+            **self._record.attributes,
+            "deck_sha256": sha256(self._record.deck.encode("utf-8", "surrogateescape")).hexdigest(),
+            "model": self.subject.model,
+            "method": "radau13",
+            "result_code": code,
+            "result_text": "done" if fault is None else str(fault),
+            "complete": int(fault is None),
+        }
+        attributes.pop("model_choice", None)
+        return replace(self._record, columns=Described([]), attributes=attributes)
+
+    def table(self) -> Described[NDArray[np.float64] | NDArray[np.str_]]:
+        """One row a point: the reference, the run that tells its error, and the candidates in the order in which they were tried."""
+        points = [self.best, self.second, *self.points]
+        columns = [(Info("point", "1", "number of the point"), np.arange(1.0, len(points) + 1.0))]
+        for name, (units, long_name, place) in COLUMNS.items():
+            values = np.array([attrgetter(place)(point) for point in points])
+            columns.append(
+                (Info(name, units, long_name), values.astype(float) if values.dtype.kind in "if" else values)
+            )
+        for name, text in (QUANTITIES | dict.fromkeys(self._quantities, "quantity of the user")).items():
+            errors = np.array([point.errors.get(name, math.nan) for point in points])
+            columns.append((Info(f"error_{name}", "1", f"error of: {text}"), errors))
+        return Described(
+            [*columns, (Info("text", "1", "how it ended"), np.array([point.text for point in points]))]
+        )
+
+
+def _work(simulation: Simulation) -> dict[str, float]:
+    """Counters of the work so far, and the wall time in the core [s]."""
+    return {info.name: value for info, value in simulation._statistics_so_far()}

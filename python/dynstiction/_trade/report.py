@@ -1,0 +1,56 @@
+"""What `trade` has found, as text: the reference, every point that was measured, and every one that was not with the reason."""
+
+from __future__ import annotations
+
+from .measure import RESOLUTION, Comparison, Point
+from .quantities import QUANTITIES
+from .words import EPSILON, short
+
+__all__ = ["report"]
+
+SHOWN = {"final_elongation": "final u", "final_velocity": "final w", "period": "period", "peak_force": "peak",
+         "creep_velocity": "creep"}  # fmt: skip
+"""Quantities that get a column, and its heading."""
+HEAD = "model                method      rtol      step s    v_smooth"
+NAME_WIDTH, ROLE_PLACE = 63, 53
+
+
+def report(comparison: Comparison) -> str:
+    """The table of a comparison as text."""
+    own = comparison.second.errors
+    shown = SHOWN | {name: name[:10] for name in own if name not in QUANTITIES}
+    heads = "".join(f" {heading:10}" for heading in shown.values())
+
+    def row(point: Point, role: str = "", *, errors: bool = True) -> str:
+        name = _name(point) if not role else f"{_name(point):.{ROLE_PLACE}}{role}"
+        entries = "".join(f" {entry(point, name, role, errors):10}" for name in shown)
+        newton, rhs = round(point.newton), round(min(point.rhs, 2.0e9))
+        return f"{name:{NAME_WIDTH}}{entries}{point.seconds:13.2E}{newton:12d}{rhs:12d}"
+
+    def entry(point: Point, quantity: str, role: str, errors: bool) -> str:
+        if quantity not in own:
+            return "-"
+        if not errors:
+            return ""
+        floor = RESOLUTION * own[quantity]
+        if not role and point.errors[quantity] <= floor:
+            return f"<{short(max(floor, EPSILON))}"
+        return f" {short(point.errors[quantity])}"
+
+    lines = [
+        "Errors against the reference; <: below 100 times its own; -: the scene has no such value.",
+        f"{HEAD:{NAME_WIDTH}}{heads}       wall s      Newton         rhs",
+        row(comparison.best, "reference", errors=False),
+        row(comparison.second, "its error"),
+        *(row(point) for point in comparison.points if point.done),
+    ]
+    failed = [f"{_name(point)}  {point.text}" for point in comparison.points if not point.done]
+    return "\n".join([*lines, *(["Without result:", *failed] if failed else [])]) + "\n"
+
+
+def _name(point: Point) -> str:
+    candidate = point.candidate
+    model = f"Eq. (8) {candidate.form}" if candidate.form else candidate.model
+    numbers = (candidate.rtol, candidate.step, candidate.v_smooth)
+    columns = "  ".join(f"{short(value) if value > 0.0 else '':>8}" for value in numbers)
+    return f"{model:21.21}{candidate.method:12.12}{columns}".ljust(NAME_WIDTH)
