@@ -40,7 +40,7 @@ def full_run(lengths: float, **scene: float) -> ds.Result:
     return ds.run(deck(scene, "full", lengths))
 
 
-def choice_of(scene: dict[str, float], lengths: float, accuracy: float, quantities: str = "stick_slip", **groups: object) -> str:
+def choice_of(scene: dict[str, float], lengths: float, accuracy: float, quantities: str = "stick_slip", /, **groups: object) -> str:
     """Why it is that model."""
     text = deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}")
     return str(ds.run(text, **groups).attributes["model_choice"])
