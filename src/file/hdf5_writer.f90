@@ -481,7 +481,7 @@ contains
 
   subroutine append_to_column(self, values, h5)
     class(column_t), intent(inout) :: self
-    real(real64), intent(in) :: values(:)
+    real(real64), intent(in), contiguous :: values(:)
     type(hdf5_t), intent(inout) :: h5
 
     call append(self%dataset, values, h5)

@@ -357,6 +357,7 @@ contains
     type(block_t), intent(in) :: block
     type(hdf5_t), intent(inout) :: h5
     integer, allocatable :: failed(:)
+    type(path_t), allocatable :: messages(:)
     integer :: i, last
 
     last = size(output%columns)
@@ -367,8 +368,12 @@ contains
       call append(output%series(i), block%series(:, :block%count, i), h5)
     end do
     failed = pack([(i, i=1, block%count)], block%columns(:block%count, last) > 0.0_real64)
-    call append(output%failed, block%columns(failed, 1), h5)
-    call append(output%failure, block%message(failed), h5)
+    allocate (messages(size(failed)))
+    do i = 1, size(failed)
+      messages(i)%text = block%message(failed(i))%text
+    end do
+    call append(output%failed, real(failed + block%first - 1, real64), h5)
+    call append(output%failure, messages, h5)
   end subroutine write_block
 
   !> What there is of the sweep.
