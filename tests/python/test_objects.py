@@ -135,7 +135,7 @@ def test_closed_handles_say_so(fig3: ds.Scene) -> None:
     sweep = _native.Sweep(fig3.source, [("drive.velocity", np.array([1e-3]))], False)
     uses: list[tuple[_native.Session, list[Callable[[], object]]]] = [
         (run, [lambda: run.advance(0.1), lambda: run.state(0.0), run.outcome, run.summary, run.parameters,
-               lambda: run.sample_at(np.zeros(1)), run.time]),  # fmt: skip
+               lambda: run.sample_at(np.zeros(1)), run.time]),
         (values, [values.given]),
         (sweep, [lambda: sweep.run(0, 1), sweep.stop]),
     ]
