@@ -22,6 +22,7 @@ module dst_radau
   use dst_interpolation, only: max_degree
   use dst_newton_kernels, only: solve_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
+  use dst_step_control, only: step_control_t, new_step_control, shortened
   use dst_stepper, only: stepper_t, motion_t, attempt_t, work_count_t, exchange_stepper, column_u, column_y, column_position
   implicit none
   private
@@ -29,8 +30,8 @@ module dst_radau
   public :: radau_t, new_radau
 
   integer, parameter :: max_unknowns = max_stages*max_components
-  !> The controller sees no error below this share of the tolerance.
-  real(wp), parameter :: least_error = 1.0e-10_wp
+  !> Largest factor between steps; and where steady sliding is unstable, but nothing of that is seen.
+  real(wp), parameter :: largest_factor = 4.0_wp, largest_unseen_factor = 2.0_wp
   !> Share of the slip speed that stretches a spring to the static limit from which on its axis is held to its own scale: the
   !> estimate sees a tenth of an oscillation that a long step erases.
   real(wp), parameter :: own_share = 0.1_wp
@@ -65,10 +66,8 @@ module dst_radau
     real(wp) :: attempted_step = 0.0_wp
     real(wp) :: rate(max_components) = 0.0_wp
     real(wp) :: curvature(max_components) = 0.0_wp
-    real(wp) :: last_step = 0.0_wp
-    !> Errors over tolerance of this attempt and of the last accepted step, 0 if there is none; and whether this
-    !> attempt is a second one.
-    real(wp) :: error = 0.0_wp, last_error = 0.0_wp
+    type(step_control_t) :: control
+    !> Whether this attempt is a second one, which matters in slow motion.
     logical :: repeated = .false.
     real(wp) :: last_nodal(0:max_degree, max_components) = 0.0_wp
     !> Stage values of the current attempt (stage, component), contiguous.
@@ -114,6 +113,8 @@ contains
     stepper%error_constant = gamma(real(stages, wp))*gamma(real(stages + 1, wp)) &
       /(gamma(real(2*stages, wp))*gamma(real(2*stages + 1, wp)))
     stepper%short_reach = (1.0e-6_wp/stepper%error_constant)**(0.5_wp/real(stages, wp))
+    ! In the fast oscillation of two components the error changes with the phase, and looking back misleads.
+    stepper%control = new_step_control(stages + 1, largest_factor, predicts=components == 1)
     stepper%terms = new_terms(stages, components)
     stepper%point_terms = new_terms(1, components)
     call set_probes(stepper)
@@ -170,7 +171,7 @@ contains
     self%restarted = .true.
     self%retry = .false.
     self%repeated = .false.
-    self%last_error = 0.0_wp
+    call self%control%restart()
     self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
     self%rate = rate
@@ -262,7 +263,7 @@ contains
         end do
       else
         do k = 1, n
-          call self%grid%values_at(self%last_nodal(:, k), s, 1.0_wp + c*(self%step/self%last_step), y(:, k))
+          call self%grid%values_at(self%last_nodal(:, k), s, 1.0_wp + c*(self%step/self%control%last_step), y(:, k))
         end do
       end if
     end associate
@@ -343,30 +344,8 @@ contains
     outcome%error = max(outcome%error, norm(error/max(allowed + noise, tiny(noise))))
     if (outcome%error <= 1.0_wp) outcome%error = max(outcome%error, &
       self%error_of_turns(system, drive, from, allowed*(turn_allowance*self%rtol/self%estimate_tolerance)))
-    if (.not. outcome%error <= huge(outcome%error)) outcome%error = 1.0e6_wp
-    call advise_step(self, s, n, outcome)
+    call self%control%advise(self%step, self%repeated .and. n == 1, outcome%error, outcome%factor)
   end subroutine estimate_error
-
-  !> Factor for the next step: from the error; for slow motion also from how the error has changed since the last step
-  !> (Gustafsson's predictive controller; Hairer & Wanner II, Sec. IV.8), and no growth just after a rejection. In the
-  !> fast oscillation of two components the error changes with the phase, and looking back misleads.
-  pure subroutine advise_step(self, s, n, outcome)
-    class(radau_t), intent(inout) :: self
-    integer, intent(in) :: s, n
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: error, predicted, exponent
-
-    exponent = -1.0_wp/real(s + 1, wp)
-    error = max(outcome%error, least_error)
-    outcome%factor = 0.9_wp*error**exponent
-    if (n == 1 .and. self%last_error > 0.0_wp .and. outcome%error <= 1.0_wp) then
-      predicted = outcome%factor*(self%step/self%last_step)*(error/self%last_error)**exponent
-      outcome%factor = min(outcome%factor, predicted)
-    end if
-    outcome%factor = min(4.0_wp, max(0.2_wp, outcome%factor))
-    if (n == 1 .and. self%repeated .and. outcome%error <= 1.0_wp) outcome%factor = min(1.0_wp, outcome%factor)
-    self%error = error
-  end subroutine advise_step
 
   !> A long implicit step damps what grows exponentially, and would stay on a motion that has become unstable: it may be no longer
   !> than what follows the growth at the stage where it is fastest. If the motion is so close to steady sliding that no disturbance
@@ -379,7 +358,6 @@ contains
     type(motion_t), intent(in) :: from
     real(wp), intent(in) :: y(s, n)
     type(attempt_t), intent(inout) :: outcome
-    real(wp), parameter :: largest_factor = 2.0_wp
     real(wp) :: longest, growth, fastest, y_there(n), coefficient(0:2*n), weakening, limit, rate
     integer :: point(2), k
     logical :: disturbed
@@ -406,9 +384,9 @@ contains
     call self%look_at_growth(drive, from, growth, disturbed)
     if (disturbed) then
       if (self%step > longest) outcome%error = max(outcome%error, self%step/longest)
-      outcome%factor = min(outcome%factor, max(0.2_wp, 0.9_wp*longest/self%step))
+      outcome%factor = min(outcome%factor, shortened(longest, self%step))
     else
-      outcome%factor = min(outcome%factor, largest_factor)
+      outcome%factor = min(outcome%factor, largest_unseen_factor)
     end if
   end subroutine follow_growth
 
@@ -516,9 +494,8 @@ contains
     self%restarted = .false.
     self%retry = .false.
     self%repeated = .false.
-    self%last_error = self%error
+    call self%control%accept(self%step)
     call self%note_speed()
-    self%last_step = self%step
     self%last_nodal = self%nodal(:, column_y:column_y + max_components - 1)
     call self%note_growth()
   end subroutine accept
@@ -534,10 +511,10 @@ contains
     call archive%exchange(self%attempted_step)
     call archive%exchange(self%rate)
     call archive%exchange(self%curvature)
-    call archive%exchange(self%last_step)
+    call archive%exchange(self%control%last_step)
     call archive%exchange(self%last_nodal)
-    call archive%exchange(self%error)
-    call archive%exchange(self%last_error)
+    call archive%exchange(self%control%error)
+    call archive%exchange(self%control%last_error)
     call archive%exchange(self%repeated)
   end subroutine exchange
 end module dst_radau

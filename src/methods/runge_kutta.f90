@@ -19,6 +19,7 @@ module dst_runge_kutta
   use dst_interpolation, only: new_grid, max_degree
   use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights, max_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
+  use dst_step_control, only: step_control_t, new_step_control, factor_for, unsolved_factor
   use dst_stepper, only: stepper_t, motion_t, attempt_t, exchange_stepper, column_u, column_y, column_position
   implicit none
   private
@@ -29,9 +30,10 @@ module dst_runge_kutta
   integer, parameter :: n_values = 2*max_components, first_y = 1 + max_components
   !> Step times rate up to which rk4 is stable (2.785 for relaxation, 2.828 for oscillation).
   real(wp), parameter :: stability_reach = 2.7_wp
-  !> The controller remembers no error below this share of the tolerance.
-  real(wp), parameter :: least_error = 1.0e-4_wp
-
+  !> Largest factor between steps, and the memory of their control.
+  real(wp), parameter :: largest_factor = 5.0_wp, memory = 0.04_wp
+  !> Order of the dense output of DOP853.
+  integer, parameter :: dense_order = 7
   !> How much worse than the step's end its dense output may be.
   real(wp), parameter :: dense_allowance = 10.0_wp
   !> The same for the defect of the dense output around a turn, which is of lower order still.
@@ -57,8 +59,7 @@ module dst_runge_kutta
     logical :: start_known = .false., end_known = .false.
     !> Whether this attempt repeats a rejected one; then the next step is not longer.
     logical :: repeated = .false.
-    !> Errors over tolerance of this attempt and of the last accepted step.
-    real(wp) :: error = least_error, last_error = least_error
+    type(step_control_t) :: control
   contains
     procedure :: restart
     procedure :: attempt
@@ -82,6 +83,8 @@ contains
     stepper%method = tableau_named(method_name)
     ! Measured on Fig. 3 against converged motion: so the slip velocity is right to about rtol.
     stepper%estimate_tolerance = merge(rtol, 0.05_wp*rtol, stepper%method%errors > 1)
+    ! With a memory, because the step is mostly held back by stability: the friction direction relaxes quickly.
+    stepper%control = new_step_control(stepper%method%order, largest_factor, memory=memory)
     degree = 3 + stepper%method%dense_terms
     stepper%own_grid = new_grid([(real(i, wp)/real(degree, wp), i=0, degree)])
     stepper%grid = stepper%own_grid
@@ -104,8 +107,7 @@ contains
     ! The equations may be others from now on.
     self%start_known = .false.
     self%end_known = .false.
-    self%error = least_error
-    self%last_error = least_error
+    call self%control%restart()
   end subroutine restart
 
   subroutine attempt(self, system, drive, from, step, to, outcome)
@@ -307,14 +309,12 @@ contains
     rate = max(relaxation, sqrt(abs(elasticity)))
   end function fastest_rate
 
-  !> Error and step size factor, the factor with a memory (Hairer & Wanner II, Sec. IV.2) because
-  !> the step is mostly held back by stability: the friction direction relaxes quickly.
+  !> Error and step size factor.
   pure subroutine judge(self, system, outcome)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: size, stretch, exponent
-    real(wp), parameter :: memory = 0.04_wp
+    real(wp) :: size, stretch
 
     outcome%error = 0.0_wp
     outcome%factor = 1.0_wp
@@ -325,11 +325,7 @@ contains
       if (size > 0.0_wp) size = size*(size/hypot(size, stretch))
     end if
     outcome%error = size/tolerance(self, system)
-    if (.not. outcome%error <= huge(1.0_wp)) outcome%error = 1.0e6_wp
-    self%error = max(outcome%error, least_error)
-    exponent = 1.0_wp/real(self%method%order, wp)
-    outcome%factor = 0.9_wp*max(outcome%error, 1.0e-10_wp)**(0.75_wp*memory - exponent)*self%last_error**memory
-    outcome%factor = min(merge(1.0_wp, 5.0_wp, self%repeated), max(0.2_wp, outcome%factor))
+    call self%control%advise(self%step, self%repeated, outcome%error, outcome%factor)
   end subroutine judge
 
   !> Permitted slip-velocity error of the step [m/s].
@@ -380,7 +376,7 @@ contains
     integer :: i
 
     factor = outcome%factor
-    outcome%factor = 0.25_wp
+    outcome%factor = unsolved_factor
     do i = self%method%stages + 2, self%method%all_stages
       call stage_state(self, system, drive, from, i, state)
       call evaluate(self, system, drive, from, i, state, outcome)
@@ -401,7 +397,7 @@ contains
     error = error_size(self, system, system%components, self%method%dense_error, self%velocity_y) &
       /(dense_allowance*tolerance(self, system))
     outcome%error = max(outcome%error, error)
-    outcome%factor = min(outcome%factor, max(0.2_wp, 0.9_wp*max(error, 1.0e-10_wp)**(-1.0_wp/7.0_wp)))
+    outcome%factor = min(outcome%factor, factor_for(error, dense_order))
   end subroutine judge_dense
 
   !> Node values of the dense output.
@@ -431,7 +427,7 @@ contains
 
     call self%note_speed()
     call self%note_growth()
-    self%last_error = self%error
+    call self%control%accept(self%step)
   end subroutine accept
 
   !> Save or load. Terms and dw/dy are scratch: each attempt makes them anew.
@@ -448,7 +444,7 @@ contains
     call archive%exchange(self%start_known)
     call archive%exchange(self%end_known)
     call archive%exchange(self%repeated)
-    call archive%exchange(self%error)
-    call archive%exchange(self%last_error)
+    call archive%exchange(self%control%error)
+    call archive%exchange(self%control%last_error)
   end subroutine exchange
 end module dst_runge_kutta

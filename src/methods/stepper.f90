@@ -5,7 +5,9 @@ module dst_stepper
   use dst_kinds, only: wp, int64
   use dst_drive, only: drive_segment_t
   use dst_interpolation, only: grid_t, max_degree
+  use dst_roots, only: bracket_t
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
+  use dst_step_control, only: unsolved_factor
   implicit none
   private
 
@@ -34,7 +36,7 @@ module dst_stepper
     !> Estimated error over tolerance; the step is good up to 1.
     real(wp) :: error = huge(1.0_wp)
     !> Factor by which the step size may change.
-    real(wp) :: factor = 0.25_wp
+    real(wp) :: factor = unsolved_factor
   end type attempt_t
 
   !> Counters of every kind of work.
@@ -250,18 +252,15 @@ contains
     class(stepper_t), intent(in) :: self
     class(slip_system_t), intent(in) :: system
     real(wp), intent(in) :: first, last
-    real(wp) :: left, right
+    !> 1e-12 of a step, in which a turn is a point.
+    integer, parameter :: halvings = 40
+    type(bracket_t) :: bracket
     integer :: iteration
 
-    left = first
-    right = last
-    do iteration = 1, 40
-      position = 0.5_wp*(left + right)
-      if (system%has_turned(y_at(first), y_at(position))) then
-        right = position
-      else
-        left = position
-      end if
+    bracket = bracket_t([first, last], [-1.0_wp, 1.0_wp])
+    do iteration = 1, halvings
+      position = bracket%middle()
+      call bracket%narrow(position, merge(1.0_wp, -1.0_wp, system%has_turned(y_at(first), y_at(position))))
     end do
 
   contains
@@ -283,7 +282,7 @@ contains
     type(drive_segment_t), intent(in) :: drive
     type(motion_t), intent(in) :: from
     real(wp), intent(in) :: middle, allowed(:)
-    integer, parameter :: halvings = 24
+    integer, parameter :: distances = 24
     real(wp), parameter :: relaxation = 0.2_wp
     real(wp), dimension(system%components) :: u, y, rate, defect, velocity
     real(wp) :: velocity_y(system%components, system%components), basis(0:max_degree), slope(0:max_degree)
@@ -294,7 +293,7 @@ contains
     total = 0.0_wp
     distance = 0.5_wp
     associate (n => system%components, s => self%grid%degree, terms => self%turn_terms)
-      do j = 1, halvings
+      do j = 1, distances
         distance = 0.5_wp*distance
         do side = -1, 1, 2
           place = middle + real(side, wp)*distance

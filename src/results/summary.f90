@@ -13,6 +13,7 @@ module dst_summary
   use dst_archive, only: archive_t
   use dst_cycles, only: cycles_t, period, peak, valley, stick_time, slip_time, slip_length, measures
   use dst_kinds, only: wp, int64
+  use dst_roots, only: bracket_t
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -23,6 +24,9 @@ module dst_summary
   !> An object that is slower than this share of the drive looks at rest.
   real(wp), parameter :: tiny_rate = 0.1_wp
   integer, parameter :: most_parts = 8
+  !> A zero is found to this share of the values at the ends, or of the advance's time.
+  real(wp), parameter :: close_to_zero = 1.0e-7_wp, close_in_time = 1.0e-8_wp
+  integer, parameter :: most_iterations = 40
 
   !> What may pass through zero inside a stretch, see `level`.
   integer, parameter :: elongation_rate = 1, excess_rate = 2, excess_force = 3, rate = 4
@@ -170,38 +174,25 @@ contains
     end select
   end function level
 
-  !> The motion where a level passes through zero between two times [s], by false position after Illinois: the end that
-  !> stays loses half its weight.
+  !> The motion where a level passes through zero between two times [s], by false positions.
   function moment_at_zero(which, stretch, first, last, ends) result(moment)
     integer, intent(in) :: which
     class(stretch_t), intent(in) :: stretch
     real(wp), intent(in) :: first, last
     real(wp), intent(in) :: ends(2)           !! values there, of opposite signs
     type(moment_t) :: moment
-    real(wp) :: time(2), value(2), middle, found
-    integer :: iteration, replaced
+    type(bracket_t) :: bracket
+    real(wp) :: time, value
+    integer :: iteration
 
-    time = [first, last]
-    value = ends
-    replaced = 0
-    do iteration = 1, 40
-      middle = (time(1)*value(2) - time(2)*value(1))/(value(2) - value(1))
-      middle = min(time(2), max(time(1), middle))
-      moment = stretch%at(middle)
-      found = level(which, stretch, moment)
-      if (abs(found) <= 1.0e-7_wp*maxval(abs(ends))) exit
-      if (found*value(1) > 0.0_wp) then
-        time(1) = middle
-        value(1) = found
-        if (replaced == 1) value(2) = 0.5_wp*value(2)
-        replaced = 1
-      else
-        time(2) = middle
-        value(2) = found
-        if (replaced == 2) value(1) = 0.5_wp*value(1)
-        replaced = 2
-      end if
-      if (time(2) - time(1) <= 1.0e-8_wp*(stretch%last%time - stretch%first%time)) exit
+    bracket = bracket_t([first, last], ends)
+    do iteration = 1, most_iterations
+      time = min(bracket%x(2), max(bracket%x(1), bracket%false_position()))
+      moment = stretch%at(time)
+      value = level(which, stretch, moment)
+      if (abs(value) <= close_to_zero*maxval(abs(ends))) exit
+      call bracket%narrow(time, value)
+      if (bracket%width() <= close_in_time*(stretch%last%time - stretch%first%time)) exit
     end do
   end function moment_at_zero
 

@@ -22,6 +22,7 @@ module dst_lanes
   use dst_scene, only: scene_t
   use dst_simulation, only: slider_from_scene
   use dst_slider, only: slider_t
+  use dst_step_control, only: step_control_t, new_step_control, shortened, no_number
   use dst_summary, only: summary_t, energies_t, moment_t, stretch_t, summary_quantities, summary_values
   use dst_text, only: short_text
   implicit none
@@ -31,7 +32,7 @@ module dst_lanes
 
   !> Cases side by side.
   integer, parameter :: lane_count = 8
-  integer, parameter :: stages = 6
+  integer, parameter :: stages = 6, order = 4
   real(wp), parameter :: gamma = 0.25_wp
   real(wp), parameter :: a(stages, stages) = transpose(reshape([ &
     0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
@@ -57,7 +58,7 @@ module dst_lanes
   real(wp), parameter :: growth_accuracy = 1.0e-2_wp/1.8e-5_wp, short_reach = 0.5_wp
   !> Step times relaxation rate up to which a step resolves the relaxation.
   real(wp), parameter :: longest_relaxation = 10.0_wp
-  real(wp), parameter :: largest_factor = 6.0_wp, smallest_factor = 0.2_wp
+  real(wp), parameter :: largest_factor = 6.0_wp
   !> Rejections of one step, and steps below the resolution of the time, after which a lane gives up.
   integer, parameter :: max_rejections = 60, max_standing = 10000
 
@@ -88,7 +89,8 @@ module dst_lanes
     type(point_t) :: now, before
     type(moment_t) :: moment(lane_count)              !! at `before`
     logical :: moved(lane_count) = .false.            !! since `before`
-    real(wp), dimension(lane_count) :: next_step = 1.0_wp, last_step = 1.0_wp, last_error = 0.0_wp
+    real(wp), dimension(lane_count) :: next_step = 1.0_wp
+    type(step_control_t) :: control(lane_count)
     real(wp), dimension(lane_count) :: drive_work = 0.0_wp, friction_work = 0.0_wp
     integer(int64) :: steps(lane_count) = 0
     integer :: rejections(lane_count) = 0, standing(lane_count) = 0
@@ -160,7 +162,7 @@ contains
     self%done(lane) = self%refused(lane)
     self%moved(lane) = .false.
     self%next_step(lane) = 0.01_wp*sqrt(self%mass(lane)/self%stiffness(lane))
-    self%last_error(lane) = 0.0_wp
+    self%control(lane) = new_step_control(order, largest_factor, predicts=.true., by_square_roots=.true.)
     self%drive_work(lane) = 0.0_wp
     self%friction_work(lane) = 0.0_wp
     self%steps(lane) = 0
@@ -259,7 +261,7 @@ contains
     real(wp) :: h, drive_work, friction_work
 
     associate (from => self%before, to => self%now)
-      h = self%last_step(i)
+      h = self%control(i)%last_step
       drive_work = 0.5_wp*h*(from%supply(i) + to%supply(i) + h/6.0_wp*(from%supply_rate(i) - to%supply_rate(i)))
       friction_work = 0.5_wp*h*(from%dissipation(i) + to%dissipation(i) &
         + h/6.0_wp*(from%dissipation_rate(i) - to%dissipation_rate(i)))
@@ -289,7 +291,7 @@ contains
     real(wp) :: h, tau, u, w, p(0:5), q(0:5)
 
     associate (lanes => self%lanes, i => self%lane, from => self%lanes%before, to => self%lanes%now)
-      h = lanes%last_step(i)
+      h = lanes%control(i)%last_step
       if (h*max(abs(from%growth(i)), abs(to%growth(i))) <= longest_relaxation) then
         p = quintic([from%u(i), h*from%u_rate(i), -h**2*from%w_rate(i)], [to%u(i), h*to%u_rate(i), -h**2*to%w_rate(i)])
         q = quintic([from%w(i), h*from%w_rate(i), h**2*from%w_curvature(i)], [to%w(i), h*to%w_rate(i), h**2*to%w_curvature(i)])
@@ -406,31 +408,28 @@ contains
     end do
   end subroutine attempt
 
-  !> Accept or reject the attempt of a lane, and choose its next step as dst_radau does for one component.
+  !> Accept or reject the attempt of a lane, and choose its next step.
   pure subroutine decide(self, l, h, u, w, estimate)
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: l
     real(wp), intent(in) :: h, u, w, estimate
     real(wp) :: error, factor, growth, reach, longest_reach
 
-    error = 1.0e10_wp
-    if (abs(u) + abs(w) <= huge(u) .and. estimate < error) error = max(estimate, 1.0e-10_wp)
-    factor = 0.9_wp/sqrt(sqrt(error))
-    if (error <= 1.0_wp .and. self%last_error(l) > 0.0_wp) &
-      factor = min(factor, factor*(h/self%last_step(l))*sqrt(sqrt(self%last_error(l)/error)))
-    if (self%rejections(l) > 0 .and. error <= 1.0_wp) factor = min(factor, 1.0_wp)
+    error = estimate
+    if (.not. abs(u) + abs(w) <= huge(u)) error = no_number
+    call self%control(l)%advise(h, self%rejections(l) > 0, error, factor)
     growth = h*self%now%growth(l)
     if (growth > longest_growth) then
-      factor = min(factor, 0.9_wp*longest_growth/growth)
+      factor = min(factor, shortened(longest_growth, growth))
       error = max(error, growth/longest_growth)
     end if
     reach = h*sqrt(self%stiffness(l)/self%mass(l))
     if (growth > 0.0_wp .and. reach > short_reach) then
       longest_reach = (growth_accuracy*min(1.0_wp, 0.5_wp*growth/reach))**0.2_wp
-      factor = min(factor, 0.9_wp*longest_reach/reach)
+      factor = min(factor, shortened(longest_reach, reach))
       if (reach > longest_reach) error = max(error, reach/longest_reach)
     end if
-    self%next_step(l) = h*min(largest_factor, max(smallest_factor, factor))
+    self%next_step(l) = h*factor
     if (error > 1.0_wp) then
       self%rejections(l) = self%rejections(l) + 1
       self%done(l) = self%rejections(l) > max_rejections
@@ -442,8 +441,7 @@ contains
     self%now%u(l) = u
     self%now%w(l) = w
     self%moved(l) = .true.
-    self%last_step(l) = h
-    self%last_error(l) = error
+    call self%control(l)%accept(h)
     self%rejections(l) = 0
     self%steps(l) = self%steps(l) + 1
     self%done(l) = self%standing(l) > max_standing .or. &
