@@ -18,7 +18,9 @@
 module dst_lanes
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, deck_error, step_underflow, too_many_steps, too_many_rejections
-  use dst_friction, only: exponential_form
+  use dst_friction, only: exponential_form, exponential_friction
+  use dst_low_frequency, only: slow_forces
+  use dst_rodas4p, only: stages, order, gamma, a, c
   use dst_scene, only: scene_t
   use dst_simulation, only: slider_from_scene
   use dst_slider, only: slider_t
@@ -32,24 +34,6 @@ module dst_lanes
 
   !> Cases side by side.
   integer, parameter :: lane_count = 8
-  integer, parameter :: stages = 6, order = 4
-  real(wp), parameter :: gamma = 0.25_wp
-  real(wp), parameter :: a(stages, stages) = transpose(reshape([ &
-    0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    3.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    1.831036793486759_wp, 0.4955183967433795_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    2.304376582692669_wp, -0.05249275245743001_wp, -1.176798761832782_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    -7.170454962423024_wp, -4.741636671481785_wp, -16.31002631330971_wp, -1.062004044111401_wp, 0.0_wp, 0.0_wp, &
-    -7.170454962423024_wp, -4.741636671481785_wp, -16.31002631330971_wp, -1.062004044111401_wp, 1.0_wp, 0.0_wp], &
-    [stages, stages]))
-  real(wp), parameter :: c(stages, stages) = transpose(reshape([ &
-    0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    -12.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    -8.791795173947035_wp, -2.207865586973518_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    10.81793056857153_wp, 6.780270611428266_wp, 19.53485944642410_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    34.19095006749676_wp, 15.49671153725963_wp, 54.74760875964130_wp, 14.16005392148534_wp, 0.0_wp, 0.0_wp, &
-    34.62605830930532_wp, 15.30084976114473_wp, 56.99955578662667_wp, 18.40807009793095_wp, -5.714285714285717_wp, 0.0_wp], &
-    [stages, stages]))
 
   !> Step times growth rate up to which the growth of unstable creep is followed, as in dst_radau.
   real(wp), parameter :: longest_growth = 2.0_wp
@@ -208,26 +192,25 @@ contains
   !> Everything that is known at the points where the lanes are.
   subroutine evaluate_start(self)
     class(lanes_t), intent(inout) :: self
-    real(wp) :: speed, part, friction, slope, share, across_share
+    real(wp), dimension(lane_count) :: pull, speed, friction, slope, force, damping, dissipation_w, supply, supply_w
     integer :: i
 
     associate (now => self%now)
       do i = 1, lane_count
-        speed = sqrt(now%w(i)**2 + self%across(i)**2)
-        part = self%drop(i)*exp(-speed*self%decay(i))
-        friction = self%limit(i) + part
-        slope = -self%decay(i)*part
-        share = now%w(i)/speed
-        across_share = self%across(i)/speed
+        pull(i) = self%stiffness(i)*now%u(i)
+        speed(i) = sqrt(now%w(i)**2 + self%across(i)**2)
+      end do
+      call exponential_friction(lane_count, self%limit, self%drop, self%decay, speed, friction, slope)
+      call slow_forces(lane_count, pull, now%w, self%across, speed, friction, slope, force, damping, &
+        now%dissipation, dissipation_w, supply, supply_w)
+      do i = 1, lane_count
         now%u_rate(i) = self%velocity(i)*self%along(i) - now%w(i)
-        now%w_rate(i) = (self%stiffness(i)*now%u(i) - friction*share)/self%mass(i)
-        now%growth(i) = -(slope*share**2 + friction*across_share**2/speed)/self%mass(i)
+        now%w_rate(i) = force(i)/self%mass(i)
+        now%growth(i) = -damping(i)/self%mass(i)
         now%w_curvature(i) = self%stiffness(i)/self%mass(i)*now%u_rate(i) + now%growth(i)*now%w_rate(i)
-        now%supply(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u(i) + friction*self%across(i)*across_share
-        now%supply_rate(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u_rate(i) &
-          + (slope*speed - friction)*across_share**2*share*now%w_rate(i)
-        now%dissipation(i) = friction*speed
-        now%dissipation_rate(i) = (friction + slope*speed)*share*now%w_rate(i)
+        now%supply(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u(i) + supply(i)
+        now%supply_rate(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u_rate(i) + supply_w(i)*now%w_rate(i)
+        now%dissipation_rate(i) = dissipation_w(i)*now%w_rate(i)
       end do
     end associate
   end subroutine evaluate_start
@@ -310,10 +293,12 @@ contains
   pure real(wp) function friction(self, speed)
     class(lane_step_t), intent(in) :: self
     real(wp), intent(in) :: speed
+    real(wp) :: force(1), slope(1)
 
     associate (lanes => self%lanes, i => self%lane)
-      friction = lanes%limit(i) + lanes%drop(i)*exp(-speed*lanes%decay(i))
+      call exponential_friction(1, lanes%limit(i:i), lanes%drop(i:i), lanes%decay(i:i), [speed], force, slope)
     end associate
+    friction = force(1)
   end function friction
 
   !> Coefficients of the polynomial with these values, slopes and curvatures at 0 and 1.
@@ -357,7 +342,7 @@ contains
   subroutine attempt(self)
     class(lanes_t), intent(inout) :: self
     real(wp), dimension(lane_count, stages) :: k_u, k_w
-    real(wp), dimension(lane_count) :: h, u, w, sum_u, sum_w, speed, friction, fastest, pivot, error
+    real(wp), dimension(lane_count) :: h, u, w, sum_u, sum_w, speed, friction, slope, fastest, pivot, error
     integer :: i, j, l
 
     associate (now => self%now)
@@ -385,8 +370,8 @@ contains
         end do
         do l = 1, lane_count
           speed(l) = sqrt(w(l)**2 + self%across(l)**2)
-          friction(l) = self%limit(l) + self%drop(l)*exp(-speed(l)*self%decay(l))
         end do
+        call exponential_friction(lane_count, self%limit, self%drop, self%decay, speed, friction, slope)
         do l = 1, lane_count
           sum_u(l) = self%velocity(l)*self%along(l) - w(l) + sum_u(l)/h(l)
           sum_w(l) = (self%stiffness(l)*u(l) - friction(l)*w(l)/speed(l))/self%mass(l) + sum_w(l)/h(l)
