@@ -230,7 +230,8 @@ contains
     type(motion_t), intent(in) :: from
     real(wp), intent(in) :: allowed(:)
     integer :: i
-    !> Share of its neighbour's from which on a velocity at an end of the step belongs to a turn.
+    !> Share of its neighbour's from which on a velocity at an end of the step belongs to a turn. Convention; twice: no change in
+    !> Fig. 3.
     real(wp), parameter :: close = 0.2_wp
 
     error = 0.0_wp
@@ -283,6 +284,7 @@ contains
     type(motion_t), intent(in) :: from
     real(wp), intent(in) :: middle, allowed(:)
     integer, parameter :: distances = 24
+    !> Share of the step in which a relaxing component forgets: gamma of Radau IIA, about. Twice: no change in Fig. 3.
     real(wp), parameter :: relaxation = 0.2_wp
     real(wp), dimension(system%components) :: u, y, rate, defect, velocity
     real(wp) :: velocity_y(system%components, system%components), basis(0:max_degree), slope(0:max_degree)
@@ -330,7 +332,9 @@ contains
     type(drive_segment_t), intent(in) :: drive
     type(motion_t), intent(in) :: from
     real(wp), intent(in) :: least, least_on_ramp   !! relative to the slip speed
-    real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp)
+    !> Multiples of roundoff, of the noise of the forces and of the lag behind a ramp that are no disturbance. Conventions, with
+    !> room for the sums of a long run; they matter where steady sliding is unstable.
+    real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp), noises = 10.0_wp, lags = 3.0_wp
     real(wp) :: velocity(1, system%components), velocity_y(1, system%components, system%components)
     real(wp) :: coefficient(0:2*system%components), weakening, drive_velocity, change, allowed, floor
     integer :: k
@@ -348,8 +352,8 @@ contains
       do k = 1, n
         associate (ahead => system%along(first + k - 1), frequency => system%frequency(first + k - 1))
           change = sum(velocity_y(1, k, :)*terms%force(1, :)/max(terms%inertia(1, :), tiny(change)))
-          allowed = floor + 10.0_wp*system%acceleration_noise/frequency &
-            + 3.0_wp*abs(drive%acceleration*weakening)/frequency**2
+          allowed = floor + noises*system%acceleration_noise/frequency &
+            + lags*abs(drive%acceleration*weakening)/frequency**2
           is_disturbed = is_disturbed .or. abs(velocity(1, k) - drive_velocity*ahead) > allowed &
             .or. abs(change - drive%acceleration*ahead) > allowed*frequency
         end associate

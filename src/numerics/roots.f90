@@ -52,8 +52,8 @@ contains
     if (.not. (next > self%x(1) .and. next < self%x(2))) next = self%middle()
   end function newton
 
-  !> Put x, where the function is f, in the place of the end with the same sign. If the other end stays for the second time, it loses
-  !> half its value (Illinois' rule), so that false positions come from both sides. A zero counts as the second end's sign.
+  !> Put x, where the function is f, in the place of the end with the same sign. If the other end stays for the second time, it
+  !> loses half its value (Illinois' rule), so that false positions come from both sides. A zero counts as the second end's sign.
   pure subroutine narrow(self, x, f)
     class(bracket_t), intent(inout) :: self
     real(wp), intent(in) :: x, f

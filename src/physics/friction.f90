@@ -7,7 +7,7 @@ module dst_friction
   implicit none
   private
 
-  public :: friction_law_t, new_friction_law, exponential_form, exponential_friction
+  public :: friction_law_t, new_friction_law, exponential_form
 
   !> A friction law, with its coefficients.
   type, abstract :: friction_law_t
@@ -112,19 +112,4 @@ contains
       slope(i) = -part*self%decay
     end do
   end subroutine evaluate_weakening
-
-  !> Friction F = limit + drop exp(-decay v) and its slope of n cases side by side, each with its own coefficients, at v >= 0.
-  pure subroutine exponential_friction(n, limit, drop, decay, speed, force, slope)
-    integer, intent(in) :: n
-    real(wp), intent(in) :: limit(n), drop(n), decay(n), speed(n)   !! N, N, s/m, m/s
-    real(wp), intent(out) :: force(n), slope(n)                     !! N, N s/m
-    real(wp) :: part
-    integer :: i
-
-    do i = 1, n
-      part = drop(i)*exp(-speed(i)*decay(i))
-      force(i) = limit(i) + part
-      slope(i) = -decay(i)*part
-    end do
-  end subroutine exponential_friction
 end module dst_friction

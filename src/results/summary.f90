@@ -24,7 +24,12 @@ module dst_summary
   !> An object that is slower than this share of the drive looks at rest.
   real(wp), parameter :: tiny_rate = 0.1_wp
   integer, parameter :: most_parts = 8
-  !> A zero is found to this share of the values at the ends, or of the advance's time.
+  !> X' and the load may turn unseen in an advance that is longer than this share of the soft spring's period, while the object is
+  !> faster than this share of the drive. Convention.
+  real(wp), parameter :: short = 0.25_wp, creeping = 0.5_wp
+  !> Where the largest |X'| is looked for: only where an end reaches the first share of the largest so far, and a part the second.
+  real(wp), parameter :: worth_parts = 0.9_wp, worth_refining = 0.99_wp
+  !> A zero is found to this share of the values at the ends, or of the advance's time. Far below what is told of it.
   real(wp), parameter :: close_to_zero = 1.0e-7_wp, close_in_time = 1.0e-8_wp
   integer, parameter :: most_iterations = 40
 
@@ -204,8 +209,8 @@ contains
     integer :: i
 
     associate (first => stretch%first, last => stretch%last, n => real(stretch%parts, wp))
-      if (stretch%sticking .or. last%time - first%time <= 0.25_wp*self%cycles%natural_time .or. &
-        max(abs(first%rate), abs(last%rate)) <= 0.5_wp*max(abs(first%drive_velocity), abs(last%drive_velocity))) then
+      if (stretch%sticking .or. last%time - first%time <= short*self%cycles%natural_time .or. &
+        max(abs(first%rate), abs(last%rate)) <= creeping*max(abs(first%drive_velocity), abs(last%drive_velocity))) then
         call follow_part(self, stretch, first, last)
         return
       end if
@@ -361,13 +366,13 @@ contains
     associate (n => stretch%parts)
       rates(0) = abs(stretch%first%rate)
       rates(n) = abs(stretch%last%rate)
-      if (max(rates(0), rates(n)) <= 0.9_wp*self%largest_rate) return
+      if (max(rates(0), rates(n)) <= worth_parts*self%largest_rate) return
       part = 1.0_wp/real(n, wp)
       do i = 1, n - 1
         rates(i) = rate_at(stretch, real(i, wp)*part)
       end do
       best = maxloc(rates(:n), dim=1) - 1
-      if (rates(best) <= 0.99_wp*self%largest_rate) return
+      if (rates(best) <= worth_refining*self%largest_rate) return
       inner = min(1.0_wp - offset, max(offset, real(best, wp)*part))
       if (best == 0 .or. best == n) then
         ! The maximum may be just inside.
@@ -393,12 +398,14 @@ contains
   real(wp) function largest_near(stretch, middle, reach) result(largest)
     class(stretch_t), intent(in) :: stretch
     real(wp), intent(in) :: middle, reach
+    !> The distance of the points shrinks by this share down to the least, where the value is known to its square.
+    real(wp), parameter :: shrink = 0.1_wp, least = 0.004_wp
     real(wp) :: x, d, left, top, right, curvature
 
     x = middle
     d = reach
     largest = 0.0_wp
-    do while (d > 0.004_wp)
+    do while (d > least)
       x = min(1.0_wp - d, max(d, x))
       left = rate_at(stretch, x - d)
       top = rate_at(stretch, x)
@@ -407,7 +414,7 @@ contains
       curvature = 2.0_wp*top - left - right
       if (.not. curvature > 0.0_wp) return
       x = x + d*min(1.0_wp, max(-1.0_wp, 0.5_wp*(right - left)/curvature))
-      d = 0.1_wp*d
+      d = shrink*d
     end do
     x = min(1.0_wp, max(0.0_wp, x))
     largest = max(largest, rate_at(stretch, x))

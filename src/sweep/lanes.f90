@@ -18,7 +18,7 @@
 module dst_lanes
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, deck_error, step_underflow, too_many_steps, too_many_rejections
-  use dst_friction, only: exponential_form, exponential_friction
+  use dst_friction, only: exponential_form
   use dst_low_frequency, only: slow_forces
   use dst_rodas4p, only: stages, order, gamma, a, c
   use dst_scene, only: scene_t
@@ -42,7 +42,12 @@ module dst_lanes
   real(wp), parameter :: growth_accuracy = 1.0e-2_wp/1.8e-5_wp, short_reach = 0.5_wp
   !> Step times relaxation rate up to which a step resolves the relaxation.
   real(wp), parameter :: longest_relaxation = 10.0_wp
+  !> Largest factor between steps. Convention.
   real(wp), parameter :: largest_factor = 6.0_wp
+  !> First step over the time scale of the soft spring: the control finds its own within a few. Convention.
+  real(wp), parameter :: first_step = 0.01_wp
+  !> A step that would leave less than this share of itself to the end goes there. Convention.
+  real(wp), parameter :: sliver = 1.0e-6_wp
   !> Rejections of one step, and steps below the resolution of the time, after which a lane gives up.
   integer, parameter :: max_rejections = 60, max_standing = 10000
 
@@ -145,7 +150,7 @@ contains
     self%busy(lane) = .true.
     self%done(lane) = self%refused(lane)
     self%moved(lane) = .false.
-    self%next_step(lane) = 0.01_wp*sqrt(self%mass(lane)/self%stiffness(lane))
+    self%next_step(lane) = first_step*sqrt(self%mass(lane)/self%stiffness(lane))
     self%control(lane) = new_step_control(order, largest_factor, predicts=.true., by_square_roots=.true.)
     self%drive_work(lane) = 0.0_wp
     self%friction_work(lane) = 0.0_wp
@@ -193,14 +198,17 @@ contains
   subroutine evaluate_start(self)
     class(lanes_t), intent(inout) :: self
     real(wp), dimension(lane_count) :: pull, speed, friction, slope, force, damping, dissipation_w, supply, supply_w
+    real(wp) :: part
     integer :: i
 
     associate (now => self%now)
       do i = 1, lane_count
         pull(i) = self%stiffness(i)*now%u(i)
         speed(i) = sqrt(now%w(i)**2 + self%across(i)**2)
+        part = weakening(self%drop(i), self%decay(i), speed(i))
+        friction(i) = self%limit(i) + part
+        slope(i) = -self%decay(i)*part
       end do
-      call exponential_friction(lane_count, self%limit, self%drop, self%decay, speed, friction, slope)
       call slow_forces(lane_count, pull, now%w, self%across, speed, friction, slope, force, damping, &
         now%dissipation, dissipation_w, supply, supply_w)
       do i = 1, lane_count
@@ -293,13 +301,18 @@ contains
   pure real(wp) function friction(self, speed)
     class(lane_step_t), intent(in) :: self
     real(wp), intent(in) :: speed
-    real(wp) :: force(1), slope(1)
 
     associate (lanes => self%lanes, i => self%lane)
-      call exponential_friction(1, lanes%limit(i:i), lanes%drop(i:i), lanes%decay(i:i), [speed], force, slope)
+      friction = lanes%limit(i) + weakening(lanes%drop(i), lanes%decay(i), speed)
     end associate
-    friction = force(1)
   end function friction
+
+  !> What friction has above its limit. It stands here, not in dst_friction, for the compiler's vectors.
+  elemental real(wp) function weakening(drop, decay, speed)
+    real(wp), intent(in) :: drop, decay, speed
+
+    weakening = drop*exp(-speed*decay)
+  end function weakening
 
   !> Coefficients of the polynomial with these values, slopes and curvatures at 0 and 1.
   pure function quintic(first, last) result(p)
@@ -342,13 +355,13 @@ contains
   subroutine attempt(self)
     class(lanes_t), intent(inout) :: self
     real(wp), dimension(lane_count, stages) :: k_u, k_w
-    real(wp), dimension(lane_count) :: h, u, w, sum_u, sum_w, speed, friction, slope, fastest, pivot, error
+    real(wp), dimension(lane_count) :: h, u, w, sum_u, sum_w, speed, friction, fastest, pivot, error
     integer :: i, j, l
 
     associate (now => self%now)
       do l = 1, lane_count
         h(l) = min(self%next_step(l), self%longest_step(l))
-        if (now%time(l) + 1.000001_wp*h(l) >= self%t_end(l)) h(l) = self%t_end(l) - now%time(l)
+        if (now%time(l) + (1.0_wp + sliver)*h(l) >= self%t_end(l)) h(l) = self%t_end(l) - now%time(l)
         if (.not. (self%busy(l) .and. h(l) > 0.0_wp)) h(l) = 1.0_wp
         pivot(l) = gamma*h(l)/(1.0_wp - gamma*h(l)*(now%growth(l) - gamma*h(l)*self%stiffness(l)/self%mass(l)))
         k_w(l, 1) = pivot(l)*(now%w_rate(l) + gamma*h(l)*self%stiffness(l)/self%mass(l)*now%u_rate(l))
@@ -370,8 +383,8 @@ contains
         end do
         do l = 1, lane_count
           speed(l) = sqrt(w(l)**2 + self%across(l)**2)
+          friction(l) = self%limit(l) + weakening(self%drop(l), self%decay(l), speed(l))
         end do
-        call exponential_friction(lane_count, self%limit, self%drop, self%decay, speed, friction, slope)
         do l = 1, lane_count
           sum_u(l) = self%velocity(l)*self%along(l) - w(l) + sum_u(l)/h(l)
           sum_w(l) = (self%stiffness(l)*u(l) - friction(l)*w(l)/speed(l))/self%mass(l) + sum_w(l)/h(l)
@@ -422,7 +435,7 @@ contains
     end if
     self%standing(l) = merge(0, self%standing(l) + 1, self%now%time(l) + h > self%now%time(l))
     self%now%time(l) = self%now%time(l) + h
-    if (self%now%time(l) + 1.0e-6_wp*h >= self%t_end(l)) self%now%time(l) = self%t_end(l)
+    if (self%now%time(l) + sliver*h >= self%t_end(l)) self%now%time(l) = self%t_end(l)
     self%now%u(l) = u
     self%now%w(l) = w
     self%moved(l) = .true.
