@@ -42,7 +42,7 @@ module dst_runge_kutta
   !> Tolerance of the estimate over rtol, with one estimate and with two: measured against converged motion, so that the slip
   !> velocity is right to about rtol; and that of the series of a release. Twice: 3 % less work, the same error (release: 1.2 times
   !> the error).
-  real(wp), parameter :: tolerance_of_one = 1.0_wp, tolerance_of_two = 0.05_wp, release_share = 0.1_wp
+  real(wp), parameter :: tolerance_of_one = 0.05_wp, tolerance_of_two = 1.0_wp, release_share = 0.1_wp
   !> Share of the error of order 3 that DOP853 stretches that of order 5 with. Hairer & Wanner's convention. Twice: the same work
   !> and error.
   real(wp), parameter :: stretch_share = 0.1_wp

@@ -11,7 +11,8 @@ module dst_trade
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t, wall_clock
   use dst_plain_numbers, only: number_text
-  use dst_trade_plan, only: candidate_t, candidates_of, apply_candidate, same_family, order_of
+  use dst_method_table, only: method_order
+  use dst_trade_plan, only: candidate_t, candidates_of, apply_candidate, same_family
   use dst_trade_quantities, only: quantities, quantity_count, observation_t, observation_plan_t, plan_observation, &
     tune_frequency, observe_run, errors_of, not_applicable
   use dst_writer, only: outcome_t
@@ -428,7 +429,7 @@ contains
 
     if (candidate%obstacle /= '') then
       call raise(error, deck_error, trim(candidate%obstacle))
-    else if (order_of(candidate) == 0) then
+    else if (method_order(candidate%method) == 0) then
       scene = self%scene
       call apply_candidate(candidate, scene)
       call trial%start(scene, error)
@@ -460,7 +461,7 @@ contains
         if (candidate%step > 0.0_wp) then
           ratio = point%candidate%step/candidate%step
         else if (candidate%rtol > 0.0_wp) then
-          ratio = (point%candidate%rtol/candidate%rtol)**(1.0_wp/real(max(1, order_of(candidate)), wp))
+          ratio = (point%candidate%rtol/candidate%rtol)**(1.0_wp/real(max(1, method_order(candidate%method)), wp))
         end if
         if (abs(log(ratio)) >= nearest) cycle
         nearest = abs(log(ratio))

@@ -8,7 +8,7 @@ module dst_trade_plan
   implicit none
   private
 
-  public :: candidate_t, candidates_of, apply_candidate, same_family, order_of
+  public :: candidate_t, candidates_of, apply_candidate, same_family
 
   !> A way to compute the scene. What it does not use is 0 or ''.
   type :: candidate_t
@@ -234,26 +234,4 @@ contains
     same_family = a%model == b%model .and. a%method == b%method .and. a%contact == b%contact .and. a%form == b%form &
       .and. .not. abs(a%v_smooth - b%v_smooth) > 0.0_wp
   end function same_family
-
-  !> Order of a method, 0 for a closed form.
-  pure integer function order_of(candidate)
-    type(candidate_t), intent(in) :: candidate
-
-    select case (candidate%method)
-    case ('radau9')
-      order_of = 9
-    case ('radau13')
-      order_of = 13
-    case ('radau5', 'dopri5')
-      order_of = 5
-    case ('dop853')
-      order_of = 8
-    case ('rk4')
-      order_of = 4
-    case ('moreau_jean')
-      order_of = 1
-    case default
-      order_of = 0
-    end select
-  end function order_of
 end module dst_trade_plan
