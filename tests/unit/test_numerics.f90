@@ -78,6 +78,14 @@ contains
       call check_close('false position', x, acos(0.0_wp), 1.0e-14_wp)
       call check('the zero stays inside', bracket%width() >= 0.0_wp .and. bracket%f(1)*bracket%f(2) <= 0.0_wp)
     end do
+    ! Without Illinois' rule one end stays for ever, and 30 false positions leave an error of 0.1.
+    bracket = bracket_t([0.0_wp, 2.0_wp], [0.0_wp, 2.0_wp]**9 - 1.0_wp)
+    do i = 1, 30
+      x = bracket%false_position()
+      call bracket%narrow(x, x**9 - 1.0_wp)
+      if (abs(x**9 - 1.0_wp) < 1.0e-14_wp) exit
+    end do
+    call check_close('a convex function', x, 1.0_wp, 1.0e-13_wp)
     bracket = bracket_t([0.0_wp, 3.0_wp], [-1.0_wp, 1.0_wp])
     call check_close('Newton inside', bracket%newton(1.0_wp, -1.0_wp, 1.0_wp), 2.0_wp, 1.0e-15_wp)
     call check_close('Newton outside', bracket%newton(1.0_wp, -5.0_wp, 1.0_wp), 1.5_wp, 1.0e-15_wp)
