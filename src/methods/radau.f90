@@ -76,7 +76,7 @@ module dst_radau
     real(wp) :: estimate_tolerance = 1.0e-6_wp
     !> Leading relative error of exp(z) by the method, times z^(2 s); and |z| up to which it does not matter to any growth.
     real(wp) :: error_constant = 0.0_wp
-    real(wp) :: short_reach = 0.0_wp
+    real(wp) :: harmless_phase = 0.0_wp
     !> Predictor: the last accepted step, or the given rate and curvature after a restart.
     logical :: restarted = .true.
     !> Whether `nodal` holds a solved attempt, of length attempted_step, from the point of the next one.
@@ -127,7 +127,7 @@ contains
     if (components == 1 .and. stages > 3) stepper%estimate_tolerance = slow_allowance*stepper%estimate_tolerance
     stepper%error_constant = gamma(real(stages, wp))*gamma(real(stages + 1, wp)) &
       /(gamma(real(2*stages, wp))*gamma(real(2*stages + 1, wp)))
-    stepper%short_reach = (harmless_error/stepper%error_constant)**(0.5_wp/real(stages, wp))
+    stepper%harmless_phase = (harmless_error/stepper%error_constant)**(0.5_wp/real(stages, wp))
     ! In the fast oscillation of two components the error changes with the phase, and looking back misleads.
     stepper%control = new_step_control(stages + 1, largest_factor, predicts=components == 1)
     stepper%terms = new_terms(stages, components)
@@ -382,7 +382,7 @@ contains
     ! Where friction falls most with the speed, and where the step ends.
     point = [maxloc(self%terms%force_y(1:s, 1, 1), dim=1), s]
     fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, self%terms%force_y(point(1), 1, 1))
-    if (self%step*fastest <= self%short_reach) return
+    if (self%step*fastest <= self%harmless_phase) return
     longest = huge(longest)
     growth = 0.0_wp
     do k = 1, 2
@@ -419,7 +419,7 @@ contains
     type(probe_t), intent(in) :: probe
     real(wp), intent(in) :: stage_velocity(s, n)
     real(wp), intent(out) :: error(n), noise(n)
-    real(wp) :: velocity(1, n), velocity_yy(1, n, n), defect(n), shift(n), u(n), y(n), drive_velocity, elapsed, reach
+    real(wp) :: velocity(1, n), velocity_yy(1, n, n), defect(n), shift(n), u(n), y(n), drive_velocity, elapsed, filter_step
     real(wp), dimension(max_components, max_components) :: filter, response
     logical :: singular
     integer :: k, l, m, axis
@@ -440,9 +440,9 @@ contains
     self%count%rhs = self%count%rhs + 1
     self%speed_scale = max(self%speed_scale, sqrt(sum(velocity**2) + (system%guided*drive_velocity)**2))
     associate (terms => self%point_terms)
-      reach = self%method%gamma*self%step
+      filter_step = self%method%gamma*self%step
       do k = 1, n
-        shift(k) = reach*(dot_product(probe%extrapolation(1:s), stage_velocity(:, k)) - velocity(1, k))
+        shift(k) = filter_step*(dot_product(probe%extrapolation(1:s), stage_velocity(:, k)) - velocity(1, k))
       end do
       filter = 0.0_wp
       do k = 1, n
@@ -456,9 +456,9 @@ contains
           do m = 1, n
             filter(k, l) = filter(k, l) + terms%force_u(1, k, m)*velocity_yy(1, m, l)
           end do
-          filter(k, l) = reach**2*filter(k, l)
+          filter(k, l) = filter_step**2*filter(k, l)
         end do
-        filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) + max(0.0_wp, -reach*terms%force_y(1, k, k))
+        filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) + max(0.0_wp, -filter_step*terms%force_y(1, k, k))
         ! At rest without a load the direction is free: it has no equation there, and no error.
         if (.not. filter(k, k) > 0.0_wp) filter(k, k) = 1.0_wp
       end do

@@ -31,7 +31,7 @@ module dst_runge_kutta
   ! What "twice" does was measured with dop853 on Fig. 3 (1 s, rtol 1e-6).
   !
   !> Step times rate up to which rk4 is stable (2.785 for relaxation, 2.828 for oscillation).
-  real(wp), parameter :: stability_reach = 2.7_wp
+  real(wp), parameter :: stability_limit = 2.7_wp
   !> A step beyond that is shortened to this share of it, by this factor at most. Conventions.
   real(wp), parameter :: stability_margin = 0.9_wp, least_stable_factor = 0.1_wp
   !> Largest factor between steps, and the memory of their control. Hairer & Wanner's convention for the memory of DOPRI5. Twice the
@@ -280,7 +280,7 @@ contains
     integer, intent(in) :: i
     real(wp), intent(in) :: state(n_values)
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: drive_velocity, velocity(max_components), reach
+    real(wp) :: drive_velocity, velocity(max_components), step_rate
 
     outcome%solved = .false.
     if (.not. all(abs(state) <= huge(1.0_wp))) return
@@ -299,9 +299,9 @@ contains
       self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%guided*drive_velocity)**2))
       outcome%solved = .true.
       if (self%method%errors > 0) return
-      reach = self%step*fastest_rate(n, terms, self%velocity_y)
-      outcome%solved = reach <= stability_reach
-      if (.not. outcome%solved) outcome%factor = max(least_stable_factor, stability_margin*stability_reach/reach)
+      step_rate = self%step*fastest_rate(n, terms, self%velocity_y)
+      outcome%solved = step_rate <= stability_limit
+      if (.not. outcome%solved) outcome%factor = max(least_stable_factor, stability_margin*stability_limit/step_rate)
     end associate
   end subroutine evaluate
 

@@ -33,7 +33,7 @@ module dst_summary
   real(wp), parameter :: close_to_zero = 1.0e-7_wp, close_in_time = 1.0e-8_wp
   integer, parameter :: most_iterations = 40
 
-  !> What may pass through zero inside a stretch, see `level`.
+  !> What may pass through zero inside a stretch, see `crossing_value`.
   integer, parameter :: elongation_rate = 1, excess_rate = 2, excess_force = 3, rate = 4
 
   !> What `summary_values` gives, in its order.
@@ -162,24 +162,24 @@ contains
   end subroutine take_in
 
   !> What passes through zero: k_x u_x' [N/s], X' [m/s], |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N].
-  real(wp) function level(which, stretch, moment)
+  real(wp) function crossing_value(which, stretch, moment)
     integer, intent(in) :: which
     class(stretch_t), intent(in) :: stretch
     type(moment_t), intent(in) :: moment
 
     select case (which)
     case (elongation_rate)
-      level = moment%force_rate
+      crossing_value = moment%force_rate
     case (rate)
-      level = moment%rate
+      crossing_value = moment%rate
     case (excess_rate)
-      level = abs(moment%rate) - tiny_rate*abs(moment%drive_velocity)
+      crossing_value = abs(moment%rate) - tiny_rate*abs(moment%drive_velocity)
     case default
-      level = abs(moment%force) - stretch%friction(hypot(moment%slip_velocity(1), moment%slip_velocity(2)))
+      crossing_value = abs(moment%force) - stretch%friction(hypot(moment%slip_velocity(1), moment%slip_velocity(2)))
     end select
-  end function level
+  end function crossing_value
 
-  !> The motion where a level passes through zero between two times [s], by false positions.
+  !> The motion where a crossing value passes through zero between two times [s], by false positions.
   function moment_at_zero(which, stretch, first, last, ends) result(moment)
     integer, intent(in) :: which
     class(stretch_t), intent(in) :: stretch
@@ -194,7 +194,7 @@ contains
     do iteration = 1, most_iterations
       time = min(bracket%x(2), max(bracket%x(1), bracket%false_position()))
       moment = stretch%at(time)
-      value = level(which, stretch, moment)
+      value = crossing_value(which, stretch, moment)
       if (abs(value) <= close_to_zero*maxval(abs(ends))) exit
       call bracket%narrow(time, value)
       if (bracket%width() <= close_in_time*(stretch%last%time - stretch%first%time)) exit
@@ -258,11 +258,11 @@ contains
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
     type(moment_t), intent(in) :: first, last
-    real(wp) :: reach
+    real(wp) :: force_ahead
 
-    reach = first%force + 0.5_wp*(last%time - first%time)*first%force_rate
-    if (self%cycles%may_turn(first%force_rate > 0.0_wp, reach) .or. &
-      (last%time >= self%half .and. (reach > self%late_highest .or. reach < self%late_lowest))) &
+    force_ahead = first%force + 0.5_wp*(last%time - first%time)*first%force_rate
+    if (self%cycles%may_turn(first%force_rate > 0.0_wp, force_ahead) .or. &
+      (last%time >= self%half .and. (force_ahead > self%late_highest .or. force_ahead < self%late_lowest))) &
       call take_force(self, moment_at_zero(elongation_rate, stretch, first%time, last%time, [first%force_rate, last%force_rate]))
   end subroutine refine_extreme
 
@@ -297,12 +297,12 @@ contains
 
     if (self%has_slipped) return
     before = stretch%first
-    ends(1) = level(excess_force, stretch, before)
-    start = merge(1, slip_parts, level(excess_force, stretch, stretch%last) > -near*abs(stretch%last%force))
+    ends(1) = crossing_value(excess_force, stretch, before)
+    start = merge(1, slip_parts, crossing_value(excess_force, stretch, stretch%last) > -near*abs(stretch%last%force))
     do i = start, slip_parts
       after = stretch%last
       if (i < slip_parts) after = stretch%at(inside(i))
-      ends(2) = level(excess_force, stretch, after)
+      ends(2) = crossing_value(excess_force, stretch, after)
       if (ends(2) > 0.0_wp) exit
       before = after
       ends(1) = ends(2)
@@ -337,12 +337,13 @@ contains
     ! Where the mass is tiny, steps may be shorter than the time can tell.
     if (.not. duration > 0.0_wp) return
     ends = 0.0_wp
-    if (.not. stretch%sticking) ends = [level(excess_rate, stretch, first), level(excess_rate, stretch, stretch%last)]
+    if (.not. stretch%sticking) &
+      ends = [crossing_value(excess_rate, stretch, first), crossing_value(excess_rate, stretch, stretch%last)]
     share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
     if (minval(ends) > 0.0_wp .and. first%rate*stretch%last%rate < 0.0_wp) then
       ! The object turns back, and is slow for a while between the ends.
       crossing = moment_at_zero(rate, stretch, first%time, stretch%last%time, [first%rate, stretch%last%rate])
-      slowest = level(excess_rate, stretch, crossing)
+      slowest = crossing_value(excess_rate, stretch, crossing)
       slow = moment_at_zero(excess_rate, stretch, first%time, crossing%time, [ends(1), slowest])
       crossing = moment_at_zero(excess_rate, stretch, crossing%time, stretch%last%time, [slowest, ends(2)])
       share = (crossing%time - slow%time)/duration
@@ -393,17 +394,17 @@ contains
     rate_at = abs(moment%rate)
   end function rate_at
 
-  !> Largest |X'| near position `middle` of a stretch, where a maximum lies no further than `reach` away, by parabolas through three
-  !> points. Near a maximum the value is known as the square of the position.
-  real(wp) function largest_near(stretch, middle, reach) result(largest)
+  !> Largest |X'| near position `middle` of a stretch, where a maximum lies no further than `distance` away, by parabolas
+  !> through three points. Near a maximum the value is known as the square of the position.
+  real(wp) function largest_near(stretch, middle, distance) result(largest)
     class(stretch_t), intent(in) :: stretch
-    real(wp), intent(in) :: middle, reach
+    real(wp), intent(in) :: middle, distance
     !> The distance of the points shrinks by this share down to the least, where the value is known to its square.
     real(wp), parameter :: shrink = 0.1_wp, least = 0.004_wp
     real(wp) :: x, d, left, top, right, curvature
 
     x = middle
-    d = reach
+    d = distance
     largest = 0.0_wp
     do while (d > least)
       x = min(1.0_wp - d, max(d, x))

@@ -39,7 +39,7 @@ module dst_lanes
   real(wp), parameter :: longest_growth = 2.0_wp
   !> An oscillation of frequency omega loses 1.8e-5 (h omega)**6 of itself in a step: a hundredth of its growth at most. Below
   !> h omega = 0.5 that does not matter to any growth.
-  real(wp), parameter :: growth_accuracy = 1.0e-2_wp/1.8e-5_wp, short_reach = 0.5_wp
+  real(wp), parameter :: growth_accuracy = 1.0e-2_wp/1.8e-5_wp, small_angle = 0.5_wp
   !> Step times relaxation rate up to which a step resolves the relaxation.
   real(wp), parameter :: longest_relaxation = 10.0_wp
   !> Largest factor between steps. Convention.
@@ -52,15 +52,15 @@ module dst_lanes
   integer, parameter :: max_rejections = 60, max_standing = 10000
 
   !> What belongs to the start of a step.
-  type :: point_t
+  type :: step_start_t
     real(wp), dimension(lane_count) :: time = 0.0_wp, u = 0.0_wp, w = 1.0_wp
     !> u', w', w'' and dw'/dw.
     real(wp), dimension(lane_count) :: u_rate = 0.0_wp, w_rate = 0.0_wp, w_curvature = 0.0_wp, growth = 0.0_wp
     !> Powers of drive and friction [W] and their rates.
     real(wp), dimension(lane_count) :: supply = 0.0_wp, supply_rate = 0.0_wp, dissipation = 0.0_wp, dissipation_rate = 0.0_wp
-  end type point_t
+  end type step_start_t
 
-  !> The cases side by side: `load` puts one in a lane, `advance` goes on with all, `values` takes out what is `done`.
+  !> The cases side by side: `put_case` puts one in a lane, `advance` goes on with all, `values` takes out what is `done`.
   type :: lanes_t
     private
     !> Which lanes have a case, and which of these are done.
@@ -75,7 +75,7 @@ module dst_lanes
     real(wp), dimension(lane_count) :: first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp
     integer(int64) :: max_steps(lane_count) = 0
     ! Of the motion.
-    type(point_t) :: now, before
+    type(step_start_t) :: now, before
     type(moment_t) :: moment(lane_count)              !! at `before`
     logical :: moved(lane_count) = .false.            !! since `before`
     real(wp), dimension(lane_count) :: next_step = 1.0_wp
@@ -85,7 +85,7 @@ module dst_lanes
     integer :: rejections(lane_count) = 0, standing(lane_count) = 0
     type(summary_t) :: summary(lane_count)
   contains
-    procedure :: load
+    procedure :: put_case
     procedure :: advance
     procedure :: values
   end type lanes_t
@@ -102,7 +102,7 @@ module dst_lanes
 contains
 
   !> Put a scene into a free lane. What does not slide all the time is done at once.
-  subroutine load(self, lane, scene)
+  subroutine put_case(self, lane, scene)
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: lane
     type(scene_t), intent(in) :: scene
@@ -129,7 +129,7 @@ contains
     self%second_u(lane) = scene%elongation_y
     self%first_position(lane) = -dot_product([scene%elongation_x, scene%elongation_y], slider%along)
     call begin(self, lane, scene%velocity_ratio*scene%drive_velocity(1)*slider%along(1))
-  end subroutine load
+  end subroutine put_case
 
   !> Place the object of a lane at time 0 with slip velocity w_x.
   subroutine begin(self, lane, w)
@@ -411,7 +411,7 @@ contains
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: l
     real(wp), intent(in) :: h, u, w, estimate
-    real(wp) :: error, factor, growth, reach, longest_reach
+    real(wp) :: error, factor, growth, angle, largest_angle
 
     error = estimate
     if (.not. abs(u) + abs(w) <= huge(u)) error = no_number
@@ -421,11 +421,11 @@ contains
       factor = min(factor, shortened(longest_growth, growth))
       error = max(error, growth/longest_growth)
     end if
-    reach = h*sqrt(self%stiffness(l)/self%mass(l))
-    if (growth > 0.0_wp .and. reach > short_reach) then
-      longest_reach = (growth_accuracy*min(1.0_wp, 0.5_wp*growth/reach))**0.2_wp
-      factor = min(factor, shortened(longest_reach, reach))
-      if (reach > longest_reach) error = max(error, reach/longest_reach)
+    angle = h*sqrt(self%stiffness(l)/self%mass(l))
+    if (growth > 0.0_wp .and. angle > small_angle) then
+      largest_angle = (growth_accuracy*min(1.0_wp, 0.5_wp*growth/angle))**0.2_wp
+      factor = min(factor, shortened(largest_angle, angle))
+      if (angle > largest_angle) error = max(error, angle/largest_angle)
     end if
     self%next_step(l) = h*factor
     if (error > 1.0_wp) then
