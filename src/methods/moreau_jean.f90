@@ -25,6 +25,7 @@ module dst_moreau_jean
   use dst_drive, only: drive_segment_t
   use dst_friction, only: friction_law_t
   use dst_interpolation, only: new_grid
+  use dst_roots, only: bracket_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
   use dst_state, only: state_t
@@ -189,27 +190,24 @@ contains
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: inertia(2), load(2), guess
     logical, intent(in) :: can_rest
-    real(wp), intent(inout) :: low, high
+    real(wp), intent(in) :: low, high
     real(wp), intent(out) :: speed
     integer, intent(out) :: iterations
+    type(bracket_t) :: bracket
     real(wp) :: value, slope, next
-    integer, parameter :: most_iterations = 200
+    integer, parameter :: most_iterations = 200, halving = 8
 
-    speed = 0.5_wp*(low + high)
+    bracket = bracket_t([low, high], [-1.0_wp, 1.0_wp])
+    speed = bracket%middle()
     if (guess > 0.0_wp .and. guess >= low .and. guess <= high) speed = guess
     do iterations = 1, most_iterations
       call excess(law, inertia, load, speed, can_rest, value, slope)
       ! Roundoff of e: the load has no more digits.
       if (abs(value) <= 4.0_wp*epsilon(value)) exit
-      if (value >= 0.0_wp) then
-        high = speed
-      else
-        low = speed
-      end if
-      next = low
-      if (slope > 0.0_wp .and. modulo(iterations, 8) /= 0) next = speed - value/slope
-      if (.not. (next > low .and. next < high)) next = 0.5_wp*(low + high)
-      if (min(abs(next - speed), high - low) <= 2.0_wp*epsilon(speed)*speed) exit
+      call bracket%narrow(speed, value)
+      next = bracket%middle()
+      if (modulo(iterations, halving) /= 0) next = bracket%newton(speed, value, slope)
+      if (min(abs(next - speed), bracket%width()) <= 2.0_wp*epsilon(speed)*speed) exit
       speed = next
     end do
   end subroutine find_zero

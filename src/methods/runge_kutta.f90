@@ -21,6 +21,7 @@ module dst_runge_kutta
   use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights, max_stages
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
   use dst_state, only: state_t
+  use dst_step_control, only: step_control_t, new_step_control, factor_for, unsolved_factor
   use dst_stepper, only: stepper_t, attempt_t, exchange_stepper
   implicit none
   private
@@ -29,14 +30,31 @@ module dst_runge_kutta
 
   !> Elongations and slip unknowns in one vector.
   integer, parameter :: n_values = 2*max_components, first_y = 1 + max_components
+  ! What "twice" does was measured with dop853 on Fig. 3 (1 s, rtol 1e-6).
+  !
   !> Step times rate up to which rk4 is stable (2.785 for relaxation, 2.828 for oscillation).
-  real(wp), parameter :: stability_reach = 2.7_wp
-  !> The controller remembers no error below this share of the tolerance.
-  real(wp), parameter :: least_error = 1.0e-4_wp
-
-  !> How much worse than the step's end its dense output may be.
+  real(wp), parameter :: stability_limit = 2.7_wp
+  !> A step beyond that is shortened to this share of it, by this factor at most. Conventions.
+  real(wp), parameter :: stability_margin = 0.9_wp, least_stable_factor = 0.1_wp
+  !> Largest factor between steps, and the memory of their control. Hairer & Wanner's convention for the memory of DOPRI5. Twice the
+  !> factor: the same; twice the memory: 16 % less work, the same error.
+  real(wp), parameter :: largest_factor = 5.0_wp, memory = 0.04_wp
+  !> Order of the dense output of DOP853.
+  integer, parameter :: dense_order = 7
+  !> Tolerance of the estimate over rtol, with one estimate and with two: measured against converged motion, so that the slip
+  !> velocity is right to about rtol; and that of the series of a release. Twice: 3 % less work, the same error (release: 1.2 times
+  !> the error).
+  real(wp), parameter :: tolerance_of_one = 0.05_wp, tolerance_of_two = 1.0_wp, release_share = 0.1_wp
+  !> Share of the error of order 3 that DOP853 stretches that of order 5 with. Hairer & Wanner's convention. Twice: the same work
+  !> and error.
+  real(wp), parameter :: stretch_share = 0.1_wp
+  !> A disturbance below this many tolerances of the estimate is not seen. Convention.
+  real(wp), parameter :: seen = 10.0_wp
+  !> Factor after a turn that was missed. Convention.
+  real(wp), parameter :: turn_factor = 0.5_wp
+  !> How much worse than the step's end its dense output may be. Twice: 5 % less work, the same error.
   real(wp), parameter :: dense_allowance = 10.0_wp
-  !> The same for the defect of the dense output around a turn, which is of lower order still.
+  !> The same for the defect of the dense output around a turn, which is of lower order still. Fig. 3 has none.
   real(wp), parameter :: turn_allowance = 30.0_wp
 
   !> An explicit method for one system, with its state between steps.
@@ -59,8 +77,7 @@ module dst_runge_kutta
     logical :: start_known = .false., end_known = .false.
     !> Whether this attempt repeats a rejected one; then the next step is not longer.
     logical :: repeated = .false.
-    !> Errors over tolerance of this attempt and of the last accepted step.
-    real(wp) :: error = least_error, last_error = least_error
+    type(step_control_t) :: control
   contains
     procedure :: restart
     procedure :: attempt
@@ -80,16 +97,17 @@ contains
     integer :: i, degree
 
     stepper%explicit = .true.
-    stepper%release_tolerance = 0.1_wp*rtol
+    stepper%release_tolerance = release_share*rtol
     stepper%method = tableau_named(method_name)
-    ! Measured on Fig. 3 against converged motion: so the slip velocity is right to about rtol.
-    stepper%estimate_tolerance = merge(rtol, 0.05_wp*rtol, stepper%method%errors > 1)
+    stepper%estimate_tolerance = merge(tolerance_of_two, tolerance_of_one, stepper%method%errors > 1)*rtol
+    ! With a memory, because the step is mostly held back by stability: the friction direction relaxes quickly.
+    stepper%control = new_step_control(stepper%method%order, largest_factor, memory=memory)
     degree = 3 + stepper%method%dense_terms
     stepper%grid = new_grid([(real(i, wp)/real(degree, wp), i=0, degree)])
     do i = 0, degree
       stepper%dense_weight(:, i) = dense_weights(stepper%method, stepper%grid%node(i))
     end do
-    stepper%noise_floor = 10.0_wp*stepper%estimate_tolerance
+    stepper%noise_floor = seen*stepper%estimate_tolerance
     stepper%terms = new_terms(1, components)
   end function new_runge_kutta
 
@@ -105,8 +123,7 @@ contains
     ! The equations may be others from now on.
     self%start_known = .false.
     self%end_known = .false.
-    self%error = least_error
-    self%last_error = least_error
+    call self%control%restart()
   end subroutine restart
 
   subroutine attempt(self, system, drive, from, step, to, outcome)
@@ -143,7 +160,7 @@ contains
     allowed = turn_allowance*tolerance(self, system)
     error = self%error_of_turns(system, drive, from, allowed)
     outcome%error = max(outcome%error, error)
-    if (error > 1.0_wp) outcome%factor = min(outcome%factor, 0.5_wp)
+    if (error > 1.0_wp) outcome%factor = min(outcome%factor, turn_factor)
   end subroutine judge_turns
 
   !> Whether steady sliding is unstable and nothing to be seen of it: an explicit method sees nothing below its tolerance.
@@ -152,6 +169,7 @@ contains
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     type(state_t), intent(in) :: from
+    !> Share of the drive's velocity up to which the motion may be steady sliding. Convention.
     real(wp), parameter :: close = 0.01_wp
     real(wp) :: coefficient(0:2*system%components), weakening, longest, growth, velocity
 
@@ -262,7 +280,7 @@ contains
     integer, intent(in) :: i
     real(wp), intent(in) :: state(n_values)
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: drive_velocity, velocity(max_components), reach
+    real(wp) :: drive_velocity, velocity(max_components), step_rate
 
     outcome%solved = .false.
     if (.not. all(abs(state) <= huge(1.0_wp))) return
@@ -281,9 +299,9 @@ contains
       self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%guided*drive_velocity)**2))
       outcome%solved = .true.
       if (self%method%errors > 0) return
-      reach = self%step*fastest_rate(n, terms, self%velocity_y)
-      outcome%solved = reach <= stability_reach
-      if (.not. outcome%solved) outcome%factor = max(0.1_wp, 0.9_wp*stability_reach/reach)
+      step_rate = self%step*fastest_rate(n, terms, self%velocity_y)
+      outcome%solved = step_rate <= stability_limit
+      if (.not. outcome%solved) outcome%factor = max(least_stable_factor, stability_margin*stability_limit/step_rate)
     end associate
   end subroutine evaluate
 
@@ -307,29 +325,23 @@ contains
     rate = max(relaxation, sqrt(abs(elasticity)))
   end function fastest_rate
 
-  !> Error and step size factor, the factor with a memory (Hairer & Wanner II, Sec. IV.2) because
-  !> the step is mostly held back by stability: the friction direction relaxes quickly.
+  !> Error and step size factor.
   pure subroutine judge(self, system, outcome)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: size, stretch, exponent
-    real(wp), parameter :: memory = 0.04_wp
+    real(wp) :: size, stretch
 
     outcome%error = 0.0_wp
     outcome%factor = 1.0_wp
     if (self%method%errors == 0) return
     size = error_size(self, system, system%components, self%method%error(:, 1), self%velocity_y)
     if (self%method%errors == 2) then
-      stretch = 0.1_wp*error_size(self, system, system%components, self%method%error(:, 2), self%velocity_y)
+      stretch = stretch_share*error_size(self, system, system%components, self%method%error(:, 2), self%velocity_y)
       if (size > 0.0_wp) size = size*(size/hypot(size, stretch))
     end if
     outcome%error = size/tolerance(self, system)
-    if (.not. outcome%error <= huge(1.0_wp)) outcome%error = 1.0e6_wp
-    self%error = max(outcome%error, least_error)
-    exponent = 1.0_wp/real(self%method%order, wp)
-    outcome%factor = 0.9_wp*max(outcome%error, 1.0e-10_wp)**(0.75_wp*memory - exponent)*self%last_error**memory
-    outcome%factor = min(merge(1.0_wp, 5.0_wp, self%repeated), max(0.2_wp, outcome%factor))
+    call self%control%advise(self%step, self%repeated, outcome%error, outcome%factor)
   end subroutine judge
 
   !> Permitted slip-velocity error of the step [m/s].
@@ -380,7 +392,7 @@ contains
     integer :: i
 
     factor = outcome%factor
-    outcome%factor = 0.25_wp
+    outcome%factor = unsolved_factor
     do i = self%method%stages + 2, self%method%all_stages
       call stage_state(self, system, drive, from, i, state)
       call evaluate(self, system, drive, from, i, state, outcome)
@@ -401,7 +413,7 @@ contains
     error = error_size(self, system, system%components, self%method%dense_error, self%velocity_y) &
       /(dense_allowance*tolerance(self, system))
     outcome%error = max(outcome%error, error)
-    outcome%factor = min(outcome%factor, max(0.2_wp, 0.9_wp*max(error, 1.0e-10_wp)**(-1.0_wp/7.0_wp)))
+    outcome%factor = min(outcome%factor, factor_for(error, dense_order))
   end subroutine judge_dense
 
   !> Node values of the dense output.
@@ -431,7 +443,7 @@ contains
 
     call self%note_speed()
     call self%note_growth()
-    self%last_error = self%error
+    call self%control%accept(self%step)
   end subroutine accept
 
   !> Save or load. Terms and dw/dy are scratch: each attempt makes them anew.
@@ -448,7 +460,7 @@ contains
     call archive%exchange(self%start_known)
     call archive%exchange(self%end_known)
     call archive%exchange(self%repeated)
-    call archive%exchange(self%error)
-    call archive%exchange(self%last_error)
+    call archive%exchange(self%control%error)
+    call archive%exchange(self%control%last_error)
   end subroutine exchange
 end module dst_runge_kutta

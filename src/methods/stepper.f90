@@ -5,8 +5,10 @@ module dst_stepper
   use dst_drive, only: drive_segment_t
   use dst_dense_output, only: dense_output_t, column_u, column_y
   use dst_interpolation, only: max_degree
+  use dst_roots, only: bracket_t
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
   use dst_state, only: state_t
+  use dst_step_control, only: unsolved_factor
   implicit none
   private
 
@@ -19,7 +21,7 @@ module dst_stepper
     !> Estimated error over tolerance; the step is good up to 1.
     real(wp) :: error = huge(1.0_wp)
     !> Factor by which the step size may change.
-    real(wp) :: factor = 0.25_wp
+    real(wp) :: factor = unsolved_factor
   end type attempt_t
 
   !> Counters of every kind of work.
@@ -122,7 +124,8 @@ contains
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: allowed(:)
     integer :: i
-    !> Share of its neighbour's from which on a velocity at an end of the step belongs to a turn.
+    !> Share of its neighbour's from which on a velocity at an end of the step belongs to a turn. Convention; twice: no change in
+    !> Fig. 3.
     real(wp), parameter :: close = 0.2_wp
 
     error = 0.0_wp
@@ -144,18 +147,15 @@ contains
     class(stepper_t), intent(in) :: self
     class(slip_system_t), intent(in) :: system
     real(wp), intent(in) :: first, last
-    real(wp) :: left, right
+    !> 1e-12 of a step, in which a turn is a point.
+    integer, parameter :: halvings = 40
+    type(bracket_t) :: bracket
     integer :: iteration
 
-    left = first
-    right = last
-    do iteration = 1, 40
-      position = 0.5_wp*(left + right)
-      if (system%has_turned(y_at(first), y_at(position))) then
-        right = position
-      else
-        left = position
-      end if
+    bracket = bracket_t([first, last], [-1.0_wp, 1.0_wp])
+    do iteration = 1, halvings
+      position = bracket%middle()
+      call bracket%narrow(position, merge(1.0_wp, -1.0_wp, system%has_turned(y_at(first), y_at(position))))
     end do
 
   contains
@@ -177,7 +177,8 @@ contains
     type(drive_segment_t), intent(in) :: drive
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: middle, allowed(:)
-    integer, parameter :: halvings = 24
+    integer, parameter :: distances = 24
+    !> Share of the step in which a relaxing component forgets: gamma of Radau IIA, about. Twice: no change in Fig. 3.
     real(wp), parameter :: relaxation = 0.2_wp
     real(wp), dimension(system%components) :: u, y, rate, defect, velocity
     real(wp) :: velocity_y(system%components, system%components), basis(0:max_degree), slope(0:max_degree)
@@ -188,7 +189,7 @@ contains
     total = 0.0_wp
     distance = 0.5_wp
     associate (n => system%components, s => self%grid%degree, terms => self%turn_terms)
-      do j = 1, halvings
+      do j = 1, distances
         distance = 0.5_wp*distance
         do side = -1, 1, 2
           place = middle + real(side, wp)*distance
@@ -225,7 +226,9 @@ contains
     type(drive_segment_t), intent(in) :: drive
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: least, least_on_ramp   !! relative to the slip speed
-    real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp)
+    !> Multiples of roundoff, of the noise of the forces and of the lag behind a ramp that are no disturbance. Conventions, with
+    !> room for the sums of a long run; they matter where steady sliding is unstable.
+    real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp), noises = 10.0_wp, lags = 3.0_wp
     real(wp) :: velocity(1, system%components), velocity_y(1, system%components, system%components)
     real(wp) :: coefficient(0:2*system%components), weakening, drive_velocity, change, allowed, floor
     integer :: k
@@ -243,8 +246,8 @@ contains
       do k = 1, n
         associate (ahead => system%along(first + k - 1), frequency => system%frequency(first + k - 1))
           change = sum(velocity_y(1, k, :)*terms%force(1, :)/max(terms%inertia(1, :), tiny(change)))
-          allowed = floor + 10.0_wp*system%acceleration_noise/frequency &
-            + 3.0_wp*abs(drive%acceleration*weakening)/frequency**2
+          allowed = floor + noises*system%acceleration_noise/frequency &
+            + lags*abs(drive%acceleration*weakening)/frequency**2
           is_disturbed = is_disturbed .or. abs(velocity(1, k) - drive_velocity*ahead) > allowed &
             .or. abs(change - drive%acceleration*ahead) > allowed*frequency
         end associate

@@ -5,6 +5,7 @@
 !> that begins and ends inside a step cannot be missed.
 module dst_bernstein
   use dst_kinds, only: wp
+  use dst_roots, only: bracket_t
   implicit none
   private
 
@@ -94,35 +95,22 @@ contains
     descends = all(coefficient(1:) <= coefficient(:degree - 1)) .and. coefficient(0) > 0.0_wp
   end function descends
 
-  !> The zero of a falling polynomial: regula falsi with the Illinois rule, to roundoff.
+  !> The zero of a falling polynomial: false positions, to roundoff.
   pure function bracketed_zero(degree, coefficient) result(x)
     integer, intent(in) :: degree
     real(wp), intent(in) :: coefficient(0:degree)
     real(wp) :: x
-    real(wp) :: a, b, fa, fb, f
-    integer :: iteration, side
+    integer, parameter :: most_iterations = 200
+    real(wp) :: f
+    type(bracket_t) :: bracket
+    integer :: iteration
 
-    a = 0.0_wp
-    b = 1.0_wp
-    fa = coefficient(0)
-    fb = coefficient(degree)
-    side = 0
-    x = 1.0_wp
-    do iteration = 1, 200
-      x = (a*fb - b*fa)/(fb - fa)
+    bracket = bracket_t([0.0_wp, 1.0_wp], [coefficient(0), coefficient(degree)])
+    do iteration = 1, most_iterations
+      x = bracket%false_position()
       f = bernstein_value(degree, coefficient, x)
-      if (f > 0.0_wp) then
-        a = x
-        fa = f
-        if (side == 1) fb = 0.5_wp*fb
-        side = 1
-      else
-        b = x
-        fb = f
-        if (side == -1) fa = 0.5_wp*fa
-        side = -1
-      end if
-      if (abs(f) <= epsilon(f)*coefficient(0) .or. b - a <= 2.0_wp*epsilon(b)*b) exit
+      call bracket%narrow(x, f)
+      if (abs(f) <= epsilon(f)*coefficient(0) .or. bracket%width() <= 2.0_wp*epsilon(x)*bracket%x(2)) exit
     end do
   end function bracketed_zero
 

@@ -21,6 +21,8 @@ module dst_instability
 
   !> Accuracy of the growth rate.
   real(wp), parameter :: share = 1.0e-3_wp
+  !> Growth below this share of a root is the roundoff of finding it. Convention.
+  real(wp), parameter :: roundoff = 1.0e-12_wp
 
 contains
 
@@ -39,7 +41,7 @@ contains
     if (all_decay(coefficient)) return
     call polynomial_roots(coefficient, rate)
     do k = 1, size(rate)
-      if (.not. real(rate(k)) > 1.0e-12_wp*abs(rate(k))) cycle
+      if (.not. real(rate(k)) > roundoff*abs(rate(k))) cycle
       growth = max(growth, real(rate(k)))
       longest = min(longest, (share*real(rate(k))/(error_constant*abs(rate(k))))**(1.0_wp/real(order, wp))/abs(rate(k)))
     end do

@@ -63,6 +63,9 @@ module dst_creep
   end type point_t
 
   integer, parameter :: max_iterations = 200
+  ! What follows chooses between expressions that agree and between first guesses: it decides about roundoff and iterations, not
+  ! about the result. Chosen where two neighbours are equally good.
+  !
   ! Below this elapsed tau alpha is small and differences are taken from the start, above it from tau = 1.
   real(wp), parameter :: early = 0.3_wp
   ! From this sin(phi) on the series in tau is near enough everywhere, and cheaper than an exponential and a logarithm.
@@ -72,6 +75,13 @@ module dst_creep
   ! A step of the fourth order leaves an error below its fourth power.
   real(wp), parameter :: last_step = 1.0e-4_wp
   real(wp), parameter :: roundoff = 4.0_wp*epsilon(1.0_wp)
+  ! From this g on exp(-g) is below all roundoff, in quadruple precision, too: friction is along the drive. Derived.
+  real(wp), parameter :: far = 1000.0_wp
+  ! First guesses: the level over s^2 from which on the one without the logarithm is nearer, and the coefficient that joins the
+  ! other one to it. Fitted.
+  real(wp), parameter :: joint = 1.2_wp, bend = 0.6_wp
+  ! Up to here the first term that the series of position_printed leaves out is roundoff in double precision. Derived.
+  real(wp), parameter :: small_tau = 0.1_wp
 
 contains
 
@@ -161,8 +171,8 @@ contains
     end if
     ! tau - tau_1 - (1 - kappa) [1 - sin(alpha_1 - phi)] = tau - 1 - s + kappa - (r - s), without rounding s
     distance = ((tau - 1.0_wp) - path%phi) + path%tail
-    if (distance > 1000.0_wp*path%weight) then
-      ! g > 1000 and exp(-g) = 0: friction is along the drive.
+    if (distance > far*path%weight) then
+      ! exp(-g) is nothing: friction is along the drive.
       creep = creep_t(alpha=0.5_wp*pi - path%phi, speed=1.0_wp, x_rate=1.0_wp, &
         position=elapsed - path%c*(path%c - path%sine_1) - path%kappa*path%s*(path%s - path%cosine_1))
       return
@@ -262,7 +272,7 @@ contains
     end if
     s2 = path%s**2
     level = s2*(path%log_ratio - 2.0_wp) - distance
-    if (level > 1.2_wp*s2) then
+    if (level > joint*s2) then
       half = 2.0_wp*path%s*path%c
       root = sqrt(max(0.0_wp, half**2 + (2.0_wp*path%cos_2 - level)*level))
       point%decay = min(level/((half + root)*path%q_1), 1.0_wp)
@@ -270,7 +280,7 @@ contains
     else
       x = distance/s2
       ratio = exp((path%log_ratio - 2.0_wp) - x)
-      root = 1.0_wp + 2.0_wp*path%c*ratio/sqrt(1.0_wp + 0.6_wp*ratio)
+      root = 1.0_wp + 2.0_wp*path%c*ratio/sqrt(1.0_wp + bend*ratio)
       point%g = x + 2.0_wp + log(root)
       ! exp(-g), with exp(log_ratio) = 2 q_1/s
       point%decay = 0.5_wp*path%s*ratio/(root*path%q_1)
@@ -380,7 +390,7 @@ contains
     real(wp), intent(in) :: phi, tau
     real(wp) :: half
 
-    if (tau < 0.1_wp) then
+    if (tau < small_tau) then
       ! (asin tau - tau sqrt(1 - tau^2))/2, which cancels for small tau.
       half = tau**3*(1.0_wp/3.0_wp + tau**2*(1.0_wp/10.0_wp + tau**2*(3.0_wp/56.0_wp + tau**2*(5.0_wp/144.0_wp &
         + tau**2*(35.0_wp/1408.0_wp + tau**2*(63.0_wp/3328.0_wp + tau**2*(77.0_wp/5120.0_wp)))))))

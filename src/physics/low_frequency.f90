@@ -16,7 +16,7 @@ module dst_low_frequency
   implicit none
   private
 
-  public :: low_frequency_t, new_low_frequency
+  public :: low_frequency_t, new_low_frequency, slow_forces
 
   !> The slow motion of a slider, in the unknown y = w_x.
   type, extends(slip_system_t) :: low_frequency_t
@@ -70,31 +70,54 @@ contains
     real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
     real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
     type(stage_terms_t), intent(inout) :: terms
-    real(wp), dimension(stages) :: across, speed, friction, slope
-    real(wp) :: per_mass, stiffness, along_share, across_share
+    real(wp), dimension(stages) :: across, speed, friction, slope, pull, force, damping
+    real(wp) :: per_mass, stiffness
     integer :: i
 
     per_mass = 1.0_wp/self%slider%mass
     stiffness = self%slider%stiffness(1)
     do i = 1, stages
+      pull(i) = stiffness*u(i, 1)
       across(i) = self%guided*drive_velocity(i)
       speed(i) = sqrt(y(i, 1)**2 + across(i)**2)
     end do
     call self%slider%law%evaluate(stages, speed, friction, slope)
+    call slow_forces(stages, pull, y, across, speed, friction, slope, force, damping, &
+      terms%dissipation, terms%dissipation_y, terms%supply, terms%supply_y)
     do i = 1, stages
-      along_share = y(i, 1)/speed(i)
-      across_share = across(i)/speed(i)
-      terms%force(i, 1) = per_mass*(stiffness*u(i, 1) - friction(i)*along_share)
+      terms%force(i, 1) = per_mass*force(i)
       terms%force_u(i, 1, 1) = per_mass*stiffness*velocity_y(i, 1, 1)
-      terms%force_y(i, 1, 1) = -per_mass*(slope(i)*along_share**2 + friction(i)*across_share**2/speed(i))
+      terms%force_y(i, 1, 1) = -per_mass*damping(i)
       terms%inertia(i, 1) = 1.0_wp
       terms%inertia_y(i, 1, 1) = 0.0_wp
-      terms%dissipation(i) = friction(i)*speed(i)
-      terms%dissipation_y(i, 1) = (friction(i) + slope(i)*speed(i))*along_share
-      terms%supply(i) = friction(i)*across(i)*across_share
-      terms%supply_y(i, 1) = (slope(i)*speed(i) - friction(i))*across_share**2*along_share
     end do
   end subroutine dynamics
+
+  !> Forces and powers of n slow motions side by side: stages of one, or several motions.
+  pure subroutine slow_forces(n, pull, w, across, speed, friction, slope, force, damping, dissipation, dissipation_w, &
+    supply, supply_w)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: pull(n)                  !! k_x u_x, N
+    real(wp), intent(in) :: w(n), across(n)          !! slip velocity along the soft axis and V s across it, m/s
+    real(wp), intent(in) :: speed(n)                 !! v, m/s
+    real(wp), intent(in) :: friction(n), slope(n)    !! F(v) and F'(v), N and N s/m
+    real(wp), intent(out) :: force(n), damping(n)    !! m w_x' and its derivative after -w_x, N and N s/m
+    real(wp), intent(out) :: dissipation(n), supply(n)       !! powers of friction, and of the drive across the axis, W
+    real(wp), intent(out) :: dissipation_w(n), supply_w(n)   !! their derivatives after w_x, N
+    real(wp) :: along_share, across_share
+    integer :: i
+
+    do i = 1, n
+      along_share = w(i)/speed(i)
+      across_share = across(i)/speed(i)
+      force(i) = pull(i) - friction(i)*along_share
+      damping(i) = slope(i)*along_share**2 + friction(i)*across_share**2/speed(i)
+      dissipation(i) = friction(i)*speed(i)
+      dissipation_w(i) = (friction(i) + slope(i)*speed(i))*along_share
+      supply(i) = friction(i)*across(i)*across_share
+      supply_w(i) = (slope(i)*speed(i) - friction(i))*across_share**2*along_share
+    end do
+  end subroutine slow_forces
 
   pure function slip_velocity(self, y, drive_velocity) result(velocity)
     class(low_frequency_t), intent(in) :: self

@@ -13,6 +13,7 @@ module dst_summary
   use dst_archive, only: archive_t
   use dst_cycles, only: cycles_t, period, peak, valley, stick_time, slip_time, slip_length, measures
   use dst_kinds, only: wp, int64
+  use dst_roots, only: bracket_t
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -23,8 +24,16 @@ module dst_summary
   !> An object that is slower than this share of the drive looks at rest.
   real(wp), parameter :: tiny_rate = 0.1_wp
   integer, parameter :: most_parts = 8
+  !> X' and the load may turn unseen in an advance that is longer than this share of the soft spring's period, while the object is
+  !> faster than this share of the drive. Convention.
+  real(wp), parameter :: short = 0.25_wp, creeping = 0.5_wp
+  !> Where the largest |X'| is looked for: only where an end reaches the first share of the largest so far, and a part the second.
+  real(wp), parameter :: worth_parts = 0.9_wp, worth_refining = 0.99_wp
+  !> A zero is found to this share of the values at the ends, or of the advance's time. Far below what is told of it.
+  real(wp), parameter :: close_to_zero = 1.0e-7_wp, close_in_time = 1.0e-8_wp
+  integer, parameter :: most_iterations = 40
 
-  !> What may pass through zero inside a stretch, see `level`.
+  !> What may pass through zero inside a stretch, see `crossing_value`.
   integer, parameter :: elongation_rate = 1, excess_rate = 2, excess_force = 3, rate = 4
 
   !> What `summary_values` gives, in its order.
@@ -153,55 +162,42 @@ contains
   end subroutine take_in
 
   !> What passes through zero: k_x u_x' [N/s], X' [m/s], |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N].
-  real(wp) function level(which, stretch, moment)
+  real(wp) function crossing_value(which, stretch, moment)
     integer, intent(in) :: which
     class(stretch_t), intent(in) :: stretch
     type(moment_t), intent(in) :: moment
 
     select case (which)
     case (elongation_rate)
-      level = moment%force_rate
+      crossing_value = moment%force_rate
     case (rate)
-      level = moment%rate
+      crossing_value = moment%rate
     case (excess_rate)
-      level = abs(moment%rate) - tiny_rate*abs(moment%drive_velocity)
+      crossing_value = abs(moment%rate) - tiny_rate*abs(moment%drive_velocity)
     case default
-      level = abs(moment%force) - stretch%friction(hypot(moment%slip_velocity(1), moment%slip_velocity(2)))
+      crossing_value = abs(moment%force) - stretch%friction(hypot(moment%slip_velocity(1), moment%slip_velocity(2)))
     end select
-  end function level
+  end function crossing_value
 
-  !> The motion where a level passes through zero between two times [s], by false position after Illinois: the end that
-  !> stays loses half its weight.
+  !> The motion where a crossing value passes through zero between two times [s], by false positions.
   function moment_at_zero(which, stretch, first, last, ends) result(moment)
     integer, intent(in) :: which
     class(stretch_t), intent(in) :: stretch
     real(wp), intent(in) :: first, last
     real(wp), intent(in) :: ends(2)           !! values there, of opposite signs
     type(moment_t) :: moment
-    real(wp) :: time(2), value(2), middle, found
-    integer :: iteration, replaced
+    type(bracket_t) :: bracket
+    real(wp) :: time, value
+    integer :: iteration
 
-    time = [first, last]
-    value = ends
-    replaced = 0
-    do iteration = 1, 40
-      middle = (time(1)*value(2) - time(2)*value(1))/(value(2) - value(1))
-      middle = min(time(2), max(time(1), middle))
-      moment = stretch%at(middle)
-      found = level(which, stretch, moment)
-      if (abs(found) <= 1.0e-7_wp*maxval(abs(ends))) exit
-      if (found*value(1) > 0.0_wp) then
-        time(1) = middle
-        value(1) = found
-        if (replaced == 1) value(2) = 0.5_wp*value(2)
-        replaced = 1
-      else
-        time(2) = middle
-        value(2) = found
-        if (replaced == 2) value(1) = 0.5_wp*value(1)
-        replaced = 2
-      end if
-      if (time(2) - time(1) <= 1.0e-8_wp*(stretch%last%time - stretch%first%time)) exit
+    bracket = bracket_t([first, last], ends)
+    do iteration = 1, most_iterations
+      time = min(bracket%x(2), max(bracket%x(1), bracket%false_position()))
+      moment = stretch%at(time)
+      value = crossing_value(which, stretch, moment)
+      if (abs(value) <= close_to_zero*maxval(abs(ends))) exit
+      call bracket%narrow(time, value)
+      if (bracket%width() <= close_in_time*(stretch%last%time - stretch%first%time)) exit
     end do
   end function moment_at_zero
 
@@ -213,8 +209,8 @@ contains
     integer :: i
 
     associate (first => stretch%first, last => stretch%last, n => real(stretch%parts, wp))
-      if (stretch%sticking .or. last%time - first%time <= 0.25_wp*self%cycles%natural_time .or. &
-        max(abs(first%rate), abs(last%rate)) <= 0.5_wp*max(abs(first%drive_velocity), abs(last%drive_velocity))) then
+      if (stretch%sticking .or. last%time - first%time <= short*self%cycles%natural_time .or. &
+        max(abs(first%rate), abs(last%rate)) <= creeping*max(abs(first%drive_velocity), abs(last%drive_velocity))) then
         call follow_part(self, stretch, first, last)
         return
       end if
@@ -262,11 +258,11 @@ contains
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
     type(moment_t), intent(in) :: first, last
-    real(wp) :: reach
+    real(wp) :: force_ahead
 
-    reach = first%force + 0.5_wp*(last%time - first%time)*first%force_rate
-    if (self%cycles%may_turn(first%force_rate > 0.0_wp, reach) .or. &
-      (last%time >= self%half .and. (reach > self%late_highest .or. reach < self%late_lowest))) &
+    force_ahead = first%force + 0.5_wp*(last%time - first%time)*first%force_rate
+    if (self%cycles%may_turn(first%force_rate > 0.0_wp, force_ahead) .or. &
+      (last%time >= self%half .and. (force_ahead > self%late_highest .or. force_ahead < self%late_lowest))) &
       call take_force(self, moment_at_zero(elongation_rate, stretch, first%time, last%time, [first%force_rate, last%force_rate]))
   end subroutine refine_extreme
 
@@ -301,12 +297,12 @@ contains
 
     if (self%has_slipped) return
     before = stretch%first
-    ends(1) = level(excess_force, stretch, before)
-    start = merge(1, slip_parts, level(excess_force, stretch, stretch%last) > -near*abs(stretch%last%force))
+    ends(1) = crossing_value(excess_force, stretch, before)
+    start = merge(1, slip_parts, crossing_value(excess_force, stretch, stretch%last) > -near*abs(stretch%last%force))
     do i = start, slip_parts
       after = stretch%last
       if (i < slip_parts) after = stretch%at(inside(i))
-      ends(2) = level(excess_force, stretch, after)
+      ends(2) = crossing_value(excess_force, stretch, after)
       if (ends(2) > 0.0_wp) exit
       before = after
       ends(1) = ends(2)
@@ -341,12 +337,13 @@ contains
     ! Where the mass is tiny, steps may be shorter than the time can tell.
     if (.not. duration > 0.0_wp) return
     ends = 0.0_wp
-    if (.not. stretch%sticking) ends = [level(excess_rate, stretch, first), level(excess_rate, stretch, stretch%last)]
+    if (.not. stretch%sticking) &
+      ends = [crossing_value(excess_rate, stretch, first), crossing_value(excess_rate, stretch, stretch%last)]
     share = merge(1.0_wp, 0.0_wp, ends(2) <= 0.0_wp)
     if (minval(ends) > 0.0_wp .and. first%rate*stretch%last%rate < 0.0_wp) then
       ! The object turns back, and is slow for a while between the ends.
       crossing = moment_at_zero(rate, stretch, first%time, stretch%last%time, [first%rate, stretch%last%rate])
-      slowest = level(excess_rate, stretch, crossing)
+      slowest = crossing_value(excess_rate, stretch, crossing)
       slow = moment_at_zero(excess_rate, stretch, first%time, crossing%time, [ends(1), slowest])
       crossing = moment_at_zero(excess_rate, stretch, crossing%time, stretch%last%time, [slowest, ends(2)])
       share = (crossing%time - slow%time)/duration
@@ -370,13 +367,13 @@ contains
     associate (n => stretch%parts)
       rates(0) = abs(stretch%first%rate)
       rates(n) = abs(stretch%last%rate)
-      if (max(rates(0), rates(n)) <= 0.9_wp*self%largest_rate) return
+      if (max(rates(0), rates(n)) <= worth_parts*self%largest_rate) return
       part = 1.0_wp/real(n, wp)
       do i = 1, n - 1
         rates(i) = rate_at(stretch, real(i, wp)*part)
       end do
       best = maxloc(rates(:n), dim=1) - 1
-      if (rates(best) <= 0.99_wp*self%largest_rate) return
+      if (rates(best) <= worth_refining*self%largest_rate) return
       inner = min(1.0_wp - offset, max(offset, real(best, wp)*part))
       if (best == 0 .or. best == n) then
         ! The maximum may be just inside.
@@ -397,17 +394,19 @@ contains
     rate_at = abs(moment%rate)
   end function rate_at
 
-  !> Largest |X'| near position `middle` of a stretch, where a maximum lies no further than `reach` away, by parabolas through three
-  !> points. Near a maximum the value is known as the square of the position.
-  real(wp) function largest_near(stretch, middle, reach) result(largest)
+  !> Largest |X'| near position `middle` of a stretch, where a maximum lies no further than `distance` away, by parabolas
+  !> through three points. Near a maximum the value is known as the square of the position.
+  real(wp) function largest_near(stretch, middle, distance) result(largest)
     class(stretch_t), intent(in) :: stretch
-    real(wp), intent(in) :: middle, reach
+    real(wp), intent(in) :: middle, distance
+    !> The distance of the points shrinks by this share down to the least, where the value is known to its square.
+    real(wp), parameter :: shrink = 0.1_wp, least = 0.004_wp
     real(wp) :: x, d, left, top, right, curvature
 
     x = middle
-    d = reach
+    d = distance
     largest = 0.0_wp
-    do while (d > 0.004_wp)
+    do while (d > least)
       x = min(1.0_wp - d, max(d, x))
       left = rate_at(stretch, x - d)
       top = rate_at(stretch, x)
@@ -416,7 +415,7 @@ contains
       curvature = 2.0_wp*top - left - right
       if (.not. curvature > 0.0_wp) return
       x = x + d*min(1.0_wp, max(-1.0_wp, 0.5_wp*(right - left)/curvature))
-      d = 0.1_wp*d
+      d = shrink*d
     end do
     x = min(1.0_wp, max(0.0_wp, x))
     largest = max(largest, rate_at(stretch, x))

@@ -19,9 +19,12 @@ module dst_lanes
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, deck_error, step_underflow, too_many_steps, too_many_rejections
   use dst_friction, only: exponential_form
+  use dst_low_frequency, only: slow_forces
+  use dst_rodas4p, only: stages, order, gamma, a, c
   use dst_scene, only: scene_t
   use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t
+  use dst_step_control, only: step_control_t, new_step_control, shortened, no_number
   use dst_summary, only: summary_t, energies_t, moment_t, stretch_t, summary_quantities, summary_values
   use dst_text, only: short_text
   implicit none
@@ -31,46 +34,33 @@ module dst_lanes
 
   !> Cases side by side.
   integer, parameter :: lane_count = 8
-  integer, parameter :: stages = 6
-  real(wp), parameter :: gamma = 0.25_wp
-  real(wp), parameter :: a(stages, stages) = transpose(reshape([ &
-    0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    3.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    1.831036793486759_wp, 0.4955183967433795_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    2.304376582692669_wp, -0.05249275245743001_wp, -1.176798761832782_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    -7.170454962423024_wp, -4.741636671481785_wp, -16.31002631330971_wp, -1.062004044111401_wp, 0.0_wp, 0.0_wp, &
-    -7.170454962423024_wp, -4.741636671481785_wp, -16.31002631330971_wp, -1.062004044111401_wp, 1.0_wp, 0.0_wp], &
-    [stages, stages]))
-  real(wp), parameter :: c(stages, stages) = transpose(reshape([ &
-    0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    -12.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    -8.791795173947035_wp, -2.207865586973518_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    10.81793056857153_wp, 6.780270611428266_wp, 19.53485944642410_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-    34.19095006749676_wp, 15.49671153725963_wp, 54.74760875964130_wp, 14.16005392148534_wp, 0.0_wp, 0.0_wp, &
-    34.62605830930532_wp, 15.30084976114473_wp, 56.99955578662667_wp, 18.40807009793095_wp, -5.714285714285717_wp, 0.0_wp], &
-    [stages, stages]))
 
   !> Step times growth rate up to which the growth of unstable creep is followed, as in dst_radau.
   real(wp), parameter :: longest_growth = 2.0_wp
   !> An oscillation of frequency omega loses 1.8e-5 (h omega)**6 of itself in a step: a hundredth of its growth at most. Below
   !> h omega = 0.5 that does not matter to any growth.
-  real(wp), parameter :: growth_accuracy = 1.0e-2_wp/1.8e-5_wp, short_reach = 0.5_wp
+  real(wp), parameter :: growth_accuracy = 1.0e-2_wp/1.8e-5_wp, small_angle = 0.5_wp
   !> Step times relaxation rate up to which a step resolves the relaxation.
   real(wp), parameter :: longest_relaxation = 10.0_wp
-  real(wp), parameter :: largest_factor = 6.0_wp, smallest_factor = 0.2_wp
+  !> Largest factor between steps. Convention.
+  real(wp), parameter :: largest_factor = 6.0_wp
+  !> First step over the time scale of the soft spring: the control finds its own within a few. Convention.
+  real(wp), parameter :: first_step = 0.01_wp
+  !> A step that would leave less than this share of itself to the end goes there. Convention.
+  real(wp), parameter :: sliver = 1.0e-6_wp
   !> Rejections of one step, and steps below the resolution of the time, after which a lane gives up.
   integer, parameter :: max_rejections = 60, max_standing = 10000
 
   !> What belongs to the start of a step.
-  type :: point_t
+  type :: step_start_t
     real(wp), dimension(lane_count) :: time = 0.0_wp, u = 0.0_wp, w = 1.0_wp
     !> u', w', w'' and dw'/dw.
     real(wp), dimension(lane_count) :: u_rate = 0.0_wp, w_rate = 0.0_wp, w_curvature = 0.0_wp, growth = 0.0_wp
     !> Powers of drive and friction [W] and their rates.
     real(wp), dimension(lane_count) :: supply = 0.0_wp, supply_rate = 0.0_wp, dissipation = 0.0_wp, dissipation_rate = 0.0_wp
-  end type point_t
+  end type step_start_t
 
-  !> The cases side by side: `load` puts one in a lane, `advance` goes on with all, `values` takes out what is `done`.
+  !> The cases side by side: `put_case` puts one in a lane, `advance` goes on with all, `values` takes out what is `done`.
   type :: lanes_t
     private
     !> Which lanes have a case, and which of these are done.
@@ -85,16 +75,17 @@ module dst_lanes
     real(wp), dimension(lane_count) :: first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp
     integer(int64) :: max_steps(lane_count) = 0
     ! Of the motion.
-    type(point_t) :: now, before
+    type(step_start_t) :: now, before
     type(moment_t) :: moment(lane_count)              !! at `before`
     logical :: moved(lane_count) = .false.            !! since `before`
-    real(wp), dimension(lane_count) :: next_step = 1.0_wp, last_step = 1.0_wp, last_error = 0.0_wp
+    real(wp), dimension(lane_count) :: next_step = 1.0_wp
+    type(step_control_t) :: control(lane_count)
     real(wp), dimension(lane_count) :: drive_work = 0.0_wp, friction_work = 0.0_wp
     integer(int64) :: steps(lane_count) = 0
     integer :: rejections(lane_count) = 0, standing(lane_count) = 0
     type(summary_t) :: summary(lane_count)
   contains
-    procedure :: load
+    procedure :: put_case
     procedure :: advance
     procedure :: values
   end type lanes_t
@@ -111,7 +102,7 @@ module dst_lanes
 contains
 
   !> Put a scene into a free lane. What does not slide all the time is done at once.
-  subroutine load(self, lane, scene)
+  subroutine put_case(self, lane, scene)
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: lane
     type(scene_t), intent(in) :: scene
@@ -138,7 +129,7 @@ contains
     self%second_u(lane) = scene%elongation_y
     self%first_position(lane) = -dot_product([scene%elongation_x, scene%elongation_y], slider%along)
     call begin(self, lane, scene%velocity_ratio*scene%drive_velocity(1)*slider%along(1))
-  end subroutine load
+  end subroutine put_case
 
   !> Place the object of a lane at time 0 with slip velocity w_x.
   subroutine begin(self, lane, w)
@@ -159,8 +150,8 @@ contains
     self%busy(lane) = .true.
     self%done(lane) = self%refused(lane)
     self%moved(lane) = .false.
-    self%next_step(lane) = 0.01_wp*sqrt(self%mass(lane)/self%stiffness(lane))
-    self%last_error(lane) = 0.0_wp
+    self%next_step(lane) = first_step*sqrt(self%mass(lane)/self%stiffness(lane))
+    self%control(lane) = new_step_control(order, largest_factor, predicts=.true., by_square_roots=.true.)
     self%drive_work(lane) = 0.0_wp
     self%friction_work(lane) = 0.0_wp
     self%steps(lane) = 0
@@ -206,26 +197,28 @@ contains
   !> Everything that is known at the points where the lanes are.
   subroutine evaluate_start(self)
     class(lanes_t), intent(inout) :: self
-    real(wp) :: speed, part, friction, slope, share, across_share
+    real(wp), dimension(lane_count) :: pull, speed, friction, slope, force, damping, dissipation_w, supply, supply_w
+    real(wp) :: part
     integer :: i
 
     associate (now => self%now)
       do i = 1, lane_count
-        speed = sqrt(now%w(i)**2 + self%across(i)**2)
-        part = self%drop(i)*exp(-speed*self%decay(i))
-        friction = self%limit(i) + part
-        slope = -self%decay(i)*part
-        share = now%w(i)/speed
-        across_share = self%across(i)/speed
+        pull(i) = self%stiffness(i)*now%u(i)
+        speed(i) = sqrt(now%w(i)**2 + self%across(i)**2)
+        part = weakening(self%drop(i), self%decay(i), speed(i))
+        friction(i) = self%limit(i) + part
+        slope(i) = -self%decay(i)*part
+      end do
+      call slow_forces(lane_count, pull, now%w, self%across, speed, friction, slope, force, damping, &
+        now%dissipation, dissipation_w, supply, supply_w)
+      do i = 1, lane_count
         now%u_rate(i) = self%velocity(i)*self%along(i) - now%w(i)
-        now%w_rate(i) = (self%stiffness(i)*now%u(i) - friction*share)/self%mass(i)
-        now%growth(i) = -(slope*share**2 + friction*across_share**2/speed)/self%mass(i)
+        now%w_rate(i) = force(i)/self%mass(i)
+        now%growth(i) = -damping(i)/self%mass(i)
         now%w_curvature(i) = self%stiffness(i)/self%mass(i)*now%u_rate(i) + now%growth(i)*now%w_rate(i)
-        now%supply(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u(i) + friction*self%across(i)*across_share
-        now%supply_rate(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u_rate(i) &
-          + (slope*speed - friction)*across_share**2*share*now%w_rate(i)
-        now%dissipation(i) = friction*speed
-        now%dissipation_rate(i) = (friction + slope*speed)*share*now%w_rate(i)
+        now%supply(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u(i) + supply(i)
+        now%supply_rate(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u_rate(i) + supply_w(i)*now%w_rate(i)
+        now%dissipation_rate(i) = dissipation_w(i)*now%w_rate(i)
       end do
     end associate
   end subroutine evaluate_start
@@ -259,7 +252,7 @@ contains
     real(wp) :: h, drive_work, friction_work
 
     associate (from => self%before, to => self%now)
-      h = self%last_step(i)
+      h = self%control(i)%last_step
       drive_work = 0.5_wp*h*(from%supply(i) + to%supply(i) + h/6.0_wp*(from%supply_rate(i) - to%supply_rate(i)))
       friction_work = 0.5_wp*h*(from%dissipation(i) + to%dissipation(i) &
         + h/6.0_wp*(from%dissipation_rate(i) - to%dissipation_rate(i)))
@@ -289,7 +282,7 @@ contains
     real(wp) :: h, tau, u, w, p(0:5), q(0:5)
 
     associate (lanes => self%lanes, i => self%lane, from => self%lanes%before, to => self%lanes%now)
-      h = lanes%last_step(i)
+      h = lanes%control(i)%last_step
       if (h*max(abs(from%growth(i)), abs(to%growth(i))) <= longest_relaxation) then
         p = quintic([from%u(i), h*from%u_rate(i), -h**2*from%w_rate(i)], [to%u(i), h*to%u_rate(i), -h**2*to%w_rate(i)])
         q = quintic([from%w(i), h*from%w_rate(i), h**2*from%w_curvature(i)], [to%w(i), h*to%w_rate(i), h**2*to%w_curvature(i)])
@@ -310,9 +303,16 @@ contains
     real(wp), intent(in) :: speed
 
     associate (lanes => self%lanes, i => self%lane)
-      friction = lanes%limit(i) + lanes%drop(i)*exp(-speed*lanes%decay(i))
+      friction = lanes%limit(i) + weakening(lanes%drop(i), lanes%decay(i), speed)
     end associate
   end function friction
+
+  !> What friction has above its limit. It stands here, not in dst_friction, for the compiler's vectors.
+  elemental real(wp) function weakening(drop, decay, speed)
+    real(wp), intent(in) :: drop, decay, speed
+
+    weakening = drop*exp(-speed*decay)
+  end function weakening
 
   !> Coefficients of the polynomial with these values, slopes and curvatures at 0 and 1.
   pure function quintic(first, last) result(p)
@@ -361,7 +361,7 @@ contains
     associate (now => self%now)
       do l = 1, lane_count
         h(l) = min(self%next_step(l), self%longest_step(l))
-        if (now%time(l) + 1.000001_wp*h(l) >= self%t_end(l)) h(l) = self%t_end(l) - now%time(l)
+        if (now%time(l) + (1.0_wp + sliver)*h(l) >= self%t_end(l)) h(l) = self%t_end(l) - now%time(l)
         if (.not. (self%busy(l) .and. h(l) > 0.0_wp)) h(l) = 1.0_wp
         pivot(l) = gamma*h(l)/(1.0_wp - gamma*h(l)*(now%growth(l) - gamma*h(l)*self%stiffness(l)/self%mass(l)))
         k_w(l, 1) = pivot(l)*(now%w_rate(l) + gamma*h(l)*self%stiffness(l)/self%mass(l)*now%u_rate(l))
@@ -383,7 +383,7 @@ contains
         end do
         do l = 1, lane_count
           speed(l) = sqrt(w(l)**2 + self%across(l)**2)
-          friction(l) = self%limit(l) + self%drop(l)*exp(-speed(l)*self%decay(l))
+          friction(l) = self%limit(l) + weakening(self%drop(l), self%decay(l), speed(l))
         end do
         do l = 1, lane_count
           sum_u(l) = self%velocity(l)*self%along(l) - w(l) + sum_u(l)/h(l)
@@ -406,31 +406,28 @@ contains
     end do
   end subroutine attempt
 
-  !> Accept or reject the attempt of a lane, and choose its next step as dst_radau does for one component.
+  !> Accept or reject the attempt of a lane, and choose its next step.
   pure subroutine decide(self, l, h, u, w, estimate)
     class(lanes_t), intent(inout) :: self
     integer, intent(in) :: l
     real(wp), intent(in) :: h, u, w, estimate
-    real(wp) :: error, factor, growth, reach, longest_reach
+    real(wp) :: error, factor, growth, angle, largest_angle
 
-    error = 1.0e10_wp
-    if (abs(u) + abs(w) <= huge(u) .and. estimate < error) error = max(estimate, 1.0e-10_wp)
-    factor = 0.9_wp/sqrt(sqrt(error))
-    if (error <= 1.0_wp .and. self%last_error(l) > 0.0_wp) &
-      factor = min(factor, factor*(h/self%last_step(l))*sqrt(sqrt(self%last_error(l)/error)))
-    if (self%rejections(l) > 0 .and. error <= 1.0_wp) factor = min(factor, 1.0_wp)
+    error = estimate
+    if (.not. abs(u) + abs(w) <= huge(u)) error = no_number
+    call self%control(l)%advise(h, self%rejections(l) > 0, error, factor)
     growth = h*self%now%growth(l)
     if (growth > longest_growth) then
-      factor = min(factor, 0.9_wp*longest_growth/growth)
+      factor = min(factor, shortened(longest_growth, growth))
       error = max(error, growth/longest_growth)
     end if
-    reach = h*sqrt(self%stiffness(l)/self%mass(l))
-    if (growth > 0.0_wp .and. reach > short_reach) then
-      longest_reach = (growth_accuracy*min(1.0_wp, 0.5_wp*growth/reach))**0.2_wp
-      factor = min(factor, 0.9_wp*longest_reach/reach)
-      if (reach > longest_reach) error = max(error, reach/longest_reach)
+    angle = h*sqrt(self%stiffness(l)/self%mass(l))
+    if (growth > 0.0_wp .and. angle > small_angle) then
+      largest_angle = (growth_accuracy*min(1.0_wp, 0.5_wp*growth/angle))**0.2_wp
+      factor = min(factor, shortened(largest_angle, angle))
+      if (angle > largest_angle) error = max(error, angle/largest_angle)
     end if
-    self%next_step(l) = h*min(largest_factor, max(smallest_factor, factor))
+    self%next_step(l) = h*factor
     if (error > 1.0_wp) then
       self%rejections(l) = self%rejections(l) + 1
       self%done(l) = self%rejections(l) > max_rejections
@@ -438,12 +435,11 @@ contains
     end if
     self%standing(l) = merge(0, self%standing(l) + 1, self%now%time(l) + h > self%now%time(l))
     self%now%time(l) = self%now%time(l) + h
-    if (self%now%time(l) + 1.0e-6_wp*h >= self%t_end(l)) self%now%time(l) = self%t_end(l)
+    if (self%now%time(l) + sliver*h >= self%t_end(l)) self%now%time(l) = self%t_end(l)
     self%now%u(l) = u
     self%now%w(l) = w
     self%moved(l) = .true.
-    self%last_step(l) = h
-    self%last_error(l) = error
+    call self%control(l)%accept(h)
     self%rejections(l) = 0
     self%steps(l) = self%steps(l) + 1
     self%done(l) = self%standing(l) > max_standing .or. &

@@ -376,7 +376,7 @@ contains
     do i = 1, size(coordinates)
       call set_number(self%scene, trim(schema(sweep%axes(i)%key)%name), coordinates(i))
     end do
-    if (allocated(self%lanes)) call self%lanes%load(place, self%scene)
+    if (allocated(self%lanes)) call self%lanes%put_case(place, self%scene)
   end subroutine begin_case
 
   !> Go on until a case is done. If the watch asks to stop first, `done` is false and nothing of the cases remains.
