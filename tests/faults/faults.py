@@ -437,9 +437,7 @@ def list_cases(operations: list[str], kinds: list[str], every: int) -> tuple[lis
     return cases, broken
 
 
-def report(
-    results: list[tuple[Case, list[str]]], broken: dict[str, str], put: Callable[[str], object] = print
-) -> int:
+def report(results: list[tuple[Case, list[str]]], broken: dict[str, str], put: Callable[[str], object] = print) -> int:
     """A table of cases and failures; the number of failures."""
     tried = Counter((case.operation, case.kind) for case, _ in results)
     failed = Counter((case.operation, case.kind) for case, faults in results if faults)

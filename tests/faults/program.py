@@ -267,9 +267,7 @@ def fault_of_unfinished(file: Path, expected: dict[str, tuple]) -> str:
                 for name, column in data.get(group, {}).items():
                     bits = column[()].tobytes()
                     lengths.add(len(column))
-                    if f"{group}/{name}" not in expected or not expected[f"{group}/{name}"][1].startswith(
-                        bits
-                    ):
+                    if f"{group}/{name}" not in expected or not expected[f"{group}/{name}"][1].startswith(bits):
                         return f"wrong numbers in {group}/{name}"
                 if len(lengths) > 1:
                     return f"columns of {group} differ in length"

@@ -113,14 +113,10 @@ class Sequence:
         settings = [word for key in (*scene[1:], *OFTEN) for word in ("--set", key)]
         return ["run", str(INPUTS / f"{scene[0]}.nml"), "-o", file, "--quiet", *overwrite, *settings]
 
-    def start(
-        self, kind: str, fault: str = "", file: str = RESULT, extra: tuple[str, ...] = (), **settings: object
-    ) -> Running:
+    def start(self, kind: str, fault: str = "", file: str = RESULT, extra: tuple[str, ...] = (), **settings: object) -> Running:
         what = f"{kind} {file if file != RESULT else ''} {fault} {' '.join(extra)} {settings or ''}"
         self.trace.append(" ".join(what.split()))
-        return self.program.start(
-            self.folder, *self.command(kind, file), *extra, fault=fault, clock=self.clock, **settings
-        )
+        return self.program.start(self.folder, *self.command(kind, file), *extra, fault=fault, clock=self.clock, **settings)
 
     def end(self, run: Running, *allowed: int, quiet: bool = False) -> Ended:
         """Wait, and look at how it ended and what is there."""
@@ -223,15 +219,10 @@ class Sequence:
         self.trace.append(f"   held: {first.holds()}")
         is_placed = self.file.exists()
         old = snapshot(self.folder)
-        others = [
-            self.start(self.chance.choice(["run", "resume", "run --overwrite"]))
-            for _ in range(self.chance.randrange(1, 4))
-        ]
+        others = [self.start(self.chance.choice(["run", "resume", "run --overwrite"])) for _ in range(self.chance.randrange(1, 4))]
         # At the very first calls the program has not got hold of anything yet: the lock may be a stale one.
         lock = self.folder / f"{RESULT}.lock"
-        has_lock = (
-            n > 30 if self.is_sweep else lock.exists() and f"process {first.process}\n" in lock.read_text()
-        )
+        has_lock = n > 30 if self.is_sweep else lock.exists() and f"process {first.process}\n" in lock.read_text()
         if is_held and has_lock:
             for other in others:
                 ended = self.end(other, DONE, FILE_ERROR, quiet=True)
@@ -285,9 +276,7 @@ class Sequence:
         if self.is_sweep or not self.file.exists():
             return
         checkpoint = self.file.with_name(f"{RESULT}.checkpoint")
-        what = self.chance.choice(
-            ("rename", "rename", "put back", "no checkpoint", "no result", "older result")
-        )
+        what = self.chance.choice(("rename", "rename", "put back", "no checkpoint", "no result", "older result"))
         self.trace.append(f"user: {what}")
         if what == "rename":
             self.under_another_name(checkpoint)
@@ -317,16 +306,12 @@ class Sequence:
     def under_another_name(self, checkpoint: Path) -> None:
         """Both files get another name, the run is resumed there, and they come back."""
         must = self.must_resume()
-        pairs = [
-            (path, path.with_name(path.name.replace(RESULT, "z.h5"))) for path in (self.file, checkpoint)
-        ]
+        pairs = [(path, path.with_name(path.name.replace(RESULT, "z.h5"))) for path in (self.file, checkpoint)]
         for path, other in pairs:
             if path.exists():
                 path.rename(other)
         fault = self.chance.choice(("", f"TERM:parent:{self.any_call()}", f"kill:all:{self.any_call()}"))
-        ended = self.end(
-            self.start("resume", fault, file="z.h5"), DONE, STOPPED, FILE_ERROR, -9, -15, quiet=True
-        )
+        ended = self.end(self.start("resume", fault, file="z.h5"), DONE, STOPPED, FILE_ERROR, -9, -15, quiet=True)
         if ended.status == FILE_ERROR and must:
             raise Wrong(f"refused under another name: {ended.text.strip()[:120]}")
         for path, other in pairs:
@@ -411,11 +396,7 @@ def litter_kind(name: str) -> str:
 
 def numbers(file: Path) -> dict[str, tuple]:
     """What does not depend on how the run was stopped."""
-    return {
-        name: bits
-        for name, bits in content(file).items()
-        if not name.startswith(("deck", "parameters", "statistics/wall"))
-    }
+    return {name: bits for name, bits in content(file).items() if not name.startswith(("deck", "parameters", "statistics/wall"))}
 
 
 class Lives(Laboratory):
@@ -470,9 +451,7 @@ def try_sequences(seeds: list[str]) -> list[tuple[str, list[str], list[str]]]:
 
 
 def main() -> int:
-    options = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--count", type=int, default=500)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--only", type=int, help="this one only, with its steps")

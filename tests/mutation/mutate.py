@@ -129,16 +129,12 @@ def copy_tree() -> None:
         origin = CHECKOUT / name
         for path in [origin] if origin.is_file() else [path for path in origin.rglob("*") if path.is_file()]:
             relative = path.relative_to(CHECKOUT)
-            if "__pycache__" in relative.parts or (
-                relative.parts[0] == "src" and path.suffix in (".f90", ".inc")
-            ):
+            if "__pycache__" in relative.parts or (relative.parts[0] == "src" and path.suffix in (".f90", ".inc")):
                 continue
             text = path.read_text()
             if path.name == "meson.build":
                 text = re.sub(r"subdir\('(tests/fuzz|tests/threads|bench)'\)", "", text)
-                text = text.replace(
-                    "core_sources, precision,", "core_sources, precision, 'mutant.f90', 'mutant.c',", 1
-                )
+                text = text.replace("core_sources, precision,", "core_sources, precision, 'mutant.f90', 'mutant.c',", 1)
             put(TREE / relative, text)
     for name in ("mutant.f90", "mutant.c"):
         put(TREE / "src" / name, (HERE / name).read_text())
@@ -155,9 +151,7 @@ def write_sources(all_sources: list[Source], chosen: dict[int, Mutant]) -> dict[
     return places
 
 
-def build(
-    all_sources: list[Source], count: int, seed: int, modules: list[str], jobs: int
-) -> dict[int, Mutant]:
+def build(all_sources: list[Source], count: int, seed: int, modules: list[str], jobs: int) -> dict[int, Mutant]:
     """Build with the chosen mutants; those that the compiler refuses are replaced by others."""
     while True:
         chosen = choose(all_sources, count, seed, modules)
@@ -167,16 +161,12 @@ def build(
             subprocess.run(["meson", "setup", BUILD, TREE, f"--prefix={PREFIX}", "-Dpython.install_env=prefix", "-Doptimization=1",
                             "-Ddebug=false", "-Dfortran_args=-ffree-line-length-none -w"],
                            check=True, stdout=subprocess.DEVNULL)  # fmt: skip
-        done = subprocess.run(
-            ["ninja", "-C", BUILD, "-k", "0", "-j", str(jobs)], text=True, capture_output=True, check=False
-        )
+        done = subprocess.run(["ninja", "-C", BUILD, "-k", "0", "-j", str(jobs)], text=True, capture_output=True, check=False)
         if done.returncode == 0:
             break
         refused = {
             number
-            for name, line in re.findall(
-                r"([\w.]+\.(?:f90|inc)):(\d+):\d+:\n(?:.*\n){0,6}?Error:", done.stdout
-            )
+            for name, line in re.findall(r"([\w.]+\.(?:f90|inc)):(\d+):\d+:\n(?:.*\n){0,6}?Error:", done.stdout)
             for number in places.get(name, {}).get(int(line), [])
         }
         if not refused:
@@ -185,9 +175,7 @@ def build(
         for number in sorted(refused):
             print(f"    {chosen[number].original} -> {chosen[number].mutated}", flush=True)
         reject([chosen[number] for number in refused])
-    subprocess.run(
-        ["meson", "install", "-C", BUILD, "--quiet", "--no-rebuild"], check=True, stdout=subprocess.DEVNULL
-    )
+    subprocess.run(["meson", "install", "-C", BUILD, "--quiet", "--no-rebuild"], check=True, stdout=subprocess.DEVNULL)
     return chosen
 
 
@@ -244,9 +232,7 @@ def verdict_of(mutant: Mutant, checks: list[Check]) -> tuple[str, str]:
     """The checks that reach it, in the order in which they are likely to kill soon: those of the same file, and fast ones, first."""
 
     def promise(check: Check) -> float:
-        return (0.2 + check.kills.get(mutant.file, 0) + 0.1 * sum(check.kills.values())) / max(
-            check.seconds, 0.01
-        )
+        return (0.2 + check.kills.get(mutant.file, 0) + 0.1 * sum(check.kills.values())) / max(check.seconds, 0.01)
 
     reaching = [check for check in checks if mutant.number in check.reaches]
     for check in sorted(reaching, key=promise, reverse=True):
@@ -265,15 +251,7 @@ def is_killed(mutant: Mutant, checks: list[Check], results: Table) -> bool:
 
 
 def note(mutant: Mutant, verdict: str, by: str, seconds: float, results: Table) -> None:
-    row = (
-        mutant.number,
-        mutant.file,
-        mutant.line,
-        mutant.procedure,
-        mutant.original,
-        mutant.mutated,
-        mutant.occurrence,
-    )
+    row = (mutant.number, mutant.file, mutant.line, mutant.procedure, mutant.original, mutant.mutated, mutant.occurrence)
     results[mutant.key] = dict(zip(FIELDS, map(str, (*row, verdict, by, round(seconds, 1))), strict=True))
     write_results(results)
 
@@ -296,16 +274,12 @@ def write_results(rows: Table) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rounds", choices=list(ROUNDS), default="medium", help="the last round of tests")
     parser.add_argument("--modules", nargs="+", default=[])
-    parser.add_argument(
-        "--survivors", action="store_true", help="only those that have not been killed before"
-    )
+    parser.add_argument("--survivors", action="store_true", help="only those that have not been killed before")
     parser.add_argument("--mutants", type=int, nargs="+", help="only these numbers")
     parser.add_argument("--jobs", type=int, default=1, help="processes of the compiler")
     parser.add_argument("--build-only", action="store_true")
@@ -317,10 +291,7 @@ def main() -> int:
     for key in sorted(read_table(EQUIVALENT).keys() - known):
         print(f"Listed as equivalent, but no longer there: {key}")
     chosen = build(all_sources, options.count, options.seed, options.modules, options.jobs)
-    print(
-        f"{len(chosen)} of {len(known)} mutants in {len({mutant.file for mutant in chosen.values()})} files",
-        flush=True,
-    )
+    print(f"{len(chosen)} of {len(known)} mutants in {len({mutant.file for mutant in chosen.values()})} files", flush=True)
     if options.build_only:
         return 0
     results = read_table(RESULTS)

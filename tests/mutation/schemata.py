@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 TOKEN = re.compile(
     r"""'(?:[^']|'')*'|"(?:[^"]|"")*"|\d+\.\d*(?:[eE][-+]?\d+)?(?:_\w+)?|\d+(?:_\w+)?|\.[a-zA-Z]+\.|[a-zA-Z]\w*"""
-    r"""|\*\*|==|/=|<=|>=|=>|//|::|\S""",
+    r"""|\*\*|==|/=|<=|>=|=>|//|::|\S"""
 )
 PROCEDURE = re.compile(r"^(?!end )(?:[\w ]|\([\w*:=]*\))*\b(?:subroutine|function) (\w+)")
 ASSIGNMENT = re.compile(r"^[a-z]\w*(?:\([^=]*\))?(?:%\w+(?:\([^=]*\))?)*\s*=(?![=>])\s*(.+)$", re.IGNORECASE)
@@ -31,14 +31,7 @@ NUMERIC = frozenset(
 INTEGERS = frozenset(
     ("i", "j", "k", "l", "m", "n", "s", "axis", "first", "last", "degree", "stages", "column", "segment", "size")
 )  # fmt: skip
-RELATIONS = {
-    "<": ("<=", ">="),
-    "<=": ("<", ">"),
-    ">": (">=", "<="),
-    ">=": (">", "<"),
-    "==": ("/=",),
-    "/=": ("==",),
-}
+RELATIONS = {"<": ("<=", ">="), "<=": ("<", ">"), ">": (">=", "<="), ">=": (">", "<"), "==": ("/=",), "/=": ("==",)}
 SWAPS = {"+": "-", "-": "+", "*": "/", "/": "*", ".and.": ".or.", ".or.": ".and.", "min": "max", "max": "min",
          ".true.": ".false.", ".false.": ".true."}  # fmt: skip
 
@@ -130,9 +123,7 @@ def read_source(name: str, text: str) -> Source:
         for part, mutated in mutations(statement.text):
             key = (statement.procedure, statement.text, mutated)
             seen[key] = seen.get(key, -1) + 1
-            found.append(
-                Mutant(name, statement.line, statement.procedure, statement.text, mutated, part, seen[key])
-            )
+            found.append(Mutant(name, statement.line, statement.procedure, statement.text, mutated, part, seen[key]))
         if found and statement.procedure:
             source.mutants[i] = found
     return source
@@ -250,11 +241,7 @@ def subscripts(tokens: list[str]) -> set[int]:
             opened.append(k)
         elif token in ")]":
             first = opened.pop()
-            name = (
-                tokens[first - 1]
-                if first and tokens[first] == "(" and re.match(r"[a-zA-Z]", tokens[first - 1])
-                else ""
-            )
+            name = tokens[first - 1] if first and tokens[first] == "(" and re.match(r"[a-zA-Z]", tokens[first - 1]) else ""
             if not name or (name in NUMERIC and tokens[max(first - 2, 0)] != "%"):
                 continue
             inside = tokens[first + 1 : k]

@@ -45,11 +45,7 @@ def test_names_are_unique_and_what_is_named_exists(catalogue: dict[str, Any]) ->
         for name, choices in key["used_by"].items():
             assert choices
             assert set(choices) <= set(keys[name]["choices"])
-        assert (
-            (key["default"] is None)
-            or key["kind"] not in ("real", "reals")
-            or isinstance(key["default"], float)
-        )
+        assert (key["default"] is None) or key["kind"] not in ("real", "reals") or isinstance(key["default"], float)
 
 
 def test_the_help_says_what_the_table_says(executable: Path, catalogue: dict[str, Any]) -> None:
@@ -62,21 +58,15 @@ def test_the_help_says_what_the_table_says(executable: Path, catalogue: dict[str
                 assert " ".join(command[part].split()) in text
             for option in catalogue["options"]:
                 if command["name"] in option["commands"]:
-                    assert (
-                        " ".join(f"{option['name']} {option['argument']} {option['meaning']}".split()) in text
-                    )
-            assert set(re.findall(r"(?<= )(-o|--[a-z-]+)", text.partition(" Examples: ")[0])) <= set(
-                command["options"]
-            )
+                    assert " ".join(f"{option['name']} {option['argument']} {option['meaning']}".split()) in text
+            assert set(re.findall(r"(?<= )(-o|--[a-z-]+)", text.partition(" Examples: ")[0])) <= set(command["options"])
             for entry in catalogue["exit_statuses"]:
                 assert f"{entry['status']} {entry['meaning']}" in text
 
 
 def test_the_commands_of_python_take_what_the_table_says(catalogue: dict[str, Any]) -> None:
     (subparsers,) = (
-        action
-        for action in commands_of_python._parser("dynstiction")._actions
-        if isinstance(action, argparse._SubParsersAction)
+        action for action in commands_of_python._parser("dynstiction")._actions if isinstance(action, argparse._SubParsersAction)
     )
     listed = {command["name"]: command for command in catalogue["commands"] if command["by"] == "Python"}
     assert set(subparsers.choices) == set(listed) == set(commands_of_python.COMMANDS)
@@ -96,9 +86,7 @@ def test_the_commands_of_python_take_what_the_table_says(catalogue: dict[str, An
         assert operands == [listed[name]["operands"].removesuffix("...")] * bool(listed[name]["operands"])
 
 
-def test_results_have_the_columns_and_values_of_the_table(
-    fig3_result: ds.Result, catalogue: dict[str, Any]
-) -> None:
+def test_results_have_the_columns_and_values_of_the_table(fig3_result: ds.Result, catalogue: dict[str, Any]) -> None:
     def described(infos: Any) -> list[dict[str, str]]:
         return [{"name": i.name, "units": i.units, "long_name": i.long_name} for i, _ in infos.info()]
 
@@ -115,9 +103,7 @@ def modules(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if shutil.which("gfortran") is None:
         pytest.skip("gfortran is not installed")
     folder = tmp_path_factory.mktemp("modules")
-    precision = (
-        (ROOT / "src" / "base" / "precision.f90.in").read_text(encoding="utf-8").replace("@kind@", "real64")
-    )
+    precision = (ROOT / "src" / "base" / "precision.f90.in").read_text(encoding="utf-8").replace("@kind@", "real64")
     (folder / "precision.f90").write_text(precision, encoding="utf-8")
     base = [ROOT / "src" / "base" / f"{name}.f90" for name in ("kinds", "text", "errors", "writer")]
     for source in (folder / "precision.f90", *base):

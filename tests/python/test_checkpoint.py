@@ -31,13 +31,7 @@ from program import compiled_shim
 pytestmark = pytest.mark.deck
 
 # What the closed forms do not use.
-ABSENT = (
-    "system.mass=",
-    "friction.law=",
-    "initial.velocity_ratio=",
-    "integrator.method=",
-    "integrator.rtol=",
-)
+ABSENT = ("system.mass=", "friction.law=", "initial.velocity_ratio=", "integrator.method=", "integrator.rtol=")
 # Longer than any test waits. Who limits the time needs no room for all.
 ENDLESS = ("scene.t_end=1e6", "output.wall_limit=1e6")
 SMOOTHED = ("friction.contact=smoothed", "friction.v_smooth=1.0e-5")
@@ -108,9 +102,7 @@ def content(file: Path) -> dict[str, object]:
     found: dict[str, object] = {}
 
     def visit(name: str, item: object) -> None:
-        if isinstance(item, h5py.Dataset) and not name.startswith(
-            ("deck", "parameters", "statistics/wall_time")
-        ):
+        if isinstance(item, h5py.Dataset) and not name.startswith(("deck", "parameters", "statistics/wall_time")):
             found[name] = (item.shape, str(item.dtype), item[()].tobytes())
 
     with h5py.File(file) as data:
@@ -121,9 +113,7 @@ def content(file: Path) -> dict[str, object]:
 
 def assert_same(file: Path, expected: dict[str, object]) -> None:
     actual = content(file)
-    assert [
-        name for name in sorted(actual.keys() | expected.keys()) if actual.get(name) != expected.get(name)
-    ] == []
+    assert [name for name in sorted(actual.keys() | expected.keys()) if actual.get(name) != expected.get(name)] == []
 
 
 def assert_readable(file: Path) -> int:
@@ -293,9 +283,7 @@ def test_without_an_interval_only_a_stop_writes_a_checkpoint(program, tmp_path):
     assert checkpoint_of(file).read_bytes() != first
 
 
-def kill_and_resume(
-    program: Program, name: str, file: Path, expected: dict[str, object], delays: list[float]
-) -> int:
+def kill_and_resume(program: Program, name: str, file: Path, expected: dict[str, object], delays: list[float]) -> int:
     """Start, kill after each delay, resume, until the run ends. Returns the number of kills of an unfinished run."""
     often = ("output.checkpoint_interval=0.05", "output.flush_seconds=0.02")
     command = program.command(SCENES[name], file, *often)
@@ -344,9 +332,7 @@ def random_kills(program: Program, references, folder: Path, least: int, seed: i
             break
         name = names[i % len(names)]
         file = folder / f"{i}.h5"
-        kills += kill_and_resume(
-            program, name, file, references(name), [chance.uniform(0.0, 0.3) for _ in range(3)]
-        )
+        kills += kill_and_resume(program, name, file, references(name), [chance.uniform(0.0, 0.3) for _ in range(3)])
         for left in folder.glob(f"{i}.h5*"):
             left.unlink()
     return kills
@@ -358,9 +344,7 @@ def shim(tmp_path_factory) -> Path:
     return compiled_shim(tmp_path_factory.mktemp("shim"))
 
 
-def run_with_shim(
-    program: Program, shim: Path, file: Path, fault: str = ""
-) -> subprocess.CompletedProcess[str]:
+def run_with_shim(program: Program, shim: Path, file: Path, fault: str = "") -> subprocess.CompletedProcess[str]:
     """A run that flushes as often as it can."""
     environment = {
         "LD_PRELOAD": str(shim),
@@ -383,9 +367,7 @@ def writes(program, shim, tmp_path_factory) -> dict[str, int]:
     done = run_with_shim(program, shim, file)
     assert done.returncode == 0, done.stderr
     calls = [line.split() for line in log_of(file).read_text().splitlines()]
-    count = {
-        who: sum(call[0] == who and call[3] == "pwrite" for call in calls) for who in ("parent", "child")
-    }
+    count = {who: sum(call[0] == who and call[3] == "pwrite" for call in calls) for who in ("parent", "child")}
     assert min(count.values()) > 100
     return count
 
@@ -406,9 +388,7 @@ def test_killed_in_the_middle_of_a_write(program, shim, writes, references, tmp_
 
 
 @pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.5, 0.8])
-def test_a_child_killed_in_the_middle_of_a_write_does_no_harm(
-    program, shim, writes, references, tmp_path, share
-):
+def test_a_child_killed_in_the_middle_of_a_write_does_no_harm(program, shim, writes, references, tmp_path, share):
     """The process writes again what its child writes to be safe from a kill."""
     file = tmp_path / "x.h5"
     done = run_with_shim(program, shim, file, f"kill:child:pwrite@{round(share * writes['child'])}")
@@ -501,11 +481,7 @@ def test_a_checkpoint_of_another_format_version_deck_or_run_says_both(program, c
         "another format": ("format 1", original.splitlines()[0].decode().partition(", ")[2]),
         "another version": ("version 9.9", "this program is version"),
         "another run": ("run begun at 1999", "that begun at 20"),
-        "another deck": (
-            "another deck",
-            "SHA-256 0000",
-            original[after(original, b"deck_sha256") :][:64].decode(),
-        ),
+        "another deck": ("another deck", "SHA-256 0000", original[after(original, b"deck_sha256") :][:64].decode()),
     }.items():
         checkpoint_of(copied).write_bytes(DAMAGED_CHECKPOINTS[damage](original))
         assert_refused(program.resume(copied), *words)
@@ -579,15 +555,9 @@ DAMAGED_RESULTS: dict[str, Callable[[Path], None]] = {
     "root group": lambda file: changed(file, lambda data: flipped(data, 65, 5)),
     "first block of zeros": lambda file: changed(file, lambda data: bytes(4096) + data[4096:]),
     "bit in the deck": lambda file: changed(file, lambda data: flipped(data, data.index(b"&scene") + 3)),
-    "bit in a column": lambda file: changed(
-        file, lambda data: flipped(data, first_chunk(file, "time_series/w_y") + 800)
-    ),
-    "a column's first rows zero": lambda file: changed(
-        file, partial(zeroed, place=first_chunk(file, "time_series/X"))
-    ),
-    "bit in the events": lambda file: changed(
-        file, lambda data: flipped(data, first_chunk(file, "events/kind") + 5)
-    ),
+    "bit in a column": lambda file: changed(file, lambda data: flipped(data, first_chunk(file, "time_series/w_y") + 800)),
+    "a column's first rows zero": lambda file: changed(file, partial(zeroed, place=first_chunk(file, "time_series/X"))),
+    "bit in the events": lambda file: changed(file, lambda data: flipped(data, first_chunk(file, "events/kind") + 5)),
     "column shortened": lambda file: edit(file, shorten),
     "columns exchanged": lambda file: edit(file, exchange),
     "rows exchanged": lambda file: edit(file, exchange_rows),
@@ -623,9 +593,7 @@ def bends(whole: bytes, structure: list[int], chance: random.Random) -> bytes:
     """The file with damage in what describes its data: one of the kinds that disks and careless programs make."""
     bent = bytearray(whole)
     place, length = chance.choice(structure), chance.choice((1, 8, 64, 512, 4096))
-    kind = chance.choice(
-        ("flip", "flip", "flips", "zeros", "noise", "another address", "another place", "cut")
-    )
+    kind = chance.choice(("flip", "flip", "flips", "zeros", "noise", "another address", "another place", "cut"))
     if kind == "flip":
         bent[place] ^= 1 << chance.randrange(8)
     elif kind == "flips":
@@ -715,9 +683,7 @@ def test_a_solver_that_gave_up_is_refused(program, tmp_path):
     assert_refused(program.resume(file), "gave up", "max_steps = 100")
 
 
-@pytest.mark.skipif(
-    os.environ.get("HDF5_USE_FILE_LOCKING", "TRUE") != "TRUE", reason="HDF5 does not lock files"
-)
+@pytest.mark.skipif(os.environ.get("HDF5_USE_FILE_LOCKING", "TRUE") != "TRUE", reason="HDF5 does not lock files")
 def test_a_locked_file_is_refused(program, copied):
     before = copied.read_bytes()
     with copied.open("rb") as held:

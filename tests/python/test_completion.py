@@ -46,13 +46,7 @@ def test_every_option_of_the_table_is_offered_and_taken(executable, catalogue):
 
 
 def test_an_option_of_another_command_is_refused(executable):
-    for line in (
-        "check --quiet",
-        "resume --set a.b=1",
-        "merge --shard 1/2",
-        "trade --shard 1/2",
-        "template -o x",
-    ):
+    for line in ("check --quiet", "resume --set a.b=1", "merge --shard 1/2", "trade --shard 1/2", "template -o x"):
         said = Program((executable,))(*line.split(), status=1)
         assert f"takes no {line.split()[1]}: " in said.stderr
 
@@ -158,14 +152,7 @@ def shown_until(terminal: int, wanted: str) -> str:
 @pytest.mark.parametrize(("line", "completed"), LINES.items())
 def test_bash(executable, folder, line, completed):
     command = [shell("bash"), "--norc", "--noprofile", "-i"]
-    shown = typed(
-        command,
-        f"source '{SCRIPTS}/dynstiction.bash'",
-        line,
-        completed,
-        cwd=folder,
-        env=environment(executable, folder),
-    )
+    shown = typed(command, f"source '{SCRIPTS}/dynstiction.bash'", line, completed, cwd=folder, env=environment(executable, folder))
     assert completed in shown
 
 

@@ -37,9 +37,7 @@ def test_outputs_are_compared() -> None:
 
 
 @pytest.mark.parametrize("script", GENERATED)
-def test_generated_pages(
-    script: str, executable: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_generated_pages(script: str, executable: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     specification = importlib.util.spec_from_file_location(script, DOCS / f"{script}.py")
     assert specification and specification.loader
     module = importlib.util.module_from_spec(specification)
@@ -65,9 +63,7 @@ def test_error_codes_are_in_the_manual() -> None:
     source = (ROOT / "src" / "base" / "errors.f90").read_text(encoding="utf-8")
     codes = dict(re.findall(r"integer, parameter :: (\w+) = (\d+)", source))
     assert len(codes) > 10
-    rows = re.findall(
-        r"^\| (\d+) \|(?: ([\d to]+) \|)?", (DOCS / "errors.md").read_text(encoding="utf-8"), re.MULTILINE
-    )
+    rows = re.findall(r"^\| (\d+) \|(?: ([\d to]+) \|)?", (DOCS / "errors.md").read_text(encoding="utf-8"), re.MULTILINE)
     described = {first for first, _ in rows} | {second for _, second in rows}
     assert set(codes.values()) <= described, "docs/errors.md lacks a code of src/base/errors.f90"
 
@@ -104,13 +100,9 @@ def test_every_equation_can_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     mathml = importlib.import_module("mathml").mathml
     count = 0
     for page in DOCS.rglob("*.md"):
-        text = re.sub(
-            r"^```.*?^```$|`[^`\n]*`", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
-        )
+        text = re.sub(r"^```.*?^```$|`[^`\n]*`", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
         for display, inline in re.findall(r"\$\$(.+?)\$\$|\$([^$]+?)\$", text, re.DOTALL):
             count += 1
             drawn = mathml(display or inline, "block")
-            assert "\\" not in drawn and not re.search(r"&(?!#?\w+;)", drawn), (
-                f"{page.name}: {display or inline}"
-            )
+            assert "\\" not in drawn and not re.search(r"&(?!#?\w+;)", drawn), f"{page.name}: {display or inline}"
     assert count > 50

@@ -28,9 +28,7 @@ def callables() -> Iterator[tuple[str, Any]]:
         yield name, thing
         if inspect.isclass(thing):
             for member, value in vars(thing).items():
-                if not member.startswith("_") and (
-                    callable(value) or isinstance(value, classmethod | property)
-                ):
+                if not member.startswith("_") and (callable(value) or isinstance(value, classmethod | property)):
                     yield f"{name}.{member}", value.__func__ if isinstance(value, classmethod) else value
 
 
@@ -75,9 +73,7 @@ def test_every_parameter_is_explained(name: str) -> None:
         heads = re.findall(r"^(\S[^:\n]*) : ", section(text, "Attributes"), re.MULTILINE)
         explained |= {part.strip() for head in heads for part in head.split(",")}
         for base in thing.__mro__[1:]:
-            heads = re.findall(
-                r"^(\S[^:\n]*) : ", section(inspect.getdoc(base) or "", "Attributes"), re.MULTILINE
-            )
+            heads = re.findall(r"^(\S[^:\n]*) : ", section(inspect.getdoc(base) or "", "Attributes"), re.MULTILINE)
             explained |= {part.strip() for head in heads for part in head.split(",")}
     missing = parameters_of(thing) - explained
     assert not missing, f"{name}: {sorted(missing)}"
@@ -93,11 +89,7 @@ def test_public_modules_name_what_they_offer() -> None:
     for path in sorted(PACKAGE.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         assert ast.get_docstring(tree), path.name
-        names = [
-            n.targets[0].id
-            for n in tree.body
-            if isinstance(n, ast.Assign) and isinstance(n.targets[0], ast.Name)
-        ]
+        names = [n.targets[0].id for n in tree.body if isinstance(n, ast.Assign) and isinstance(n.targets[0], ast.Name)]
         assert "__all__" in names or path.name == "__main__.py", path.name
 
 

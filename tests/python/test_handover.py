@@ -32,9 +32,7 @@ def of_python(catalogue: dict[str, Any]) -> list[str]:
     return commands
 
 
-def test_commands_of_python_are_those_of_the_executable(
-    program: Program, folder: Path, catalogue: dict[str, Any]
-) -> None:
+def test_commands_of_python_are_those_of_the_executable(program: Program, folder: Path, catalogue: dict[str, Any]) -> None:
     name = "it's a run"
     program("plot", f"{name}.h5", "--kind", "path", status=0)
     program("report", f"{name}.h5", status=0)
@@ -123,7 +121,9 @@ def test_a_folder_of_the_package_s_name_is_not_the_package(program: Program, fol
     program("plot", "it's a run.h5", status=0)
 
 
-def test_trade_is_understood_before_python_and_carried_out_by_it(program: Program, executable: Path, folder: Path, fig3_text: str) -> None:
+def test_trade_is_understood_before_python_and_carried_out_by_it(
+    program: Program, executable: Path, folder: Path, fig3_text: str
+) -> None:
     """Faults of words, deck and file need no Python; without it a sound command says what to install."""
     (folder / "-x.nml").write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.002"))
     no_python = {"DYNSTICTION_PYTHON": "/no/python3"}

@@ -48,9 +48,7 @@ def test_every_key_is_in_the_page(catalogue, text):
 
 
 def test_everything_in_the_table_is_in_the_page(catalogue, text):
-    assert {"run", "resume", "check", "trade", "plot"} <= {
-        command["name"] for command in catalogue["commands"]
-    }
+    assert {"run", "resume", "check", "trade", "plot"} <= {command["name"] for command in catalogue["commands"]}
     for command in catalogue["commands"]:
         section = text.partition(f'.SS "{command["name"]}"')[2].partition(".SS")[0]
         for part in (command["usage"], command["meaning"], command["examples"]):
@@ -75,9 +73,7 @@ def test_version_tells_how_the_program_was_built(executable):
 
 def test_the_version_is_written_in_one_place_only(executable):
     """In meson.build; everything else asks Meson."""
-    version = re.search(
-        r"^  version: '(.+)'", (ROOT / "meson.build").read_text(encoding="utf-8"), re.MULTILINE
-    )[1]
+    version = re.search(r"^  version: '(.+)'", (ROOT / "meson.build").read_text(encoding="utf-8"), re.MULTILINE)[1]
     assert said(executable, "--version").split()[1] == version
     for name in ("CITATION.cff", "pyproject.toml", "python/dynstiction/__init__.py", "src/meson.build"):
         assert not re.search(rf"\b{re.escape(version)}\b", (ROOT / name).read_text(encoding="utf-8")), name

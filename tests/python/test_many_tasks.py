@@ -39,9 +39,7 @@ def test_each_engine_of_the_page_is_tested() -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_the_lines_for_an_engine(
-    engine: str, executable: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_lines_for_an_engine(engine: str, executable: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if not ENGINES[engine]():
         pytest.skip(f"{engine} is not installed")
     sweep = Sweep(tmp_path, exe=str(executable))

@@ -33,9 +33,7 @@ SHORT = {"t_end": 0.05}
 
 SLIDER = fig3_deck.SLIDER | {"misalignment": 0.02}
 
-CREEP = {
-    k: SLIDER[k] for k in ("velocity", "misalignment", "stiffness_x", "stiffness_y", "mu_0", "normal_load")
-}
+CREEP = {k: SLIDER[k] for k in ("velocity", "misalignment", "stiffness_x", "stiffness_y", "mu_0", "normal_load")}
 
 
 def process(script: str, deck: str, **how: object) -> str:
@@ -104,9 +102,7 @@ assert len(ends) == 3 and all("closed" in text for text in ends), (ends, len(don
 """
 
 
-@pytest.mark.parametrize(
-    "script", [TWO_THREADS, CLOSED_BY_ANOTHER, SWEEP], ids=["two", "close", "sweep"]
-)
+@pytest.mark.parametrize("script", [TWO_THREADS, CLOSED_BY_ANOTHER, SWEEP], ids=["two", "close", "sweep"])
 def test_threads_are_refused_or_work(script: str, fig3_text: str) -> None:
     process(script, fig3_text)
 
@@ -115,8 +111,17 @@ def test_closed_handles_say_so(fig3: ds.Scene) -> None:
     run, values = _native.Run(fig3.source), _native.DeckValues(fig3.source, alone=True)
     sweep = _native.Sweep(fig3.source, [("drive.velocity", np.array([1e-3]))], False)
     uses: list[tuple[_native.Session, list[Callable[[], object]]]] = [
-        (run, [lambda: run.advance(0.1), lambda: run.state(0.0), run.ending, run.parameters,
-               lambda: run.sample_at(np.zeros(1)), run.time]),  # fmt: skip
+        (
+            run,
+            [
+                lambda: run.advance(0.1),
+                lambda: run.state(0.0),
+                run.ending,
+                run.parameters,
+                lambda: run.sample_at(np.zeros(1)),
+                run.time,
+            ],
+        ),  # fmt: skip
         (values, [values.given]),
         (sweep, [lambda: sweep.run(0, 1), sweep.stop]),
     ]
@@ -153,9 +158,7 @@ def test_the_result_is_not_read_while_it_grows(fig3: ds.Scene) -> None:
 # Copies and processes
 
 
-@pytest.mark.parametrize(
-    "wrapped", [lambda x: x, lambda x: [x], lambda x: {"a": (x,)}], ids=["it", "list", "dict"]
-)
+@pytest.mark.parametrize("wrapped", [lambda x: x, lambda x: [x], lambda x: {"a": (x,)}], ids=["it", "list", "dict"])
 def test_handles_are_not_copied(fig3: ds.Scene, wrapped: Callable[[object], object]) -> None:
     with ds.Simulation(fig3, scene=SHORT) as simulation:
         for thing in (simulation, simulation._core):
@@ -184,11 +187,7 @@ def test_what_is_data_is_copied(fig3: ds.Scene, fig3_result: ds.Result) -> None:
         ds.ColumnError("no column"),
     ]
     for thing in things:
-        for again in (
-            copy.copy(thing),
-            copy.deepcopy(thing),
-            *(pickle.loads(pickle.dumps(thing, p)) for p in (2, 5)),
-        ):
+        for again in (copy.copy(thing), copy.deepcopy(thing), *(pickle.loads(pickle.dumps(thing, p)) for p in (2, 5))):
             assert type(again) is type(thing)
             assert repr(again) == repr(thing)
     assert_same(pickle.loads(pickle.dumps(fig3_result)), fig3_result)
@@ -329,9 +328,7 @@ def test_eigenvalues_do_not_depend_on_the_unit_of_mass(power: int) -> None:
     """Mass, stiffness and load in another unit, a power of two: the same bits."""
     plain = ds.steady_sliding_eigenvalues(**SLIDER)
     critical = ds.critical_misalignment(**SLIDER)
-    scaled = SLIDER | {
-        k: SLIDER[k] * 2.0**power for k in ("mass", "stiffness_x", "stiffness_y", "normal_load")
-    }
+    scaled = SLIDER | {k: SLIDER[k] * 2.0**power for k in ("mass", "stiffness_x", "stiffness_y", "normal_load")}
     assert np.array_equal(ds.steady_sliding_eigenvalues(**scaled), plain)
     for a, b in zip(ds.critical_misalignment(**scaled), critical, strict=True):
         assert np.array_equal(a, b)
@@ -367,18 +364,9 @@ NUMERICAL: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "creep_asymptotic": (ds.creep_asymptotic, {"tau": 0.5, "phi": 0.1, "form": "printed"}),
     "creep_velocity": (ds.creep_velocity, {"t": 0.5, **CREEP}),
     "creep_frequency": (ds.creep_frequency, {"t": 0.5, "mass": 0.25, **CREEP}),
-    "oscillation_frequency": (
-        ds.oscillation_frequency,
-        {"theta": 0.3, "mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7},
-    ),
-    "spectrogram": (
-        ds.spectrogram,
-        {"time": np.arange(99) * 0.01, "values": np.sin(np.arange(99)), "window": 0.2, "count": 20},
-    ),
-    "ridge": (
-        ds.ridge,
-        {"spectrum": ds.spectrogram(np.arange(99) * 0.01, np.sin(np.arange(99)), 0.2), "above": 1.0},
-    ),
+    "oscillation_frequency": (ds.oscillation_frequency, {"theta": 0.3, "mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7}),
+    "spectrogram": (ds.spectrogram, {"time": np.arange(99) * 0.01, "values": np.sin(np.arange(99)), "window": 0.2, "count": 20}),
+    "ridge": (ds.ridge, {"spectrum": ds.spectrogram(np.arange(99) * 0.01, np.sin(np.arange(99)), 0.2), "above": 1.0}),
 }
 
 NO_NUMBERS = ["x", b"x", 1j, [1j], {}, object(), [[1.0], [1.0, 2.0]], np.array(["a"]), np.datetime64("2020-01-01"),
@@ -391,12 +379,8 @@ def test_every_argument_that_cannot_be_meant_is_refused(name: str) -> None:
     function(**good)
     optional = {"mu_inf", "v_f"}
     for argument in good:
-        missing = (
-            [] if argument in optional or (name, argument) == ("creep_velocity", "stiffness_y") else [None]
-        )
-        beyond = [np.nan, -np.inf] + (
-            [] if (name, argument) == ("creep_velocity", "stiffness_y") else [np.inf]
-        )
+        missing = [] if argument in optional or (name, argument) == ("creep_velocity", "stiffness_y") else [None]
+        beyond = [np.nan, -np.inf] + ([] if (name, argument) == ("creep_velocity", "stiffness_y") else [np.inf])
         for value in [*missing, *NO_NUMBERS, *beyond]:
             with pytest.raises(ds.UsageError):
                 function(**{**good, argument: value})
@@ -542,19 +526,12 @@ def test_a_limit_of_file_sizes_is_a_file_error(tmp_path: Path, fig3_text: str) -
     assert list(tmp_path.iterdir()) == []
 
 
-def test_each_failing_call_is_a_file_error(
-    tmp_path: Path, fig3_result: ds.Result, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_failing_call_is_a_file_error(tmp_path: Path, fig3_result: ds.Result, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the system refuses, and when: the old file stays, and nothing beside it."""
     target = tmp_path / "x.h5"
     fig3_result.save(target)
     before = target.read_bytes()
-    for name, number in (
-        ("fsync", errno.EIO),
-        ("fsync", errno.EDQUOT),
-        ("replace", errno.EROFS),
-        ("replace", errno.EACCES),
-    ):
+    for name, number in (("fsync", errno.EIO), ("fsync", errno.EDQUOT), ("replace", errno.EROFS), ("replace", errno.EACCES)):
         with monkeypatch.context() as patch:
 
             def fail(*_: object, number: int = number, **__: object) -> None:
@@ -621,9 +598,7 @@ def test_of_two_savers_one_is_refused(tmp_path: Path, fig3: ds.Scene) -> None:
 def test_a_saved_file_has_the_usual_permissions(tmp_path: Path, fig3_result: ds.Result) -> None:
     (tmp_path / "plain").touch()
     fig3_result.save(tmp_path / "x.h5")
-    assert stat.S_IMODE((tmp_path / "x.h5").stat().st_mode) == stat.S_IMODE(
-        (tmp_path / "plain").stat().st_mode
-    )
+    assert stat.S_IMODE((tmp_path / "x.h5").stat().st_mode) == stat.S_IMODE((tmp_path / "plain").stat().st_mode)
 
 
 # Packages, series, memory, stacks
@@ -754,6 +729,4 @@ assert len(refused) == 4 and all("threading.stack_size(0)" in text for text in r
 
 def test_any_number_of_threads_may_be_asked_for(fig3: ds.Scene) -> None:
     many = ds.sweep(fig3, {"system.mass": [0.2, 0.3]}, threads=10**5, scene=SHORT)
-    assert many.equals(
-        ds.sweep(fig3, {"system.mass": [0.2, 0.3]}, threads=1, scene=SHORT).assign(wall_time=many.wall_time)
-    )
+    assert many.equals(ds.sweep(fig3, {"system.mass": [0.2, 0.3]}, threads=1, scene=SHORT).assign(wall_time=many.wall_time))

@@ -1,5 +1,6 @@
 """The operating system is asked in one C file, with the headers' own constants; with another C library, or without what only Linux
-has, it compiles and does the same."""
+has, it compiles and does the same.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +20,13 @@ POSIX_C, POSIX_F90 = ROOT / "src" / "system" / "posix.c", "src/system/posix.f90"
 # Of the C library itself: their arguments are int, size_t and texts everywhere.
 PLAIN = {"exit", "flock", "free", "getpid", "gethostname", "kill", "link", "realpath", "rename", "strlen", "unlink"}
 # Imports of posix.c by which no file and no process is reached: no fault of theirs is looked for.
-HARMLESS = set(
-    "_exit abort calloc dup2 execvp free getpid getppid getrlimit glob globfree gmtime_r isatty malloc prctl pthread_attr_destroy "
-    "pthread_attr_init pthread_attr_setstacksize pthread_create pthread_join sched_getaffinity setitimer setrlimit setsid "
-    "sigaction sigemptyset statvfs strchr strcpy strerror strftime strlen time __errno_location __stack_chk_fail".split()
-)
+HARMLESS = {
+    "_exit", "abort", "calloc", "dup2", "execvp", "free", "getpid", "getppid", "getrlimit", "glob", "globfree",
+    "gmtime_r", "isatty", "malloc", "prctl", "pthread_attr_destroy", "pthread_attr_init", "pthread_attr_setstacksize",
+    "pthread_create", "pthread_join", "sched_getaffinity", "setitimer", "setrlimit", "setsid", "sigaction",
+    "sigemptyset", "statvfs", "strchr", "strcpy", "strerror", "strftime", "strlen", "time", "__errno_location",
+    "__stack_chk_fail",
+}  # fmt: skip
 NUMBERS = {name.lower() for name in errno.errorcode.values()} | {
     name.lower() for name in [*signal.Signals.__members__, *dir(os)] if re.match(r"SIG[A-Z]|O_", name)
 }
@@ -31,7 +34,7 @@ NUMBERS = {name.lower() for name in errno.errorcode.values()} | {
 
 def bound_names(text: str) -> list[str]:
     """C names that a module declares, without those of its own procedures."""
-    declared = re.sub(r"(?m)!.*$|^\s*type,.*$", "", text.split("\ncontains\n")[0])
+    declared = re.sub(r"(?m)!.*$|^\s*type,.*$", "", text.split("\ncontains\n", maxsplit=1)[0])
     names = []
     for line in declared.splitlines():
         if found := re.search(r"(\w+)\s*\([^()]*\)\s*bind\(c(?:,\s*name\s*=\s*['\"](\w+)['\"])?\)", line, re.IGNORECASE):

@@ -430,10 +430,7 @@ THREAD_SCENES: list[dict[str, dict[str, object]]] = [
 
 @pytest.fixture(scope="module")
 def thread_scenes(fig3: ds.Scene) -> list[ds.Scene]:
-    return [
-        fig3.replace(**{**changes, "scene": {"t_end": 0.2, **changes.get("scene", {})}})
-        for changes in THREAD_SCENES
-    ]
+    return [fig3.replace(**{**changes, "scene": {"t_end": 0.2, **changes.get("scene", {})}}) for changes in THREAD_SCENES]
 
 
 @pytest.fixture(scope="module")
@@ -442,9 +439,7 @@ def alone(thread_scenes: list[ds.Scene]) -> list[ds.Result]:
 
 
 @pytest.mark.parametrize("threads", [2, 4, 16])
-def test_threads_give_the_same_bits(
-    threads: int, thread_scenes: list[ds.Scene], alone: list[ds.Result]
-) -> None:
+def test_threads_give_the_same_bits(threads: int, thread_scenes: list[ds.Scene], alone: list[ds.Result]) -> None:
     with ThreadPoolExecutor(threads) as pool:
         together = list(pool.map(ds.run, thread_scenes * 2))
     for a, b in zip(together, alone * 2, strict=True):

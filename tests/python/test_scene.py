@@ -150,11 +150,7 @@ def test_faults_name_keys_not_lines_of_a_text_that_nobody_wrote(fig3: ds.Scene) 
             ds.Scene(**{**FIG3, "drive": {"time": list(range(30)), "velocity": velocity}}).check()
 
 
-@given(
-    st.lists(
-        st.sampled_from(["x", "): ", "...", "=", ":7: ", "\x07", "\x7f", "ä", "'", "--set 1 ("]), max_size=40
-    )
-)
+@given(st.lists(st.sampled_from(["x", "): ", "...", "=", ":7: ", "\x07", "\x7f", "ä", "'", "--set 1 ("]), max_size=40))
 def test_a_fault_is_told_whole_whatever_the_value_is(parts: list[str]) -> None:
     law = "y" + "".join(parts)
     made = ds.Scene(**{**FIG3, "friction": {**FIG3["friction"].given(), "law": law}})

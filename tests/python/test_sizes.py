@@ -262,12 +262,7 @@ def test_small_stacks(call, tmp_path, command, kilobytes):
 
 
 @pytest.mark.parametrize(
-    "environment",
-    [
-        {"OMP_STACKSIZE": "16k"},
-        {"OMP_NUM_THREADS": "99999"},
-        {"OMP_NUM_THREADS": "300", "OMP_STACKSIZE": "16k"},
-    ],
+    "environment", [{"OMP_STACKSIZE": "16k"}, {"OMP_NUM_THREADS": "99999"}, {"OMP_NUM_THREADS": "300", "OMP_STACKSIZE": "16k"}]
 )
 @pytest.mark.parametrize("room", [None, 500])
 def test_threads_that_cannot_be_had(call, tmp_path, environment, room):
@@ -292,8 +287,7 @@ COPIES = {
 
 @pytest.mark.parametrize("what", COPIES)
 @pytest.mark.parametrize(
-    ("size", "rank"),
-    [("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"), ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID")],
+    ("size", "rank"), [("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"), ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID")]
 )
 def test_what_is_for_one_process_is_refused_to_several(call, tmp_path, what, size, rank):
     """All end with one status, the first says why, and nothing is written."""
@@ -314,12 +308,7 @@ def test_a_name_that_ends_with_a_blank_is_refused(call, tmp_path, name):
     text = FIG3.replace("t_end = 10.0", "t_end = 1e-3")
     (tmp_path / "x.nml").write_text(text)
     (tmp_path / "y.nml").write_text(text.replace("&output\n", f"&output\n  file = '{name}'\n"))
-    for arguments in (
-        ("x.nml", "-o", name),
-        ("x.nml", "--set", f"output.file={name}"),
-        ("y.nml",),
-        (f"x.nml{name[-1]}",),
-    ):
+    for arguments in (("x.nml", "-o", name), ("x.nml", "--set", f"output.file={name}"), ("y.nml",), (f"x.nml{name[-1]}",)):
         done = call("run", *arguments)
         assert done.returncode in {1, 2} and "ends with a blank" in done.stderr, (arguments, done)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["x.nml", "y.nml"]

@@ -176,8 +176,7 @@ def list_of(kind):
 
 
 @pytest.mark.parametrize(
-    "kind",
-    ["external", "external link", "soft link", "virtual", "gzip", "plugin", "size", "chunks", "compound", "reference"],
+    "kind", ["external", "external link", "soft link", "virtual", "gzip", "plugin", "size", "chunks", "compound", "reference"]
 )
 def test_hostile_lists_of_points_are_refused(tmp_path, kind):
     hostile.put_canaries(tmp_path)

@@ -24,9 +24,7 @@ SERIES = " keep = 'series'"
 # --- series of any length
 
 
-@pytest.mark.parametrize(
-    ("main_kb", "threads"), [(8192, 1), (8192, 2), (1024, 1), (1024, 2)], ids=str
-)
+@pytest.mark.parametrize(("main_kb", "threads"), [(8192, 1), (8192, 2), (1024, 1), (1024, 2)], ids=str)
 def test_a_long_series_needs_no_stack(tmp_path, main_kb, threads):
     """1e5 samples of 15 columns are 12 MB; the stack of a thread is 128 kB here."""
     text = (INPUTS / "fig3.nml").read_text()
@@ -37,9 +35,7 @@ def test_a_long_series_needs_no_stack(tmp_path, main_kb, threads):
     if (main_kb, threads) != (8192, 2):
         return
     with h5py.File(tmp_path / "a.h5") as merged:
-        series = {
-            name: merged["sweep/series"][name][:] for name in ("time", "u_x", "spring_force_x", "theta")
-        }
+        series = {name: merged["sweep/series"][name][:] for name in ("time", "u_x", "spring_force_x", "theta")}
     for i, angle in enumerate((1.0, 2.0)):
         single = tmp_path / f"{i}.h5"
         deck = tmp_path / "single.nml"
@@ -202,11 +198,7 @@ def test_a_link_is_never_followed(tmp_path, victim, number):
     before = target.read_bytes() if target.exists() else None
     link = tmp_path / f"a.h5.shard-{number}"
     link.symlink_to(target)
-    for command, arguments in (
-        ("run", ("--overwrite",)),
-        ("run", ("--overwrite", "--shard", "1/2")),
-        ("merge", ()),
-    ):
+    for command, arguments in (("run", ("--overwrite",)), ("run", ("--overwrite", "--shard", "1/2")), ("merge", ())):
         done = sweep.run("a.h5", *arguments, command=command)
         assert done.returncode == 3 and link.name in done.stderr and "symbolic link" in done.stderr, done
         assert link.is_symlink()

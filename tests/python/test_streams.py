@@ -99,9 +99,7 @@ def test_no_file_gets_a_descriptor_that_was_closed(program, tmp_path, descriptor
         process.wait()
 
 
-@pytest.mark.parametrize(
-    "variable", ["GFORTRAN_STDERR_UNIT=7", "GFORTRAN_STDOUT_UNIT=9", "GFORTRAN_CONVERT_UNIT=big_endian"]
-)
+@pytest.mark.parametrize("variable", ["GFORTRAN_STDERR_UNIT=7", "GFORTRAN_STDOUT_UNIT=9", "GFORTRAN_CONVERT_UNIT=big_endian"])
 def test_the_fortran_runtime_may_be_set_up_oddly(program, tmp_path, variable):
     """Unit numbers and byte order of the runtime change no file, and no child's answer is lost."""
     odd = {"env": dict([variable.split("=")])}

@@ -241,16 +241,7 @@ def test_existing_file(command):
 def test_a_short_scene_is_compared_and_advised_on(command, tmp_path):
     """Also by a slow build on a busy machine."""
     result = command(
-        "trade",
-        "deck.nml",
-        "--budget",
-        "5",
-        "--set",
-        "scene.t_end=0.002",
-        "--accuracy",
-        "1e-2",
-        "--quantity",
-        "final_elongation",
+        "trade", "deck.nml", "--budget", "5", "--set", "scene.t_end=0.002", "--accuracy", "1e-2", "--quantity", "final_elongation"
     )
     assert result.returncode == 0, result.stderr
     assert "--set scene.model=" in result.stdout
@@ -331,10 +322,7 @@ def test_families(creep):
     full = [f for f in families(creep, "final_velocity") if (f.kind, f.method) == ("full", "radau9")]
     (family,) = full
     assert family.error.size == np.count_nonzero(
-        (creep["method"] == "radau9")
-        & (creep["model"] == "full")
-        & (creep["contact"] == "exact")
-        & creep.done
+        (creep["method"] == "radau9") & (creep["model"] == "full") & (creep["contact"] == "exact") & creep.done
     )
     assert family.error[0] > 1e3 * family.error[-1]
     assert family.error.min() >= creep.floor("final_velocity")
@@ -525,13 +513,7 @@ SCENES = {
     "phi 0.3": ({"system": {"misalignment_deg": 0.3}}, 1e-3),
     "phi 3": ({"system": {"misalignment_deg": 3.0}}, 1e-2),
     "no misalignment": ({"system": {"misalignment_deg": 0.0}}, 1e-5),
-    "reversal": (
-        {
-            "scene": {"t_end": 5.0},
-            "drive": {"time": [0.0, 2.2, 2.7, 5.0], "velocity": [1e-3, 1e-3, -1e-3, -1e-3]},
-        },
-        1e-4,
-    ),
+    "reversal": ({"scene": {"t_end": 5.0}, "drive": {"time": [0.0, 2.2, 2.7, 5.0], "velocity": [1e-3, 1e-3, -1e-3, -1e-3]}}, 1e-4),
     "phi -1": ({"system": {"misalignment_deg": -1.0}}, 1e-6),
     "phi 7": ({"system": {"misalignment_deg": 7.0}}, 1e-3),
     "phi 20": ({"system": {"misalignment_deg": 20.0}, "scene": {"t_end": 2.0}}, 1e-4),
@@ -543,18 +525,12 @@ SCENES = {
     "much friction": ({"friction": {"mu_0": 0.3, "mu_inf": 0.2}, "scene": {"t_end": 5.0}}, 1e-3),
     "little weakening": ({"friction": {"mu_0": 0.2, "mu_inf": 0.18}}, 1e-4),
     "strong weakening": ({"friction": {"mu_0": 0.2, "mu_inf": 0.05}}, 1e-3),
-    "constant friction": (
-        {"friction": {"law": "constant", "mu_inf": None, "v_f": None}, "scene": {"t_end": 3.0}},
-        1e-5,
-    ),
+    "constant friction": ({"friction": {"law": "constant", "mu_inf": None, "v_f": None}, "scene": {"t_end": 3.0}}, 1e-5),
     "gradual weakening": ({"friction": {"v_f": 0.03}}, 1e-3),
     "soft across": ({"system": {"stiffness_y": 1e6}}, 1e-4),
     "stiff along": ({"system": {"stiffness_x": 3e3}, "scene": {"t_end": 2.0}}, 1e-3),
     "slide, hold, slide": (
-        {
-            "scene": {"t_end": 5.0},
-            "drive": {"time": [0.0, 2.5, 2.5, 3.0, 3.0], "velocity": [1e-3, 1e-3, 0.0, 0.0, 1e-3]},
-        },
+        {"scene": {"t_end": 5.0}, "drive": {"time": [0.0, 2.5, 2.5, 3.0, 3.0], "velocity": [1e-3, 1e-3, 0.0, 0.0, 1e-3]}},
         1e-2,
     ),
     "loaded start": ({"initial": {"elongation_x": 1e-3}, "scene": {"t_end": 3.0}}, 1e-5),
@@ -592,9 +568,7 @@ def meets(name: str, fig3: ds.Scene, budget: float) -> str:
     assert trade.recommendation, (name, trade.shortfall)
     errors = independent_errors(scene, trade.settings)
     line = trade.recommendation.splitlines()[0]
-    text = (
-        f"{name}: asked {accuracy:g}, got {max(errors.values()):.1e} ({len(errors)} quantities); {line[2:70]}"
-    )
+    text = f"{name}: asked {accuracy:g}, got {max(errors.values()):.1e} ({len(errors)} quantities); {line[2:70]}"
     assert max(errors.values()) <= accuracy, text + str(errors)
     return text
 

@@ -104,10 +104,7 @@ def test_the_printed_form_does_not_pass_as_first_power(validation: validate.Vali
 
 def test_a_lost_term_is_noticed(validation: validate.Validation) -> None:
     """Without phi^2 the first power keeps its order, but not its first contribution."""
-    lost = with_forms(
-        validation,
-        {**FORMS, "first_power": lambda tau, phi: FORMS["first_power"](tau, phi) - 0.3 * np.square(phi)},
-    )
+    lost = with_forms(validation, {**FORMS, "first_power": lambda tau, phi: FORMS["first_power"](tau, phi) - 0.3 * np.square(phi)})
     assert "coefficient, first contribution, first_power" in failures(lost)
 
 
@@ -137,10 +134,7 @@ def test_without_oscillation_there_are_no_cycles() -> None:
 
 
 def test_command(
-    validation: validate.Validation,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    validation: validate.Validation, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(validate, "validate_creep", lambda advance: validation)
     assert main(["validate-creep", "-o", str(tmp_path / "new")]) == 0
@@ -154,12 +148,8 @@ def test_command(
     checks = [row for row in rows if row["table"] == "check"]
     assert len(checks) == len(validation.checks())
     assert {row["holds"] for row in checks} == {"1"}
-    one = [
-        row for row in rows if (row["table"], row["quantity"], row["phi_deg"]) == ("by_phi", "full", "1.0")
-    ]
-    assert [float(row["value"]) for row in one] == [
-        mean.full for mean in validation.by_phi if mean.degrees == 1.0
-    ]
+    one = [row for row in rows if (row["table"], row["quantity"], row["phi_deg"]) == ("by_phi", "full", "1.0")]
+    assert [float(row["value"]) for row in one] == [mean.full for mean in validation.by_phi if mean.degrees == 1.0]
 
     wrong = with_forms(validation, {**FORMS, "first_power": FORMS["printed"]})
     monkeypatch.setattr(validate, "validate_creep", lambda advance: wrong)
@@ -168,10 +158,7 @@ def test_command(
 
 
 def test_command_counts_the_runs(
-    validation: validate.Validation,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    validation: validate.Validation, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def validate_creep(advance: Callable[[], None]) -> validate.Validation:
         for _ in range(validate.RUNS):
@@ -185,10 +172,7 @@ def test_command_counts_the_runs(
 
 
 def test_command_cannot_write(
-    validation: validate.Validation,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    validation: validate.Validation, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(validate, "validate_creep", lambda advance: validation)
     (tmp_path / "file").touch()

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _native
+from .._native import STOPPED_EARLY, Simulation
 from ..errors import DeckError, Error
 from ..record import Described, Info, Record
 from ..scene import Scene
-from .._native import STOPPED_EARLY, Simulation
 from .plan import Candidate, Settings, Subject, candidates
 from .quantities import QUANTITIES, Observer, Quantity
 from .words import plain

@@ -81,7 +81,9 @@ def rendering() -> Iterator[None]:
     except Error:
         raise
     except (ValueError, ArithmeticError) as error:
-        raise UsageError(f"nothing to draw: the numbers are too large or too close for an axis: {error}") from error
+        raise UsageError(
+            f"nothing to draw: the numbers are too large or too close for an axis: {error}"
+        ) from error
 
 
 def write(figure: Figure, path: str | os.PathLike[str]) -> None:
@@ -95,7 +97,9 @@ def write(figure: Figure, path: str | os.PathLike[str]) -> None:
     known = figure.canvas.get_supported_filetypes()
     suffix = os.path.splitext(path)[1].lstrip(".").lower()
     if suffix and suffix not in known:
-        raise FileError(f"{os.fspath(path)}: cannot be written: no format '{suffix}', only {', '.join(known)}")
+        raise FileError(
+            f"{os.fspath(path)}: cannot be written: no format '{suffix}', only {', '.join(known)}"
+        )
     try:
         with rc_context(STYLE), rendering():
             figure.savefig(path, dpi=DOTS_PER_INCH)
