@@ -4,7 +4,6 @@
 !> page come from it. A key is added by adding its entry here.
 module dst_schema
   use dst_kinds, only: wp, int64
-  use dst_method_table, only: implicit_methods, explicit_methods, sweep_methods, fixed_step_methods
   use dst_text, only: name_width, unit_width, value_width, meaning_width, real_text, integer_text, has_word, alternatives
   implicit none
   private
@@ -59,6 +58,10 @@ module dst_schema
   !> Friction laws that have mu_inf and v_f, and all.
   character(*), parameter :: weakening_laws = 'weakening'
   character(*), parameter :: laws = 'constant '//weakening_laws
+  character(*), parameter :: implicit_methods = 'radau5 radau9 radau13'
+  character(*), parameter :: sweep_methods = 'rodas4p'
+  character(*), parameter :: explicit_methods = 'dopri5 dop853'
+  character(*), parameter :: fixed_step_methods = 'rk4 moreau_jean'
   character(*), parameter :: adaptive_methods = implicit_methods//' '//explicit_methods//' '//sweep_methods
   character(*), parameter :: methods = adaptive_methods//' '//fixed_step_methods
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
