@@ -13,8 +13,11 @@ module dst_rodas4p
 
   public :: stages, order, gamma, a, c
 
+  !> Number of stages, and order of the solution.
   integer, parameter :: stages = 6, order = 4
+  !> Diagonal coefficient.
   real(wp), parameter :: gamma = 0.25_wp
+  !> a_ij of the arguments.
   real(wp), parameter :: a(stages, stages) = transpose(reshape([ &
     0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
     3.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
@@ -23,6 +26,7 @@ module dst_rodas4p
     -7.170454962423024_wp, -4.741636671481785_wp, -16.31002631330971_wp, -1.062004044111401_wp, 0.0_wp, 0.0_wp, &
     -7.170454962423024_wp, -4.741636671481785_wp, -16.31002631330971_wp, -1.062004044111401_wp, 1.0_wp, 0.0_wp], &
     [stages, stages]))
+  !> c_ij of the increments.
   real(wp), parameter :: c(stages, stages) = transpose(reshape([ &
     0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
     -12.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
