@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _native
-from .._native import STOPPED_EARLY, Simulation
+from .._native import STOPPED_EARLY
+from ..simulation import Simulation
 from ..errors import DeckError, Error
 from ..record import Described, Info, Record
 from ..scene import Scene
