@@ -576,9 +576,12 @@ contains
     integer(c_int), intent(in) :: n
     real(c_double), intent(in) :: instants(n)
     type(holder_t), pointer :: held
+    real(wp), allocatable :: taken(:)
 
     held => holder_of(handle)
-    held%run%simulation%instants = real(instants, wp)
+    ! Not by assignment: gfortran 12 writes beside the component.
+    allocate (taken(n), source=real(instants, wp))
+    call move_alloc(taken, held%run%simulation%instants)
   end subroutine run_instants
 
   !> Take the waiting samples (row, column).
