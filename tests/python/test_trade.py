@@ -568,6 +568,8 @@ def meets(name: str, fig3: ds.Scene, budget: float) -> str:
     assert trade.recommendation, (name, trade.shortfall)
     errors = independent_errors(scene, trade.settings)
     line = trade.recommendation.splitlines()[0]
+    named = [part.split()[0] for part in line.partition("errors ")[2].split(", ")]
+    assert len(named) == len(set(named)) > 1
     text = f"{name}: asked {accuracy:g}, got {max(errors.values()):.1e} ({len(errors)} quantities); {line[2:70]}"
     assert max(errors.values()) <= accuracy, text + str(errors)
     return text
