@@ -404,7 +404,7 @@ contains
 
   !> CRC-32 of words. Its 8 hexadecimal digits fill a word.
   pure integer(int64) function checksum(words)
-    integer(int64), intent(in) :: words(:)
+    integer(int64), intent(in), contiguous :: words(:)   ! else a copy of a long record on the stack
     type(crc32_t) :: crc
 
     call crc%start()
