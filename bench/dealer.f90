@@ -8,7 +8,7 @@ program bench_dealer
   use dst_errors, only: error_t
   use dst_kinds, only: wp
   use dst_processes, only: processes_t
-  use dst_simulation, only: wall_clock
+  use dst_stopwatch, only: wall_clock
   implicit none
 
   type(processes_t) :: processes
