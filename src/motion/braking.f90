@@ -22,6 +22,7 @@ module dst_braking
     !> Highest v until then [m/s].
     real(wp) :: highest = 0.0_wp
   contains
+    procedure :: ends_within
     procedure :: end_of_slip
     procedure :: describe
     procedure, private :: slipped
@@ -56,6 +57,14 @@ contains
         course%highest = v - 0.5_wp*course%acceleration**2/course%jerk
     end associate
   end function braking
+
+  !> Whether slip ends evenly within `time` [s], and is no faster than `cut` [m/s] until then.
+  pure logical function ends_within(self, time, cut)
+    class(braking_t), intent(in) :: self
+    real(wp), intent(in) :: time, cut
+
+    ends_within = self%falls .and. self%steady .and. self%highest <= cut .and. self%delay <= time
+  end function ends_within
 
   !> The state at the end of slip. Its works are those of u and F(v) that vary in between.
   pure function end_of_slip(self, slider, drive, from) result(to)

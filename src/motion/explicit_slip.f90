@@ -74,7 +74,7 @@ contains
       ended = now%y(1) <= cut .or. negligible
       if (.not. ended) return
       course = braking(self%slider, drive, now)
-      ended = course%falls .and. course%steady .and. course%highest <= cut .and. course%delay <= now%until(horizon)
+      ended = course%ends_within(now%until(horizon), cut)
       if (ended) then
         to = course%end_of_slip(self%slider, drive, now)
         if (.not. negligible) ended = holds(self%slider, to%u, drive_velocity)

@@ -72,8 +72,7 @@ contains
     associate (now => self%piece%to, drive => self%piece%drive)
       if (now%y(1) > cut) return
       course = braking(self%slider, drive, now)
-      if (.not. (course%falls .and. course%steady .and. course%highest <= cut .and. course%delay <= now%until(horizon) &
-        .and. course%acceleration < 0.0_wp)) return
+      if (.not. (course%ends_within(now%until(horizon), cut) .and. course%acceleration < 0.0_wp)) return
       to = course%end_of_slip(self%slider, drive, now)
       ended = now%y(1) <= negligible_share*cut
       if (.not. ended) ended = holds(self%slider, to%u, self%drive_velocity())

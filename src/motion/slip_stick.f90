@@ -92,12 +92,9 @@ contains
   end subroutine begin
 
   !> Express the velocity along the axis, in which the drive was guiding the motion across, as slip along a line.
-  subroutine reread(self, before)
+  subroutine reread(self)
     class(slip_stick_t), intent(inout) :: self
-    class(stepping_t), intent(in) :: before
 
-    associate (unused => before%contact)
-    end associate
     self%piece%to%y = on_line(self%piece%to%y(1))
   end subroutine reread
 

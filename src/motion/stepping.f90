@@ -90,19 +90,16 @@ contains
     class is (stepping_t)
       call move_alloc(before%stepper, self%stepper)
       self%next_step = before%next_step
-      call self%reread(before)
+      call self%reread()
     end select
     call self%piece%obey(self%system)
     call self%begin()
   end subroutine take_over
 
-  !> Express the slip unknowns of another motion in one's own: here those of straight slip as the velocity along its axis.
-  subroutine reread(self, before)
+  !> Express the slip unknowns of the motion before in one's own: here those of straight slip as the velocity along its axis.
+  subroutine reread(self)
     class(stepping_t), intent(inout) :: self
-    class(stepping_t), intent(in) :: before
 
-    associate (unused => before%contact)
-    end associate
     associate (y => self%piece%to%y)
       y = [y(1)*cos(y(2)), 0.0_wp]
     end associate

@@ -41,7 +41,8 @@ contains
     type(drive_t) :: drive
     class(slip_system_t), allocatable :: resting, guided
     class(stepper_t), allocatable :: stepper
-    class(stepping_t), allocatable :: first, second
+    class(stepping_t), allocatable :: first, with_rest, without
+    logical :: rests_first
 
     call slider_from_scene(scene, slider)
     drive = new_drive(scene%drive_time, scene%drive_velocity)
@@ -57,27 +58,21 @@ contains
     else
       call choose_method(scene, slider, guided%components, stepper)
     end if
-    if (allocated(resting)) call new_resting(scene, slider, drive, resting, stepper%explicit, first)
-    if (allocated(guided)) call new_guided(scene, slider, drive, guided, second)
-    if (.not. allocated(first)) then
-      call move_alloc(second, first)
-    else if (allocated(second)) then
-      if (.not. drive%segment(1)%rests) call exchange_roles(first, second)
+    rests_first = allocated(resting)
+    if (rests_first .and. allocated(guided)) rests_first = drive%segment(1)%rests
+    if (allocated(resting)) call new_resting(scene, slider, drive, resting, stepper%explicit, with_rest)
+    if (allocated(guided)) call new_guided(scene, slider, drive, guided, without)
+    if (rests_first) then
+      call move_alloc(with_rest, first)
+    else
+      call move_alloc(without, first)
     end if
     call move_alloc(stepper, first%stepper)
     call start_motion(scene, first)
     call move_alloc(first, motion)
-    if (allocated(second)) call move_alloc(second, other)
+    if (allocated(with_rest)) call move_alloc(with_rest, other)
+    if (allocated(without)) call move_alloc(without, other)
   end subroutine new_motion
-
-  subroutine exchange_roles(first, second)
-    class(stepping_t), allocatable, intent(inout) :: first, second
-    class(stepping_t), allocatable :: kept
-
-    call move_alloc(first, kept)
-    call move_alloc(second, first)
-    call move_alloc(kept, second)
-  end subroutine exchange_roles
 
   !> The equations of motion by name: of motion that can rest (exact contact), of motion that cannot, or both.
   subroutine choose_equations(scene, slider, drive, resting, guided, error)
@@ -201,32 +196,24 @@ contains
     class(slip_system_t), allocatable, intent(inout) :: system
     logical, intent(in) :: is_explicit
     class(stepping_t), allocatable, intent(out) :: motion
-    type(implicit_slip_t), allocatable :: implicit
+    class(slip_stick_t), allocatable :: made
     type(explicit_slip_t), allocatable :: explicit
 
-    ! The slipped distance left below this share of the peak speed is below rtol of what was slipped.
     if (is_explicit) then
       allocate (explicit)
-      explicit%cut_share = cut_share(scene%rtol)
       explicit%cut_speed = scene%v_cut
       explicit%cut_rtol = scene%rtol
-      call move_alloc(explicit, motion)
+      call move_alloc(explicit, made)
     else
-      allocate (implicit)
-      implicit%cut_share = cut_share(scene%rtol)
-      call move_alloc(implicit, motion)
+      allocate (implicit_slip_t :: made)
     end if
+    ! Below this share of the peak speed a stop is finished in closed form: the distance left is below rtol of what was slipped.
+    made%cut_share = 0.03_wp*sqrt(scene%rtol)
+    call move_alloc(made, motion)
     motion%step_max = scene%step_max
     call motion%set_up(slider, drive, scene%t_end)
     call move_alloc(system, motion%system)
   end subroutine new_resting
-
-  !> Below this share of the peak speed a stop is finished in closed form: the distance left is below rtol of what was slipped.
-  pure real(wp) function cut_share(rtol)
-    real(wp), intent(in) :: rtol
-
-    cut_share = 0.03_wp*sqrt(rtol)
-  end function cut_share
 
   !> Motion that rests only as the scheme finds it, or not at all.
   subroutine new_guided(scene, slider, drive, system, motion)
