@@ -66,6 +66,8 @@ module dst_python_api
   type, extends(session_t) :: run_t
     type(simulation_t) :: simulation
     type(memory_writer_t) :: writer
+    type(outcome_t) :: outcome
+    logical :: is_summed_up = .false.        !! `outcome` is that of the finished run
     character(:), allocatable :: model_choice
   contains
     procedure :: make_table => make_run_table
@@ -382,12 +384,11 @@ contains
     end function count_of
   end subroutine make_table_of_values
 
-  !> Also 'columns', 'parameters', of which a text has the second number 1, and of a finished run 'summary' and 'statistics'.
+  !> Also 'columns', 'parameters', of which a text has the second number 1, 'summary' and 'statistics' as far as the run has come.
   subroutine make_run_table(self, which)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
     type(parameter_t), allocatable :: parameters(:)
-    type(outcome_t) :: outcome
     integer :: i
 
     select case (which)
@@ -403,14 +404,18 @@ contains
         self%table%text(4, i) = parameters(i)%text
         self%table%number(2, i) = 1.0_wp
       end do
-    case ('summary')
-      call self%simulation%outcome(self%error, outcome)
-      call describe(self%table, outcome%summary, 1)
-      self%table%number(1, :) = outcome%summary_value
-    case ('statistics')
-      call self%simulation%outcome(self%error, outcome)
-      call describe(self%table, outcome%statistics, 1)
-      self%table%number(1, :) = outcome%statistics_value
+    case ('summary', 'statistics')
+      if (.not. self%is_summed_up) call self%simulation%outcome(self%error, self%outcome)
+      self%is_summed_up = self%simulation%finished
+      associate (outcome => self%outcome)
+        if (which == 'summary') then
+          call describe(self%table, outcome%summary, 1)
+          self%table%number(1, :) = outcome%summary_value
+        else
+          call describe(self%table, outcome%statistics, 1)
+          self%table%number(1, :) = outcome%statistics_value
+        end if
+      end associate
     case default
       call self%session_t%make_table(which)
     end select
@@ -450,12 +455,10 @@ contains
   !> Name, units and meaning of quantities, with room for numbers.
   subroutine describe(table, quantities, numbers)
     type(table_t), intent(out) :: table
-    type(quantity_t), intent(in), optional :: quantities(:)   !! a run that goes on has no summary
+    type(quantity_t), intent(in) :: quantities(:)
     integer, intent(in) :: numbers
     integer :: i
 
-    call new_table(table, 0, 3, numbers)
-    if (.not. present(quantities)) return
     call new_table(table, size(quantities), 3, numbers)
     do i = 1, size(quantities)
       call put_quantity(table%text(:, i), quantities(i))
