@@ -118,8 +118,10 @@ def meaning_of(key: KeyInfo) -> str:
         text += f"; {key.range}"
     if key.choices and key.kind == "texts":
         text += f"; of {', '.join(key.choices)}"
-    if key.condition:
-        text += f"; only with {key.condition}"
+    if key.used_by:
+        text += "; only with " + " and ".join(
+            f"{name} {' | '.join(choices)}" for name, choices in key.used_by
+        )
     if key.default:
         text += f". Default {key.default}"
     elif key.required:

@@ -115,8 +115,8 @@ class KeyInfo(NamedTuple):
     choices: tuple[str, ...]
     default: str
     """As in a deck, text without quotes; empty if there is none."""
-    condition: str
-    """With what it is used; empty if always."""
+    used_by: tuple[tuple[str, tuple[str, ...]], ...]
+    """Keys on which its use depends, and the choices with which it is used."""
     meaning: str
 
 
@@ -386,8 +386,8 @@ def schema() -> tuple[KeyInfo, ...]:
 
 
 def _key(key: dict[str, Any]) -> KeyInfo:
-    condition = " and ".join(f"{name} {' | '.join(choices)}" for name, choices in key["used_by"].items())
-    given = {"choices": tuple(key["choices"]), "default": key["default"] or "", "condition": condition}
+    used_by = tuple((name, tuple(choices)) for name, choices in key["used_by"].items())
+    given = {"choices": tuple(key["choices"]), "default": key["default"] or "", "used_by": used_by}
     return KeyInfo(**{name: key.get(name) for name in KeyInfo._fields} | given)
 
 

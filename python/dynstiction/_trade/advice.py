@@ -79,7 +79,9 @@ def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
 def advice(comparison: Comparison, best: Point) -> str:
     """The settings of a point as namelist groups, and as a command that also takes out what nothing uses any more."""
     errors = ", ".join(
-        f"{name} {short(best.errors[name])}" for name in dict.fromkeys((*QUANTITIES, *best.errors)) if name in best.errors
+        f"{name} {short(best.errors[name])}"
+        for name in dict.fromkeys((*QUANTITIES, *best.errors))
+        if name in best.errors
     )
     lines = [f"! {_described(best.candidate)}: {short(best.seconds)} s, errors {errors}"]
     for group, keys in best.candidate.settings().items():

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from .. import _native
 from .._native import STOPPED_EARLY
-from ..simulation import Simulation
 from ..errors import DeckError, Error
 from ..record import Described, Info, Record
 from ..scene import Scene
+from ..simulation import Simulation
 from .plan import Candidate, Settings, Subject, candidates
 from .quantities import QUANTITIES, Observer, Quantity
 from .words import plain

@@ -121,18 +121,15 @@ class Subject:
 
 
 @cache
-def _conditions(text: str) -> tuple[tuple[_native.KeyInfo, tuple[str, ...]], ...]:
-    """Keys on which the use of a key depends, and the choices with which it is used."""
-    keys = {key.name: key for key in _native.schema()}
-    words = (condition.replace(" | ", " ").split() for condition in text.split(" and ") if text)
-    return tuple((keys[name], tuple(choices)) for name, *choices in words)
+def _keys() -> dict[str, _native.KeyInfo]:
+    return {key.name: key for key in _native.schema()}
 
 
 def is_used(key: _native.KeyInfo, values: Mapping[str, object]) -> bool:
     """Whether a key has a meaning with these values by key, and the defaults of the others."""
     return all(
-        is_used(on, values) and values.get(on.name, on.default) in choices
-        for on, choices in _conditions(key.condition)
+        is_used(_keys()[on], values) and values.get(on, _keys()[on].default) in choices
+        for on, choices in key.used_by
     )
 
 
