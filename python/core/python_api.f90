@@ -687,7 +687,7 @@ contains
     integer :: i
 
     model = new_full_smoothed(slider_from(real(slider, wp)))
-    terms = new_terms(1, 2)
+    terms = new_terms(1, 2, 2)
     do i = 1, n
       call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
       call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
@@ -708,7 +708,7 @@ contains
     integer :: i
 
     model = new_full_smoothed(slider_from(real(slider, wp)))
-    terms = new_terms(1, 2)
+    terms = new_terms(1, 2, 2)
     do i = 1, n
       call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
       call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)

@@ -27,7 +27,7 @@ module dst_checkpoint
 
   character(*), parameter :: signature = 'dynstiction checkpoint, format '
   !> Version of this format and of the fields that the types of a run exchange with an archive.
-  character(*), parameter :: format_version = '5'
+  character(*), parameter :: format_version = '6'
   character, parameter :: n = achar(10)
   integer, parameter :: word_bytes = 8, most_bytes = 2**24, digest_length = 64
 

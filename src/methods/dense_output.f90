@@ -3,14 +3,14 @@ module dst_dense_output
   use dst_archive, only: archive_t
   use dst_interpolation, only: grid_t, max_degree
   use dst_kinds, only: wp
-  use dst_slip_system, only: max_components
+  use dst_slip_system, only: max_components, max_unknowns
   implicit none
   private
 
   public :: dense_output_t, column_u, column_y, column_position, n_columns
 
   !> Columns of the nodal values.
-  integer, parameter :: column_u = 1, column_y = 1 + max_components, column_position = 1 + 2*max_components
+  integer, parameter :: column_u = 1, column_y = 1 + max_components, column_position = column_y + max_unknowns
   integer, parameter :: n_columns = column_position
 
   !> Polynomials through their values at the nodes of a grid.

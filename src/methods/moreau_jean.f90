@@ -82,12 +82,12 @@ contains
     real(wp), dimension(2) :: driven, inertia, load, friction, mean_velocity, mean_elongation
 
     self%step = step
-    associate (m => self%slider%mass, k => self%slider%stiffness, w => from%y)
+    associate (m => self%slider%mass, k => self%slider%stiffness, w => from%y(1:2))
       driven = drive%displacement(from%time, step)*system%along
       inertia = m/step + theta**2*step*k
       load = m*w/step + k*(from%u + theta*(driven - (1.0_wp - theta)*step*w))
-      call slip_velocity_after(self, inertia, load, hypot(w(1), w(2)), to%y, friction)
-      mean_velocity = theta*to%y + (1.0_wp - theta)*w
+      call slip_velocity_after(self, inertia, load, hypot(w(1), w(2)), to%y(1:2), friction)
+      mean_velocity = theta*to%y(1:2) + (1.0_wp - theta)*w
       to%u = from%u + driven - step*mean_velocity
       mean_elongation = theta*to%u + (1.0_wp - theta)*from%u
       call to%later(from, step)
@@ -241,13 +241,15 @@ contains
     real(wp) :: slipped(2), tau
     integer :: i
 
-    do i = 0, self%grid%degree
-      tau = self%grid%node(i)
-      slipped = tau*self%step*(from%y + 0.5_wp*tau*(to%y - from%y))
-      self%nodal(i, column_u:column_u + 1) = from%u - slipped
-      self%nodal(i, column_y:column_y + 1) = from%y + tau*(to%y - from%y)
-      self%nodal(i, column_position) = from%position + dot_product(system%along, slipped)
-    end do
+    associate (before => from%y(1:2), after => to%y(1:2))
+      do i = 0, self%grid%degree
+        tau = self%grid%node(i)
+        slipped = tau*self%step*(before + 0.5_wp*tau*(after - before))
+        self%nodal(i, column_u:column_u + 1) = from%u - slipped
+        self%nodal(i, column_y:column_y + 1) = before + tau*(after - before)
+        self%nodal(i, column_position) = from%position + dot_product(system%along, slipped)
+      end do
+    end associate
   end subroutine set_nodal
 
   pure subroutine accept(self)

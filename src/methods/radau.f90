@@ -16,13 +16,14 @@
 module dst_radau
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
+  use dst_linear_solve, only: solve_in_place
   use dst_collocation, only: collocation_t, radau_iia, max_stages
   use dst_dense_output, only: column_u, column_y, column_position
   use dst_drive, only: drive_segment_t
   use dst_instability, only: follow_instability
   use dst_interpolation, only: max_degree
   use dst_newton_kernels, only: solve_stages
-  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
+  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
   use dst_state, only: state_t
   use dst_step_control, only: step_control_t, new_step_control, shortened
   use dst_stepper, only: stepper_t, attempt_t, work_count_t, exchange_stepper
@@ -31,7 +32,6 @@ module dst_radau
 
   public :: radau_t, new_radau
 
-  integer, parameter :: max_unknowns = max_stages*max_components
   ! What "twice" does was measured on Fig. 3 (2.4 s, full model, rtol 1e-6 and 1e-8) and on the low-frequency motion at 1e-6.
   !
   !> Tolerance of the estimate for rtol, factor and exponent, with 3 and with more stages: measured (bench/fig3.py). Order
@@ -84,19 +84,19 @@ module dst_radau
     !> Whether `nodal` holds a solved attempt, of length attempted_step, from the point of the next one.
     logical :: retry = .false.
     real(wp) :: attempted_step = 0.0_wp
-    real(wp) :: rate(max_components) = 0.0_wp
-    real(wp) :: curvature(max_components) = 0.0_wp
+    real(wp) :: rate(max_unknowns) = 0.0_wp
+    real(wp) :: curvature(max_unknowns) = 0.0_wp
     type(step_control_t) :: control
     !> Whether this attempt is a second one, which matters in slow motion.
     logical :: repeated = .false.
-    real(wp) :: last_nodal(0:max_degree, max_components) = 0.0_wp
-    !> Stage values of the current attempt (stage, component), contiguous.
-    real(wp) :: y(max_unknowns) = 0.0_wp
-    real(wp) :: u(max_unknowns) = 0.0_wp
-    real(wp) :: velocity(max_unknowns) = 0.0_wp
-    real(wp) :: velocity_y(max_unknowns*max_components) = 0.0_wp
-    real(wp) :: increment(max_unknowns) = 0.0_wp
-    real(wp) :: driven(max_unknowns) = 0.0_wp
+    real(wp) :: last_nodal(0:max_degree, max_unknowns) = 0.0_wp
+    !> Stage values of the current attempt (stage, component or unknown), contiguous.
+    real(wp) :: y(max_stages*max_unknowns) = 0.0_wp
+    real(wp) :: u(max_stages*max_components) = 0.0_wp
+    real(wp) :: velocity(max_stages*max_components) = 0.0_wp
+    real(wp) :: velocity_y(max_stages*max_components*max_unknowns) = 0.0_wp
+    real(wp) :: increment(max_stages*max_unknowns) = 0.0_wp
+    real(wp) :: driven(max_stages*max_components) = 0.0_wp
     real(wp) :: drive_velocity(max_stages) = 0.0_wp
     type(stage_terms_t) :: terms
     type(stage_terms_t) :: point_terms
@@ -111,9 +111,9 @@ module dst_radau
 
 contains
 
-  !> Radau IIA with 3, 5 or 7 stages for a system of n components.
-  function new_radau(stages, components, rtol) result(stepper)
-    integer, intent(in) :: stages, components
+  !> Radau IIA with 3, 5 or 7 stages for a system of n components and m slip unknowns.
+  function new_radau(stages, components, unknowns, rtol) result(stepper)
+    integer, intent(in) :: stages, components, unknowns
     real(wp), intent(in) :: rtol
     type(radau_t) :: stepper
 
@@ -131,8 +131,8 @@ contains
     stepper%harmless_phase = (harmless_error/stepper%error_constant)**(0.5_wp/real(stages, wp))
     ! In the fast oscillation of two components the error changes with the phase, and looking back misleads.
     stepper%control = new_step_control(stages + 1, largest_factor, predicts=components == 1)
-    stepper%terms = new_terms(stages, components)
-    stepper%point_terms = new_terms(1, components)
+    stepper%terms = new_terms(stages, components, unknowns)
+    stepper%point_terms = new_terms(1, components, unknowns)
     call set_probes(stepper)
   end function new_radau
 
@@ -190,8 +190,10 @@ contains
     call self%control%restart()
     self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
-    self%rate = rate
-    self%curvature = curvature
+    self%rate = 0.0_wp
+    self%rate(1:size(rate)) = rate
+    self%curvature = 0.0_wp
+    self%curvature(1:size(rate)) = curvature
   end subroutine restart
 
   subroutine attempt(self, system, drive, from, step, to, outcome)
@@ -207,10 +209,10 @@ contains
 
     self%step = step
     own_speed = own_share*system%spring_speed(from%u)
-    associate (s => self%method%stages, n => system%components)
-      call predict(self, s, n, from, self%y)
+    associate (s => self%method%stages, n => system%components, m => system%unknowns)
+      call predict(self, s, m, from, self%y)
       call drive_elongation(self, system, drive, s, n, from, self%driven)
-      call solve_stages(s, n, system, self%method, step, self%rtol, own_speed(system%axis:), &
+      call solve_stages(s, n, m, system, self%method, step, self%rtol, own_speed(system%axis:), &
         self%drive_velocity, self%driven, from%y, self%y, self%u, self%velocity, self%velocity_y, self%terms, self%increment, &
         self%speed_scale, iterations, outcome%solved)
       call count_work(self%count, s, iterations)
@@ -218,9 +220,9 @@ contains
       self%attempted_step = step
       if (.not. outcome%solved) self%repeated = .true.
       if (.not. outcome%solved) return
-      call complete(self, system, drive, s, n, from, self%y, self%u, self%velocity, self%increment, to)
-      call estimate_error(self, system, drive, s, n, from, own_speed(system%axis:), self%velocity, outcome)
-      call follow_growth(self, system, drive, s, n, from, self%y, outcome)
+      call complete(self, system, drive, s, n, m, from, self%y, self%u, self%velocity, self%increment, to)
+      call estimate_error(self, system, drive, s, n, m, from, own_speed(system%axis:), self%velocity, outcome)
+      call follow_growth(self, system, drive, s, n, m, from, self%y, outcome)
       self%repeated = .true.
     end associate
   end subroutine attempt
@@ -258,26 +260,26 @@ contains
 
   !> First guess of the stage values: from the last attempt if it began at the same point, else from
   !> the last step, or from the start's rate and curvature.
-  pure subroutine predict(self, s, n, from, y)
+  pure subroutine predict(self, s, m, from, y)
     class(radau_t), intent(in) :: self
-    integer, intent(in) :: s, n
+    integer, intent(in) :: s, m
     type(state_t), intent(in) :: from
-    real(wp), intent(out) :: y(s, n)
+    real(wp), intent(out) :: y(s, m)
     real(wp) :: elapsed
     integer :: i, k
 
     associate (c => self%grid%node(1:s))
       if (self%retry) then
-        do k = 1, n
+        do k = 1, m
           call self%grid%values_at(self%nodal(:, column_y + k - 1), s, c*(self%step/self%attempted_step), y(:, k))
         end do
       else if (self%restarted) then
         do i = 1, s
           elapsed = c(i)*self%step
-          y(i, :) = from%y(:n) + elapsed*(self%rate(:n) + 0.5_wp*elapsed*self%curvature(:n))
+          y(i, :) = from%y(:m) + elapsed*(self%rate(:m) + 0.5_wp*elapsed*self%curvature(:m))
         end do
       else
-        do k = 1, n
+        do k = 1, m
           call self%grid%values_at(self%last_nodal(:, k), s, 1.0_wp + c*(self%step/self%control%last_step), y(:, k))
         end do
       end if
@@ -285,15 +287,15 @@ contains
   end subroutine predict
 
   !> Node values for the dense output, quadratures, and the state at the end of the step.
-  subroutine complete(self, system, drive, s, n, from, y, u, velocity, increment, to)
+  subroutine complete(self, system, drive, s, n, m, from, y, u, velocity, increment, to)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n
+    integer, intent(in) :: s, n, m
     type(state_t), intent(in) :: from
-    real(wp), intent(in) :: y(s, n), u(s, n), velocity(s, n), increment(s, n)
+    real(wp), intent(in) :: y(s, m), u(s, n), velocity(s, n), increment(s, m)
     type(state_t), intent(out) :: to
-    real(wp) :: forward(s), displacement(s), advanced(s), drive_power, friction_power
+    real(wp) :: forward(s), displacement(s), advanced(s), drive_power, friction_power, supplied
     integer :: i, k, axis
 
     do i = 1, s
@@ -306,10 +308,12 @@ contains
       axis = system%axis + k - 1
       forward = forward + system%forward(axis)*velocity(:, k)
       self%nodal(0, column_u + axis - 1) = from%u(axis)
-      self%nodal(0, column_y + k - 1) = from%y(k)
-      self%nodal(1:s, column_y + k - 1) = y(:, k)
       self%nodal(1:s, column_u + axis - 1) = u(:, k) - displacement*system%along(axis)
       to%u(axis) = u(s, k)
+    end do
+    do k = 1, m
+      self%nodal(0, column_y + k - 1) = from%y(k)
+      self%nodal(1:s, column_y + k - 1) = y(:, k)
       to%y(k) = y(s, k)
     end do
     self%nodal(0, column_position) = from%position
@@ -324,10 +328,10 @@ contains
       associate (b => self%method%weight(i), terms => self%terms)
         drive_power = drive_power + b*terms%supply(i)
         friction_power = friction_power + b*terms%dissipation(i)
-        do k = 1, n
-          axis = system%axis + k - 1
-          drive_power = drive_power + b*(terms%supply_y(i, k)*increment(i, k) &
-            + self%drive_velocity(i)*system%along_stiffness(axis)*u(i, k))
+        do k = 1, m
+          supplied = terms%supply_y(i, k)*increment(i, k)
+          if (k <= n) supplied = supplied + self%drive_velocity(i)*system%along_stiffness(system%axis + k - 1)*u(i, k)
+          drive_power = drive_power + b*supplied
           friction_power = friction_power + b*terms%dissipation_y(i, k)*increment(i, k)
         end do
       end associate
@@ -342,20 +346,20 @@ contains
   !> of the step or, along an axis, to the own speed of that axis if that is less: so the spring forces have the accuracy that
   !> the slip velocity has, each in its own scale. The defect is probed at the start and at one point inside, where it also sees
   !> what turns quickly while the start is at rest; and wherever the slip turns back (`error_of_turns`).
-  subroutine estimate_error(self, system, drive, s, n, from, own_speed, stage_velocity, outcome)
+  subroutine estimate_error(self, system, drive, s, n, m, from, own_speed, stage_velocity, outcome)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n
+    integer, intent(in) :: s, n, m
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: own_speed(n), stage_velocity(s, n)
     type(attempt_t), intent(inout) :: outcome
     real(wp) :: error(n), noise(n), allowed(n)
 
-    call defect_error(self, system, drive, s, n, from, self%start, stage_velocity, error, noise)
+    call defect_error(self, system, drive, s, n, m, from, self%start, stage_velocity, error, noise)
     allowed = self%estimate_tolerance*min(self%speed_scale, own_speed) + velocity_roundoff*self%speed_scale
     outcome%error = norm(error/max(allowed + noise, tiny(noise)))
-    call defect_error(self, system, drive, s, n, from, self%inside, stage_velocity, error, noise)
+    call defect_error(self, system, drive, s, n, m, from, self%inside, stage_velocity, error, noise)
     outcome%error = max(outcome%error, norm(error/max(allowed + noise, tiny(noise))))
     if (outcome%error <= 1.0_wp) outcome%error = max(outcome%error, &
       self%error_of_turns(system, drive, from, allowed*(turn_allowance*self%rtol/self%estimate_tolerance)))
@@ -365,15 +369,15 @@ contains
   !> A long implicit step damps what grows exponentially, and would stay on a motion that has become unstable: it may be no longer
   !> than what follows the growth at the stage where it is fastest. If the motion is so close to steady sliding that no disturbance
   !> is to be seen, there is nothing to follow.
-  subroutine follow_growth(self, system, drive, s, n, from, y, outcome)
+  subroutine follow_growth(self, system, drive, s, n, m, from, y, outcome)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n
+    integer, intent(in) :: s, n, m
     type(state_t), intent(in) :: from
-    real(wp), intent(in) :: y(s, n)
+    real(wp), intent(in) :: y(s, m)
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: longest, growth, fastest, y_there(n), coefficient(0:2*n), weakening, limit, rate
+    real(wp) :: longest, growth, fastest, y_there(m), coefficient(0:n + m), weakening, limit, rate
     integer :: point(2), k
     logical :: disturbed
 
@@ -410,64 +414,54 @@ contains
   !>     d_u = V e - w(y) - p_u',      d_y = g - B p_y',
   !>
   !> and what the roundoff of the forces adds to it.
-  subroutine defect_error(self, system, drive, s, n, from, probe, stage_velocity, error, noise)
+  subroutine defect_error(self, system, drive, s, n, m, from, probe, stage_velocity, error, noise)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n
+    integer, intent(in) :: s, n, m
     type(state_t), intent(in) :: from
     type(probe_t), intent(in) :: probe
     real(wp), intent(in) :: stage_velocity(s, n)
     real(wp), intent(out) :: error(n), noise(n)
-    real(wp) :: velocity(1, n), velocity_yy(1, n, n), defect(n), shift(n), u(n), y(n), drive_velocity, elapsed, filter_step
-    real(wp), dimension(max_components, max_components) :: filter, response
+    real(wp) :: velocity(1, n), velocity_y(1, n, m), defect(m), shift(n), u(n), y(m), drive_velocity, elapsed, filter_step
+    real(wp) :: filter(m, m), response(n, m)
     logical :: singular
-    integer :: k, l, m, axis
+    integer :: k, l, axis
 
     elapsed = probe%position*self%step
     drive_velocity = drive%velocity_at(from%time + elapsed)
     do k = 1, n
       axis = system%axis + k - 1
       u(k) = from%u(axis)
-      y(k) = from%y(k)
-      if (.not. elapsed > 0.0_wp) cycle
-      u(k) = dot_product(probe%interpolation(0:s), self%nodal(0:s, column_u + axis - 1)) &
+      if (elapsed > 0.0_wp) u(k) = dot_product(probe%interpolation(0:s), self%nodal(0:s, column_u + axis - 1)) &
         + system%along(axis)*drive%displacement(from%time, elapsed)
-      y(k) = dot_product(probe%interpolation(0:s), self%nodal(0:s, column_y + k - 1))
     end do
-    call system%kinematics(1, y, velocity, velocity_yy)
-    call system%dynamics(1, [drive_velocity], u, y, velocity_yy, self%point_terms)
+    do k = 1, m
+      y(k) = from%y(k)
+      if (elapsed > 0.0_wp) y(k) = dot_product(probe%interpolation(0:s), self%nodal(0:s, column_y + k - 1))
+    end do
+    call system%kinematics(1, y, velocity, velocity_y)
+    call system%dynamics(1, [drive_velocity], u, y, velocity_y, self%point_terms)
     self%count%rhs = self%count%rhs + 1
     self%speed_scale = max(self%speed_scale, sqrt(sum(velocity**2) + (system%guided*drive_velocity)**2))
-    associate (terms => self%point_terms)
-      filter_step = self%method%gamma*self%step
-      do k = 1, n
-        shift(k) = filter_step*(dot_product(probe%extrapolation(1:s), stage_velocity(:, k)) - velocity(1, k))
+    filter_step = self%method%gamma*self%step
+    do k = 1, n
+      shift(k) = filter_step*(dot_product(probe%extrapolation(1:s), stage_velocity(:, k)) - velocity(1, k))
+    end do
+    do k = 1, m
+      defect(k) = self%point_terms%force(1, k)
+      do l = 1, n
+        defect(k) = defect(k) + self%point_terms%force_u(1, k, l)*shift(l)
       end do
-      filter = 0.0_wp
-      do k = 1, n
-        defect(k) = terms%force(1, k)
-        do m = 1, n
-          defect(k) = defect(k) + terms%force_u(1, k, m)*shift(m)
-        end do
-        defect(k) = probe%weight*(self%step*defect(k) - terms%inertia(1, k) &
-          *dot_product(probe%derivative(0:s), self%nodal(0:s, column_y + k - 1)))
-        do l = 1, n
-          do m = 1, n
-            filter(k, l) = filter(k, l) + terms%force_u(1, k, m)*velocity_yy(1, m, l)
-          end do
-          filter(k, l) = filter_step**2*filter(k, l)
-        end do
-        filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) + max(0.0_wp, -filter_step*terms%force_y(1, k, k))
-        ! At rest without a load the direction is free: it has no equation there, and no error.
-        if (.not. filter(k, k) > 0.0_wp) filter(k, k) = 1.0_wp
-      end do
-    end associate
-    call respond(n, filter, velocity_yy(1, :, :), response, singular)
+      defect(k) = probe%weight*(self%step*defect(k) - self%point_terms%inertia(1, k) &
+        *dot_product(probe%derivative(0:s), self%nodal(0:s, column_y + k - 1)))
+    end do
+    call set_filter(n, m, self%point_terms, filter_step, velocity_y, filter)
+    call respond(n, m, filter, velocity_y, response, singular)
     do k = 1, n
       error(k) = 0.0_wp
       noise(k) = 0.0_wp
-      do l = 1, n
+      do l = 1, m
         error(k) = error(k) + response(k, l)*defect(l)
         noise(k) = noise(k) + abs(response(k, l))
       end do
@@ -476,6 +470,31 @@ contains
     if (singular) error = huge(error)
   end subroutine defect_error
 
+  !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy, of whose last term
+  !> only what damps is taken, and what couples with a state of friction.
+  pure subroutine set_filter(n, m, terms, filter_step, velocity_y, filter)
+    integer, intent(in) :: n, m
+    type(stage_terms_t), intent(in) :: terms
+    real(wp), intent(in) :: filter_step, velocity_y(1, n, m)
+    real(wp), intent(out) :: filter(m, m)
+    real(wp) :: coupling
+    integer :: i, k, l
+
+    do k = 1, m
+      do l = 1, m
+        coupling = 0.0_wp
+        do i = 1, n
+          coupling = coupling + terms%force_u(1, k, i)*velocity_y(1, i, l)
+        end do
+        filter(k, l) = filter_step**2*coupling
+        if (max(k, l) > n .and. k /= l) filter(k, l) = filter(k, l) - filter_step*terms%force_y(1, k, l)
+      end do
+      filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) + max(0.0_wp, -filter_step*terms%force_y(1, k, k))
+      ! At rest without a load the direction is free: it has no equation there, and no error.
+      if (.not. filter(k, k) > 0.0_wp) filter(k, k) = 1.0_wp
+    end do
+  end subroutine set_filter
+
   pure real(wp) function norm(vector)
     real(wp), intent(in) :: vector(:)
 
@@ -483,22 +502,32 @@ contains
   end function norm
 
   !> Change of the slip velocity by a filtered defect, (dw/dy) filter^-1.
-  pure subroutine respond(n, filter, velocity_y, response, singular)
-    integer, intent(in) :: n
-    real(wp), intent(in) :: filter(max_components, max_components), velocity_y(n, n)
-    real(wp), intent(out) :: response(max_components, max_components)
+  pure subroutine respond(n, m, filter, velocity_y, response, singular)
+    integer, intent(in) :: n, m
+    real(wp), intent(in) :: filter(m, m), velocity_y(n, m)
+    real(wp), intent(out) :: response(n, m)
     logical, intent(out) :: singular
-    real(wp) :: determinant
+    real(wp) :: determinant, matrix(m, m), row(m)
+    integer :: k
 
-    response = 0.0_wp
-    if (n == 1) then
+    select case (m)
+    case (1)
       determinant = filter(1, 1)
       response(1, 1) = velocity_y(1, 1)
-    else
+    case (2)
       determinant = filter(1, 1)*filter(2, 2) - filter(1, 2)*filter(2, 1)
       response(:, 1) = velocity_y(:, 1)*filter(2, 2) - velocity_y(:, 2)*filter(2, 1)
       response(:, 2) = velocity_y(:, 2)*filter(1, 1) - velocity_y(:, 1)*filter(1, 2)
-    end if
+    case default
+      do k = 1, n
+        matrix = transpose(filter)
+        row = velocity_y(k, :)
+        call solve_in_place(m, matrix, row, singular)
+        response(k, :) = row
+        if (singular) return
+      end do
+      return
+    end select
     singular = .not. abs(determinant) > 0.0_wp
     if (.not. singular) response = response/determinant
   end subroutine respond
@@ -511,7 +540,7 @@ contains
     self%repeated = .false.
     call self%control%accept(self%step)
     call self%note_speed()
-    self%last_nodal = self%nodal(:, column_y:column_y + max_components - 1)
+    self%last_nodal = self%nodal(:, column_y:column_y + max_unknowns - 1)
     call self%note_growth()
   end subroutine accept
 

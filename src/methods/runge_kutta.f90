@@ -19,7 +19,7 @@ module dst_runge_kutta
   use dst_instability, only: follow_instability
   use dst_interpolation, only: new_grid, max_degree
   use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights, max_stages
-  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components
+  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
   use dst_state, only: state_t
   use dst_step_control, only: step_control_t, new_step_control, factor_for, unsolved_factor
   use dst_stepper, only: stepper_t, attempt_t, exchange_stepper
@@ -29,7 +29,7 @@ module dst_runge_kutta
   public :: runge_kutta_t, new_runge_kutta
 
   !> Elongations and slip unknowns in one vector.
-  integer, parameter :: n_values = 2*max_components, first_y = 1 + max_components
+  integer, parameter :: n_values = max_components + max_unknowns, first_y = 1 + max_components
   ! What "twice" does was measured with dop853 on Fig. 3 (1 s, rtol 1e-6).
   !
   !> Step times rate up to which rk4 is stable (2.785 for relaxation, 2.828 for oscillation).
@@ -69,8 +69,8 @@ module dst_runge_kutta
     real(wp) :: drive_power(max_stages) = 0.0_wp
     real(wp) :: friction_power(max_stages) = 0.0_wp
     type(stage_terms_t) :: terms
-    !> dw/dy at the stage evaluated last, (component, component).
-    real(wp) :: velocity_y(max_components**2) = 0.0_wp
+    !> dw/dy at the stage evaluated last, (component, unknown).
+    real(wp) :: velocity_y(max_components*max_unknowns) = 0.0_wp
     !> The states (u, y, V) whose slopes are the first and the one at the end of the step: an attempt
     !> starts where the last one did, if that was rejected, or where it ended.
     real(wp) :: start(n_values + 1) = 0.0_wp, end(n_values + 1) = 0.0_wp
@@ -87,11 +87,11 @@ module dst_runge_kutta
 
 contains
 
-  !> The method called `method_name` for a system of `components`. rtol has the meaning that it has
+  !> The method called `method_name` for a system of so many components and slip unknowns. rtol has the meaning that it has
   !> for Radau IIA; the fixed step of rk4 does not depend on it.
-  function new_runge_kutta(method_name, components, rtol) result(stepper)
+  function new_runge_kutta(method_name, components, unknowns, rtol) result(stepper)
     character(*), intent(in) :: method_name
-    integer, intent(in) :: components
+    integer, intent(in) :: components, unknowns
     real(wp), intent(in) :: rtol
     type(runge_kutta_t) :: stepper
     integer :: i, degree
@@ -108,7 +108,7 @@ contains
       stepper%dense_weight(:, i) = dense_weights(stepper%method, stepper%grid%node(i))
     end do
     stepper%noise_floor = seen*stepper%estimate_tolerance
-    stepper%terms = new_terms(1, components)
+    stepper%terms = new_terms(1, components, unknowns)
   end function new_runge_kutta
 
   !> An explicit method needs no first guess, so rate and curvature are of no use to it.
@@ -171,14 +171,14 @@ contains
     type(state_t), intent(in) :: from
     !> Share of the drive's velocity up to which the motion may be steady sliding. Convention.
     real(wp), parameter :: close = 0.01_wp
-    real(wp) :: coefficient(0:2*system%components), weakening, longest, growth, velocity
+    real(wp) :: coefficient(0:system%components + system%unknowns), weakening, longest, growth, velocity
 
     self%unseen_growth = 0.0_wp
     self%emerged = .false.
     velocity = drive%velocity_at(from%time)
-    associate (n => system%components, first => system%axis, last => system%axis + system%components - 1)
+    associate (first => system%axis, last => system%axis + system%components - 1)
       if (any(abs(self%slope(first:last, 1) + velocity*system%along(first:last)) > close*abs(velocity))) return
-      call system%decay_polynomial(from%y(1:n), velocity, coefficient, weakening)
+      call system%decay_polynomial(from%y(1:system%unknowns), velocity, coefficient, weakening)
       call follow_instability(coefficient, self%method%order, 1.0_wp, longest, growth)
     end associate
     if (growth > 0.0_wp) call self%look_at_growth(drive, from, growth, &
@@ -286,41 +286,41 @@ contains
     if (.not. all(abs(state) <= huge(1.0_wp))) return
     self%count%rhs = self%count%rhs + 1
     drive_velocity = drive%velocity_at(from%time + self%method%c(i)*self%step)
-    associate (n => system%components, first => system%axis, last => system%axis + system%components - 1, &
-        terms => self%terms)
+    associate (n => system%components, m => system%unknowns, first => system%axis, &
+        last => system%axis + system%components - 1, terms => self%terms)
       call system%kinematics(1, state(first_y:), velocity, self%velocity_y)
       call system%dynamics(1, [drive_velocity], state(first:last), state(first_y:), self%velocity_y, terms)
       if (any(terms%inertia(1, :) <= 0.0_wp)) return
       self%slope(:, i) = 0.0_wp
       self%slope(first:last, i) = -velocity(1:n)
-      self%slope(first_y:max_components + n, i) = terms%force(1, :)/terms%inertia(1, :)
+      self%slope(first_y:max_components + m, i) = terms%force(1, :)/terms%inertia(1, :)
       self%friction_power(i) = terms%dissipation(1)
       self%drive_power(i) = drive_velocity*dot_product(system%along_stiffness, state(1:max_components)) + terms%supply(1)
       self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%guided*drive_velocity)**2))
       outcome%solved = .true.
       if (self%method%errors > 0) return
-      step_rate = self%step*fastest_rate(n, terms, self%velocity_y)
+      step_rate = self%step*fastest_rate(n, m, terms, self%velocity_y)
       outcome%solved = step_rate <= stability_limit
       if (.not. outcome%solved) outcome%factor = max(least_stable_factor, stability_margin*stability_limit/step_rate)
     end associate
   end subroutine evaluate
 
   !> A bound of the fastest rate [1/s] of the linearised motion.
-  pure real(wp) function fastest_rate(n, terms, velocity_y) result(rate)
-    integer, intent(in) :: n
+  pure real(wp) function fastest_rate(n, m, terms, velocity_y) result(rate)
+    integer, intent(in) :: n, m
     type(stage_terms_t), intent(in) :: terms
-    real(wp), intent(in) :: velocity_y(n, n)
+    real(wp), intent(in) :: velocity_y(n, m)
     real(wp) :: relaxation, elasticity
     integer :: k
 
     associate (g => terms%force_y, b => terms%inertia)
       relaxation = 0.0_wp
       elasticity = 0.0_wp
-      do k = 1, n
+      do k = 1, m
         relaxation = max(relaxation, abs(g(1, k, k))/b(1, k))
         elasticity = elasticity + dot_product(terms%force_u(1, k, :), velocity_y(:, k))/b(1, k)
       end do
-      if (n == 2) relaxation = relaxation + sqrt(abs(g(1, 1, 2)*g(1, 2, 1))/(b(1, 1)*b(1, 2)))
+      if (m > 1) relaxation = relaxation + sqrt(abs(g(1, 1, 2)*g(1, 2, 1))/(b(1, 1)*b(1, 2)))
     end associate
     rate = max(relaxation, sqrt(abs(elasticity)))
   end function fastest_rate
@@ -335,9 +335,9 @@ contains
     outcome%error = 0.0_wp
     outcome%factor = 1.0_wp
     if (self%method%errors == 0) return
-    size = error_size(self, system, system%components, self%method%error(:, 1), self%velocity_y)
+    size = error_size(self, system, system%components, system%unknowns, self%method%error(:, 1), self%velocity_y)
     if (self%method%errors == 2) then
-      stretch = stretch_share*error_size(self, system, system%components, self%method%error(:, 2), self%velocity_y)
+      stretch = stretch_share*error_size(self, system, system%components, system%unknowns, self%method%error(:, 2), self%velocity_y)
       if (size > 0.0_wp) size = size*(size/hypot(size, stretch))
     end if
     outcome%error = size/tolerance(self, system)
@@ -354,11 +354,11 @@ contains
 
   !> An error estimate as a slip velocity [m/s]: that of y, and that of u times the frequency at
   !> which the springs make velocity of it; magnified along an axis whose spring has a smaller scale than the slip speed.
-  pure real(wp) function error_size(self, system, n, weight, velocity_y) result(size)
+  pure real(wp) function error_size(self, system, n, m, weight, velocity_y) result(size)
     class(runge_kutta_t), intent(in) :: self
     class(slip_system_t), intent(in) :: system
-    integer, intent(in) :: n
-    real(wp), intent(in) :: weight(max_stages), velocity_y(n, n)
+    integer, intent(in) :: n, m
+    real(wp), intent(in) :: weight(max_stages), velocity_y(n, m)
     real(wp) :: error(n_values), square, frequency_square, own_speed(max_components)
     integer :: j, k, l, axis
 
@@ -372,10 +372,10 @@ contains
     do k = 1, n
       axis = system%axis + k - 1
       frequency_square = 0.0_wp
-      do l = 1, n
+      do l = 1, m
         frequency_square = frequency_square + velocity_y(k, l)*self%terms%force_u(1, l, k)/self%terms%inertia(1, l)
       end do
-      square = square + (dot_product(velocity_y(k, :), error(first_y:max_components + n))**2 &
+      square = square + (dot_product(velocity_y(k, :), error(first_y:max_components + m))**2 &
         + abs(frequency_square)*error(axis)**2)*max(1.0_wp, self%speed_scale/own_speed(axis))**2
     end do
     size = sqrt(square)
@@ -410,7 +410,7 @@ contains
     real(wp) :: error
 
     if (self%method%errors < 2) return
-    error = error_size(self, system, system%components, self%method%dense_error, self%velocity_y) &
+    error = error_size(self, system, system%components, system%unknowns, self%method%dense_error, self%velocity_y) &
       /(dense_allowance*tolerance(self, system))
     outcome%error = max(outcome%error, error)
     outcome%factor = min(outcome%factor, factor_for(error, dense_order))
@@ -432,7 +432,7 @@ contains
       end do
       change = self%step*change
       self%nodal(i, column_u:column_u + max_components - 1) = from%u + change(1:max_components)
-      self%nodal(i, column_y:column_y + max_components - 1) = from%y + change(first_y:)
+      self%nodal(i, column_y:column_y + max_unknowns - 1) = from%y + change(first_y:)
       self%nodal(i, column_position) = from%position - dot_product(system%forward, change(1:max_components)) &
         + system%carried*drive%displacement(from%time, self%grid%node(i)*self%step)
     end do

@@ -129,7 +129,7 @@ contains
     real(wp), parameter :: close = 0.2_wp
 
     error = 0.0_wp
-    associate (last => column_y + system%components - 1, s => self%grid%degree, c => self%grid%node, y => self%nodal)
+    associate (last => column_y + system%unknowns - 1, s => self%grid%degree, c => self%grid%node, y => self%nodal)
       do i = 1, s
         if (system%has_turned(y(i - 1, column_y:last), y(i, column_y:last))) error = max(error, &
           defect_around(self, system, drive, from, turn_between(self, system, c(i - 1), c(i)), allowed))
@@ -162,10 +162,10 @@ contains
 
     pure function y_at(tau) result(y)
       real(wp), intent(in) :: tau
-      real(wp) :: y(system%components), basis(0:max_degree)
+      real(wp) :: y(system%unknowns), basis(0:max_degree)
 
       call self%grid%lagrange(tau, basis)
-      y = matmul(basis(0:self%grid%degree), self%nodal(0:self%grid%degree, column_y:column_y + system%components - 1))
+      y = matmul(basis(0:self%grid%degree), self%nodal(0:self%grid%degree, column_y:column_y + system%unknowns - 1))
     end function y_at
   end function turn_between
 
@@ -180,15 +180,16 @@ contains
     integer, parameter :: distances = 24
     !> Share of the step in which a relaxing component forgets: gamma of Radau IIA, about. Twice: no change in Fig. 3.
     real(wp), parameter :: relaxation = 0.2_wp
-    real(wp), dimension(system%components) :: u, y, rate, defect, velocity
-    real(wp) :: velocity_y(system%components, system%components), basis(0:max_degree), slope(0:max_degree)
+    real(wp), dimension(system%components) :: u, velocity
+    real(wp), dimension(system%unknowns) :: y, rate, defect
+    real(wp) :: velocity_y(system%components, system%unknowns), basis(0:max_degree), slope(0:max_degree)
     real(wp) :: distance, place, elapsed, weight
     integer :: j, k, side
 
-    if (.not. allocated(self%turn_terms%force)) self%turn_terms = new_terms(1, system%components)
+    if (.not. allocated(self%turn_terms%force)) self%turn_terms = new_terms(1, system%components, system%unknowns)
     total = 0.0_wp
     distance = 0.5_wp
-    associate (n => system%components, s => self%grid%degree, terms => self%turn_terms)
+    associate (n => system%components, m => system%unknowns, s => self%grid%degree, terms => self%turn_terms)
       do j = 1, distances
         distance = 0.5_wp*distance
         do side = -1, 1, 2
@@ -200,12 +201,14 @@ contains
           do k = 1, n
             u(k) = dot_product(basis(0:s), self%nodal(0:s, column_u + system%axis + k - 2)) &
               + system%along(system%axis + k - 1)*drive%displacement(from%time, elapsed)
+          end do
+          do k = 1, m
             y(k) = dot_product(basis(0:s), self%nodal(0:s, column_y + k - 1))
             rate(k) = dot_product(slope(0:s), self%nodal(0:s, column_y + k - 1))
           end do
           call system%kinematics(1, y, velocity, velocity_y)
           call system%dynamics(1, [drive%velocity_at(from%time + elapsed)], u, y, velocity_y, terms)
-          do k = 1, n
+          do k = 1, m
             weight = abs(terms%inertia(1, k)) + relaxation*self%step*max(0.0_wp, -terms%force_y(1, k, k))
             defect(k) = max(0.0_wp, abs(self%step*terms%force(1, k) - terms%inertia(1, k)*rate(k)) &
               - self%step*system%acceleration_noise)/max(weight, tiny(weight))
@@ -229,20 +232,20 @@ contains
     !> Multiples of roundoff, of the noise of the forces and of the lag behind a ramp that are no disturbance. Conventions, with
     !> room for the sums of a long run; they matter where steady sliding is unstable.
     real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp), noises = 10.0_wp, lags = 3.0_wp
-    real(wp) :: velocity(1, system%components), velocity_y(1, system%components, system%components)
-    real(wp) :: coefficient(0:2*system%components), weakening, drive_velocity, change, allowed, floor
+    real(wp) :: velocity(1, system%components), velocity_y(1, system%components, system%unknowns)
+    real(wp) :: coefficient(0:system%components + system%unknowns), weakening, drive_velocity, change, allowed, floor
     integer :: k
 
-    if (.not. allocated(self%turn_terms%force)) self%turn_terms = new_terms(1, system%components)
+    if (.not. allocated(self%turn_terms%force)) self%turn_terms = new_terms(1, system%components, system%unknowns)
     is_disturbed = .false.
     drive_velocity = drive%velocity_at(from%time)
     floor = (roundoff + least)*self%speed_scale
     if (abs(drive%acceleration) > 0.0_wp) floor = floor + least_on_ramp*self%speed_scale
-    associate (n => system%components, first => system%axis, last => system%axis + system%components - 1, &
-        terms => self%turn_terms)
-      call system%kinematics(1, from%y(1:n), velocity, velocity_y)
-      call system%dynamics(1, [drive_velocity], from%u(first:last), from%y(1:n), velocity_y, terms)
-      call system%decay_polynomial(from%y(1:n), drive_velocity, coefficient, weakening)
+    associate (n => system%components, m => system%unknowns, first => system%axis, &
+        last => system%axis + system%components - 1, terms => self%turn_terms)
+      call system%kinematics(1, from%y(1:m), velocity, velocity_y)
+      call system%dynamics(1, [drive_velocity], from%u(first:last), from%y(1:m), velocity_y, terms)
+      call system%decay_polynomial(from%y(1:m), drive_velocity, coefficient, weakening)
       do k = 1, n
         associate (ahead => system%along(first + k - 1), frequency => system%frequency(first + k - 1))
           change = sum(velocity_y(1, k, :)*terms%force(1, :)/max(terms%inertia(1, :), tiny(change)))

@@ -220,7 +220,7 @@ contains
   pure character(160) function at_time(state) result(text)
     type(state_t), intent(in) :: state
 
-    write (text, '(a,es24.16e3,a,2es25.16e3,a,2es25.16e3,a)') 't =', state%time, ' s (u =', state%u, ' m, slip', state%y, ')'
+    write (text, '(a,es24.16e3,a,2es25.16e3,a,2es25.16e3,a)') 't =', state%time, ' s (u =', state%u, ' m, slip', state%y(1:2), ')'
   end function at_time
 
   !> Save or load what every motion has, to which a type adds its own; the rest follows from the scene.

@@ -4,7 +4,7 @@ module dst_piece
   use dst_dense_output, only: dense_output_t, column_u, column_y, column_position, n_columns
   use dst_drive, only: drive_segment_t
   use dst_kinds, only: wp
-  use dst_slip_system, only: max_components, slip_system_t
+  use dst_slip_system, only: max_components, max_unknowns, slip_system_t
   use dst_state, only: state_t
   implicit none
   private
@@ -68,7 +68,7 @@ contains
     call state%later(self%from, tau*self%path%step)
     state%u = value(column_u:column_u + max_components - 1) &
       + self%drive%displacement(self%from%time, tau*self%path%step)*self%pulled
-    state%y = value(column_y:column_y + max_components - 1)
+    state%y = value(column_y:column_y + max_unknowns - 1)
     state%position = value(column_position)
     if (self%held == 0) return
     state%u(self%held) = self%from%u(self%held)

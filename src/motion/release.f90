@@ -237,7 +237,7 @@ contains
     slipped = [value(self%slipped(:, 1), tau), value(self%slipped(:, 2), tau)]
     call motion%later(from, tau*self%unit)
     motion%u = from%u + drive%displacement(from%time, tau*self%unit)*slider%pulled() - slider%follows*slipped
-    motion%y = [value(self%v, tau), value(self%theta, tau)]
+    motion%y(1:2) = [value(self%v, tau), value(self%theta, tau)]
     motion%position = from%position + dot_product(slider%along, slipped)
     motion%drive_work = from%drive_work + value(self%drive_work, tau)
     motion%friction_work = from%friction_work + value(self%friction_work, tau)
@@ -260,7 +260,7 @@ contains
       tau = path%grid%node(i)*(duration/self%unit)
       to = self%at(slider, drive, from, tau)
       path%nodal(i, column_u:column_u + 1) = to%u - drive%displacement(from%time, tau*self%unit)*slider%pulled()
-      path%nodal(i, column_y:column_y + 1) = to%y
+      path%nodal(i, column_y:column_y + 1) = to%y(1:2)
       path%nodal(i, column_position) = to%position
     end do
     call to%later(from, duration)

@@ -95,7 +95,7 @@ contains
   subroutine reread(self)
     class(slip_stick_t), intent(inout) :: self
 
-    self%piece%to%y = on_line(self%piece%to%y(1))
+    self%piece%to%y(1:2) = on_line(self%piece%to%y(1))
   end subroutine reread
 
   !> Step size [s] with which a method begins from the present slip speed: the time in which friction alone would stop it.
@@ -199,7 +199,7 @@ contains
     ! The load has to grow beyond its own roundoff before it moves anything.
     if (beginning%curvature(1) > 0.0_wp) self%next_step = max(self%release_step, &
       noise_allowance*self%system%acceleration_noise/beginning%curvature(1))
-    self%piece%to%y = beginning%y
+    self%piece%to%y(1:2) = beginning%y
     call self%system%face(beginning%y(2))
     call self%stepper%restart(beginning%rate, beginning%curvature)
   end subroutine set_off

@@ -65,7 +65,8 @@ contains
     class(stepping_t), intent(inout) :: self
     real(wp), intent(in) :: u(2), y(2), position
 
-    self%piece%to = state_t(u=u, y=y, position=position)
+    self%piece%to = state_t(u=u, position=position)
+    self%piece%to%y(1:2) = y
     self%piece%from = self%piece%to
     self%piece%drive = self%drive%segment(1)
     call self%piece%obey(self%system)
@@ -101,7 +102,7 @@ contains
     class(stepping_t), intent(inout) :: self
 
     associate (y => self%piece%to%y)
-      y = [y(1)*cos(y(2)), 0.0_wp]
+      y(1:2) = [y(1)*cos(y(2)), 0.0_wp]
     end associate
   end subroutine reread
 
@@ -258,6 +259,7 @@ contains
 
     speed = hypot(instant%velocity(1), instant%velocity(2))
     call self%slider%law%evaluate(1, [speed], magnitude, slope)
+    call self%system%own_friction(instant%state%y, magnitude(1))
     instant%friction = magnitude(1)
     if (self%slider%smoothing > 0.0_wp) instant%friction = magnitude(1)*speed/sqrt(speed**2 + self%slider%smoothing)
     instant%theta = direction_of(instant%velocity)

@@ -47,11 +47,11 @@ contains
     end do
   end subroutine follow_instability
 
-  !> The conditions of Routh and Hurwitz for degree 2 and 4.
+  !> Whether all roots are known to decay: the conditions of Routh and Hurwitz for degree 2 and 4; of others nothing is known.
   pure logical function all_decay(c)
     real(wp), intent(in) :: c(0:)
 
-    all_decay = all(c > 0.0_wp)
+    all_decay = all(c > 0.0_wp) .and. (size(c) == 3 .or. size(c) == 5)
     if (size(c) == 5) all_decay = all_decay .and. (c(3)*c(2) - c(4)*c(1))*c(1) > c(3)**2*c(0)
   end function all_decay
 end module dst_instability

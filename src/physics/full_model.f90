@@ -9,7 +9,7 @@
 module dst_full_model
   use dst_kinds, only: wp, pi
   use dst_slider, only: slider_t
-  use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
+  use dst_slip_system, only: slip_system_t, stage_terms_t, max_unknowns
   implicit none
   private
 
@@ -69,9 +69,9 @@ contains
   pure subroutine polar_kinematics(self, stages, y, velocity, velocity_y)
     class(full_polar_t), intent(in) :: self
     integer, intent(in) :: stages
-    real(wp), intent(in) :: y(stages, self%components)
+    real(wp), intent(in) :: y(stages, self%unknowns)
     real(wp), intent(out) :: velocity(stages, self%components)
-    real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+    real(wp), intent(out) :: velocity_y(stages, self%components, self%unknowns)
     integer :: i
 
     do i = 1, stages
@@ -88,8 +88,8 @@ contains
     class(full_polar_t), intent(in) :: self
     integer, intent(in) :: stages
     real(wp), intent(in) :: drive_velocity(stages)
-    real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
-    real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
+    real(wp), intent(in) :: u(stages, self%components), y(stages, self%unknowns)
+    real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
     type(stage_terms_t), intent(inout) :: terms
     real(wp) :: friction(stages), slope(stages), accel_x, accel_y, per_mass
     integer :: i
@@ -129,7 +129,7 @@ contains
 
   pure function polar_velocity(self, y, drive_velocity) result(velocity)
     class(full_polar_t), intent(in) :: self
-    real(wp), intent(in) :: y(max_components), drive_velocity
+    real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
     associate (unused => [self%guided, drive_velocity])
@@ -148,8 +148,8 @@ contains
 
   pure subroutine polar_decay(self, y, drive_velocity, coefficient, weakening)
     class(full_polar_t), intent(in) :: self
-    real(wp), intent(in) :: y(self%components), drive_velocity
-    real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+    real(wp), intent(in) :: y(self%unknowns), drive_velocity
+    real(wp), intent(out) :: coefficient(0:self%components + self%unknowns), weakening
     !> A direction that relaxes so much faster than the springs oscillate follows at once: more makes no difference.
     real(wp), parameter :: at_once = 1.0e8_wp
     real(wp) :: friction(1), slope(1), across
@@ -181,9 +181,9 @@ contains
   pure subroutine smoothed_kinematics(self, stages, y, velocity, velocity_y)
     class(full_smoothed_t), intent(in) :: self
     integer, intent(in) :: stages
-    real(wp), intent(in) :: y(stages, self%components)
+    real(wp), intent(in) :: y(stages, self%unknowns)
     real(wp), intent(out) :: velocity(stages, self%components)
-    real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+    real(wp), intent(out) :: velocity_y(stages, self%components, self%unknowns)
 
     velocity = y
     velocity_y(:, 1, 1) = 1.0_wp
@@ -196,8 +196,8 @@ contains
     class(full_smoothed_t), intent(in) :: self
     integer, intent(in) :: stages
     real(wp), intent(in) :: drive_velocity(stages)
-    real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
-    real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
+    real(wp), intent(in) :: u(stages, self%components), y(stages, self%unknowns)
+    real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
     type(stage_terms_t), intent(inout) :: terms
     real(wp) :: speed(stages), friction(stages), slope(stages)
     real(wp) :: per_mass, smooth, viscosity, curvature
@@ -232,18 +232,18 @@ contains
 
   pure function smoothed_velocity(self, y, drive_velocity) result(velocity)
     class(full_smoothed_t), intent(in) :: self
-    real(wp), intent(in) :: y(max_components), drive_velocity
+    real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
     associate (unused => [self%guided, drive_velocity])
     end associate
-    velocity = y
+    velocity = y(1:2)
   end function smoothed_velocity
 
   pure subroutine smoothed_decay(self, y, drive_velocity, coefficient, weakening)
     class(full_smoothed_t), intent(in) :: self
-    real(wp), intent(in) :: y(self%components), drive_velocity
-    real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+    real(wp), intent(in) :: y(self%unknowns), drive_velocity
+    real(wp), intent(out) :: coefficient(0:self%components + self%unknowns), weakening
     real(wp) :: friction(1), slope(1), speed, smooth, direction(2)
 
     associate (unused => drive_velocity)

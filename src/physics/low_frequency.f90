@@ -12,7 +12,7 @@
 module dst_low_frequency
   use dst_kinds, only: wp
   use dst_slider, only: slider_t
-  use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
+  use dst_slip_system, only: slip_system_t, stage_terms_t, max_unknowns
   implicit none
   private
 
@@ -37,6 +37,7 @@ contains
 
     model%slider = slider
     model%components = 1
+    model%unknowns = 1
     model%turns_back = .true.
     model%axis = 1
     model%along = [slider%along(1), 0.0_wp]
@@ -52,9 +53,9 @@ contains
   pure subroutine kinematics(self, stages, y, velocity, velocity_y)
     class(low_frequency_t), intent(in) :: self
     integer, intent(in) :: stages
-    real(wp), intent(in) :: y(stages, self%components)
+    real(wp), intent(in) :: y(stages, self%unknowns)
     real(wp), intent(out) :: velocity(stages, self%components)
-    real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+    real(wp), intent(out) :: velocity_y(stages, self%components, self%unknowns)
     integer :: i
 
     do i = 1, stages
@@ -67,8 +68,8 @@ contains
     class(low_frequency_t), intent(in) :: self
     integer, intent(in) :: stages
     real(wp), intent(in) :: drive_velocity(stages)
-    real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
-    real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
+    real(wp), intent(in) :: u(stages, self%components), y(stages, self%unknowns)
+    real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
     type(stage_terms_t), intent(inout) :: terms
     real(wp), dimension(stages) :: across, speed, friction, slope, pull, force, damping
     real(wp) :: per_mass, stiffness
@@ -121,7 +122,7 @@ contains
 
   pure function slip_velocity(self, y, drive_velocity) result(velocity)
     class(low_frequency_t), intent(in) :: self
-    real(wp), intent(in) :: y(max_components), drive_velocity
+    real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
     velocity = [y(1), self%guided*drive_velocity]
@@ -129,8 +130,8 @@ contains
 
   pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)
     class(low_frequency_t), intent(in) :: self
-    real(wp), intent(in) :: y(self%components), drive_velocity
-    real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+    real(wp), intent(in) :: y(self%unknowns), drive_velocity
+    real(wp), intent(out) :: coefficient(0:self%components + self%unknowns), weakening
     real(wp) :: friction(1), slope(1), speed, across
 
     across = self%guided*drive_velocity

@@ -1,12 +1,12 @@
 !> What an integrator knows of a model.
 !>
-!> A model has n spring elongations u and n slip unknowns y (n = 1 or 2). With the slip velocity
-!> w(y), the drive velocity V(t) and its direction e,
+!> A model has n spring elongations u (n = 1 or 2) and m slip unknowns y (m = n in the paper's models; m > n where friction has a
+!> state of its own). With the slip velocity w(y), the drive velocity V(t) and its direction e,
 !>
 !>     u' = V(t) e - w(y),      B(y) y' = g(u, y, V),      B diagonal.
 !>
 !> The second equation is kept in its implicit form, because B may vanish (polar slip velocity at
-!> rest). All stages of a step are evaluated in one call: arrays are (stage, component).
+!> rest). All stages of a step are evaluated in one call: arrays are (stage, component) or (stage, unknown).
 !>
 !> A model of one component follows one principal axis. The elongation along the other is held, and
 !> the slip velocity along it is a function of y and V.
@@ -16,12 +16,12 @@ module dst_slip_system
   implicit none
   private
 
-  public :: slip_system_t, stage_terms_t, new_terms, max_components
+  public :: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
 
-  !> Components of the largest model.
-  integer, parameter :: max_components = 2
+  !> Components (elongations) and slip unknowns of the largest model.
+  integer, parameter :: max_components = 2, max_unknowns = 3
 
-  !> g and what belongs to it at `stages` points, arrays (stage, component[, with respect to]).
+  !> g and what belongs to it at `stages` points, arrays (stage, unknown[, with respect to]).
   type :: stage_terms_t
     real(wp), allocatable :: force(:, :)         !! g
     real(wp), allocatable :: force_u(:, :, :)    !! dg/du
@@ -37,8 +37,9 @@ module dst_slip_system
 
   !> A model as an integrator sees it: u' = V e - w(y), B(y) y' = g(u, y).
   type, abstract :: slip_system_t
-    !> Number of components n.
+    !> Number of components n, and of slip unknowns m >= n.
     integer :: components = max_components
+    integer :: unknowns = max_components
     !> Principal axis of the first component.
     integer :: axis = 1
     !> Direction of the drive in the principal axes as the elongations feel it: 0 for a held one.
@@ -71,6 +72,8 @@ module dst_slip_system
     procedure :: has_turned
     !> Slip speed that counts as large along each axis, for its spring.
     procedure :: spring_speed
+    !> Friction [N] where it is no function of the slip speed.
+    procedure :: own_friction
     !> Slip begins, with friction at this angle to the x-axis [rad].
     procedure :: face
     !> Save or load what `face` sets.
@@ -82,9 +85,9 @@ module dst_slip_system
       import :: slip_system_t, wp
       class(slip_system_t), intent(in) :: self
       integer, intent(in) :: stages
-      real(wp), intent(in) :: y(stages, self%components)
-      real(wp), intent(out) :: velocity(stages, self%components)
-      real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+      real(wp), intent(in) :: y(stages, self%unknowns)
+      real(wp), intent(out) :: velocity(stages, self%unknowns)
+      real(wp), intent(out) :: velocity_y(stages, self%components, self%unknowns)
     end subroutine kinematics
 
     pure subroutine dynamics(self, stages, drive_velocity, u, y, velocity_y, terms)
@@ -92,50 +95,50 @@ module dst_slip_system
       class(slip_system_t), intent(in) :: self
       integer, intent(in) :: stages
       real(wp), intent(in) :: drive_velocity(stages)
-      real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
-      real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
+      real(wp), intent(in) :: u(stages, self%components), y(stages, self%unknowns)
+      real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
       type(stage_terms_t), intent(inout) :: terms
     end subroutine dynamics
 
     pure function slip_velocity(self, y, drive_velocity) result(velocity)
-      import :: slip_system_t, wp, max_components
+      import :: slip_system_t, wp, max_unknowns
       class(slip_system_t), intent(in) :: self
-      real(wp), intent(in) :: y(max_components), drive_velocity
+      real(wp), intent(in) :: y(max_unknowns), drive_velocity
       real(wp) :: velocity(2)
     end function slip_velocity
 
-    !> Characteristic polynomial, by rising power: its 2 n roots are the rates lambda [1/s] of exp(lambda t);
+    !> Characteristic polynomial, by rising power: its n + m roots are the rates lambda [1/s] of exp(lambda t);
     !> and -F'(v)/m [1/s], by which friction that falls with the speed feeds them.
     pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)
       import :: slip_system_t, wp
       class(slip_system_t), intent(in) :: self
-      real(wp), intent(in) :: y(self%components), drive_velocity
-      real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+      real(wp), intent(in) :: y(self%unknowns), drive_velocity
+      real(wp), intent(out) :: coefficient(0:self%components + self%unknowns), weakening
     end subroutine decay_polynomial
   end interface
 
 contains
 
   !> Terms with room for a number of stages.
-  pure function new_terms(stages, components) result(terms)
-    integer, intent(in) :: stages, components
+  pure function new_terms(stages, components, unknowns) result(terms)
+    integer, intent(in) :: stages, components, unknowns
     type(stage_terms_t) :: terms
 
-    allocate (terms%force(stages, components), terms%inertia(stages, components))
-    allocate (terms%force_u(stages, components, components), terms%force_y(stages, components, components))
-    allocate (terms%inertia_y(stages, components, components))
-    allocate (terms%dissipation(stages), terms%dissipation_y(stages, components))
-    allocate (terms%supply(stages), terms%supply_y(stages, components), source=0.0_wp)
+    allocate (terms%force(stages, unknowns), terms%inertia(stages, unknowns))
+    allocate (terms%force_u(stages, unknowns, components), terms%force_y(stages, unknowns, unknowns))
+    allocate (terms%inertia_y(stages, unknowns, unknowns))
+    allocate (terms%dissipation(stages), terms%dissipation_y(stages, unknowns))
+    allocate (terms%supply(stages), terms%supply_y(stages, unknowns), source=0.0_wp)
   end function new_terms
 
-  !> For unknowns y that are the slip velocity itself, or its size along a fixed direction.
+  !> For unknowns y of which the first are the slip velocity itself, or its size along a fixed direction.
   pure logical function has_turned(self, before, after)
     class(slip_system_t), intent(in) :: self
     real(wp), intent(in) :: before(:), after(:)
 
-    associate (unused => self%components)
+    associate (n => self%components)
+      has_turned = dot_product(before(1:n), after(1:n)) < 0.0_wp
     end associate
-    has_turned = dot_product(before, after) < 0.0_wp
   end function has_turned
 
   !> Slip speed [m/s] along each axis that stretches its spring by as much as it is stretched now (`u` [m]), or at the static limit. An
@@ -147,6 +150,16 @@ contains
 
     speed = max(self%static_speed, self%frequency*abs(u))
   end function spring_speed
+
+  !> Set the magnitude of friction [N] at the slip unknowns y; as most models have no state in it, it stays what the law says.
+  pure subroutine own_friction(self, y, friction)
+    class(slip_system_t), intent(in) :: self
+    real(wp), intent(in) :: y(max_unknowns)
+    real(wp), intent(inout) :: friction
+
+    associate (unused => [self%guided, y, friction])
+    end associate
+  end subroutine own_friction
 
   !> Most models have the direction among their unknowns.
   pure subroutine face(self, theta)

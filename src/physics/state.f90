@@ -2,7 +2,7 @@
 module dst_state
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
-  use dst_slip_system, only: max_components
+  use dst_slip_system, only: max_components, max_unknowns
   implicit none
   private
 
@@ -14,7 +14,7 @@ module dst_state
     !> What rounding took from `time` [s]: a sum of 1e8 steps loses nothing (Kahan).
     real(wp) :: time_rest = 0.0_wp
     real(wp) :: u(max_components) = 0.0_wp           !! spring elongation, m
-    real(wp) :: y(max_components) = 0.0_wp           !! slip unknowns of the model
+    real(wp) :: y(max_unknowns) = 0.0_wp             !! slip unknowns of the model
     real(wp) :: position = 0.0_wp                    !! X, m
     real(wp) :: drive_work = 0.0_wp                  !! J
     real(wp) :: friction_work = 0.0_wp               !! J

@@ -13,7 +13,7 @@ module dst_straight_slip
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, pi
   use dst_slider, only: slider_t
-  use dst_slip_system, only: slip_system_t, stage_terms_t, max_components
+  use dst_slip_system, only: slip_system_t, stage_terms_t, max_unknowns
   implicit none
   private
 
@@ -48,6 +48,7 @@ contains
 
     model%slider = slider
     model%components = 1
+    model%unknowns = 1
     model%axis = axis
     model%held = held
     model%along = slider%pulled()
@@ -74,9 +75,9 @@ contains
   pure subroutine kinematics(self, stages, y, velocity, velocity_y)
     class(straight_slip_t), intent(in) :: self
     integer, intent(in) :: stages
-    real(wp), intent(in) :: y(stages, self%components)
+    real(wp), intent(in) :: y(stages, self%unknowns)
     real(wp), intent(out) :: velocity(stages, self%components)
-    real(wp), intent(out) :: velocity_y(stages, self%components, self%components)
+    real(wp), intent(out) :: velocity_y(stages, self%components, self%unknowns)
     integer :: i
 
     do i = 1, stages
@@ -89,8 +90,8 @@ contains
     class(straight_slip_t), intent(in) :: self
     integer, intent(in) :: stages
     real(wp), intent(in) :: drive_velocity(stages)
-    real(wp), intent(in) :: u(stages, self%components), y(stages, self%components)
-    real(wp), intent(in) :: velocity_y(stages, self%components, self%components)
+    real(wp), intent(in) :: u(stages, self%components), y(stages, self%unknowns)
+    real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
     type(stage_terms_t), intent(inout) :: terms
     real(wp) :: friction(stages), slope(stages), per_mass, stiffness
     integer :: i
@@ -116,14 +117,14 @@ contains
   !> The unknowns (v, theta) of slip along a line with velocity `w` [m/s].
   pure function on_line(w) result(y)
     real(wp), intent(in) :: w
-    real(wp) :: y(max_components)
+    real(wp) :: y(2)
 
     y = [abs(w), merge(pi, 0.0_wp, w < 0.0_wp)]
   end function on_line
 
   pure function slip_velocity(self, y, drive_velocity) result(velocity)
     class(straight_slip_t), intent(in) :: self
-    real(wp), intent(in) :: y(max_components), drive_velocity
+    real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
     associate (unused => drive_velocity)
@@ -135,8 +136,8 @@ contains
 
   pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)
     class(straight_slip_t), intent(in) :: self
-    real(wp), intent(in) :: y(self%components), drive_velocity
-    real(wp), intent(out) :: coefficient(0:2*self%components), weakening
+    real(wp), intent(in) :: y(self%unknowns), drive_velocity
+    real(wp), intent(out) :: coefficient(0:self%components + self%unknowns), weakening
     real(wp) :: friction(1), slope(1)
 
     associate (unused => drive_velocity)

@@ -54,9 +54,9 @@ contains
     if (.not. allocated(error)) call check_method(scene, drive, resting, guided, error)
     if (allocated(error)) return
     if (allocated(resting)) then
-      call choose_method(scene, slider, resting%components, stepper)
+      call choose_method(scene, slider, resting, stepper)
     else
-      call choose_method(scene, slider, guided%components, stepper)
+      call choose_method(scene, slider, guided, stepper)
     end if
     rests_first = allocated(resting)
     if (rests_first .and. allocated(guided)) rests_first = drive%segment(1)%rests
@@ -167,23 +167,23 @@ contains
   end subroutine check_method
 
   !> The integrators by name.
-  subroutine choose_method(scene, slider, components, stepper)
+  subroutine choose_method(scene, slider, system, stepper)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
-    integer, intent(in) :: components
+    class(slip_system_t), intent(in) :: system
     class(stepper_t), allocatable, intent(out) :: stepper
 
     select case (scene%method)
     case ('radau5')
-      stepper = new_radau(3, components, scene%rtol)
+      stepper = new_radau(3, system%components, system%unknowns, scene%rtol)
     case ('radau9')
-      stepper = new_radau(5, components, scene%rtol)
+      stepper = new_radau(5, system%components, system%unknowns, scene%rtol)
     case ('radau13')
-      stepper = new_radau(7, components, scene%rtol)
+      stepper = new_radau(7, system%components, system%unknowns, scene%rtol)
     case ('moreau_jean')
       stepper = new_moreau_jean(slider)
     case default
-      stepper = new_runge_kutta(scene%method, components, scene%rtol)
+      stepper = new_runge_kutta(scene%method, system%components, system%unknowns, scene%rtol)
     end select
     stepper%memory = memory/maxval(slider%frequency())
   end subroutine choose_method

@@ -233,9 +233,9 @@ contains
       y(:, l) = uniform(s, -0.02_wp, 0.02_wp)
     end do
     if (polar) y(:, n) = uniform(s, -pi, pi)
-    terms = new_terms(s, n)
-    above = new_terms(s, n)
-    below = new_terms(s, n)
+    terms = new_terms(s, n, system%unknowns)
+    above = new_terms(s, n, system%unknowns)
+    below = new_terms(s, n, system%unknowns)
     call system%kinematics(s, y, velocity, velocity_y)
     call system%dynamics(s, drive, u, y, velocity_y, terms)
     force = slider%law%onset/slider%mass
@@ -278,7 +278,7 @@ contains
     real(wp) :: w_y(s, 2, 2), v(s), friction(s), slope(s), worst(4)
     integer :: trial, i
 
-    terms = new_terms(s, 2)
+    terms = new_terms(s, 2, 2)
     worst = 0.0_wp
     do trial = 1, 50
       slider = random_slider('weakening')
@@ -336,7 +336,7 @@ contains
     real(wp) :: y(2), w(2), u(2), drive, v, friction(1), slope(1), n(2), one(1, 1), gradient(1, 1, 1), worst(4), input
     integer :: trial
 
-    terms = new_terms(1, 1)
+    terms = new_terms(1, 1, 1)
     worst = 0.0_wp
     do trial = 1, 50
       slider = random_slider('weakening')
@@ -344,7 +344,7 @@ contains
       drive = sum(uniform(1, -0.01_wp, 0.01_wp))
       y = [sum(uniform(1, -0.02_wp, 0.02_wp)), 0.0_wp]
       low = new_low_frequency(slider)
-      w = low%slip_velocity(y, drive)
+      w = low%slip_velocity([y, 0.0_wp], drive)
       v = norm2(w)
       call slider%law%evaluate(1, [v], friction, slope)
       call low%kinematics(1, y(1:1), one, gradient)
@@ -364,7 +364,7 @@ contains
       call straight%face(y(2))
       n = straight%direction
       y(1) = abs(y(1))
-      w = straight%slip_velocity(y, drive)
+      w = straight%slip_velocity([y, 0.0_wp], drive)
       call slider%law%evaluate(1, y(1:1), friction, slope)
       call straight%kinematics(1, y(1:1), one, gradient)
       call straight%dynamics(1, [drive], u(2:2), y(1:1), gradient, terms)
@@ -653,7 +653,7 @@ contains
     omega = sqrt(slider%stiffness(1)/slider%mass)
     do i = 1, 2
       v = 1.0e-4_wp/2.0_wp**(i - 1)
-      from = state_t(time=1.0_wp, u=[1.2e-3_wp, 0.0_wp], y=[v, 0.0_wp])
+      from = state_t(time=1.0_wp, u=[1.2e-3_wp, 0.0_wp], y=[v, 0.0_wp, 0.0_wp])
       call brake(slider, drive, from, to, stops)
       ! z = u - F_0/k swings as amplitude*cos(omega t + phase), v = V - z'.
       shift = from%u(1) - slider%law%onset/slider%stiffness(1)

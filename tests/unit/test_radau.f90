@@ -187,7 +187,7 @@ contains
     system = smooth_system()
     drive = drive_segment_t(velocity=5.0e-2_wp, acceleration=5.0e-3_wp)
     ! So small that Newton's method goes on to roundoff.
-    stepper = new_radau(stage_count, 2, 1.0e-14_wp)
+    stepper = new_radau(stage_count, 2, 2, 1.0e-14_wp)
     call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
     last = start
     do k = 1, steps
@@ -237,7 +237,7 @@ contains
     friction_work = 0.0_wp
     inside = 0.0_wp
     do trial = 1, starts
-      start = state_t(u=uniform(2, -3.0e-4_wp, 3.0e-4_wp), y=[4.0e-2_wp, 0.0_wp] + uniform(2, -1.0e-2_wp, 1.0e-2_wp))
+      start = state_t(u=uniform(2, -3.0e-4_wp, 3.0e-4_wp), y=[[4.0e-2_wp, 0.0_wp] + uniform(2, -1.0e-2_wp, 1.0e-2_wp), 0.0_wp])
       call integrate(7, 40, start, duration, exact, unused)
       call check_close(name//': energy balance', exact%drive_work - exact%friction_work, energy(exact) - energy(start), &
         1.0e-12_wp*exact%drive_work)
@@ -282,9 +282,9 @@ contains
     integer :: k, iterations(4)
 
     system = smooth_system()
-    start = state_t(u=[3.0e-4_wp, 1.0e-4_wp], y=[4.0e-2_wp, 1.0e-2_wp])
+    start = state_t(u=[3.0e-4_wp, 1.0e-4_wp], y=[4.0e-2_wp, 1.0e-2_wp, 0.0_wp])
     do k = 1, 4
-      stepper = new_radau(stage_count, 2, rtol(k))
+      stepper = new_radau(stage_count, 2, 2, rtol(k))
       call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
       call stepper%attempt(system, drive_segment_t(velocity=1.0e-2_wp), start, 0.01_wp, last(k), outcome)
       call check(name//': Newton converges', outcome%solved)
