@@ -54,7 +54,9 @@ module dst_schema
   !> The group that turns a deck into many cases; a deck without it is one run.
   character(*), parameter :: sweep_group = 'sweep'
 
-  character(*), parameter :: models = 'full low_frequency high_frequency creep creep_asymptotic auto'
+  !> Models of the whole motion in the plane, and all.
+  character(*), parameter :: plane_models = 'full'
+  character(*), parameter :: models = plane_models//' low_frequency high_frequency creep creep_asymptotic auto'
   !> Friction laws that have mu_inf and v_f, and all.
   character(*), parameter :: weakening_laws = 'weakening'
   character(*), parameter :: laws = 'constant '//weakening_laws
@@ -67,10 +69,10 @@ module dst_schema
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
     'friction theta psi sticking zeta'
 
-  character(*), parameter :: dynamic = 'model=full low_frequency high_frequency auto'
-  character(*), parameter :: elastic = 'model=full high_frequency creep auto'
-  character(*), parameter :: transverse = 'model=full high_frequency auto'
-  character(*), parameter :: contacts = 'model=full auto'
+  character(*), parameter :: dynamic = 'model='//plane_models//' low_frequency high_frequency auto'
+  character(*), parameter :: elastic = 'model='//plane_models//' high_frequency creep auto'
+  character(*), parameter :: transverse = 'model='//plane_models//' high_frequency auto'
+  character(*), parameter :: contacts = 'model='//plane_models//' auto'
   character(*), parameter :: asymptotic = 'model=creep_asymptotic'
   character(*), parameter :: weakens = 'law='//weakening_laws
   character(*), parameter :: fixed_step = 'method='//fixed_step_methods

@@ -140,7 +140,7 @@ contains
 
     speed = 0.0_wp
     iterations = 0
-    can_rest = hypot(load(1), load(2)) <= law%onset
+    can_rest = hypot(load(1), load(2)) <= law%static_limit
     call law%evaluate(1, [0.0_wp], force, weakening)
     ! Friction weakens most at rest. If inertia outweighs that, e never falls and the solution is the only one.
     pieces = merge(1, most_pieces, minval(inertia) + weakening(1) >= 0.0_wp)

@@ -49,7 +49,7 @@ contains
       if (course%falls) course%falls = sqrt(discriminant) > course%acceleration .and. &
         (course%acceleration < 0.0_wp .or. course%jerk < 0.0_wp)
       if (course%falls) course%delay = 2.0_wp*v/(sqrt(discriminant) - course%acceleration)
-      associate (change => [abs(slope(1))*v, abs(friction(1) - slope(1)*v - slider%law%onset)])
+      associate (change => [abs(slope(1))*v, abs(friction(1) - slope(1)*v - slider%law%static_limit)])
         course%steady = change(1) <= 0.1_wp*m*abs(course%acceleration) .and. change(2) <= 0.01_wp*m*abs(course%acceleration)
       end associate
       course%highest = v
@@ -85,7 +85,7 @@ contains
       to%u = from%u + travel*slider%pulled() - slipped*slider%follows*direction
       to%y = 0.0_wp
       to%position = from%position + slipped*dot_product(slider%along, direction)
-      to%friction_work = from%friction_work + slider%law%onset*slipped + slope(1)*v**2*delay/3.0_wp
+      to%friction_work = from%friction_work + slider%law%static_limit*slipped + slope(1)*v**2*delay/3.0_wp
       to%drive_work = from%drive_work + travel*dot_product(slider%stiffness*slider%pulled(), 0.5_wp*(from%u + to%u)) &
         + slipped*dot_product(slider%held_force(from%u), direction)
     end associate

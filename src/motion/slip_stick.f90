@@ -102,7 +102,7 @@ contains
   pure real(wp) function first_step(self)
     class(slip_stick_t), intent(in) :: self
 
-    first_step = self%piece%to%y(1)*self%slider%mass/max(self%slider%law%onset, tiny(1.0_wp))
+    first_step = self%piece%to%y(1)*self%slider%mass/max(self%slider%law%static_limit, tiny(1.0_wp))
   end function first_step
 
   !> At v = 0: rest, or go on in the direction of K u.

@@ -42,7 +42,7 @@ contains
     end associate
     associate (now => self%piece%to)
       rests = .not. any(abs(now%y) > 0.0_wp) .and. &
-        spring_force_size(self%slider, now%u) <= self%slider%law%onset*(1.0_wp + 4.0_wp*epsilon(1.0_wp))
+        spring_force_size(self%slider, now%u) <= self%slider%law%static_limit*(1.0_wp + 4.0_wp*epsilon(1.0_wp))
     end associate
     if (rests .and. self%contact == slips) call self%note_event(stick_begins)
     if (.not. rests .and. self%contact == sticks) call self%note_event(slip_begins)

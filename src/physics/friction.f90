@@ -11,8 +11,8 @@ module dst_friction
 
   !> A friction law, with its coefficients.
   type, abstract :: friction_law_t
-    !> Friction force at the onset of slip, mu_0 W [N]; also the static limit.
-    real(wp) :: onset = 0.0_wp
+    !> The static limit F_0 = mu_0 W [N], which is also F(0).
+    real(wp) :: static_limit = 0.0_wp
   contains
     !> Force F(v) [N] and slope F'(v) [N s/m] at n slip speeds v [m/s].
     procedure(evaluate), deferred :: evaluate
@@ -56,10 +56,10 @@ contains
 
     select case (name)
     case ('weakening')
-      law = weakening_friction_t(onset=mu_0*normal_load, limit=mu_inf*normal_load, &
+      law = weakening_friction_t(static_limit=mu_0*normal_load, limit=mu_inf*normal_load, &
         drop=(mu_0 - mu_inf)*normal_load, decay=1.0_wp/v_f)
     case default
-      law = constant_friction_t(onset=mu_0*normal_load)
+      law = constant_friction_t(static_limit=mu_0*normal_load)
     end select
   end subroutine new_friction_law
 
@@ -69,7 +69,7 @@ contains
     real(wp), intent(out) :: limit, drop, decay       !! N, N, s/m
     logical, intent(out) :: is_exponential
 
-    limit = law%onset
+    limit = law%static_limit
     drop = 0.0_wp
     decay = 0.0_wp
     is_exponential = .true.
@@ -90,7 +90,7 @@ contains
     real(wp), intent(in) :: speed(n)
     real(wp), intent(out) :: force(n), slope(n)
 
-    force = self%onset + 0.0_wp*speed
+    force = self%static_limit + 0.0_wp*speed
     slope = 0.0_wp
   end subroutine evaluate_constant
 

@@ -13,7 +13,7 @@ module dst_full_model
   implicit none
   private
 
-  public :: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
+  public :: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed, plane_decay
 
   !> The exact contact in slip, in the unknowns y = (v, theta).
   type, extends(slip_system_t) :: full_polar_t
@@ -163,7 +163,8 @@ contains
     coefficient = plane_decay(self%slider, [cos(y(2)), sin(y(2))], slope(1), across)
   end subroutine polar_decay
 
-  !> The determinant of m lambda^2 + D lambda + K over m^2, with D = F' n n^T + (F/v) t t^T: `along` is F' and `across` F/v [N s/m].
+  !> By rising power, the determinant of m lambda^2 + D lambda + K over m^2, with D = F' n n^T + (F/v) t t^T: `along` is F' and
+  !> `across` F/v [N s/m].
   pure function plane_decay(slider, n, along, across) result(coefficient)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: n(2), along, across
@@ -185,7 +186,8 @@ contains
     real(wp), intent(out) :: velocity(stages, self%components)
     real(wp), intent(out) :: velocity_y(stages, self%components, self%unknowns)
 
-    velocity = y
+    velocity = y(:, 1:2)
+    velocity_y(:, :, 3:) = 0.0_wp
     velocity_y(:, 1, 1) = 1.0_wp
     velocity_y(:, 2, 1) = 0.0_wp
     velocity_y(:, 1, 2) = 0.0_wp

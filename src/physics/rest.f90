@@ -44,8 +44,8 @@ contains
     pull = slider%stiffness*slider%pulled()*drive_velocity
     outward = dot_product(pull, slider%stiffness*u)
     if (.not. force > 0.0_wp) outward = dot_product(pull, pull)
-    holds = force < slider%law%onset
-    if (.not. outward > 0.0_wp) holds = force <= slider%law%onset*(1.0_wp + 4.0_wp*epsilon(force))
+    holds = force < slider%law%static_limit
+    if (.not. outward > 0.0_wp) holds = force <= slider%law%static_limit*(1.0_wp + 4.0_wp*epsilon(force))
   end function holds
 
   !> Time [s] from `time` until the stuck object is released, huge if it is not within the segment.
@@ -63,7 +63,9 @@ contains
     if (.not. a > 0.0_wp) return
     b = dot_product(gain, force)
     ! F_0^2 - |K u|^2 as a product keeps its digits close to the limit.
-    c = max(0.0_wp, (slider%law%onset - spring_force_size(slider, u))*(slider%law%onset + spring_force_size(slider, u)))
+    associate (limit => slider%law%static_limit, size => spring_force_size(slider, u))
+      c = max(0.0_wp, (limit - size)*(limit + size))
+    end associate
     root = sqrt(b**2 + a*c)
     if (b >= 0.0_wp) then
       backward = -(b + root)/a
@@ -116,7 +118,7 @@ contains
     pull = slider%stiffness*slider%pulled()*drive_velocity
     growth = hypot(pull(1), pull(2))
     touch_time = sqrt(slider%mass/maxval(slider%stiffness))
-    if (growth*touch_time > slider%law%onset) touch_time = slider%law%onset/growth
+    if (growth*touch_time > slider%law%static_limit) touch_time = slider%law%static_limit/growth
     touch_time = share*touch_time
   end function touch_time
 
@@ -137,7 +139,7 @@ contains
       across = growth(2)*c - growth(1)*s
       ! An excess within roundoff is none.
       begin%rate(1) = 0.0_wp
-      if (magnitude > slider%law%onset*(1.0_wp + 16.0_wp*epsilon(m))) begin%rate(1) = (magnitude - slider%law%onset)/m
+      if (magnitude > slider%law%static_limit*(1.0_wp + 16.0_wp*epsilon(m))) begin%rate(1) = (magnitude - slider%law%static_limit)/m
       begin%rate(2) = 0.0_wp
       if (magnitude > 0.0_wp .and. slider%turns) begin%rate(2) = across/(magnitude + m*begin%rate(1))
       begin%curvature(1) = along/m

@@ -50,7 +50,7 @@ contains
   pure real(wp) function acceleration_noise(self)
     class(slider_t), intent(in) :: self
 
-    acceleration_noise = 8.0_wp*epsilon(1.0_wp)*self%law%onset/self%mass
+    acceleration_noise = 8.0_wp*epsilon(1.0_wp)*self%law%static_limit/self%mass
   end function acceleration_noise
 
   !> Frequencies sqrt(k/m) of the mass on either spring [rad/s].
@@ -68,8 +68,8 @@ contains
     real(wp) :: static_speed(2)
 
     static_speed = huge(1.0_wp)
-    if (.not. self%law%onset > 0.0_wp) return
-    where (self%stiffness > 0.0_wp) static_speed = self%law%onset/sqrt(self%mass*self%stiffness)
+    if (.not. self%law%static_limit > 0.0_wp) return
+    where (self%stiffness > 0.0_wp) static_speed = self%law%static_limit/sqrt(self%mass*self%stiffness)
   end function static_speed
 
   !> (cos, sin) of an angle in degrees, exact at multiples of 90 and odd/even to the last bit.

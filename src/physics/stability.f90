@@ -208,8 +208,8 @@ contains
                  'so V and the misalignment must be finite and not 0')
     if (allocated(error)) return
     damping = impedance(slider)
-    values = 0.5_wp*fraction(slider%law%onset)/(fraction(drift)*fraction(damping))
-    call to_si('Lambda', values, exponent(slider%law%onset) - exponent(drift) - exponent(damping), error)
+    values = 0.5_wp*fraction(slider%law%static_limit)/(fraction(drift)*fraction(damping))
+    call to_si('Lambda', values, exponent(slider%law%static_limit) - exponent(drift) - exponent(damping), error)
     if (.not. allocated(error)) lambda = values(1)
   end subroutine damping_scale
 
@@ -386,7 +386,7 @@ contains
     end if
     call exponential_form(slider%law, limit, drop, decay, is_exponential)
     ! Not with `min` and `max`, which pass over a NaN.
-    values = [slider%law%onset, limit, decay, slider%smoothing]
+    values = [slider%law%static_limit, limit, decay, slider%smoothing]
     if (.not. all(values >= 0.0_wp .and. values <= huge(values))) then
       call raise(error, usage_error, 'the friction is negative or not a number: mu_0, mu_inf and normal_load '// &
                  'must be finite and >= 0, v_f > 0')

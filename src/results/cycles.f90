@@ -52,7 +52,7 @@ module dst_cycles
     !> Period of the free oscillation on the soft spring [s].
     real(wp) :: natural_time = 0.0_wp
     !> Of the scene: cos(phi) where the soft spring is pulled; F_0 [N]; the advance that loads the spring up to F_0 [m].
-    real(wp), private :: pulled = 0.0_wp, onset = 0.0_wp, natural_length = 0.0_wp
+    real(wp), private :: pulled = 0.0_wp, static_limit = 0.0_wp, natural_length = 0.0_wp
     !> Directions of the drive and of its pull, 0 while there is none.
     integer, private :: drive_side = 0, side = 0
     !> Whether the load rises (1) or falls (-1) by more than the threshold; 0 while neither is known.
@@ -81,13 +81,13 @@ module dst_cycles
 contains
 
   !> Begin a motion: cos(phi), 0 if the soft spring is not pulled; F_0 [N], k_x [N/m] and the mass [kg].
-  pure subroutine begin(self, pulled, onset, stiffness, mass)
+  pure subroutine begin(self, pulled, static_limit, stiffness, mass)
     class(cycles_t), intent(inout) :: self
-    real(wp), intent(in) :: pulled, onset, stiffness, mass
+    real(wp), intent(in) :: pulled, static_limit, stiffness, mass
 
     self%pulled = pulled
-    self%onset = onset
-    if (abs(pulled) > 0.0_wp) self%natural_length = onset/(stiffness*abs(pulled))
+    self%static_limit = static_limit
+    if (abs(pulled) > 0.0_wp) self%natural_length = static_limit/(stiffness*abs(pulled))
     self%natural_time = 2.0_wp*pi*sqrt(mass/stiffness)
   end subroutine begin
 
@@ -134,7 +134,7 @@ contains
     end if
     ahead = real(self%heading, wp)*(real(self%side, wp)*force - self%candidate%load)
     if (ahead < 0.0_wp) then
-      if (-ahead <= threshold*self%onset) return
+      if (-ahead <= threshold*self%static_limit) return
       if (self%heading > 0) then
         call take_peak(self, self%candidate)
       else
@@ -154,7 +154,7 @@ contains
     associate (highest => self%candidate, lowest => self%other_candidate)
       if (here%load >= highest%load) highest = here
       if (here%load <= lowest%load) lowest = here
-      if (highest%load - lowest%load <= threshold*self%onset) return
+      if (highest%load - lowest%load <= threshold*self%static_limit) return
       self%heading = merge(1, -1, highest%time > lowest%time)
     end associate
     if (self%heading < 0) self%candidate = self%other_candidate

@@ -57,7 +57,7 @@ contains
     self%velocity = motion%velocity_now()
     associate (slider => motion%slider)
       ! High frequency: the longitudinal load is given.
-      call self%cycles%begin(slider%along(1)*merge(1.0_wp, 0.0_wp, slider%follows(1) > 0.0_wp), slider%law%onset, &
+      call self%cycles%begin(slider%along(1)*merge(1.0_wp, 0.0_wp, slider%follows(1) > 0.0_wp), slider%law%static_limit, &
         slider%stiffness(1), slider%mass)
     end associate
     call self%begin(moment_of(motion, motion%piece%to, self%velocity), motion%energy(self%velocity), motion%t_end)

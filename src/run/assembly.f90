@@ -96,9 +96,9 @@ contains
     case ('high_frequency')
       slider%follows = [0.0_wp, 1.0_wp]
       slider%turns = .false.
-      if (abs(slider%stiffness(1)*scene%elongation_x) >= slider%law%onset) then
+      if (abs(slider%stiffness(1)*scene%elongation_x) >= slider%law%static_limit) then
         call raise(error, deck_error, 'high_frequency holds for a longitudinal load below the static limit: '// &
-          '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//trim(short_text(slider%law%onset))//' N', &
+          '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//trim(short_text(slider%law%static_limit))//' N', &
           'initial.elongation_x')
         return
       end if
@@ -265,7 +265,7 @@ contains
 
     side = u(2)
     if (.not. abs(side) > 0.0_wp) side = w(2)
-    y(2) = sign(acos(slider%stiffness(1)*u(1)/slider%law%onset), side)
+    y(2) = sign(acos(slider%stiffness(1)*u(1)/slider%law%static_limit), side)
     y(1) = max(0.0_wp, dot_product(w, [cos(y(2)), sin(y(2))]))
   end function straight_slip_from
 end module dst_assembly

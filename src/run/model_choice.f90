@@ -175,7 +175,7 @@ contains
       if (scene%quantities == 'creep') then
         ! X = D - u_x cos(phi) - u_y sin(phi): what X errs by, and the u_y that a rigid spring lacks, is in u_x.
         of_position = error
-        rigidity = merge(across*slider%law%onset/slider%stiffness(2), 0.0_wp, model == 'low_frequency')
+        rigidity = merge(across*slider%law%static_limit/slider%stiffness(2), 0.0_wp, model == 'low_frequency')
         of_elongation = (error*advance + rigidity)/(along*stretch)
       else
         ! An error of the period shifts the slips in time.
@@ -209,7 +209,7 @@ contains
       text = 'the errors of the reduced models are known for unstretched springs at the start'
     else if (abs(scene%velocity_ratio) > 1.0_wp) then
       text = 'the errors of the reduced models are known for a slow start'
-    else if (.not. slider%law%onset > 0.0_wp) then
+    else if (.not. slider%law%static_limit > 0.0_wp) then
       text = 'without friction there is nothing to reduce'
     else if (.not. slider%along(1) > 0.0_wp .or. .not. abs(slider%along(2)) > 0.0_wp) then
       text = 'the errors of the reduced models are known for 0 < |misalignment_deg| < 90'
@@ -256,7 +256,7 @@ contains
     slow%position = writer%samples(2, :writer%rows)
     slow%elongation = writer%samples(3, :writer%rows)
     slow%cycles = outcome%summary_of('cycles')
-    slow%swing = simulation%summary%cycles%mean_swing()/slider%law%onset
+    slow%swing = simulation%summary%cycles%mean_swing()/slider%law%static_limit
     slow%fastest = abs(outcome%summary_of('max_X_rate'))
   end subroutine follow_slow_motion
 
@@ -271,7 +271,7 @@ contains
     associate (n => size(slow%time))
       allocate (advances%tau(n), advances%slow(n), advances%rigid(n), advances%elastic(n))
     end associate
-    advances%length = slider%law%onset/slider%stiffness(1)
+    advances%length = slider%law%static_limit/slider%stiffness(1)
     advances%tau = abs(scene%drive_velocity(1))*slow%time/advances%length
     advances%slow = abs(slow%position)/advances%length
     creep = creep_exact(misalignment(slider), 0.0_wp, advances%tau)
@@ -293,7 +293,7 @@ contains
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
 
-    is_before_slip = abs(scene%drive_velocity(1))*scene%t_end < slider%law%onset/slider%stiffness(1)
+    is_before_slip = abs(scene%drive_velocity(1))*scene%t_end < slider%law%static_limit/slider%stiffness(1)
   end function is_before_slip
 
   !> Largest error of X(t) over X(t_end) that a closed form makes: what it differs from the low-frequency motion where
@@ -336,7 +336,7 @@ contains
 
     across = abs(scene%drive_velocity(1)*slider%along(2))
     ripple = half_period_factor*across*sqrt(slider%mass/slider%stiffness(2))/distance &
-      + fast_force_factor*(across/slider%law%onset)**2*slider%mass*slider%stiffness(2)
+      + fast_force_factor*(across/slider%law%static_limit)**2*slider%mass*slider%stiffness(2)
   end function ripple
 
   !> How far weakening feeds the fast oscillation: F'^2/(m k_y), with the steepest F'.

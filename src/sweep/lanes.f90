@@ -119,7 +119,7 @@ contains
     self%guided(lane) = slider%along(2)
     self%velocity(lane) = scene%drive_velocity(1)
     self%across(lane) = self%velocity(lane)*slider%along(2)
-    self%onset(lane) = slider%law%onset
+    self%onset(lane) = slider%law%static_limit
     self%t_end(lane) = scene%t_end
     self%tolerance(lane) = scene%rtol
     self%noise(lane) = slider%acceleration_noise()

@@ -46,8 +46,8 @@ contains
     v = [0.0_wp, 1.0e-9_wp, 1.0e-3_wp, v_f, 0.1_wp, 100.0_wp]
     call new_friction_law('weakening', mu_0, mu_inf, v_f, w, law)
     call law%evaluate(6, v, force, slope)
-    call check_close('weakening: static limit', law%onset, mu_0*w, 0.0_wp)
-    call check_close('weakening: starts at the static limit', force(1), law%onset, 2.0_wp*eps*law%onset)
+    call check_close('weakening: static limit', law%static_limit, mu_0*w, 0.0_wp)
+    call check_close('weakening: starts at the static limit', force(1), law%static_limit, 2.0_wp*eps*law%static_limit)
     call check_close('weakening: Eq. (3)', maxval(abs(force - (mu_inf + (mu_0 - mu_inf)*exp(-v/v_f))*w)), 0.0_wp, 8.0_wp*eps)
     call check_close('weakening: limit', force(6), mu_inf*w, 2.0_wp*eps*w)
     h = 1.0e-5_wp*v_f
@@ -229,7 +229,7 @@ contains
 
     n = system%components
     do l = 1, n
-      u(:, l) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(system%axis + l - 1)
+      u(:, l) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%static_limit/slider%stiffness(system%axis + l - 1)
       y(:, l) = uniform(s, -0.02_wp, 0.02_wp)
     end do
     if (polar) y(:, n) = uniform(s, -pi, pi)
@@ -238,13 +238,13 @@ contains
     below = new_terms(s, n, system%unknowns)
     call system%kinematics(s, y, velocity, velocity_y)
     call system%dynamics(s, drive, u, y, velocity_y, terms)
-    force = slider%law%onset/slider%mass
+    force = slider%law%static_limit/slider%mass
     scale = [0.01_wp, merge(1.0_wp, 0.01_wp, polar)]
     if (slider%smoothing > 0.0_wp) scale = min(scale, sqrt(slider%smoothing))
     if (abs(system%guided) > 0.0_wp) scale = min(scale, abs(system%guided)*minval(abs(drive)))
     worst = 0.0_wp
     do l = 1, n
-      h = 1.0e-4_wp*slider%law%onset/slider%stiffness(system%axis + l - 1)
+      h = 1.0e-4_wp*slider%law%static_limit/slider%stiffness(system%axis + l - 1)
       shift = 0.0_wp
       shift(:, l) = h
       call system%dynamics(s, drive, u + shift, y, velocity_y, above)
@@ -261,9 +261,9 @@ contains
       worst(4) = max(worst(4), maxval(abs((velocity_above - velocity_below)/2.0_wp - velocity_y(:, :, l)*h)) &
         /(0.01_wp*1.0e-4_wp))
       worst(5) = max(worst(5), maxval(abs((above%dissipation - below%dissipation)/2.0_wp - terms%dissipation_y(:, l)*h)) &
-        /(slider%law%onset*0.01_wp*1.0e-4_wp))
+        /(slider%law%static_limit*0.01_wp*1.0e-4_wp))
       worst(6) = max(worst(6), maxval(abs((above%supply - below%supply)/2.0_wp - terms%supply_y(:, l)*h)) &
-        /(slider%law%onset*0.01_wp*1.0e-4_wp))
+        /(slider%law%static_limit*0.01_wp*1.0e-4_wp))
     end do
   end function jacobian_errors
 
@@ -282,8 +282,8 @@ contains
     worst = 0.0_wp
     do trial = 1, 50
       slider = random_slider('weakening')
-      u(:, 1) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(1)
-      u(:, 2) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness(2)
+      u(:, 1) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%static_limit/slider%stiffness(1)
+      u(:, 2) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%static_limit/slider%stiffness(2)
       polar = new_full_polar(slider)
       v = uniform(s, 1.0e-4_wp, 0.05_wp)
       y(:, 1) = v
@@ -297,7 +297,7 @@ contains
         ! w' = v' n + v theta' t.
         left(i, :) = terms%force(i, 1)*[cos(y(i, 2)), sin(y(i, 2))] + terms%force(i, 2)*[-sin(y(i, 2)), cos(y(i, 2))]
       end do
-      worst(2) = max(worst(2), maxval(abs(slider%mass*left - right))/slider%law%onset)
+      worst(2) = max(worst(2), maxval(abs(slider%mass*left - right))/slider%law%static_limit)
       worst(4) = max(worst(4), maxval(abs(terms%inertia(:, 1) - 1.0_wp)), maxval(abs(terms%inertia(:, 2) - v)), &
         maxval(abs(terms%dissipation/(friction*v) - 1.0_wp)))
 
@@ -311,7 +311,7 @@ contains
         worst(4) = max(worst(4), abs(terms%dissipation(i) - dot_product(slider%stiffness*u(i, :) - right(i, :), w(i, :))) &
           /(friction(i)*v(i)))
       end do
-      worst(3) = max(worst(3), maxval(abs(slider%mass*terms%force - right))/slider%law%onset)
+      worst(3) = max(worst(3), maxval(abs(slider%mass*terms%force - right))/slider%law%static_limit)
       worst(4) = max(worst(4), maxval(abs(terms%inertia - 1.0_wp)))
     end do
     call check_close('polar: speed and angle', worst(1), 0.0_wp, 8.0_wp*eps)
@@ -340,7 +340,7 @@ contains
     worst = 0.0_wp
     do trial = 1, 50
       slider = random_slider('weakening')
-      u = [1.0_wp, 0.3_wp]*uniform(2, -1.0_wp, 1.0_wp)*slider%law%onset/slider%stiffness
+      u = [1.0_wp, 0.3_wp]*uniform(2, -1.0_wp, 1.0_wp)*slider%law%static_limit/slider%stiffness
       drive = sum(uniform(1, -0.01_wp, 0.01_wp))
       y = [sum(uniform(1, -0.02_wp, 0.02_wp)), 0.0_wp]
       low = new_low_frequency(slider)
@@ -350,12 +350,12 @@ contains
       call low%kinematics(1, y(1:1), one, gradient)
       call low%dynamics(1, [drive], u(1:1), y(1:1), gradient, terms)
       worst(1) = max(worst(1), abs(w(2) - drive*slider%along(2))/v, &
-        abs(slider%mass*terms%force(1, 1) - slider%stiffness(1)*u(1) + friction(1)*w(1)/v)/slider%law%onset)
+        abs(slider%mass*terms%force(1, 1) - slider%stiffness(1)*u(1) + friction(1)*w(1)/v)/slider%law%static_limit)
       ! X' = w . e; the power put in is that stored and that lost.
       worst(2) = max(worst(2), abs(low%forward(1)*w(1) + low%carried*drive - dot_product(w, slider%along))/v)
       input = drive*low%along_stiffness(1)*u(1) + terms%supply(1)
       worst(2) = max(worst(2), abs(input - terms%dissipation(1) - slider%mass*w(1)*terms%force(1, 1) &
-        - slider%stiffness(1)*u(1)*(drive*slider%along(1) - w(1)))/(slider%law%onset*v))
+        - slider%stiffness(1)*u(1)*(drive*slider%along(1) - w(1)))/(slider%law%static_limit*v))
 
       slider%follows = [0.0_wp, 1.0_wp]
       slider%turns = .false.
@@ -369,11 +369,11 @@ contains
       call straight%kinematics(1, y(1:1), one, gradient)
       call straight%dynamics(1, [drive], u(2:2), y(1:1), gradient, terms)
       worst(3) = max(worst(3), norm2(w - y(1)*n)/y(1), abs(one(1, 1) - w(2))/y(1), &
-        abs(slider%mass*terms%force(1, 1) - dot_product(slider%stiffness*u, n) + friction(1))/slider%law%onset)
+        abs(slider%mass*terms%force(1, 1) - dot_product(slider%stiffness*u, n) + friction(1))/slider%law%static_limit)
       worst(4) = max(worst(4), abs(straight%forward(2)*w(2) - dot_product(w, slider%along))/y(1))
       input = drive*straight%along_stiffness(2)*u(2) + terms%supply(1)
       worst(4) = max(worst(4), abs(input - terms%dissipation(1) - slider%mass*y(1)*terms%force(1, 1) &
-        - slider%stiffness(2)*u(2)*(drive*slider%along(2) - w(2)))/(slider%law%onset*y(1)))
+        - slider%stiffness(2)*u(2)*(drive*slider%along(2) - w(2)))/(slider%law%static_limit*y(1)))
     end do
     call check_close('low frequency: Eq. (4)', worst(1), 0.0_wp, 16.0_wp*eps)
     call check_close('low frequency: power', worst(2), 0.0_wp, 64.0_wp*eps)
@@ -394,12 +394,12 @@ contains
     do side = 1, 2
       low = 0.0_wp
       high = 1.0_wp
-      do while (spring_force_size(slider, u + real(3 - 2*side, wp)*high*slider%along) < slider%law%onset)
+      do while (spring_force_size(slider, u + real(3 - 2*side, wp)*high*slider%along) < slider%law%static_limit)
         high = 2.0_wp*high
       end do
       do iteration = 1, 200
         middle = 0.5_wp*(low + high)
-        if (spring_force_size(slider, u + real(3 - 2*side, wp)*middle*slider%along) < slider%law%onset) then
+        if (spring_force_size(slider, u + real(3 - 2*side, wp)*middle*slider%along) < slider%law%static_limit) then
           low = middle
         else
           high = middle
@@ -449,7 +449,7 @@ contains
     do trial = 1, 4000
       slider = random_slider('weakening')
       angle = sum(uniform(1, -pi, pi))
-      u = sqrt(sum(uniform(1, 0.0_wp, 1.0_wp)))*slider%law%onset*[cos(angle), sin(angle)]/slider%stiffness
+      u = sqrt(sum(uniform(1, 0.0_wp, 1.0_wp)))*slider%law%static_limit*[cos(angle), sin(angle)]/slider%stiffness
       drive = drive_segment_t(start=1.0_wp, velocity=sum(uniform(1, -1.0e-3_wp, 1.0e-3_wp)))
       ! Constant, ramped (also against the velocity), starting from rest, or standing.
       if (modulo(trial, 4) > 0) drive%acceleration = sum(uniform(1, -1.0e-3_wp, 1.0e-3_wp))
@@ -463,7 +463,7 @@ contains
         released = released + 1
         worst = max(worst, abs(found/expected - 1.0_wp))
         at_limit = at_limit .and. &
-          abs(spring_force_size(slider, u + drive%displacement(time, found)*slider%along)/slider%law%onset - 1.0_wp) &
+          abs(spring_force_size(slider, u + drive%displacement(time, found)*slider%along)/slider%law%static_limit - 1.0_wp) &
           <= 1.0e-10_wp
       else
         kept = kept + 1
@@ -532,7 +532,7 @@ contains
     do trial = 1, 6
       slider = random_slider('weakening')
       angle = atan2(slider%stiffness(2)*slider%along(2), slider%stiffness(1)*slider%along(1)) + sum(uniform(1, -1.2_wp, 1.2_wp))
-      u = slider%law%onset*[cos(angle), sin(angle)]/slider%stiffness
+      u = slider%law%static_limit*[cos(angle), sin(angle)]/slider%stiffness
       beginning = start_of_slip(slider, u, 1.0e-3_wp)
       beginning%rate(1) = 0.0_wp
       call check_close('onset: from rest', beginning%y(1), 0.0_wp, 0.0_wp)
@@ -550,9 +550,10 @@ contains
     end do
     ! Beyond the static limit.
     slider = fig3_slider()
-    u = 1.5_wp*slider%law%onset*[cos(0.5_wp), sin(0.5_wp)]/slider%stiffness
+    u = 1.5_wp*slider%law%static_limit*[cos(0.5_wp), sin(0.5_wp)]/slider%stiffness
     beginning = start_of_slip(slider, u, 1.0e-3_wp)
-    call check_close('onset beyond the limit: acceleration', beginning%rate(1), 0.5_wp*slider%law%onset/slider%mass, 1.0e-14_wp)
+    call check_close('onset beyond the limit: acceleration', beginning%rate(1), &
+      0.5_wp*slider%law%static_limit/slider%mass, 1.0e-14_wp)
     reach = 1.0e-4_wp*sqrt(slider%mass/slider%stiffness(2))
     do i = 1, 2
       leftover(:, i) = abs(leftover_of(slider, u, beginning, reach/2.0_wp**(i - 1)))
@@ -656,7 +657,7 @@ contains
       from = state_t(time=1.0_wp, u=[1.2e-3_wp, 0.0_wp], y=[v, 0.0_wp, 0.0_wp])
       call brake(slider, drive, from, to, stops)
       ! z = u - F_0/k swings as amplitude*cos(omega t + phase), v = V - z'.
-      shift = from%u(1) - slider%law%onset/slider%stiffness(1)
+      shift = from%u(1) - slider%law%static_limit/slider%stiffness(1)
       amplitude = hypot(shift, (drive%velocity - v)/omega)
       phase = atan2(-(drive%velocity - v)/omega, shift)
       ! v = 0 where z' = V.

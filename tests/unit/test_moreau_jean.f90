@@ -82,7 +82,7 @@ contains
         ! The equation holds by construction; what the zero must give is |w| = r, up to the roundoff of F(r).
         worst = max(worst, abs(norm2(w) - speed)*minval(inertia + force(1)/speed)/norm2(load))
       else
-        rest_is_allowed = rest_is_allowed .and. norm2(load) <= law%onset
+        rest_is_allowed = rest_is_allowed .and. norm2(load) <= law%static_limit
       end if
     end do
     call check_close('equation of a step: |w| = r', worst, 0.0_wp, 1.0e-12_wp)

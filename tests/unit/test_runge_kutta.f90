@@ -340,7 +340,7 @@ contains
     type(slider_t) :: slider
 
     slider = fig3_slider(1.0_wp, 'weakening')
-    release_time = slider%law%onset/(one_speed(1)*norm2(slider%stiffness*slider%along))
+    release_time = slider%law%static_limit/(one_speed(1)*norm2(slider%stiffness*slider%along))
   end function release_time
 
   !> One scene by dopri5 and dop853 against Radau IIA.
@@ -370,7 +370,7 @@ contains
     type(run_t) :: explicit
 
     call exact_scene(scene, 'dopri5', fig3_slider(0.0_wp, 'constant'), zero_time, [0.0_wp], 1.0e-7_wp, 0.1_wp)
-    explicit = run(scene, [scene%slider%law%onset/scene%slider%stiffness(1), 0.0_wp], at_rest)
+    explicit = run(scene, [scene%slider%law%static_limit/scene%slider%stiffness(1), 0.0_wp], at_rest)
     call check('at the limit: no error', .not. explicit%failed)
     call check('at the limit: no motion', .not. norm2(explicit%final%y) > 0.0_wp .and. .not. abs(explicit%final%position) > 0.0_wp)
   end subroutine test_limit

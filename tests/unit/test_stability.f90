@@ -403,7 +403,7 @@ contains
     call critical_misalignment(slider, 1.0e-3_wp, critical, error)
     call refused('negative stiffness', error, 'stiffness_y = -1.0000E+03 N/m')
     slider = fig3(1.0e4_wp, 1.0_wp)
-    slider%law%onset = -1.0_wp
+    slider%law%static_limit = -1.0_wp
     call critical_misalignment(slider, 1.0e-3_wp, critical, error)
     call refused('negative friction', error, 'mu_0')
   end subroutine test_refusals

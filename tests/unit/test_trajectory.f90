@@ -412,7 +412,7 @@ contains
     still = .true.
     before = energy(simulation)
     associate (motion => simulation%motion)
-      limit = motion%slider%law%onset
+      limit = motion%slider%law%static_limit
       scale = limit**2/maxval(motion%slider%stiffness)
       do while (.not. motion%finished())
         call next_piece(simulation%motion, simulation%other, error)
