@@ -1,6 +1,6 @@
 """The pages "Add a …" are followed to the letter: their patches go into a copy of the source, which is built and run.
 
-Each of them must take one file and one line.
+A law, a method and a column must take one file and one line; a model with one more state four files.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ PAGES = {
     "method": "src/numerics/runge_kutta_tableaux.f90",
     "output_column": "src/results/columns.f90",
 }
+
+MODEL = ("src/physics/full_memory.f90", "src/physics/meson.build", "src/run/assembly.f90", "src/deck/schema.f90")
 
 
 def patches(page: str) -> list[str]:
@@ -37,9 +39,13 @@ def test_one_file_and_one_line(page: str) -> None:
     assert [line[0] for line in changes] == ["-", "+"]
 
 
+def test_a_model_takes_four_files() -> None:
+    assert tuple(map(changed_file, patches("model"))) == MODEL
+
+
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The program with the law, the method and the column of the three pages."""
+    """The program with the law, the method, the column and the model of the pages."""
     for tool in ("patch", "meson", "ninja", "gfortran"):
         if shutil.which(tool) is None:
             pytest.skip(f"{tool} is not installed")
@@ -48,7 +54,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROOT / part, source)
     for part in ("src", "bench", "inputs", "tools"):
         shutil.copytree(ROOT / part, source / part)
-    for page in PAGES:
+    for page in (*PAGES, "model"):
         for patch in patches(page):
             done = Program(("patch", "-p1"), source)(input=patch)
             assert done.returncode == 0, f"howto/{page}.md: {done.stdout}{done.stderr}"
@@ -59,7 +65,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", (*PAGES, "model"))
 def test_the_page_works(page: str, program: Path, tmp_path: Path) -> None:
     shutil.copy(ROOT / "inputs" / "fig3.nml", tmp_path)
     path = f"{program}:{os.environ['PATH']}"
