@@ -99,6 +99,9 @@ package_tests() {
   for script in sdist meson_install wheel parallel_hdf5; do
     run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
   done
+  have flang-new-19 || (apt_install flang-19) || say 'No flang: the core is compiled by gfortran alone'
+  ! have flang-new-19 || run_tests 'The core with another compiler' '(files compiled|does not compile)' \
+    python "$checkout/tools/second_compiler.py" flang-new-19
   run_tests 'Manual' '(build/docs/index.html|failed)' "$checkout/tools/docs.sh"
   run_tests 'Pages that change the source, notebooks, report' '^=+ .*(passed|failed|error|skipped|no tests ran).* =+$' \
     python -m pytest "$checkout"/tests/python/test_{howto,notebooks,report,documented}.py

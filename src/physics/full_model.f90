@@ -39,7 +39,7 @@ module dst_full_model
 contains
 
   !> The exact contact of a slider.
-  pure function new_full_polar(slider) result(model)
+  function new_full_polar(slider) result(model)
     type(slider_t), intent(in) :: slider
     type(full_polar_t) :: model
 
@@ -53,7 +53,7 @@ contains
   end function new_full_polar
 
   !> With slider%smoothing > 0.
-  pure function new_full_smoothed(slider) result(model)
+  function new_full_smoothed(slider) result(model)
     type(slider_t), intent(in) :: slider
     type(full_smoothed_t) :: model
 

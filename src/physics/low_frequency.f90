@@ -31,7 +31,7 @@ module dst_low_frequency
 contains
 
   !> The slow motion of a slider.
-  pure function new_low_frequency(slider) result(model)
+  function new_low_frequency(slider) result(model)
     type(slider_t), intent(in) :: slider
     type(low_frequency_t) :: model
 

@@ -40,7 +40,7 @@ contains
 
   !> The model that follows principal axis `axis`, the elongation along the other being held at its value
   !> in `held` [m]; slider%follows and slider%turns say the same to the contact.
-  pure function new_straight_slip(slider, axis, held) result(model)
+  function new_straight_slip(slider, axis, held) result(model)
     type(slider_t), intent(in) :: slider
     integer, intent(in) :: axis
     real(wp), intent(in) :: held(2)

@@ -58,10 +58,10 @@ module dst_cycles
     !> Whether the load rises (1) or falls (-1) by more than the threshold; 0 while neither is known.
     integer, private :: heading = 0
     !> The highest load since it rises, or the lowest since it falls; while neither is known both.
-    type(turn_t), private :: candidate, other_candidate
+    type(turn_t), private :: candidate = turn_t(), other_candidate = turn_t()
     !> Turns of the cycle under way.
     logical, private :: has_peak = .false., has_valley = .false.
-    type(turn_t), private :: last_peak, last_valley
+    type(turn_t), private :: last_peak = turn_t(), last_valley = turn_t()
     !> Where the object was at the last turn, and is [m].
     real(wp), private :: turn_position = 0.0_wp, position = 0.0_wp
     !> Cycles since the last steady slide, and those of them without a break between; whether the next one follows a break.

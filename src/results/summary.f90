@@ -65,7 +65,7 @@ module dst_summary
 
   !> What is known of the run so far.
   type :: summary_t
-    type(cycles_t) :: cycles
+    type(cycles_t) :: cycles = cycles_t()
     real(wp) :: largest_rate = 0.0_wp
     integer(int64) :: sticks = 0
     real(wp) :: sticking_time = 0.0_wp
