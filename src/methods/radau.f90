@@ -470,8 +470,8 @@ contains
     if (singular) error = huge(error)
   end subroutine defect_error
 
-  !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy, of whose last term
-  !> only what damps is taken, and what couples with a state of friction.
+  !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy, of whose last
+  !> term only what damps is taken, and what couples with a state of friction.
   pure subroutine set_filter(n, m, terms, filter_step, velocity_y, filter)
     integer, intent(in) :: n, m
     type(stage_terms_t), intent(in) :: terms

@@ -50,8 +50,8 @@ module dst_stepper
     real(wp) :: start_speed = 0.0_wp
     real(wp) :: peak_speed = 0.0_wp
     real(wp) :: memory = huge(1.0_wp)
-    !> Growth [1/s] of a disturbance of steady sliding that this attempt cannot see, 0 where there is none; and what is less than this
-    !> share of the slip speed cannot be seen.
+    !> Growth [1/s] of a disturbance of steady sliding that this attempt cannot see, 0 where there is none; and what is less than
+    !> this share of the slip speed cannot be seen.
     real(wp) :: unseen_growth = 0.0_wp
     real(wp) :: noise_floor = epsilon(1.0_wp)
     !> Whether a disturbance has grown to be seen that came from nothing but roundoff.
@@ -114,8 +114,8 @@ module dst_stepper
 
 contains
 
-  !> Where the slip turns back, its speed passes through a minimum and friction through its peak: in so short a time, perhaps, that no
-  !> stage sees it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of
+  !> Where the slip turns back, its speed passes through a minimum and friction through its peak: in so short a time, perhaps, that
+  !> no stage sees it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of
   !> the slip velocity of each component [m/s].
   real(wp) function error_of_turns(self, system, drive, from, allowed) result(error)
     class(stepper_t), intent(inout) :: self
@@ -258,8 +258,8 @@ contains
     end associate
   end function is_disturbed
 
-  !> Note that disturbances grow at this rate [1/s], and whether one is seen. If one comes out of a long stretch in which nothing was
-  !> to be seen, while nothing changes the drive, roundoff has made it.
+  !> Note that disturbances grow at this rate [1/s], and whether one is seen. If one comes out of a long stretch in which nothing
+  !> was to be seen, while nothing changes the drive, roundoff has made it.
   pure subroutine look_at_growth(self, drive, from, growth, disturbed)
     class(stepper_t), intent(inout) :: self
     type(drive_segment_t), intent(in) :: drive

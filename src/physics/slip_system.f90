@@ -141,8 +141,8 @@ contains
     end associate
   end function has_turned
 
-  !> Slip speed [m/s] along each axis that stretches its spring by as much as it is stretched now (`u` [m]), or at the static limit. An
-  !> error of the slip velocity is an error of the spring force relative to this.
+  !> Slip speed [m/s] along each axis that stretches its spring by as much as it is stretched now (`u` [m]), or at the static limit.
+  !> An error of the slip velocity is an error of the spring force relative to this.
   pure function spring_speed(self, u) result(speed)
     class(slip_system_t), intent(in) :: self
     real(wp), intent(in) :: u(max_components)
