@@ -10,6 +10,12 @@ module dst_braking
 
   public :: braking_t, braking, default_cut_speed
 
+  !> How much friction may change until the stop, as far as it is linear in v and beyond, over the force that brakes.
+  real(wp), parameter :: linear_change = 0.1_wp, curved_change = 0.01_wp
+  !> The cut-off of an explicit method at rtol = 1 over the speed; of which the largest slip speed counts for
+  !> so many times itself at most where the drive is faster, and the drive velocity for so much at least.
+  real(wp), parameter :: cut_factor = 0.014_wp, largest_share = 30.0_wp, least_share = 1.0e-4_wp
+
   !> How slip ends: v + acceleration t + jerk t^2/2 in the direction that it has.
   type :: braking_t
     real(wp) :: acceleration = 0.0_wp  !! m/s2
@@ -50,7 +56,8 @@ contains
         (course%acceleration < 0.0_wp .or. course%jerk < 0.0_wp)
       if (course%falls) course%delay = 2.0_wp*v/(sqrt(discriminant) - course%acceleration)
       associate (change => [abs(slope(1))*v, abs(friction(1) - slope(1)*v - slider%law%static_limit)])
-        course%steady = change(1) <= 0.1_wp*m*abs(course%acceleration) .and. change(2) <= 0.01_wp*m*abs(course%acceleration)
+        course%steady = change(1) <= linear_change*m*abs(course%acceleration) .and. &
+          change(2) <= curved_change*m*abs(course%acceleration)
       end associate
       course%highest = v
       if (course%falls .and. course%acceleration > 0.0_wp) &
@@ -127,9 +134,8 @@ contains
   !> the slip velocity of about the third power of this speed; the factor is measured on Fig. 3.
   pure real(wp) function default_cut_speed(rtol, drive_velocity, peak_speed)
     real(wp), intent(in) :: rtol, drive_velocity, peak_speed
-    real(wp), parameter :: largest_share = 30.0_wp, least_share = 1.0e-4_wp
 
-    default_cut_speed = 0.014_wp*rtol**(1.0_wp/3.0_wp)*max(least_share*abs(drive_velocity), &
+    default_cut_speed = cut_factor*rtol**(1.0_wp/3.0_wp)*max(least_share*abs(drive_velocity), &
       min(largest_share*peak_speed, max(abs(drive_velocity), peak_speed)))
   end function default_cut_speed
 end module dst_braking

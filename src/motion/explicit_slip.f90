@@ -20,6 +20,9 @@ module dst_explicit_slip
 
   public :: explicit_slip_t
 
+  !> A step in which v reaches zero is repeated up to this share of the way there, shortened by this factor at most.
+  real(wp), parameter :: share_before_stop = 0.95_wp, least_factor = 0.1_wp
+
   !> Motion by an explicit method.
   type, extends(slip_stick_t) :: explicit_slip_t
     !> With cut_speed = 0 the cut-off is chosen from this tolerance.
@@ -52,9 +55,9 @@ contains
     end if
   end subroutine go_on
 
-  !> End slip that is slower than the cut-off in closed form. Slip against K u ends without a rest, in a turn: it is left to the method
-  !> until it is so slow that it does not matter how the direction changes; then it counts as none. So does slip that a knot of the
-  !> drive has caught just after its release.
+  !> End slip that is slower than the cut-off in closed form. Slip against K u ends without a rest, in a turn: it is left to the
+  !> method until it is so slow that it does not matter how the direction changes; then it counts as none. So does slip that a knot
+  !> of the drive has caught just after its release.
   subroutine end_slow_slip(self, horizon, ended)
     class(explicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -147,7 +150,7 @@ contains
     position = first_zero(coefficient(0:self%stepper%grid%degree))
     if (position > 1.0_wp) return
     outcome%solved = .false.
-    outcome%factor = max(0.1_wp, 0.95_wp*position)
+    outcome%factor = max(least_factor, share_before_stop*position)
   end subroutine examine
 
   !> Save or load.

@@ -13,6 +13,18 @@ module dst_release
 
   !> Order of the power series of a release.
   integer, parameter :: series_order = 10
+  !> Longest series, in units; and the most attempts at its length, with what is left of it in each: at least and at most, this
+  !> much of what the error asks for, which counts as no less than the last.
+  real(wp), parameter :: longest = 2.0_wp
+  integer, parameter :: max_lengths = 1000
+  real(wp), parameter :: least_left = 0.5_wp, most_left = 0.9_wp, safety = 0.95_wp, least_excess = 1.0e-10_wp
+  !> Where the rise of v is looked at: so many equal parts of the series.
+  integer, parameter :: looks = 8
+  !> Attempts at the range of v in which the law is a polynomial, and the share of the last one or of v in the next.
+  integer, parameter :: max_ranges = 40
+  real(wp), parameter :: range_share = 0.25_wp
+  !> Roundoff of a friction force.
+  real(wp), parameter :: force_roundoff = 8.0_wp*epsilon(1.0_wp)
 
   !> Slip from rest as power series in tau = t/unit, up to tau = reach.
   type :: release_t
@@ -44,12 +56,12 @@ contains
     real(wp) :: gain(2), growth, v_range, law(0:5), discrepancy
     integer :: attempt
 
-    release%unit = sqrt(slider%mass/maxval(slider%stiffness))
+    release%unit = slider%radian_time()
     gain = slider%stiffness*slider%pulled()
     growth = hypot(gain(1), gain(2))*(abs(drive%velocity_at(from%time)) + abs(drive%acceleration)*release%unit)
     v_range = release%unit*(rate + growth*release%unit/slider%mass)
     if (.not. spring_force_size(slider, from%u) > 0.0_wp .or. .not. v_range > 0.0_wp) return
-    do attempt = 1, 40
+    do attempt = 1, max_ranges
       call fit_law(slider, v_range, law, discrepancy)
       call expand(slider, drive, from, rate, law, v_range, release)
       call choose_reach(release, v_range, tolerance)
@@ -57,7 +69,7 @@ contains
       associate (v => value(release%v, release%reach))
         release%accurate = release%reach*release%unit*discrepancy <= tolerance*v*slider%mass
         if (release%accurate) exit
-        v_range = 0.25_wp*min(v, v_range)
+        v_range = range_share*min(v, v_range)
       end associate
     end do
   end function release_series
@@ -86,7 +98,7 @@ contains
     law(5) = 16.0_wp*half_slope - 24.0_wp*full + 4.0_wp*full_slope
     discrepancy = abs(value(law, position(4)) - force(4))
     ! Forces are not known better than this.
-    if (discrepancy <= 8.0_wp*epsilon(1.0_wp)*abs(force(1))) discrepancy = 0.0_wp
+    if (discrepancy <= force_roundoff*abs(force(1))) discrepancy = 0.0_wp
   end subroutine fit_law
 
   !> The coefficients, order by order. With n = (cos, sin) and t = (-sin, cos) of theta,
@@ -189,11 +201,10 @@ contains
     real(wp), intent(in) :: v_range, tolerance
     real(wp) :: excess, v
     integer :: attempt
-    real(wp), parameter :: longest = 2.0_wp
     integer, parameter :: n = series_order
 
     release%reach = longest
-    do attempt = 1, 1000
+    do attempt = 1, max_lengths
       associate (x => release%reach)
         v = value(release%v, x)
         release%moves = rises(release%v, x)
@@ -201,9 +212,9 @@ contains
           excess = max((abs(release%v(n))*x + abs(release%v(n - 1)))*x**(n - 1)/v, &
             (abs(release%theta(n))*x + abs(release%theta(n - 1)))*x**(n - 1))/tolerance
           if (excess <= 1.0_wp .and. v <= v_range) exit
-          x = x*min(0.9_wp, max(0.5_wp, 0.95_wp*max(excess, 1.0e-10_wp)**(-1.0_wp/real(n - 2, wp))))
+          x = x*min(most_left, max(least_left, safety*max(excess, least_excess)**(-1.0_wp/real(n - 2, wp))))
         else
-          x = 0.5_wp*x
+          x = least_left*x
         end if
         release%moves = .false.
         if (x < tiny(x)) exit
@@ -211,7 +222,7 @@ contains
     end do
   end subroutine choose_reach
 
-  !> Whether v > 0 and v' >= 0 on (0, x], judged at eight points.
+  !> Whether v > 0 and v' >= 0 on (0, x], judged at a few points.
   pure logical function rises(v, x)
     real(wp), intent(in) :: v(0:series_order), x
     real(wp) :: slope(0:series_order - 1)
@@ -219,8 +230,8 @@ contains
 
     slope = [(real(k, wp)*v(k), k=1, series_order)]
     rises = value(v, x) > 0.0_wp
-    do k = 1, 8
-      rises = rises .and. value(slope, 0.125_wp*real(k, wp)*x) >= 0.0_wp
+    do k = 1, looks
+      rises = rises .and. value(slope, real(k, wp)/real(looks, wp)*x) >= 0.0_wp
     end do
   end function rises
 

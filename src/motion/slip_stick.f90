@@ -11,12 +11,12 @@ module dst_slip_stick
   use dst_rest, only: holds, release_delay, slip_start_t, start_of_slip, touch_time
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
-  use dst_stepping, only: stepping_t, start_stepping => start, exchange_stepping
+  use dst_stepping, only: stepping_t, first_phase, start_stepping => start, exchange_stepping
   use dst_straight_slip, only: on_line
   implicit none
   private
 
-  public :: slip_stick_t, negligible_share
+  public :: slip_stick_t, negligible_share, noise_allowance
   ! What the types that extend it call of their parent's.
   public :: set_off, settle, exchange_slip_stick
 
@@ -25,6 +25,8 @@ module dst_slip_stick
 
   !> How many times its own roundoff a load must have grown by before it moves anything.
   real(wp), parameter :: noise_allowance = 10.0_wp
+  !> Slip slower than this share of the speed with which it began is over.
+  real(wp), parameter :: faded_share = epsilon(1.0_wp)**2
 
   !> Motion with rest.
   type, abstract, extends(stepping_t) :: slip_stick_t
@@ -63,7 +65,7 @@ contains
     integer :: i
 
     call self%stepping_t%set_up(slider, drive, t_end)
-    self%release_step = 0.5_wp*sqrt(slider%mass/maxval(slider%stiffness))
+    self%release_step = first_phase*slider%radian_time()
     ! The extrema of Chebyshev's polynomials.
     self%closed_form%grid = new_grid([(sin(0.5_wp*pi*real(i, wp)/real(max_degree, wp))**2, i=0, max_degree)])
   end subroutine set_up
@@ -223,7 +225,7 @@ contains
     fades = .false.
     if (self%contact /= slips .or. self%just_released) return
     associate (now => self%piece%to)
-      if (now%y(1) <= epsilon(1.0_wp)**2*self%stepper%start_speed) fades = holds(self%slider, now%u, self%drive_velocity())
+      if (now%y(1) <= faded_share*self%stepper%start_speed) fades = holds(self%slider, now%u, self%drive_velocity())
     end associate
   end function fades
 

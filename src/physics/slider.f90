@@ -7,6 +7,9 @@ module dst_slider
 
   public :: slider_t, cos_sin_degrees, direction_of
 
+  !> Roundoff of a difference of forces, relative to them.
+  real(wp), parameter :: force_roundoff = 8.0_wp*epsilon(1.0_wp)
+
   !> All parameters of the object and its contact. Vectors are in the principal axes x, y.
   type :: slider_t
     real(wp) :: mass = 1.0_wp                              !! kg
@@ -24,6 +27,7 @@ module dst_slider
     procedure :: held_force
     procedure :: acceleration_noise
     procedure :: frequency
+    procedure :: radian_time
     procedure :: static_speed
   end type slider_t
 
@@ -50,7 +54,7 @@ contains
   pure real(wp) function acceleration_noise(self)
     class(slider_t), intent(in) :: self
 
-    acceleration_noise = 8.0_wp*epsilon(1.0_wp)*self%law%static_limit/self%mass
+    acceleration_noise = force_roundoff*self%law%static_limit/self%mass
   end function acceleration_noise
 
   !> Frequencies sqrt(k/m) of the mass on either spring [rad/s].
@@ -60,6 +64,13 @@ contains
 
     frequency = sqrt(self%stiffness/self%mass)
   end function frequency
+
+  !> Time in which the faster oscillation turns by one radian [s].
+  pure real(wp) function radian_time(self)
+    class(slider_t), intent(in) :: self
+
+    radian_time = sqrt(self%mass/maxval(self%stiffness))
+  end function radian_time
 
   !> Slip speeds F_0/sqrt(m k) that stretch either spring to the static limit [m/s]; huge where there is no friction or no spring,
   !> which set no scale then.

@@ -29,6 +29,11 @@ module dst_assembly
 
   !> How long the largest slip speed is remembered, in radians of the faster oscillation.
   real(wp), parameter :: memory = 10.0_wp
+  !> Share of the peak speed over sqrt(rtol) below which a stop is finished in closed form: the distance left is below rtol of
+  !> what was slipped.
+  real(wp), parameter :: cut_factor = 0.03_wp
+  !> Share of its largest velocity below which a ramp through zero is at rest (low frequency), over sqrt(rtol), and at least.
+  real(wp), parameter :: rest_factor = 0.1_wp, least_rest = 3.0e-6_wp
 
 contains
 
@@ -90,7 +95,7 @@ contains
       resting = new_straight_slip(slider, 1, [0.0_wp, 0.0_wp])
       if (.not. abs(slider%along(2)) > 0.0_wp) return
       ! The way driven while a ramp passes through zero goes with the square of this share of its velocity.
-      slow = max(3.0e-6_wp, 0.1_wp*sqrt(scene%rtol))
+      slow = max(least_rest, rest_factor*sqrt(scene%rtol))
       drive = drive%with_rests(slow)
       guided = new_low_frequency(slider)
     case ('high_frequency')
@@ -207,8 +212,7 @@ contains
     else
       allocate (implicit_slip_t :: made)
     end if
-    ! Below this share of the peak speed a stop is finished in closed form: the distance left is below rtol of what was slipped.
-    made%cut_share = 0.03_wp*sqrt(scene%rtol)
+    made%cut_share = cut_factor*sqrt(scene%rtol)
     call move_alloc(made, motion)
     motion%step_max = scene%step_max
     call motion%set_up(slider, drive, scene%t_end)
