@@ -200,7 +200,7 @@ contains
           slope(0:s) = matmul(basis(0:s), self%grid%derivative(0:s, 0:s))
           do k = 1, n
             u(k) = dot_product(basis(0:s), self%nodal(0:s, column_u + system%axis + k - 2)) &
-              + system%along(system%axis + k - 1)*drive%displacement(from%time, elapsed)
+              + system%drive_coupling(system%axis + k - 1)*drive%displacement(from%time, elapsed)
           end do
           do k = 1, m
             y(k) = dot_product(basis(0:s), self%nodal(0:s, column_y + k - 1))
@@ -247,7 +247,7 @@ contains
       call system%dynamics(1, [drive_velocity], from%u(first:last), from%y(1:m), velocity_y, terms)
       call system%decay_polynomial(from%y(1:m), drive_velocity, coefficient, weakening)
       do k = 1, n
-        associate (ahead => system%along(first + k - 1), frequency => system%frequency(first + k - 1))
+        associate (ahead => system%drive_coupling(first + k - 1), frequency => system%frequency(first + k - 1))
           change = sum(velocity_y(1, k, :)*terms%force(1, :)/max(terms%inertia(1, :), tiny(change)))
           allowed = floor + noises*system%acceleration_noise/frequency &
             + lags*abs(drive%acceleration*weakening)/frequency**2

@@ -62,7 +62,7 @@ contains
     class(explicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
     logical, intent(out) :: ended
-    type(braking_t) :: course
+    type(braking_t) :: stopping
     type(state_t) :: to
     real(wp) :: cut, slow
     logical :: negligible
@@ -76,21 +76,21 @@ contains
       negligible = now%y(1) <= negligible_share*max(cut, slow)
       ended = now%y(1) <= cut .or. negligible
       if (.not. ended) return
-      course = braking(self%slider, drive, now)
-      ended = course%ends_within(now%until(horizon), cut)
+      stopping = braking(self%slider, drive, now)
+      ended = stopping%ends_within(now%until(horizon), cut)
       if (ended) then
-        to = course%end_of_slip(self%slider, drive, now)
+        to = stopping%end_of_slip(self%slider, drive, now)
         if (.not. negligible) ended = holds(self%slider, to%u, drive_velocity)
       end if
       if (.not. ended) then
-        ended = negligible .and. (.not. now%time > drive%start .or. course%acceleration < 0.0_wp)
+        ended = negligible .and. (.not. now%time > drive%start .or. stopping%acceleration < 0.0_wp)
         if (.not. ended) return
         now%y(1) = 0.0_wp
         call self%rest_or_set_off()
         return
       end if
     end associate
-    call self%finish(course, to)
+    call self%finish(stopping, to)
   end subroutine end_slow_slip
 
   subroutine set_off(self, beginning)
@@ -123,7 +123,7 @@ contains
         return
       end if
       left = from%until(horizon)
-      duration = min(release%reach*release%unit, left)
+      duration = min(release%tau_end*release%unit, left)
       call release%describe(self%slider, drive, from, duration, self%closed_form, to)
       if (duration >= left) call to%arrive(horizon)
       call self%piece%path%take(self%closed_form)

@@ -69,7 +69,7 @@ contains
     class(implicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
     logical, intent(out) :: ended
-    type(braking_t) :: course
+    type(braking_t) :: stopping
     type(state_t) :: to
     real(wp) :: cut
 
@@ -78,13 +78,13 @@ contains
     cut = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
     associate (now => self%piece%to, drive => self%piece%drive)
       if (now%y(1) > cut) return
-      course = braking(self%slider, drive, now)
-      if (.not. (course%ends_within(now%until(horizon), cut) .and. course%acceleration < 0.0_wp)) return
-      to = course%end_of_slip(self%slider, drive, now)
+      stopping = braking(self%slider, drive, now)
+      if (.not. (stopping%ends_within(now%until(horizon), cut) .and. stopping%acceleration < 0.0_wp)) return
+      to = stopping%end_of_slip(self%slider, drive, now)
       ended = now%y(1) <= negligible_share*cut
       if (.not. ended) ended = holds(self%slider, to%u, self%drive_velocity())
     end associate
-    if (ended) call self%finish(course, to)
+    if (ended) call self%finish(stopping, to)
   end subroutine end_slow_slip
 
   subroutine set_off(self, beginning)

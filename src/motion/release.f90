@@ -26,10 +26,10 @@ module dst_release
   !> Roundoff of a friction force.
   real(wp), parameter :: force_roundoff = 8.0_wp*epsilon(1.0_wp)
 
-  !> Slip from rest as power series in tau = t/unit, up to tau = reach.
+  !> Slip from rest as power series in tau = t/unit, up to tau = tau_end.
   type :: release_t
     real(wp) :: unit = 0.0_wp                                !! s
-    real(wp) :: reach = 0.0_wp
+    real(wp) :: tau_end = 0.0_wp
     real(wp) :: slipped(0:series_order, 2) = 0.0_wp          !! way of the object, m
     real(wp) :: v(0:series_order) = 0.0_wp                   !! m/s
     real(wp) :: theta(0:series_order) = 0.0_wp
@@ -57,17 +57,17 @@ contains
     integer :: attempt
 
     release%unit = slider%radian_time()
-    gain = slider%stiffness*slider%pulled()
+    gain = slider%stiffness*slider%drive_coupling()
     growth = hypot(gain(1), gain(2))*(abs(drive%velocity_at(from%time)) + abs(drive%acceleration)*release%unit)
     v_range = release%unit*(rate + growth*release%unit/slider%mass)
     if (.not. spring_force_size(slider, from%u) > 0.0_wp .or. .not. v_range > 0.0_wp) return
     do attempt = 1, max_ranges
       call fit_law(slider, v_range, law, discrepancy)
       call expand(slider, drive, from, rate, law, v_range, release)
-      call choose_reach(release, v_range, tolerance)
+      call choose_end(release, v_range, tolerance)
       if (.not. release%moves) return
-      associate (v => value(release%v, release%reach))
-        release%accurate = release%reach*release%unit*discrepancy <= tolerance*v*slider%mass
+      associate (v => value(release%v, release%tau_end))
+        release%accurate = release%tau_end*release%unit*discrepancy <= tolerance*v*slider%mass
         if (release%accurate) exit
         v_range = range_share*min(v, v_range)
       end associate
@@ -136,7 +136,7 @@ contains
       do k = 1, series_order
         slip(k, 1) = unit*convolution(v, cosine, k - 1)/real(k, wp)
         slip(k, 2) = unit*convolution(v, sine, k - 1)/real(k, wp)
-        force(k, :) = stiffness*slider%follows*(driven(k)*slider%along - slip(k, :))
+        force(k, :) = stiffness*slider%free*(driven(k)*slider%along - slip(k, :))
         if (k > 1) v(k) = unit*(convolution(force(:, 1), cosine, k - 1) + convolution(force(:, 2), sine, k - 1) &
           - friction(k - 1))/(m*real(k, wp))
         cosine(k) = 0.0_wp
@@ -148,7 +148,7 @@ contains
           angle_part = angle_part + real(j, wp)*theta(j)*v(k + 1 - j)
         end do
         angle_part = unit*(convolution(force(:, 2), cosine, k) - convolution(force(:, 1), sine, k)) - m*angle_part
-        if (slider%turns) theta(k) = angle_part/(m*v(1)*real(k, wp) + unit*(force(0, 1)*cosine(0) + force(0, 2)*sine(0)))
+        if (slider%direction_free) theta(k) = angle_part/(m*v(1)*real(k, wp) + unit*(force(0, 1)*cosine(0) + force(0, 2)*sine(0)))
         cosine(k) = cosine(k) - theta(k)*sine(0)
         sine(k) = sine(k) + theta(k)*cosine(0)
         power(k, 1) = v(k)/v_range
@@ -158,7 +158,7 @@ contains
         friction(k) = dot_product(law(1:5), power(k, :))
       end do
       do k = 1, series_order
-        spring(k - 1) = dot_product(slider%pulled(), force(k - 1, :))
+        spring(k - 1) = dot_product(slider%drive_coupling(), force(k - 1, :))
       end do
       spring(series_order) = 0.0_wp
       release%drive_work = 0.0_wp
@@ -194,18 +194,18 @@ contains
     end do
   end function value
 
-  !> The longest reach at which the last two terms of v and theta are small enough and up to which
+  !> The longest series in which the last two terms of v and theta are small enough and up to which
   !> v rises, within v_range.
-  pure subroutine choose_reach(release, v_range, tolerance)
+  pure subroutine choose_end(release, v_range, tolerance)
     type(release_t), intent(inout) :: release
     real(wp), intent(in) :: v_range, tolerance
     real(wp) :: excess, v
     integer :: attempt
     integer, parameter :: n = series_order
 
-    release%reach = longest
+    release%tau_end = longest
     do attempt = 1, max_lengths
-      associate (x => release%reach)
+      associate (x => release%tau_end)
         v = value(release%v, x)
         release%moves = rises(release%v, x)
         if (release%moves) then
@@ -220,7 +220,7 @@ contains
         if (x < tiny(x)) exit
       end associate
     end do
-  end subroutine choose_reach
+  end subroutine choose_end
 
   !> Whether v > 0 and v' >= 0 on (0, x], judged at a few points.
   pure logical function rises(v, x)
@@ -247,7 +247,7 @@ contains
 
     slipped = [value(self%slipped(:, 1), tau), value(self%slipped(:, 2), tau)]
     call motion%later(from, tau*self%unit)
-    motion%u = from%u + drive%displacement(from%time, tau*self%unit)*slider%pulled() - slider%follows*slipped
+    motion%u = from%u + drive%displacement(from%time, tau*self%unit)*slider%drive_coupling() - slider%free*slipped
     motion%y(1:2) = [value(self%v, tau), value(self%theta, tau)]
     motion%position = from%position + dot_product(slider%along, slipped)
     motion%drive_work = from%drive_work + value(self%drive_work, tau)
@@ -270,7 +270,7 @@ contains
     do i = 0, path%grid%degree
       tau = path%grid%node(i)*(duration/self%unit)
       to = self%at(slider, drive, from, tau)
-      path%nodal(i, column_u:column_u + 1) = to%u - drive%displacement(from%time, tau*self%unit)*slider%pulled()
+      path%nodal(i, column_u:column_u + 1) = to%u - drive%displacement(from%time, tau*self%unit)*slider%drive_coupling()
       path%nodal(i, column_y:column_y + 1) = to%y(1:2)
       path%nodal(i, column_position) = to%position
     end do

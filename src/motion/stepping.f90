@@ -1,4 +1,4 @@
-!> Motion by the steps of an integrator, without rest: the smoothed contact, and motion that the drive guides.
+!> Motion by the steps of an integrator, without rest: the smoothed contact, and motion that the drive prescribes in part.
 module dst_stepping
   use dst_archive, only: archive_t
   use dst_drive, only: drive_t
@@ -84,7 +84,7 @@ contains
     call self%begin()
   end subroutine start
 
-  !> Begin with the present state, after a start or where the drive begins to guide the motion.
+  !> Begin with the present state, after a start or where the drive begins to prescribe the motion across.
   subroutine begin(self)
     class(stepping_t), intent(inout) :: self
 
@@ -253,10 +253,10 @@ contains
     end if
     instant%velocity = self%velocity(instant%state)
     call self%friction_in(instant)
-    ! A rigid spring has the force that guides the object.
-    associate (guided => self%system%guided)
-      if (abs(guided) > 0.0_wp) instant%spring_force(2) = instant%friction*sin(instant%theta) &
-        + self%slider%mass*guided*self%piece%drive%acceleration
+    ! A rigid spring has the force that the prescribed motion takes.
+    associate (prescribed => self%system%prescribed)
+      if (abs(prescribed) > 0.0_wp) instant%spring_force(2) = instant%friction*sin(instant%theta) &
+        + self%slider%mass*prescribed*self%piece%drive%acceleration
     end associate
   end function instant
 
@@ -274,14 +274,14 @@ contains
     instant%theta = direction_of(instant%velocity)
   end subroutine friction_in
 
-  !> Without that of a motion which the drive guides.
+  !> Without that of the motion which the drive prescribes.
   pure real(wp) function energy(self, velocity)
     class(stepping_t), intent(in) :: self
     real(wp), intent(in) :: velocity(2)
     real(wp) :: own(2)
 
     own = velocity
-    if (abs(self%system%guided) > 0.0_wp) own(2) = 0.0_wp
+    if (abs(self%system%prescribed) > 0.0_wp) own(2) = 0.0_wp
     energy = 0.5_wp*(self%slider%mass*sum(own**2) + sum(self%slider%stiffness*self%piece%to%u**2))
   end function energy
 

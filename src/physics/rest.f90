@@ -46,7 +46,7 @@ contains
     real(wp) :: pull(2), outward, force
 
     force = spring_force_size(slider, u)
-    pull = slider%stiffness*slider%pulled()*drive_velocity
+    pull = slider%stiffness*slider%drive_coupling()*drive_velocity
     outward = dot_product(pull, slider%stiffness*u)
     if (.not. force > 0.0_wp) outward = dot_product(pull, pull)
     holds = force < slider%law%static_limit
@@ -62,7 +62,7 @@ contains
     real(wp) :: force(2), gain(2), a, b, c, root, forward, backward
 
     force = slider%stiffness*u
-    gain = slider%stiffness*slider%pulled()
+    gain = slider%stiffness*slider%drive_coupling()
     a = dot_product(gain, gain)
     release_delay = huge(release_delay)
     if (.not. a > 0.0_wp) return
@@ -119,7 +119,7 @@ contains
     real(wp), intent(in) :: drive_velocity
     real(wp) :: pull(2), growth
 
-    pull = slider%stiffness*slider%pulled()*drive_velocity
+    pull = slider%stiffness*slider%drive_coupling()*drive_velocity
     growth = hypot(pull(1), pull(2))
     touch_time = slider%radian_time()
     if (growth*touch_time > slider%law%static_limit) touch_time = slider%law%static_limit/growth
@@ -133,7 +133,7 @@ contains
     type(slip_start_t) :: begin
     real(wp) :: force(2), growth(2), along, across, magnitude
 
-    growth = slider%stiffness*slider%pulled()*drive_velocity
+    growth = slider%stiffness*slider%drive_coupling()*drive_velocity
     force = slider%stiffness*u
     magnitude = spring_force_size(slider, u)
     if (.not. magnitude > 0.0_wp) force = growth
@@ -145,7 +145,7 @@ contains
       begin%rate(1) = 0.0_wp
       if (magnitude > slider%law%static_limit*(1.0_wp + excess_roundoff)) begin%rate(1) = (magnitude - slider%law%static_limit)/m
       begin%rate(2) = 0.0_wp
-      if (magnitude > 0.0_wp .and. slider%turns) begin%rate(2) = across/(magnitude + m*begin%rate(1))
+      if (magnitude > 0.0_wp .and. slider%direction_free) begin%rate(2) = across/(magnitude + m*begin%rate(1))
       begin%curvature(1) = along/m
     end associate
   end function start_of_slip
