@@ -691,7 +691,7 @@ contains
     do i = 1, n
       call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
       call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
-      derivative(1:2, i) = slider(9)*model%along - w(1, :)
+      derivative(1:2, i) = slider(9)*model%drive_coupling - w(1, :)
       derivative(3:4, i) = terms%force(1, :)
     end do
   end subroutine rhs

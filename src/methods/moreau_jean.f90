@@ -79,19 +79,19 @@ contains
     real(wp), intent(in) :: step
     type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
-    real(wp), dimension(2) :: driven, inertia, load, friction, mean_velocity, mean_elongation
+    real(wp), dimension(2) :: driven, inertia, free_force, friction, mean_velocity, mean_elongation
 
     self%step = step
     associate (m => self%slider%mass, k => self%slider%stiffness, w => from%y(1:2))
-      driven = drive%displacement(from%time, step)*system%along
+      driven = drive%displacement(from%time, step)*system%drive_coupling
       inertia = m/step + theta**2*step*k
-      load = m*w/step + k*(from%u + theta*(driven - (1.0_wp - theta)*step*w))
-      call slip_velocity_after(self, inertia, load, hypot(w(1), w(2)), to%y(1:2), friction)
+      free_force = m*w/step + k*(from%u + theta*(driven - (1.0_wp - theta)*step*w))
+      call slip_velocity_after(self, inertia, free_force, hypot(w(1), w(2)), to%y(1:2), friction)
       mean_velocity = theta*to%y(1:2) + (1.0_wp - theta)*w
       to%u = from%u + driven - step*mean_velocity
       mean_elongation = theta*to%u + (1.0_wp - theta)*from%u
       call to%later(from, step)
-      to%position = from%position + step*dot_product(system%along, mean_velocity)
+      to%position = from%position + step*dot_product(system%drive_coupling, mean_velocity)
       to%drive_work = from%drive_work + dot_product(driven, k*mean_elongation)
       to%friction_work = from%friction_work + step*dot_product(friction, mean_velocity)
       self%speed_scale = max(hypot(w(1), w(2)), hypot(to%y(1), to%y(2)))
@@ -101,35 +101,35 @@ contains
   end subroutine attempt
 
   !> w_1 and f_1 of A w_1 + f_1 = b.
-  subroutine slip_velocity_after(self, inertia, load, speed_before, velocity, friction)
+  subroutine slip_velocity_after(self, inertia, free_force, speed_before, velocity, friction)
     class(moreau_jean_t), intent(inout) :: self
-    real(wp), intent(in) :: inertia(2), load(2)         !! A [kg/s] and b [N]
+    real(wp), intent(in) :: inertia(2), free_force(2)   !! A [kg/s] and b [N]
     real(wp), intent(in) :: speed_before                !! m/s
     real(wp), intent(out) :: velocity(2), friction(2)   !! m/s, N
     real(wp) :: force(1), slope(1), speed
     integer :: iterations
 
-    call speed_after(self%slider%law, inertia, load, speed_before, speed, iterations)
+    call speed_after(self%slider%law, inertia, free_force, speed_before, speed, iterations)
     self%count%newton = self%count%newton + iterations
     self%count%rhs = self%count%rhs + 1
     velocity = 0.0_wp
-    friction = load
+    friction = free_force
     if (.not. speed > 0.0_wp) return
     call self%slider%law%evaluate(1, [speed], force, slope)
-    velocity = speed*load/(inertia*speed + force(1))
-    friction = force(1)*load/(inertia*speed + force(1))
+    velocity = speed*free_force/(inertia*speed + force(1))
+    friction = force(1)*free_force/(inertia*speed + force(1))
   end subroutine slip_velocity_after
 
   !> The slip speed r at the end of a step, 0 for rest. With q = A r + F(r), slip is a zero of
   !>
   !>     e(r) = 1/|b/q| - 1,
   !>
-  !> the excess of resistance over load: negative, and the speed rises; positive, and it falls. In steps so
+  !> the excess of resistance over the free force: negative, and the speed rises; positive, and it falls. In steps so
   !> long that friction weakens faster than inertia grows, several speeds, rest among them, solve the step.
   !> Taken is the one to which the speed rises or falls from the speed before, the continuation of the motion.
-  pure subroutine speed_after(law, inertia, load, before, speed, iterations)
+  pure subroutine speed_after(law, inertia, free_force, before, speed, iterations)
     class(friction_law_t), intent(in) :: law
-    real(wp), intent(in) :: inertia(2), load(2)         !! A [kg/s] and b [N]
+    real(wp), intent(in) :: inertia(2), free_force(2)   !! A [kg/s] and b [N]
     real(wp), intent(in) :: before                      !! slip speed at the start of the step, m/s
     real(wp), intent(out) :: speed                      !! m/s
     integer, intent(out) :: iterations
@@ -140,12 +140,12 @@ contains
 
     speed = 0.0_wp
     iterations = 0
-    can_rest = hypot(load(1), load(2)) <= law%static_limit
+    can_rest = hypot(free_force(1), free_force(2)) <= law%static_limit
     call law%evaluate(1, [0.0_wp], force, weakening)
     ! Friction weakens most at rest. If inertia outweighs that, e never falls and the solution is the only one.
     pieces = merge(1, most_pieces, minval(inertia) + weakening(1) >= 0.0_wp)
     if (pieces == 1 .and. can_rest) return
-    call excess(law, inertia, load, before, can_rest, value, slope)
+    call excess(law, inertia, free_force, before, can_rest, value, slope)
     falls = value >= 0.0_wp
     if (falls) then
       low = 0.0_wp
@@ -153,17 +153,17 @@ contains
     else
       ! Friction does not push: the speed is below this limit.
       low = before
-      high = max(before, 2.0_wp*maxval(abs(load)/inertia))
+      high = max(before, 2.0_wp*maxval(abs(free_force)/inertia))
     end if
-    call narrow(law, inertia, load, can_rest, falls, pieces, low, high)
-    if (high > 0.0_wp) call find_zero(law, inertia, load, can_rest, before, low, high, speed, iterations)
+    call narrow(law, inertia, free_force, can_rest, falls, pieces, low, high)
+    if (high > 0.0_wp) call find_zero(law, inertia, free_force, can_rest, before, low, high, speed, iterations)
   end subroutine speed_after
 
   !> Narrow the speeds between `low` and `high`, one of which is the speed before, to the piece next to it in
   !> which e changes its sign; both become 0 if the object comes to rest.
-  pure subroutine narrow(law, inertia, load, can_rest, falls, pieces, low, high)
+  pure subroutine narrow(law, inertia, free_force, can_rest, falls, pieces, low, high)
     class(friction_law_t), intent(in) :: law
-    real(wp), intent(in) :: inertia(2), load(2)
+    real(wp), intent(in) :: inertia(2), free_force(2)
     logical, intent(in) :: can_rest, falls
     integer, intent(in) :: pieces
     real(wp), intent(inout) :: low, high
@@ -177,7 +177,7 @@ contains
     do i = 1, pieces
       next = start + (finish - start)*(real(i, wp)/real(pieces, wp))
       if (i == pieces) next = finish
-      call excess(law, inertia, load, next, can_rest, value, slope)
+      call excess(law, inertia, free_force, next, can_rest, value, slope)
       if ((value >= 0.0_wp) .neqv. falls) exit
       edge = next
     end do
@@ -186,9 +186,9 @@ contains
   end subroutine narrow
 
   !> The zero of e between `low` and `high`: Newton's method, and halving where that leaves the interval or is slow.
-  pure subroutine find_zero(law, inertia, load, can_rest, guess, low, high, speed, iterations)
+  pure subroutine find_zero(law, inertia, free_force, can_rest, guess, low, high, speed, iterations)
     class(friction_law_t), intent(in) :: law
-    real(wp), intent(in) :: inertia(2), load(2), guess
+    real(wp), intent(in) :: inertia(2), free_force(2), guess
     logical, intent(in) :: can_rest
     real(wp), intent(in) :: low, high
     real(wp), intent(out) :: speed
@@ -201,8 +201,8 @@ contains
     speed = bracket%middle()
     if (guess > 0.0_wp .and. guess >= low .and. guess <= high) speed = guess
     do iterations = 1, most_iterations
-      call excess(law, inertia, load, speed, can_rest, value, slope)
-      ! Roundoff of e: the load has no more digits.
+      call excess(law, inertia, free_force, speed, can_rest, value, slope)
+      ! Roundoff of e: the free force has no more digits.
       if (abs(value) <= 4.0_wp*epsilon(value)) exit
       call bracket%narrow(speed, value)
       next = bracket%middle()
@@ -213,9 +213,9 @@ contains
   end subroutine find_zero
 
   !> e(r) and e'(r); at r = 0 only the sign counts, which is that of rest being possible.
-  pure subroutine excess(law, inertia, load, speed, can_rest, value, slope)
+  pure subroutine excess(law, inertia, free_force, speed, can_rest, value, slope)
     class(friction_law_t), intent(in) :: law
-    real(wp), intent(in) :: inertia(2), load(2), speed
+    real(wp), intent(in) :: inertia(2), free_force(2), speed
     logical, intent(in) :: can_rest
     real(wp), intent(out) :: value, slope
     real(wp) :: force(1), weakening(1), resistance(2), share(2), total
@@ -225,7 +225,7 @@ contains
     if (.not. speed > 0.0_wp) return
     call law%evaluate(1, [speed], force, weakening)
     resistance = inertia*speed + force(1)
-    share = load/resistance
+    share = free_force/resistance
     total = hypot(share(1), share(2))
     value = huge(value)
     if (.not. total > 0.0_wp) return
@@ -247,7 +247,7 @@ contains
         slipped = tau*self%step*(before + 0.5_wp*tau*(after - before))
         self%nodal(i, column_u:column_u + 1) = from%u - slipped
         self%nodal(i, column_y:column_y + 1) = before + tau*(after - before)
-        self%nodal(i, column_position) = from%position + dot_product(system%along, slipped)
+        self%nodal(i, column_position) = from%position + dot_product(system%drive_coupling, slipped)
       end do
     end associate
   end subroutine set_nodal

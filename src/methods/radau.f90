@@ -252,7 +252,7 @@ contains
     associate (first => system%axis, last => system%axis + n - 1)
       do i = 1, s
         elapsed = self%grid%node(i)*self%step
-        driven(i, :) = from%u(first:last) + drive%displacement(from%time, elapsed)*system%along(first:last)
+        driven(i, :) = from%u(first:last) + drive%displacement(from%time, elapsed)*system%drive_coupling(first:last)
         self%drive_velocity(i) = drive%velocity_at(from%time + elapsed)
       end do
     end associate
@@ -295,7 +295,7 @@ contains
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: y(s, m), u(s, n), velocity(s, n), increment(s, m)
     type(state_t), intent(out) :: to
-    real(wp) :: forward(s), displacement(s), advanced(s), drive_power, friction_power, supplied
+    real(wp) :: x_rate(s), displacement(s), advanced(s), drive_power, friction_power, supplied
     integer :: i, k, axis
 
     do i = 1, s
@@ -303,12 +303,12 @@ contains
     end do
     to%u = from%u
     to%y = from%y
-    forward = 0.0_wp
+    x_rate = 0.0_wp
     do k = 1, n
       axis = system%axis + k - 1
-      forward = forward + system%forward(axis)*velocity(:, k)
+      x_rate = x_rate + system%advance_by_slip(axis)*velocity(:, k)
       self%nodal(0, column_u + axis - 1) = from%u(axis)
-      self%nodal(1:s, column_u + axis - 1) = u(:, k) - displacement*system%along(axis)
+      self%nodal(1:s, column_u + axis - 1) = u(:, k) - displacement*system%drive_coupling(axis)
       to%u(axis) = u(s, k)
     end do
     do k = 1, m
@@ -319,9 +319,9 @@ contains
     self%nodal(0, column_position) = from%position
     advanced = 0.0_wp
     do i = 1, s
-      advanced = advanced + self%method%integral(1:s, i)*forward(i)
+      advanced = advanced + self%method%integral(1:s, i)*x_rate(i)
     end do
-    self%nodal(1:s, column_position) = from%position + system%carried*displacement + self%step*advanced
+    self%nodal(1:s, column_position) = from%position + system%advance_by_drive*displacement + self%step*advanced
     drive_power = 0.0_wp
     friction_power = 0.0_wp
     do i = 1, s
@@ -330,7 +330,7 @@ contains
         friction_power = friction_power + b*terms%dissipation(i)
         do k = 1, m
           supplied = terms%supply_y(i, k)*increment(i, k)
-          if (k <= n) supplied = supplied + self%drive_velocity(i)*system%along_stiffness(system%axis + k - 1)*u(i, k)
+          if (k <= n) supplied = supplied + self%drive_velocity(i)*system%drive_stiffness(system%axis + k - 1)*u(i, k)
           drive_power = drive_power + b*supplied
           friction_power = friction_power + b*terms%dissipation_y(i, k)*increment(i, k)
         end do
@@ -434,7 +434,7 @@ contains
       axis = system%axis + k - 1
       u(k) = from%u(axis)
       if (elapsed > 0.0_wp) u(k) = dot_product(probe%interpolation(0:s), self%nodal(0:s, column_u + axis - 1)) &
-        + system%along(axis)*drive%displacement(from%time, elapsed)
+        + system%drive_coupling(axis)*drive%displacement(from%time, elapsed)
     end do
     do k = 1, m
       y(k) = from%y(k)
@@ -443,7 +443,7 @@ contains
     call system%kinematics(1, y, velocity, velocity_y)
     call system%dynamics(1, [drive_velocity], u, y, velocity_y, self%point_terms)
     self%count%rhs = self%count%rhs + 1
-    self%speed_scale = max(self%speed_scale, sqrt(sum(velocity**2) + (system%guided*drive_velocity)**2))
+    self%speed_scale = max(self%speed_scale, sqrt(sum(velocity**2) + (system%prescribed*drive_velocity)**2))
     filter_step = self%method%gamma*self%step
     do k = 1, n
       shift(k) = filter_step*(dot_product(probe%extrapolation(1:s), stage_velocity(:, k)) - velocity(1, k))
@@ -470,8 +470,8 @@ contains
     if (singular) error = huge(error)
   end subroutine defect_error
 
-  !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy, of whose last term
-  !> only what damps is taken, and what couples with a state of friction.
+  !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy, of whose last
+  !> term only what damps is taken, and what couples with a state of friction.
   pure subroutine set_filter(n, m, terms, filter_step, velocity_y, filter)
     integer, intent(in) :: n, m
     type(stage_terms_t), intent(in) :: terms

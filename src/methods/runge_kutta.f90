@@ -7,7 +7,7 @@
 !> Thus any piecewise-linear V(t) is exact for Hooke's springs. The two
 !> works are quadratures with the weights of the method.
 !>
-!> With the displacement D(t), X' = forward . w + carried V. Elongations that a model holds do not change.
+!> With the displacement D(t), X' = advance_by_slip . w + advance_by_drive V. Elongations that a model holds do not change.
 !>
 !> At rest in polar unknowns B vanishes. A stage that gets there makes the attempt fail; it is the
 !> trajectory that leads the motion past a rest.
@@ -177,7 +177,7 @@ contains
     self%emerged = .false.
     velocity = drive%velocity_at(from%time)
     associate (first => system%axis, last => system%axis + system%components - 1)
-      if (any(abs(self%slope(first:last, 1) + velocity*system%along(first:last)) > close*abs(velocity))) return
+      if (any(abs(self%slope(first:last, 1) + velocity*system%drive_coupling(first:last)) > close*abs(velocity))) return
       call system%decay_polynomial(from%y(1:system%unknowns), velocity, coefficient, weakening)
       call follow_instability(coefficient, self%method%order, 1.0_wp, longest, growth)
     end associate
@@ -209,8 +209,8 @@ contains
         call to%later(from, self%step)
         to%u = state(1:max_components)
         to%y = state(first_y:)
-        to%position = from%position + system%carried*drive%displacement(from%time, self%step) &
-          - self%step*dot_product(system%forward, matmul(self%slope(1:max_components, 1:s), b))
+        to%position = from%position + system%advance_by_drive*drive%displacement(from%time, self%step) &
+          - self%step*dot_product(system%advance_by_slip, matmul(self%slope(1:max_components, 1:s), b))
         to%drive_work = from%drive_work + self%step*dot_product(b, self%drive_power(1:s))
         to%friction_work = from%friction_work + self%step*dot_product(b, self%friction_power(1:s))
       end associate
@@ -237,7 +237,7 @@ contains
       call evaluate(self, system, drive, from, 1, state(:n_values), outcome)
     end if
     self%speed_scale = max(self%speed_scale, sqrt(sum(self%slope(1:max_components, 1)**2) &
-      + (system%guided*state(n_values + 1))**2))
+      + (system%prescribed*state(n_values + 1))**2))
     self%start = state
     ! The guard of the fixed step lies in the evaluation, so a failed one has to be repeated.
     self%start_known = outcome%solved .and. self%method%errors > 0
@@ -266,7 +266,7 @@ contains
     end do
     state = self%step*state
     state(1:max_components) = from%u + state(1:max_components) &
-      + drive%displacement(from%time, self%method%c(i)*self%step)*system%along
+      + drive%displacement(from%time, self%method%c(i)*self%step)*system%drive_coupling
     state(first_y:) = from%y + state(first_y:)
   end subroutine stage_state
 
@@ -295,8 +295,8 @@ contains
       self%slope(first:last, i) = -velocity(1:n)
       self%slope(first_y:max_components + m, i) = terms%force(1, :)/terms%inertia(1, :)
       self%friction_power(i) = terms%dissipation(1)
-      self%drive_power(i) = drive_velocity*dot_product(system%along_stiffness, state(1:max_components)) + terms%supply(1)
-      self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%guided*drive_velocity)**2))
+      self%drive_power(i) = drive_velocity*dot_product(system%drive_stiffness, state(1:max_components)) + terms%supply(1)
+      self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%prescribed*drive_velocity)**2))
       outcome%solved = .true.
       if (self%method%errors > 0) return
       step_rate = self%step*fastest_rate(n, m, terms, self%velocity_y)
@@ -433,8 +433,8 @@ contains
       change = self%step*change
       self%nodal(i, column_u:column_u + max_components - 1) = from%u + change(1:max_components)
       self%nodal(i, column_y:column_y + max_unknowns - 1) = from%y + change(first_y:)
-      self%nodal(i, column_position) = from%position - dot_product(system%forward, change(1:max_components)) &
-        + system%carried*drive%displacement(from%time, self%grid%node(i)*self%step)
+      self%nodal(i, column_position) = from%position - dot_product(system%advance_by_slip, change(1:max_components)) &
+        + system%advance_by_drive*drive%displacement(from%time, self%grid%node(i)*self%step)
     end do
   end subroutine set_nodal
 

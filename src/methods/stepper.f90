@@ -50,8 +50,8 @@ module dst_stepper
     real(wp) :: start_speed = 0.0_wp
     real(wp) :: peak_speed = 0.0_wp
     real(wp) :: memory = huge(1.0_wp)
-    !> Growth [1/s] of a disturbance of steady sliding that this attempt cannot see, 0 where there is none; and what is less than this
-    !> share of the slip speed cannot be seen.
+    !> Growth [1/s] of a disturbance of steady sliding that this attempt cannot see, 0 where there is none; and what is less than
+    !> this share of the slip speed cannot be seen.
     real(wp) :: unseen_growth = 0.0_wp
     real(wp) :: noise_floor = epsilon(1.0_wp)
     !> Whether a disturbance has grown to be seen that came from nothing but roundoff.
@@ -114,8 +114,8 @@ module dst_stepper
 
 contains
 
-  !> Where the slip turns back, its speed passes through a minimum and friction through its peak: in so short a time, perhaps, that no
-  !> stage sees it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of
+  !> Where the slip turns back, its speed passes through a minimum and friction through its peak: in so short a time, perhaps, that
+  !> no stage sees it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of
   !> the slip velocity of each component [m/s].
   real(wp) function error_of_turns(self, system, drive, from, allowed) result(error)
     class(stepper_t), intent(inout) :: self
@@ -200,7 +200,7 @@ contains
           slope(0:s) = matmul(basis(0:s), self%grid%derivative(0:s, 0:s))
           do k = 1, n
             u(k) = dot_product(basis(0:s), self%nodal(0:s, column_u + system%axis + k - 2)) &
-              + system%along(system%axis + k - 1)*drive%displacement(from%time, elapsed)
+              + system%drive_coupling(system%axis + k - 1)*drive%displacement(from%time, elapsed)
           end do
           do k = 1, m
             y(k) = dot_product(basis(0:s), self%nodal(0:s, column_y + k - 1))
@@ -247,7 +247,7 @@ contains
       call system%dynamics(1, [drive_velocity], from%u(first:last), from%y(1:m), velocity_y, terms)
       call system%decay_polynomial(from%y(1:m), drive_velocity, coefficient, weakening)
       do k = 1, n
-        associate (ahead => system%along(first + k - 1), frequency => system%frequency(first + k - 1))
+        associate (ahead => system%drive_coupling(first + k - 1), frequency => system%frequency(first + k - 1))
           change = sum(velocity_y(1, k, :)*terms%force(1, :)/max(terms%inertia(1, :), tiny(change)))
           allowed = floor + noises*system%acceleration_noise/frequency &
             + lags*abs(drive%acceleration*weakening)/frequency**2
@@ -258,8 +258,8 @@ contains
     end associate
   end function is_disturbed
 
-  !> Note that disturbances grow at this rate [1/s], and whether one is seen. If one comes out of a long stretch in which nothing was
-  !> to be seen, while nothing changes the drive, roundoff has made it.
+  !> Note that disturbances grow at this rate [1/s], and whether one is seen. If one comes out of a long stretch in which nothing
+  !> was to be seen, while nothing changes the drive, roundoff has made it.
   pure subroutine look_at_growth(self, drive, from, growth, disturbed)
     class(stepper_t), intent(inout) :: self
     type(drive_segment_t), intent(in) :: drive

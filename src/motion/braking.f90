@@ -10,6 +10,12 @@ module dst_braking
 
   public :: braking_t, braking, default_cut_speed
 
+  !> How much friction may change until the stop, as far as it is linear in v and beyond, over the force that brakes.
+  real(wp), parameter :: linear_change = 0.1_wp, curved_change = 0.01_wp
+  !> The cut-off of an explicit method at rtol = 1 over the speed; of which the largest slip speed counts for
+  !> so many times itself at most where the drive is faster, and the drive velocity for so much at least.
+  real(wp), parameter :: cut_factor = 0.014_wp, largest_share = 30.0_wp, least_share = 1.0e-4_wp
+
   !> How slip ends: v + acceleration t + jerk t^2/2 in the direction that it has.
   type :: braking_t
     real(wp) :: acceleration = 0.0_wp  !! m/s2
@@ -31,30 +37,31 @@ module dst_braking
 contains
 
   !> Acceleration and jerk of the slip speed with the direction held, and when it reaches zero.
-  pure function braking(slider, drive, from) result(course)
+  pure function braking(slider, drive, from) result(stopping)
     type(slider_t), intent(in) :: slider
     type(drive_segment_t), intent(in) :: drive
     type(state_t), intent(in) :: from
-    type(braking_t) :: course
+    type(braking_t) :: stopping
     real(wp) :: direction(2), friction(1), slope(1), driven(2), discriminant
 
     associate (v => from%y(1), theta => from%y(2), k => slider%stiffness, m => slider%mass)
       direction = [cos(theta), sin(theta)]
-      driven = drive%velocity_at(from%time)*slider%pulled()
+      driven = drive%velocity_at(from%time)*slider%drive_coupling()
       call slider%law%evaluate(1, [v], friction, slope)
-      course%acceleration = (dot_product(k*from%u, direction) - friction(1))/m
-      course%jerk = (dot_product(k*(driven - v*slider%follows*direction), direction) - slope(1)*course%acceleration)/m
-      discriminant = course%acceleration**2 - 2.0_wp*course%jerk*v
-      course%falls = discriminant >= 0.0_wp
-      if (course%falls) course%falls = sqrt(discriminant) > course%acceleration .and. &
-        (course%acceleration < 0.0_wp .or. course%jerk < 0.0_wp)
-      if (course%falls) course%delay = 2.0_wp*v/(sqrt(discriminant) - course%acceleration)
+      stopping%acceleration = (dot_product(k*from%u, direction) - friction(1))/m
+      stopping%jerk = (dot_product(k*(driven - v*slider%free*direction), direction) - slope(1)*stopping%acceleration)/m
+      discriminant = stopping%acceleration**2 - 2.0_wp*stopping%jerk*v
+      stopping%falls = discriminant >= 0.0_wp
+      if (stopping%falls) stopping%falls = sqrt(discriminant) > stopping%acceleration .and. &
+        (stopping%acceleration < 0.0_wp .or. stopping%jerk < 0.0_wp)
+      if (stopping%falls) stopping%delay = 2.0_wp*v/(sqrt(discriminant) - stopping%acceleration)
       associate (change => [abs(slope(1))*v, abs(friction(1) - slope(1)*v - slider%law%static_limit)])
-        course%steady = change(1) <= 0.1_wp*m*abs(course%acceleration) .and. change(2) <= 0.01_wp*m*abs(course%acceleration)
+        stopping%steady = change(1) <= linear_change*m*abs(stopping%acceleration) .and. &
+          change(2) <= curved_change*m*abs(stopping%acceleration)
       end associate
-      course%highest = v
-      if (course%falls .and. course%acceleration > 0.0_wp) &
-        course%highest = v - 0.5_wp*course%acceleration**2/course%jerk
+      stopping%highest = v
+      if (stopping%falls .and. stopping%acceleration > 0.0_wp) &
+        stopping%highest = v - 0.5_wp*stopping%acceleration**2/stopping%jerk
     end associate
   end function braking
 
@@ -82,11 +89,11 @@ contains
       slipped = self%slipped(v, delay)
       travel = drive%displacement(from%time, delay)
       call to%later(from, delay)
-      to%u = from%u + travel*slider%pulled() - slipped*slider%follows*direction
+      to%u = from%u + travel*slider%drive_coupling() - slipped*slider%free*direction
       to%y = 0.0_wp
       to%position = from%position + slipped*dot_product(slider%along, direction)
       to%friction_work = from%friction_work + slider%law%static_limit*slipped + slope(1)*v**2*delay/3.0_wp
-      to%drive_work = from%drive_work + travel*dot_product(slider%stiffness*slider%pulled(), 0.5_wp*(from%u + to%u)) &
+      to%drive_work = from%drive_work + travel*dot_product(slider%stiffness*slider%drive_coupling(), 0.5_wp*(from%u + to%u)) &
         + slipped*dot_product(slider%held_force(from%u), direction)
     end associate
   end function end_of_slip
@@ -114,7 +121,7 @@ contains
       do i = 0, path%grid%degree
         time = path%grid%node(i)*self%delay
         way = self%slipped(v, time)
-        nodal(i, column_u:column_u + 1) = from%u - way*slider%follows*direction
+        nodal(i, column_u:column_u + 1) = from%u - way*slider%free*direction
         nodal(i, column_y) = max(0.0_wp, v + time*(self%acceleration + 0.5_wp*time*self%jerk))
         nodal(i, column_y + 1) = theta
         nodal(i, column_position) = from%position + way*dot_product(slider%along, direction)
@@ -127,9 +134,8 @@ contains
   !> the slip velocity of about the third power of this speed; the factor is measured on Fig. 3.
   pure real(wp) function default_cut_speed(rtol, drive_velocity, peak_speed)
     real(wp), intent(in) :: rtol, drive_velocity, peak_speed
-    real(wp), parameter :: largest_share = 30.0_wp, least_share = 1.0e-4_wp
 
-    default_cut_speed = 0.014_wp*rtol**(1.0_wp/3.0_wp)*max(least_share*abs(drive_velocity), &
+    default_cut_speed = cut_factor*rtol**(1.0_wp/3.0_wp)*max(least_share*abs(drive_velocity), &
       min(largest_share*peak_speed, max(abs(drive_velocity), peak_speed)))
   end function default_cut_speed
 end module dst_braking

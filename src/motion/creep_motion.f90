@@ -28,7 +28,7 @@ module dst_creep_motion
     character(12) :: form = ''
     !> Misalignment in the first quadrant [rad], and the signs that lead back from there.
     real(wp) :: phi = 0.0_wp
-    real(wp) :: side(2) = 1.0_wp, forward = 1.0_wp
+    real(wp) :: side(2) = 1.0_wp, drive_sign = 1.0_wp
     !> l_x = F_0/k_x [m].
     real(wp) :: length = 0.0_wp
     type(creep_path_t) :: path
@@ -59,8 +59,8 @@ contains
     motion%form = form
     motion%phi = atan2(abs(slider%along(2)), abs(slider%along(1)))
     motion%length = slider%law%static_limit/slider%stiffness(1)
-    if (drive%distance(t_end) < 0.0_wp) motion%forward = -1.0_wp
-    motion%side = motion%forward*sign([1.0_wp, 1.0_wp], slider%along)
+    if (drive%distance(t_end) < 0.0_wp) motion%drive_sign = -1.0_wp
+    motion%side = motion%drive_sign*sign([1.0_wp, 1.0_wp], slider%along)
     call check_range(motion, t_end, error)
     if (allocated(error) .or. form /= '') return
     motion%path = new_creep_path(motion%phi, slider%stiffness(1)/slider%stiffness(2))
@@ -91,25 +91,25 @@ contains
         call raise(error, deck_error, 'slow creep holds for stiffness_y > stiffness_x')
       else if (.not. motion%phi > 0.0_wp .and. travel >= motion%length) then
         call raise(error, deck_error, 'without misalignment the object sticks and then slips: slow creep holds while '// &
-          reach(motion))
+          range_text(motion))
       end if
     else if (.not. motion%phi > 0.0_wp) then
       call raise(error, deck_error, 'Eq. (8) holds for 0 < |misalignment_deg| < 90')
     else if (travel >= motion%length) then
-      call raise(error, deck_error, 'Eq. (8) holds for V t/l_x < 1, while '//trim(reach(motion))// &
+      call raise(error, deck_error, 'Eq. (8) holds for V t/l_x < 1, while '//trim(range_text(motion))// &
         "; model = 'creep' has no such limit")
     end if
   end subroutine check_range
 
   !> 'the drive has moved by less than l_x = mu_0*normal_load/stiffness_x = 0.002 m, t_end < 2 s'
-  function reach(motion) result(text)
+  function range_text(motion) result(text)
     type(creep_motion_t), intent(in) :: motion
     character(160) :: text
 
     text = 'the drive has moved by less than l_x = mu_0*normal_load/stiffness_x = '//trim(short_text(motion%length))//' m'
     if (size(motion%drive%segment) == 1) &
       text = trim(text)//', t_end < '//trim(short_text(motion%length/motion%drive%largest_speed()))//' s'
-  end function reach
+  end function range_text
 
   !> When the spring force reaches the static limit [s]; huge if not before t_end.
   pure real(wp) function stick_time(motion, t_end)
@@ -187,7 +187,7 @@ contains
     instant%friction = self%slider%law%static_limit
     instant%spring_force = instant%friction*direction
     instant%state%u = instant%spring_force/self%slider%stiffness
-    instant%state%position = self%forward*self%length*creep%position
+    instant%state%position = self%drive_sign*self%length*creep%position
     instant%velocity = abs(instant%drive_velocity)*creep%speed*direction
     instant%theta = direction_of(direction)
   end subroutine follow_exact
@@ -210,6 +210,6 @@ contains
       position = position_third_order(self%phi, tau)
     end select
     instant%velocity = rate*instant%drive_velocity*self%slider%along
-    instant%state%position = self%forward*self%length*position
+    instant%state%position = self%drive_sign*self%length*position
   end subroutine follow_asymptotics
 end module dst_creep_motion

@@ -20,6 +20,9 @@ module dst_explicit_slip
 
   public :: explicit_slip_t
 
+  !> A step in which v reaches zero is repeated up to this share of the way there, shortened by this factor at most.
+  real(wp), parameter :: share_before_stop = 0.95_wp, least_factor = 0.1_wp
+
   !> Motion by an explicit method.
   type, extends(slip_stick_t) :: explicit_slip_t
     !> With cut_speed = 0 the cut-off is chosen from this tolerance.
@@ -52,14 +55,14 @@ contains
     end if
   end subroutine go_on
 
-  !> End slip that is slower than the cut-off in closed form. Slip against K u ends without a rest, in a turn: it is left to the method
-  !> until it is so slow that it does not matter how the direction changes; then it counts as none. So does slip that a knot of the
-  !> drive has caught just after its release.
+  !> End slip that is slower than the cut-off in closed form. Slip against K u ends without a rest, in a turn: it is left to the
+  !> method until it is so slow that it does not matter how the direction changes; then it counts as none. So does slip that a knot
+  !> of the drive has caught just after its release.
   subroutine end_slow_slip(self, horizon, ended)
     class(explicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
     logical, intent(out) :: ended
-    type(braking_t) :: course
+    type(braking_t) :: stopping
     type(state_t) :: to
     real(wp) :: cut, slow
     logical :: negligible
@@ -73,21 +76,21 @@ contains
       negligible = now%y(1) <= negligible_share*max(cut, slow)
       ended = now%y(1) <= cut .or. negligible
       if (.not. ended) return
-      course = braking(self%slider, drive, now)
-      ended = course%ends_within(now%until(horizon), cut)
+      stopping = braking(self%slider, drive, now)
+      ended = stopping%ends_within(now%until(horizon), cut)
       if (ended) then
-        to = course%end_of_slip(self%slider, drive, now)
+        to = stopping%end_of_slip(self%slider, drive, now)
         if (.not. negligible) ended = holds(self%slider, to%u, drive_velocity)
       end if
       if (.not. ended) then
-        ended = negligible .and. (.not. now%time > drive%start .or. course%acceleration < 0.0_wp)
+        ended = negligible .and. (.not. now%time > drive%start .or. stopping%acceleration < 0.0_wp)
         if (.not. ended) return
         now%y(1) = 0.0_wp
         call self%rest_or_set_off()
         return
       end if
     end associate
-    call self%finish(course, to)
+    call self%finish(stopping, to)
   end subroutine end_slow_slip
 
   subroutine set_off(self, beginning)
@@ -120,7 +123,7 @@ contains
         return
       end if
       left = from%until(horizon)
-      duration = min(release%reach*release%unit, left)
+      duration = min(release%tau_end*release%unit, left)
       call release%describe(self%slider, drive, from, duration, self%closed_form, to)
       if (duration >= left) call to%arrive(horizon)
       call self%piece%path%take(self%closed_form)
@@ -147,7 +150,7 @@ contains
     position = first_zero(coefficient(0:self%stepper%grid%degree))
     if (position > 1.0_wp) return
     outcome%solved = .false.
-    outcome%factor = max(0.1_wp, 0.95_wp*position)
+    outcome%factor = max(least_factor, share_before_stop*position)
   end subroutine examine
 
   !> Save or load.

@@ -9,7 +9,8 @@ module dst_implicit_slip
   use dst_kinds, only: wp
   use dst_piece, only: slips
   use dst_rest, only: holds, slip_start_t
-  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, settle_slip => settle, exchange_slip_stick, negligible_share
+  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, settle_slip => settle, exchange_slip_stick, &
+    negligible_share, noise_allowance
   use dst_state, only: state_t
   use dst_stepper, only: attempt_t
   use dst_stepping, only: slide
@@ -26,6 +27,12 @@ module dst_implicit_slip
   real(wp), parameter :: shallow = 0.01_wp, just_above = 1.0e-4_wp
   !> Newton iterations on the length of a step that is to end in a stop, each a step of its own.
   integer, parameter :: max_landings = 20
+  !> The least that one of these iterations leaves of a step.
+  real(wp), parameter :: least_left = 0.5_wp
+  !> Change of the step, relative to it, below which an iteration on its length has converged.
+  real(wp), parameter :: step_roundoff = 2.0_wp*epsilon(1.0_wp)
+  !> Factor after a step that may have missed a stop.
+  real(wp), parameter :: missed_factor = 0.25_wp
 
   !> Motion by an implicit method.
   type, extends(slip_stick_t) :: implicit_slip_t
@@ -62,7 +69,7 @@ contains
     class(implicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
     logical, intent(out) :: ended
-    type(braking_t) :: course
+    type(braking_t) :: stopping
     type(state_t) :: to
     real(wp) :: cut
 
@@ -71,13 +78,13 @@ contains
     cut = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
     associate (now => self%piece%to, drive => self%piece%drive)
       if (now%y(1) > cut) return
-      course = braking(self%slider, drive, now)
-      if (.not. (course%ends_within(now%until(horizon), cut) .and. course%acceleration < 0.0_wp)) return
-      to = course%end_of_slip(self%slider, drive, now)
+      stopping = braking(self%slider, drive, now)
+      if (.not. (stopping%ends_within(now%until(horizon), cut) .and. stopping%acceleration < 0.0_wp)) return
+      to = stopping%end_of_slip(self%slider, drive, now)
       ended = now%y(1) <= negligible_share*cut
       if (.not. ended) ended = holds(self%slider, to%u, self%drive_velocity())
     end associate
-    if (ended) call self%finish(course, to)
+    if (ended) call self%finish(stopping, to)
   end subroutine end_slow_slip
 
   subroutine set_off(self, beginning)
@@ -108,7 +115,7 @@ contains
     self%to_dip = .false.
     if (self%just_released) then
       outcome%solved = moves_off(self)
-      if (.not. outcome%solved) outcome%factor = 0.25_wp
+      if (.not. outcome%solved) outcome%factor = missed_factor
       return
     end if
     call find_dip(self, zero, lowest, depth)
@@ -122,7 +129,7 @@ contains
         return
       end if
       longest = self%stepper%step
-      call land(self, max(0.5_wp*longest, longest - sqrt(2.0_wp*abs(to%y(1))/curvature)), longest, to, outcome, stopped)
+      call land(self, max(least_left*longest, longest - sqrt(2.0_wp*abs(to%y(1))/curvature)), longest, to, outcome, stopped)
     else if (zero <= 1.0_wp) then
       call land(self, zero*self%stepper%step, longest, to, outcome, stopped)
     end if
@@ -167,7 +174,7 @@ contains
       outcome%solved = curvature > 0.0_wp
       if (.not. outcome%solved) exit
       if (slope**2 <= landed*self%stepper%speed_scale*curvature) exit
-      next = min(longest, max(0.5_wp*step, step - slope/curvature))
+      next = min(longest, max(least_left*step, step - slope/curvature))
       if (.not. abs(next - step) > epsilon(step)*step) exit
       step = next
     end do
@@ -199,9 +206,9 @@ contains
       end if
       call self%stepper%end_slope(slope, curvature)
       next = step - to%y(1)/slope
-      if (abs(next - step) <= 2.0_wp*epsilon(step)*step) exit
+      if (abs(next - step) <= step_roundoff*step) exit
       if (.not. (next > before .and. next < behind)) next = 0.5_wp*(before + behind)
-      if (.not. behind - before > 2.0_wp*epsilon(step)*behind) exit
+      if (.not. behind - before > step_roundoff*behind) exit
       step = next
     end do
     stopped = abs(to%y(1)) <= at_rest*self%stepper%speed_scale
@@ -215,7 +222,7 @@ contains
 
     call dip_coefficients(self, coefficient)
     outcome%solved = first_zero(coefficient(0:self%stepper%grid%degree)) > 1.0_wp
-    if (.not. outcome%solved) outcome%factor = 0.25_wp
+    if (.not. outcome%solved) outcome%factor = missed_factor
   end subroutine refuse_hidden_stop
 
   !> Bernstein coefficients of v in the last attempt. It rises from the lowest point of a dip; where the polynomial seems to fall
@@ -242,7 +249,7 @@ contains
     integer :: i
 
     associate (grid => self%stepper%grid, s => self%stepper%grid%degree, &
-        noise => 10.0_wp*self%system%acceleration_noise*self%stepper%step)
+        noise => noise_allowance*self%system%acceleration_noise*self%stepper%step)
       call self%stepper%speed_coefficients(coefficient)
       do i = 1, s
         coefficient(i) = coefficient(i)*real(s, wp)/real(i, wp) + noise

@@ -38,7 +38,7 @@ module dst_motion
     !> Whether it is known at any time in closed form; its pieces then end at `next_look` [s] at the latest, and have no works.
     logical :: in_closed_form = .false.
     real(wp) :: next_look = huge(1.0_wp)
-    !> Whether it can rest while the drive does, and be guided while the drive moves: such a motion is one of two that take turns.
+    !> Whether it can rest while the drive does; while the drive moves, another takes over, a part of which the drive prescribes.
     logical :: may_rest = .true.
     !> Events and pieces since the time last moved.
     integer :: events_at_once = 0

@@ -23,7 +23,7 @@ module dst_piece
     integer :: event = no_event                        !! at its end
     type(drive_segment_t) :: drive
     !> Elongation per displacement of the drive, and the axis of which nothing changes, 0 if there is none.
-    real(wp) :: pulled(max_components) = 0.0_wp
+    real(wp) :: drive_coupling(max_components) = 0.0_wp
     integer :: held = 0
     !> Of slip.
     type(dense_output_t) :: path
@@ -51,7 +51,7 @@ contains
         state = self%inside(min(1.0_wp, max(0.0_wp, elapsed/self%path%step)))
       else
         state = self%from
-        state%u = state%u + self%drive%displacement(self%from%time, elapsed)*self%pulled
+        state%u = state%u + self%drive%displacement(self%from%time, elapsed)*self%drive_coupling
       end if
     end if
     state%time = time
@@ -67,7 +67,7 @@ contains
     value = self%path%values_at(tau)
     call state%later(self%from, tau*self%path%step)
     state%u = value(column_u:column_u + max_components - 1) &
-      + self%drive%displacement(self%from%time, tau*self%path%step)*self%pulled
+      + self%drive%displacement(self%from%time, tau*self%path%step)*self%drive_coupling
     state%y = value(column_y:column_y + max_unknowns - 1)
     state%position = value(column_position)
     if (self%held == 0) return
@@ -80,7 +80,7 @@ contains
     class(piece_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
 
-    self%pulled = system%along
+    self%drive_coupling = system%drive_coupling
     self%held = 0
     if (system%components < max_components) self%held = max_components + 1 - system%axis
   end subroutine obey

@@ -13,11 +13,23 @@ module dst_release
 
   !> Order of the power series of a release.
   integer, parameter :: series_order = 10
+  !> Longest series, in units; and the most attempts at its length, with what is left of it in each: at least and at most, this
+  !> much of what the error asks for, which counts as no less than the last.
+  real(wp), parameter :: longest = 2.0_wp
+  integer, parameter :: max_lengths = 1000
+  real(wp), parameter :: least_left = 0.5_wp, most_left = 0.9_wp, safety = 0.95_wp, least_excess = 1.0e-10_wp
+  !> Where the rise of v is looked at: so many equal parts of the series.
+  integer, parameter :: looks = 8
+  !> Attempts at the range of v in which the law is a polynomial, and the share of the last one or of v in the next.
+  integer, parameter :: max_ranges = 40
+  real(wp), parameter :: range_share = 0.25_wp
+  !> Roundoff of a friction force.
+  real(wp), parameter :: force_roundoff = 8.0_wp*epsilon(1.0_wp)
 
-  !> Slip from rest as power series in tau = t/unit, up to tau = reach.
+  !> Slip from rest as power series in tau = t/unit, up to tau = tau_end.
   type :: release_t
     real(wp) :: unit = 0.0_wp                                !! s
-    real(wp) :: reach = 0.0_wp
+    real(wp) :: tau_end = 0.0_wp
     real(wp) :: slipped(0:series_order, 2) = 0.0_wp          !! way of the object, m
     real(wp) :: v(0:series_order) = 0.0_wp                   !! m/s
     real(wp) :: theta(0:series_order) = 0.0_wp
@@ -44,20 +56,20 @@ contains
     real(wp) :: gain(2), growth, v_range, law(0:5), discrepancy
     integer :: attempt
 
-    release%unit = sqrt(slider%mass/maxval(slider%stiffness))
-    gain = slider%stiffness*slider%pulled()
+    release%unit = slider%radian_time()
+    gain = slider%stiffness*slider%drive_coupling()
     growth = hypot(gain(1), gain(2))*(abs(drive%velocity_at(from%time)) + abs(drive%acceleration)*release%unit)
     v_range = release%unit*(rate + growth*release%unit/slider%mass)
     if (.not. spring_force_size(slider, from%u) > 0.0_wp .or. .not. v_range > 0.0_wp) return
-    do attempt = 1, 40
+    do attempt = 1, max_ranges
       call fit_law(slider, v_range, law, discrepancy)
       call expand(slider, drive, from, rate, law, v_range, release)
-      call choose_reach(release, v_range, tolerance)
+      call choose_end(release, v_range, tolerance)
       if (.not. release%moves) return
-      associate (v => value(release%v, release%reach))
-        release%accurate = release%reach*release%unit*discrepancy <= tolerance*v*slider%mass
+      associate (v => value(release%v, release%tau_end))
+        release%accurate = release%tau_end*release%unit*discrepancy <= tolerance*v*slider%mass
         if (release%accurate) exit
-        v_range = 0.25_wp*min(v, v_range)
+        v_range = range_share*min(v, v_range)
       end associate
     end do
   end function release_series
@@ -86,7 +98,7 @@ contains
     law(5) = 16.0_wp*half_slope - 24.0_wp*full + 4.0_wp*full_slope
     discrepancy = abs(value(law, position(4)) - force(4))
     ! Forces are not known better than this.
-    if (discrepancy <= 8.0_wp*epsilon(1.0_wp)*abs(force(1))) discrepancy = 0.0_wp
+    if (discrepancy <= force_roundoff*abs(force(1))) discrepancy = 0.0_wp
   end subroutine fit_law
 
   !> The coefficients, order by order. With n = (cos, sin) and t = (-sin, cos) of theta,
@@ -124,7 +136,7 @@ contains
       do k = 1, series_order
         slip(k, 1) = unit*convolution(v, cosine, k - 1)/real(k, wp)
         slip(k, 2) = unit*convolution(v, sine, k - 1)/real(k, wp)
-        force(k, :) = stiffness*slider%follows*(driven(k)*slider%along - slip(k, :))
+        force(k, :) = stiffness*slider%free*(driven(k)*slider%along - slip(k, :))
         if (k > 1) v(k) = unit*(convolution(force(:, 1), cosine, k - 1) + convolution(force(:, 2), sine, k - 1) &
           - friction(k - 1))/(m*real(k, wp))
         cosine(k) = 0.0_wp
@@ -136,7 +148,7 @@ contains
           angle_part = angle_part + real(j, wp)*theta(j)*v(k + 1 - j)
         end do
         angle_part = unit*(convolution(force(:, 2), cosine, k) - convolution(force(:, 1), sine, k)) - m*angle_part
-        if (slider%turns) theta(k) = angle_part/(m*v(1)*real(k, wp) + unit*(force(0, 1)*cosine(0) + force(0, 2)*sine(0)))
+        if (slider%direction_free) theta(k) = angle_part/(m*v(1)*real(k, wp) + unit*(force(0, 1)*cosine(0) + force(0, 2)*sine(0)))
         cosine(k) = cosine(k) - theta(k)*sine(0)
         sine(k) = sine(k) + theta(k)*cosine(0)
         power(k, 1) = v(k)/v_range
@@ -146,7 +158,7 @@ contains
         friction(k) = dot_product(law(1:5), power(k, :))
       end do
       do k = 1, series_order
-        spring(k - 1) = dot_product(slider%pulled(), force(k - 1, :))
+        spring(k - 1) = dot_product(slider%drive_coupling(), force(k - 1, :))
       end do
       spring(series_order) = 0.0_wp
       release%drive_work = 0.0_wp
@@ -182,36 +194,35 @@ contains
     end do
   end function value
 
-  !> The longest reach at which the last two terms of v and theta are small enough and up to which
+  !> The longest series in which the last two terms of v and theta are small enough and up to which
   !> v rises, within v_range.
-  pure subroutine choose_reach(release, v_range, tolerance)
+  pure subroutine choose_end(release, v_range, tolerance)
     type(release_t), intent(inout) :: release
     real(wp), intent(in) :: v_range, tolerance
     real(wp) :: excess, v
     integer :: attempt
-    real(wp), parameter :: longest = 2.0_wp
     integer, parameter :: n = series_order
 
-    release%reach = longest
-    do attempt = 1, 1000
-      associate (x => release%reach)
+    release%tau_end = longest
+    do attempt = 1, max_lengths
+      associate (x => release%tau_end)
         v = value(release%v, x)
         release%moves = rises(release%v, x)
         if (release%moves) then
           excess = max((abs(release%v(n))*x + abs(release%v(n - 1)))*x**(n - 1)/v, &
             (abs(release%theta(n))*x + abs(release%theta(n - 1)))*x**(n - 1))/tolerance
           if (excess <= 1.0_wp .and. v <= v_range) exit
-          x = x*min(0.9_wp, max(0.5_wp, 0.95_wp*max(excess, 1.0e-10_wp)**(-1.0_wp/real(n - 2, wp))))
+          x = x*min(most_left, max(least_left, safety*max(excess, least_excess)**(-1.0_wp/real(n - 2, wp))))
         else
-          x = 0.5_wp*x
+          x = least_left*x
         end if
         release%moves = .false.
         if (x < tiny(x)) exit
       end associate
     end do
-  end subroutine choose_reach
+  end subroutine choose_end
 
-  !> Whether v > 0 and v' >= 0 on (0, x], judged at eight points.
+  !> Whether v > 0 and v' >= 0 on (0, x], judged at a few points.
   pure logical function rises(v, x)
     real(wp), intent(in) :: v(0:series_order), x
     real(wp) :: slope(0:series_order - 1)
@@ -219,8 +230,8 @@ contains
 
     slope = [(real(k, wp)*v(k), k=1, series_order)]
     rises = value(v, x) > 0.0_wp
-    do k = 1, 8
-      rises = rises .and. value(slope, 0.125_wp*real(k, wp)*x) >= 0.0_wp
+    do k = 1, looks
+      rises = rises .and. value(slope, real(k, wp)/real(looks, wp)*x) >= 0.0_wp
     end do
   end function rises
 
@@ -236,7 +247,7 @@ contains
 
     slipped = [value(self%slipped(:, 1), tau), value(self%slipped(:, 2), tau)]
     call motion%later(from, tau*self%unit)
-    motion%u = from%u + drive%displacement(from%time, tau*self%unit)*slider%pulled() - slider%follows*slipped
+    motion%u = from%u + drive%displacement(from%time, tau*self%unit)*slider%drive_coupling() - slider%free*slipped
     motion%y(1:2) = [value(self%v, tau), value(self%theta, tau)]
     motion%position = from%position + dot_product(slider%along, slipped)
     motion%drive_work = from%drive_work + value(self%drive_work, tau)
@@ -259,7 +270,7 @@ contains
     do i = 0, path%grid%degree
       tau = path%grid%node(i)*(duration/self%unit)
       to = self%at(slider, drive, from, tau)
-      path%nodal(i, column_u:column_u + 1) = to%u - drive%displacement(from%time, tau*self%unit)*slider%pulled()
+      path%nodal(i, column_u:column_u + 1) = to%u - drive%displacement(from%time, tau*self%unit)*slider%drive_coupling()
       path%nodal(i, column_y:column_y + 1) = to%y(1:2)
       path%nodal(i, column_position) = to%position
     end do

@@ -11,12 +11,12 @@ module dst_slip_stick
   use dst_rest, only: holds, release_delay, slip_start_t, start_of_slip, touch_time
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
-  use dst_stepping, only: stepping_t, start_stepping => start, exchange_stepping
+  use dst_stepping, only: stepping_t, first_phase, start_stepping => start, exchange_stepping
   use dst_straight_slip, only: on_line
   implicit none
   private
 
-  public :: slip_stick_t, negligible_share
+  public :: slip_stick_t, negligible_share, noise_allowance
   ! What the types that extend it call of their parent's.
   public :: set_off, settle, exchange_slip_stick
 
@@ -25,6 +25,8 @@ module dst_slip_stick
 
   !> How many times its own roundoff a load must have grown by before it moves anything.
   real(wp), parameter :: noise_allowance = 10.0_wp
+  !> Slip slower than this share of the speed with which it began is over.
+  real(wp), parameter :: faded_share = epsilon(1.0_wp)**2
 
   !> Motion with rest.
   type, abstract, extends(stepping_t) :: slip_stick_t
@@ -63,7 +65,7 @@ contains
     integer :: i
 
     call self%stepping_t%set_up(slider, drive, t_end)
-    self%release_step = 0.5_wp*sqrt(slider%mass/maxval(slider%stiffness))
+    self%release_step = first_phase*slider%radian_time()
     ! The extrema of Chebyshev's polynomials.
     self%closed_form%grid = new_grid([(sin(0.5_wp*pi*real(i, wp)/real(max_degree, wp))**2, i=0, max_degree)])
   end subroutine set_up
@@ -87,11 +89,11 @@ contains
       return
     end if
     self%next_step = min(self%next_step, self%first_step())
-    call self%system%face(self%piece%to%y(2))
+    call self%system%set_slip_direction(self%piece%to%y(2))
     call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
   end subroutine begin
 
-  !> Express the velocity along the axis, in which the drive was guiding the motion across, as slip along a line.
+  !> Express the velocity along the axis, while the drive prescribed the motion across, as slip along a line.
   subroutine reread(self)
     class(slip_stick_t), intent(inout) :: self
 
@@ -148,17 +150,17 @@ contains
     logical :: released
 
     associate (from => self%piece%from, to => self%piece%to, drive => self%piece%drive, k => self%slider%stiffness, &
-        along => self%system%along)
+        coupling => self%system%drive_coupling)
       delay = release_delay(self%slider, from%u, drive, from%time)
       duration = from%until(horizon)
       released = delay < duration
       if (released) released = moves_within(self, delay, duration - delay)
       if (released) duration = delay
       travel = drive%displacement(from%time, duration)
-      to%u = from%u + travel*along
+      to%u = from%u + travel*coupling
       call to%later(from, duration)
       if (.not. released) call to%arrive(horizon)
-      to%drive_work = from%drive_work + travel*dot_product(k*along, 0.5_wp*(from%u + to%u))
+      to%drive_work = from%drive_work + travel*dot_product(k*coupling, 0.5_wp*(from%u + to%u))
     end associate
     if (.not. released) then
       ! What was thought to be a touch lasts.
@@ -181,7 +183,7 @@ contains
     type(slip_start_t) :: beginning
 
     associate (from => self%piece%from, drive => self%piece%drive)
-      beginning = start_of_slip(self%slider, from%u + drive%displacement(from%time, delay)*self%system%along, &
+      beginning = start_of_slip(self%slider, from%u + drive%displacement(from%time, delay)*self%system%drive_coupling, &
         drive%velocity_at(from%time + delay))
     end associate
     moves_within = .not. beginning%curvature(1) > 0.0_wp &
@@ -200,7 +202,7 @@ contains
     if (beginning%curvature(1) > 0.0_wp) self%next_step = max(self%release_step, &
       noise_allowance*self%system%acceleration_noise/beginning%curvature(1))
     self%piece%to%y(1:2) = beginning%y
-    call self%system%face(beginning%y(2))
+    call self%system%set_slip_direction(beginning%y(2))
     call self%stepper%restart(beginning%rate, beginning%curvature)
   end subroutine set_off
 
@@ -223,17 +225,17 @@ contains
     fades = .false.
     if (self%contact /= slips .or. self%just_released) return
     associate (now => self%piece%to)
-      if (now%y(1) <= epsilon(1.0_wp)**2*self%stepper%start_speed) fades = holds(self%slider, now%u, self%drive_velocity())
+      if (now%y(1) <= faded_share*self%stepper%start_speed) fades = holds(self%slider, now%u, self%drive_velocity())
     end associate
   end function fades
 
   !> The end of slip in closed form as a piece, with its end state.
-  subroutine finish(self, course, to)
+  subroutine finish(self, stopping, to)
     class(slip_stick_t), intent(inout) :: self
-    type(braking_t), intent(in) :: course
+    type(braking_t), intent(in) :: stopping
     type(state_t), intent(in) :: to
 
-    call course%describe(self%slider, self%piece%from, self%closed_form)
+    call stopping%describe(self%slider, self%piece%from, self%closed_form)
     call self%piece%path%take(self%closed_form)
     self%piece%to = to
     self%stepper%count%steps = self%stepper%count%steps + 1

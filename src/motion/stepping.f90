@@ -1,4 +1,4 @@
-!> Motion by the steps of an integrator, without rest: the smoothed contact, and motion that the drive guides.
+!> Motion by the steps of an integrator, without rest: the smoothed contact, and motion that the drive prescribes in part.
 module dst_stepping
   use dst_archive, only: archive_t
   use dst_drive, only: drive_t
@@ -16,8 +16,17 @@ module dst_stepping
   public :: stepping_t
   ! What the types that extend it call of their parent's: by name, so that what these call in turn is the type's own.
   public :: start, slide, exchange_stepping
+  public :: first_phase
 
-  integer, parameter :: max_rejections = 60, timid_rejections = 8
+  !> First step, as phase of the faster oscillation [rad].
+  real(wp), parameter :: first_phase = 0.5_wp
+  !> Rejections in a row after which the motion is given up.
+  integer, parameter :: max_rejections = 60
+  !> Factor after a rejection at most, and after this many in a row.
+  real(wp), parameter :: rejected_factor = 0.9_wp, timid_factor = 0.25_wp
+  integer, parameter :: timid_rejections = 8
+  !> A step is stretched up to this to end at the horizon, so that no remnant is left for the next one.
+  real(wp), parameter :: stretch = 1.000001_wp
 
   !> A motion by steps.
   type, extends(motion_t) :: stepping_t
@@ -70,12 +79,12 @@ contains
     self%piece%from = self%piece%to
     self%piece%drive = self%drive%segment(1)
     call self%piece%obey(self%system)
-    self%next_step = 0.5_wp*sqrt(self%slider%mass/maxval(self%slider%stiffness))
+    self%next_step = first_phase*self%slider%radian_time()
     if (self%fixed_step > 0.0_wp) self%next_step = self%fixed_step
     call self%begin()
   end subroutine start
 
-  !> Begin with the present state, after a start or where the drive begins to guide the motion.
+  !> Begin with the present state, after a start or where the drive begins to prescribe the motion across.
   subroutine begin(self)
     class(stepping_t), intent(inout) :: self
 
@@ -122,7 +131,7 @@ contains
     do rejections = 0, max_rejections
       step = self%next_step
       if (self%step_max > 0.0_wp) step = min(step, self%step_max)
-      truncated = 1.000001_wp*step >= left
+      truncated = stretch*step >= left
       if (truncated) step = left
       call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
       stopped = .false.
@@ -130,7 +139,7 @@ contains
       if (outcome%solved .and. outcome%error <= 1.0_wp) exit
       self%stepper%count%rejected = self%stepper%count%rejected + 1
       ! An initial layer shows the same error until it is resolved: there the estimate's advice is too timid.
-      self%next_step = self%stepper%step*min(outcome%factor, merge(0.25_wp, 0.9_wp, rejections >= timid_rejections))
+      self%next_step = self%stepper%step*min(outcome%factor, merge(timid_factor, rejected_factor, rejections >= timid_rejections))
       longest = max(longest, step)
       if (underflows(self, longest)) exit
     end do
@@ -244,10 +253,10 @@ contains
     end if
     instant%velocity = self%velocity(instant%state)
     call self%friction_in(instant)
-    ! A rigid spring has the force that guides the object.
-    associate (guided => self%system%guided)
-      if (abs(guided) > 0.0_wp) instant%spring_force(2) = instant%friction*sin(instant%theta) &
-        + self%slider%mass*guided*self%piece%drive%acceleration
+    ! A rigid spring has the force that the prescribed motion takes.
+    associate (prescribed => self%system%prescribed)
+      if (abs(prescribed) > 0.0_wp) instant%spring_force(2) = instant%friction*sin(instant%theta) &
+        + self%slider%mass*prescribed*self%piece%drive%acceleration
     end associate
   end function instant
 
@@ -265,14 +274,14 @@ contains
     instant%theta = direction_of(instant%velocity)
   end subroutine friction_in
 
-  !> Without that of a motion which the drive guides.
+  !> Without that of the motion which the drive prescribes.
   pure real(wp) function energy(self, velocity)
     class(stepping_t), intent(in) :: self
     real(wp), intent(in) :: velocity(2)
     real(wp) :: own(2)
 
     own = velocity
-    if (abs(self%system%guided) > 0.0_wp) own(2) = 0.0_wp
+    if (abs(self%system%prescribed) > 0.0_wp) own(2) = 0.0_wp
     energy = 0.5_wp*(self%slider%mass*sum(own**2) + sum(self%slider%stiffness*self%piece%to%u**2))
   end function energy
 

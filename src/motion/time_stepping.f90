@@ -2,7 +2,7 @@
 module dst_time_stepping
   use dst_kinds, only: wp
   use dst_piece, only: stick_begins, slip_begins, slips, sticks
-  use dst_rest, only: holds, spring_force_size
+  use dst_rest, only: holds, limit_roundoff, spring_force_size
   use dst_stepping, only: stepping_t
   implicit none
   private
@@ -42,7 +42,7 @@ contains
     end associate
     associate (now => self%piece%to)
       rests = .not. any(abs(now%y) > 0.0_wp) .and. &
-        spring_force_size(self%slider, now%u) <= self%slider%law%static_limit*(1.0_wp + 4.0_wp*epsilon(1.0_wp))
+        spring_force_size(self%slider, now%u) <= self%slider%law%static_limit*(1.0_wp + limit_roundoff)
     end associate
     if (rests .and. self%contact == slips) call self%note_event(stick_begins)
     if (.not. rests .and. self%contact == sticks) call self%note_event(slip_begins)

@@ -11,6 +11,12 @@ module dst_bernstein
 
   public :: first_zero, first_minimum, bernstein_value
 
+  !> Halvings of the interval at most: 60 in double precision, when it has no digits left.
+  integer, parameter :: max_depth = digits(1.0_wp) + 7
+  !> False positions at most, and the width of the bracket, relative to its place, that is roundoff.
+  integer, parameter :: max_iterations = 200
+  real(wp), parameter :: width_roundoff = 2.0_wp*epsilon(1.0_wp)
+
 contains
 
   !> First position in (0, 1] where the polynomial passes from positive to zero or below;
@@ -62,8 +68,6 @@ contains
     real(wp), intent(in) :: coefficient(0:degree)
     real(wp) :: position
     real(wp) :: left(0:degree), right(0:degree)
-    ! 60 in double precision: halving is over when an interval has no digits left.
-    integer, parameter :: max_depth = digits(1.0_wp) + 7
 
     position = 2.0_wp
     if (all(coefficient(1:) > 0.0_wp)) return
@@ -100,17 +104,16 @@ contains
     integer, intent(in) :: degree
     real(wp), intent(in) :: coefficient(0:degree)
     real(wp) :: x
-    integer, parameter :: most_iterations = 200
     real(wp) :: f
     type(bracket_t) :: bracket
     integer :: iteration
 
     bracket = bracket_t([0.0_wp, 1.0_wp], [coefficient(0), coefficient(degree)])
-    do iteration = 1, most_iterations
+    do iteration = 1, max_iterations
       x = bracket%false_position()
       f = bernstein_value(degree, coefficient, x)
       call bracket%narrow(x, f)
-      if (abs(f) <= epsilon(f)*coefficient(0) .or. bracket%width() <= 2.0_wp*epsilon(x)*bracket%x(2)) exit
+      if (abs(f) <= epsilon(f)*coefficient(0) .or. bracket%width() <= width_roundoff*bracket%x(2)) exit
     end do
   end function bracketed_zero
 

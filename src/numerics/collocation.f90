@@ -15,6 +15,11 @@ module dst_collocation
 
   !> Stages of the largest method.
   integer, parameter :: max_stages = max_degree
+  !> Newton iterations at most; a change of the root, relative to it, that is roundoff; and where the search for the pole begins,
+  !> over the number of stages.
+  integer, parameter :: max_iterations = 200
+  real(wp), parameter :: root_roundoff = 2.0_wp*epsilon(1.0_wp), pole_roundoff = 4.0_wp*epsilon(1.0_wp)
+  real(wp), parameter :: pole_start = 1.3_wp
 
   !> A stiffly accurate collocation method.
   type :: collocation_t
@@ -81,14 +86,14 @@ contains
       return
     end if
     x = cos(2.0_wp*acos(-1.0_wp)*real(s - i, wp)/real(2*s - 1, wp))
-    do iteration = 1, 100
+    do iteration = 1, max_iterations
       p = legendre_values(s, x)
       dp = legendre_derivatives(s, x, p)
       f = p(s) - p(s - 1)
       df = dp(s) - dp(s - 1)
       correction = f/df
       x = x - correction
-      if (abs(correction) <= 2.0_wp*epsilon(x)) exit
+      if (abs(correction) <= root_roundoff) exit
     end do
   end function radau_zero
 
@@ -131,8 +136,8 @@ contains
     do k = 1, s
       coefficient(k) = -coefficient(k - 1)*real(s - k + 1, wp)/(real(k, wp)*real(2*s - k, wp))
     end do
-    z = 1.3_wp*real(s, wp)
-    do iteration = 1, 200
+    z = pole_start*real(s, wp)
+    do iteration = 1, max_iterations
       q = coefficient(s)
       dq = 0.0_wp
       do k = s - 1, 0, -1
@@ -140,7 +145,7 @@ contains
         q = q*z + coefficient(k)
       end do
       z = z - q/dq
-      if (abs(q/dq) <= 4.0_wp*epsilon(z)*z) exit
+      if (abs(q/dq) <= pole_roundoff*z) exit
     end do
   end function real_pole
 end module dst_collocation

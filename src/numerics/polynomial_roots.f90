@@ -7,6 +7,8 @@ module dst_polynomial_roots
   public :: polynomial_roots
 
   integer, parameter :: max_iterations = 80
+  !> Roundoff of a value over the bound on it that Horner's scheme gives.
+  real(wp), parameter :: value_roundoff = 4.0_wp*epsilon(1.0_wp)
 
 contains
 
@@ -56,7 +58,7 @@ contains
         value = x*value + c(k)
         rounding = abs(value) + abs(x)*rounding
       end do
-      if (abs(value) <= 4.0_wp*epsilon(rounding)*rounding) return
+      if (abs(value) <= value_roundoff*rounding) return
       ratio = slope/value
       square = ratio**2
       discriminant = sqrt(real(n - 1, wp)*(real(n, wp)*(square - 2.0_wp*curve/value) - square))

@@ -6,6 +6,9 @@ module dst_drive
 
   public :: drive_t, drive_segment_t, new_drive
 
+  !> Roundoff of a velocity between two knots, relative to the largest.
+  real(wp), parameter :: velocity_roundoff = 4.0_wp*epsilon(1.0_wp)
+
   !> One stretch of the drive on which V is linear in time.
   type :: drive_segment_t
     real(wp) :: start = 0.0_wp          !! s
@@ -59,7 +62,7 @@ contains
     on_line = time(1) < time(2) .and. time(2) < time(3)
     if (.not. on_line) return
     share = (time(2) - time(1))/(time(3) - time(1))
-    on_line = abs(velocity(2) - velocity(1) - share*(velocity(3) - velocity(1))) <= 4.0_wp*epsilon(share)*maxval(abs(velocity))
+    on_line = abs(velocity(2) - velocity(1) - share*(velocity(3) - velocity(1))) <= velocity_roundoff*maxval(abs(velocity))
   end function on_line
 
   !> V(t) [m/s].

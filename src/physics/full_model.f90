@@ -44,9 +44,9 @@ contains
     type(full_polar_t) :: model
 
     model%slider = slider
-    model%along = slider%along
-    model%forward = slider%along
-    model%along_stiffness = slider%stiffness*slider%along
+    model%drive_coupling = slider%along
+    model%advance_by_slip = slider%along
+    model%drive_stiffness = slider%stiffness*slider%along
     model%acceleration_noise = slider%acceleration_noise()
     model%frequency = slider%frequency()
     model%static_speed = slider%static_speed()
@@ -58,9 +58,9 @@ contains
     type(full_smoothed_t) :: model
 
     model%slider = slider
-    model%along = slider%along
-    model%forward = slider%along
-    model%along_stiffness = slider%stiffness*slider%along
+    model%drive_coupling = slider%along
+    model%advance_by_slip = slider%along
+    model%drive_stiffness = slider%stiffness*slider%along
     model%acceleration_noise = slider%acceleration_noise()
     model%frequency = slider%frequency()
     model%static_speed = slider%static_speed()
@@ -132,7 +132,7 @@ contains
     real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
-    associate (unused => [self%guided, drive_velocity])
+    associate (unused => [self%prescribed, drive_velocity])
     end associate
     velocity = y(1)*[cos(y(2)), sin(y(2))]
   end function polar_velocity
@@ -237,7 +237,7 @@ contains
     real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
-    associate (unused => [self%guided, drive_velocity])
+    associate (unused => [self%prescribed, drive_velocity])
     end associate
     velocity = y(1:2)
   end function smoothed_velocity

@@ -5,8 +5,8 @@
 !>
 !>     u_x' = V c - w_x,      w_x' = (k_x u_x - F(v) w_x/v)/m.
 !>
-!> The guiding force of the rigid spring is F(v) V s/v + m s V'. The drive's work against friction across
-!> the axis enters as `supply`; the inertia of the guided motion is in neither work nor energy.
+!> The force of the rigid spring across is F(v) V s/v + m s V'. The drive's work against friction across
+!> the axis enters as `supply`; the inertia of the prescribed motion is in neither work nor energy.
 !>
 !> Where V s = 0 there is rest, and dst_straight_slip takes over.
 module dst_low_frequency
@@ -40,11 +40,11 @@ contains
     model%unknowns = 1
     model%turns_back = .true.
     model%axis = 1
-    model%along = [slider%along(1), 0.0_wp]
-    model%along_stiffness = slider%stiffness(1)*model%along
-    model%forward = model%along
-    model%carried = slider%along(2)**2
-    model%guided = slider%along(2)
+    model%drive_coupling = [slider%along(1), 0.0_wp]
+    model%drive_stiffness = slider%stiffness(1)*model%drive_coupling
+    model%advance_by_slip = model%drive_coupling
+    model%advance_by_drive = slider%along(2)**2
+    model%prescribed = slider%along(2)
     model%acceleration_noise = slider%acceleration_noise()
     model%frequency = slider%frequency()
     model%static_speed = slider%static_speed()
@@ -79,7 +79,7 @@ contains
     stiffness = self%slider%stiffness(1)
     do i = 1, stages
       pull(i) = stiffness*u(i, 1)
-      across(i) = self%guided*drive_velocity(i)
+      across(i) = self%prescribed*drive_velocity(i)
       speed(i) = sqrt(y(i, 1)**2 + across(i)**2)
     end do
     call self%slider%law%evaluate(stages, speed, friction, slope)
@@ -125,7 +125,7 @@ contains
     real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
-    velocity = [y(1), self%guided*drive_velocity]
+    velocity = [y(1), self%prescribed*drive_velocity]
   end function slip_velocity
 
   pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)
@@ -134,7 +134,7 @@ contains
     real(wp), intent(out) :: coefficient(0:self%components + self%unknowns), weakening
     real(wp) :: friction(1), slope(1), speed, across
 
-    across = self%guided*drive_velocity
+    across = self%prescribed*drive_velocity
     speed = sqrt(y(1)**2 + across**2)
     call self%slider%law%evaluate(1, [speed], friction, slope)
     associate (m => self%slider%mass)

@@ -14,7 +14,12 @@ module dst_rest
   implicit none
   private
 
-  public :: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, touch_time
+  public :: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, touch_time, limit_roundoff
+
+  !> Roundoff of the spring force at the static limit, relative to it: where it rests there, and where it has been moved there.
+  real(wp), parameter :: limit_roundoff = 4.0_wp*epsilon(1.0_wp), excess_roundoff = 16.0_wp*epsilon(1.0_wp)
+  !> A touch lasts no longer than this share of a radian of the faster oscillation, or of the loading of the springs.
+  real(wp), parameter :: touch_share = 1.0e-3_wp
 
   !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
   type :: slip_start_t
@@ -41,11 +46,11 @@ contains
     real(wp) :: pull(2), outward, force
 
     force = spring_force_size(slider, u)
-    pull = slider%stiffness*slider%pulled()*drive_velocity
+    pull = slider%stiffness*slider%drive_coupling()*drive_velocity
     outward = dot_product(pull, slider%stiffness*u)
     if (.not. force > 0.0_wp) outward = dot_product(pull, pull)
     holds = force < slider%law%static_limit
-    if (.not. outward > 0.0_wp) holds = force <= slider%law%static_limit*(1.0_wp + 4.0_wp*epsilon(force))
+    if (.not. outward > 0.0_wp) holds = force <= slider%law%static_limit*(1.0_wp + limit_roundoff)
   end function holds
 
   !> Time [s] from `time` until the stuck object is released, huge if it is not within the segment.
@@ -57,7 +62,7 @@ contains
     real(wp) :: force(2), gain(2), a, b, c, root, forward, backward
 
     force = slider%stiffness*u
-    gain = slider%stiffness*slider%pulled()
+    gain = slider%stiffness*slider%drive_coupling()
     a = dot_product(gain, gain)
     release_delay = huge(release_delay)
     if (.not. a > 0.0_wp) return
@@ -113,13 +118,12 @@ contains
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: drive_velocity
     real(wp) :: pull(2), growth
-    real(wp), parameter :: share = 1.0e-3_wp
 
-    pull = slider%stiffness*slider%pulled()*drive_velocity
+    pull = slider%stiffness*slider%drive_coupling()*drive_velocity
     growth = hypot(pull(1), pull(2))
-    touch_time = sqrt(slider%mass/maxval(slider%stiffness))
+    touch_time = slider%radian_time()
     if (growth*touch_time > slider%law%static_limit) touch_time = slider%law%static_limit/growth
-    touch_time = share*touch_time
+    touch_time = touch_share*touch_time
   end function touch_time
 
   !> Start of slip from rest at elongation `u`, where |K u| >= F_0.
@@ -129,7 +133,7 @@ contains
     type(slip_start_t) :: begin
     real(wp) :: force(2), growth(2), along, across, magnitude
 
-    growth = slider%stiffness*slider%pulled()*drive_velocity
+    growth = slider%stiffness*slider%drive_coupling()*drive_velocity
     force = slider%stiffness*u
     magnitude = spring_force_size(slider, u)
     if (.not. magnitude > 0.0_wp) force = growth
@@ -139,9 +143,9 @@ contains
       across = growth(2)*c - growth(1)*s
       ! An excess within roundoff is none.
       begin%rate(1) = 0.0_wp
-      if (magnitude > slider%law%static_limit*(1.0_wp + 16.0_wp*epsilon(m))) begin%rate(1) = (magnitude - slider%law%static_limit)/m
+      if (magnitude > slider%law%static_limit*(1.0_wp + excess_roundoff)) begin%rate(1) = (magnitude - slider%law%static_limit)/m
       begin%rate(2) = 0.0_wp
-      if (magnitude > 0.0_wp .and. slider%turns) begin%rate(2) = across/(magnitude + m*begin%rate(1))
+      if (magnitude > 0.0_wp .and. slider%direction_free) begin%rate(2) = across/(magnitude + m*begin%rate(1))
       begin%curvature(1) = along/m
     end associate
   end function start_of_slip

@@ -7,35 +7,39 @@ module dst_slider
 
   public :: slider_t, cos_sin_degrees, direction_of
 
+  !> Roundoff of a difference of forces, relative to them.
+  real(wp), parameter :: force_roundoff = 8.0_wp*epsilon(1.0_wp)
+
   !> All parameters of the object and its contact. Vectors are in the principal axes x, y.
   type :: slider_t
     real(wp) :: mass = 1.0_wp                              !! kg
     real(wp) :: stiffness(2) = 1.0_wp                      !! k_x, k_y, N/m
     real(wp) :: along(2) = [1.0_wp, 0.0_wp]                !! drive direction (cos phi, sin phi)
-    !> What a model holds: along a principal axis with `follows` = 0 the elongation is constant, and a
-    !> slip that does not turn keeps the direction in which it began.
-    real(wp) :: follows(2) = 1.0_wp
-    logical :: turns = .true.
+    !> What a model holds: along a principal axis with `free` = 0 the elongation is constant, and slip
+    !> whose direction is not free keeps that in which it began.
+    real(wp) :: free(2) = 1.0_wp
+    logical :: direction_free = .true.
     class(friction_law_t), allocatable :: law
     !> Square of the smoothing velocity [m2/s2]; 0 = exact contact.
     real(wp) :: smoothing = 0.0_wp
   contains
-    procedure :: pulled
+    procedure :: drive_coupling
     procedure :: held_force
     procedure :: acceleration_noise
     procedure :: frequency
+    procedure :: radian_time
     procedure :: static_speed
   end type slider_t
 
 contains
 
   !> Elongation of the springs per displacement of the drive.
-  pure function pulled(self)
+  pure function drive_coupling(self)
     class(slider_t), intent(in) :: self
-    real(wp) :: pulled(2)
+    real(wp) :: drive_coupling(2)
 
-    pulled = self%follows*self%along
-  end function pulled
+    drive_coupling = self%free*self%along
+  end function drive_coupling
 
   !> Force of the held springs [N] at elongation `u` [m].
   pure function held_force(self, u) result(force)
@@ -43,14 +47,14 @@ contains
     real(wp), intent(in) :: u(2)
     real(wp) :: force(2)
 
-    force = (1.0_wp - self%follows)*self%stiffness*u
+    force = (1.0_wp - self%free)*self%stiffness*u
   end function held_force
 
   !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced.
   pure real(wp) function acceleration_noise(self)
     class(slider_t), intent(in) :: self
 
-    acceleration_noise = 8.0_wp*epsilon(1.0_wp)*self%law%static_limit/self%mass
+    acceleration_noise = force_roundoff*self%law%static_limit/self%mass
   end function acceleration_noise
 
   !> Frequencies sqrt(k/m) of the mass on either spring [rad/s].
@@ -60,6 +64,13 @@ contains
 
     frequency = sqrt(self%stiffness/self%mass)
   end function frequency
+
+  !> Time in which the faster oscillation passes one radian [s].
+  pure real(wp) function radian_time(self)
+    class(slider_t), intent(in) :: self
+
+    radian_time = sqrt(self%mass/maxval(self%stiffness))
+  end function radian_time
 
   !> Slip speeds F_0/sqrt(m k) that stretch either spring to the static limit [m/s]; huge where there is no friction or no spring,
   !> which set no scale then.

@@ -42,17 +42,17 @@ module dst_slip_system
     integer :: unknowns = max_components
     !> Principal axis of the first component.
     integer :: axis = 1
-    !> Direction of the drive in the principal axes as the elongations feel it: 0 for a held one.
-    real(wp) :: along(max_components) = 0.0_wp
-    !> The drive's power through the springs that it stretches [W] is V `along_stiffness . u`.
-    real(wp) :: along_stiffness(max_components) = 0.0_wp
-    !> X' = `forward . w` (w of the components, by axis) + `carried` V.
-    real(wp) :: forward(max_components) = 0.0_wp
-    real(wp) :: carried = 0.0_wp
+    !> Elongations per displacement of the drive: its direction in the principal axes, but 0 for a held one.
+    real(wp) :: drive_coupling(max_components) = 0.0_wp
+    !> The drive's power through the springs that it stretches [W] is V `drive_stiffness . u`.
+    real(wp) :: drive_stiffness(max_components) = 0.0_wp
+    !> X' = `advance_by_slip . w` (w of the components, by axis) + `advance_by_drive` V.
+    real(wp) :: advance_by_slip(max_components) = 0.0_wp
+    real(wp) :: advance_by_drive = 0.0_wp
     !> Whether a component of the slip velocity itself is an unknown, and may pass through zero without a rest.
     logical :: turns_back = .false.
-    !> w_y/V where the motion across follows the drive without being a component.
-    real(wp) :: guided = 0.0_wp
+    !> w_y/V where the drive prescribes the motion across, which is no component then.
+    real(wp) :: prescribed = 0.0_wp
     !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced.
     real(wp) :: acceleration_noise = 0.0_wp
     !> Along each principal axis: frequency of the mass on the spring [rad/s], and the slip speed F_0/sqrt(m k) [m/s] that
@@ -75,8 +75,8 @@ module dst_slip_system
     !> Friction [N] where it is no function of the slip speed.
     procedure :: own_friction
     !> Slip begins, with friction at this angle to the x-axis [rad].
-    procedure :: face
-    !> Save or load what `face` sets.
+    procedure :: set_slip_direction
+    !> Save or load what `set_slip_direction` sets.
     procedure :: exchange
   end type slip_system_t
 
@@ -141,8 +141,8 @@ contains
     end associate
   end function has_turned
 
-  !> Slip speed [m/s] along each axis that stretches its spring by as much as it is stretched now (`u` [m]), or at the static limit. An
-  !> error of the slip velocity is an error of the spring force relative to this.
+  !> Slip speed [m/s] along each axis that stretches its spring by as much as it is stretched now (`u` [m]), or at the static limit.
+  !> An error of the slip velocity is an error of the spring force relative to this.
   pure function spring_speed(self, u) result(speed)
     class(slip_system_t), intent(in) :: self
     real(wp), intent(in) :: u(max_components)
@@ -157,23 +157,23 @@ contains
     real(wp), intent(in) :: y(max_unknowns)
     real(wp), intent(inout) :: friction
 
-    associate (unused => [self%guided, y, friction])
+    associate (unused => [self%prescribed, y, friction])
     end associate
   end subroutine own_friction
 
   !> Most models have the direction among their unknowns.
-  pure subroutine face(self, theta)
+  pure subroutine set_slip_direction(self, theta)
     class(slip_system_t), intent(inout) :: self
     real(wp), intent(in) :: theta
 
-    associate (unused => [self%guided, theta])
+    associate (unused => [self%prescribed, theta])
     end associate
-  end subroutine face
+  end subroutine set_slip_direction
 
   subroutine exchange(self, archive)
     class(slip_system_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%forward)
+    call archive%exchange(self%advance_by_slip)
   end subroutine exchange
 end module dst_slip_system

@@ -7,7 +7,7 @@
 !>
 !> It is two models. `high_frequency` (Eq. 9 of Nakano & Popov 2020; i = 2): the longitudinal load
 !> k_x u_x = F_0 cos theta is given, and the object oscillates on the stiff spring with the mass m/sin^2 theta
-!> that friction in this direction gives it. `low_frequency` where the drive guides nothing across,
+!> that friction in this direction gives it. `low_frequency` where the drive prescribes nothing across,
 !> V sin(phi) = 0 (i = 1): u_y = 0, theta = 0 or pi.
 module dst_straight_slip
   use dst_archive, only: archive_t
@@ -32,14 +32,14 @@ module dst_straight_slip
     procedure :: dynamics
     procedure :: slip_velocity
     procedure :: decay_polynomial
-    procedure :: face
+    procedure :: set_slip_direction
     procedure :: exchange
   end type straight_slip_t
 
 contains
 
   !> The model that follows principal axis `axis`, the elongation along the other being held at its value
-  !> in `held` [m]; slider%follows and slider%turns say the same to the contact.
+  !> in `held` [m]; slider%free and slider%direction_free say the same to the contact.
   function new_straight_slip(slider, axis, held) result(model)
     type(slider_t), intent(in) :: slider
     integer, intent(in) :: axis
@@ -51,26 +51,26 @@ contains
     model%unknowns = 1
     model%axis = axis
     model%held = held
-    model%along = slider%pulled()
-    model%along_stiffness = slider%stiffness*model%along
+    model%drive_coupling = slider%drive_coupling()
+    model%drive_stiffness = slider%stiffness*model%drive_coupling
     model%acceleration_noise = slider%acceleration_noise()
     model%frequency = slider%frequency()
     model%static_speed = slider%static_speed()
-    call model%face(0.0_wp)
+    call model%set_slip_direction(0.0_wp)
   end function new_straight_slip
 
-  pure subroutine face(self, theta)
+  pure subroutine set_slip_direction(self, theta)
     class(straight_slip_t), intent(inout) :: self
     real(wp), intent(in) :: theta
 
     self%direction = [cos(theta), sin(theta)]
     if (self%axis == 1) self%direction = [sign(1.0_wp, cos(theta)), 0.0_wp]
     self%held_force = dot_product(self%slider%held_force(self%held), self%direction)
-    self%forward = 0.0_wp
+    self%advance_by_slip = 0.0_wp
     ! X' = v n . e, expressed by the component w_i = v n_i.
     if (abs(self%direction(self%axis)) > 0.0_wp) &
-      self%forward(self%axis) = dot_product(self%direction, self%slider%along)/self%direction(self%axis)
-  end subroutine face
+      self%advance_by_slip(self%axis) = dot_product(self%direction, self%slider%along)/self%direction(self%axis)
+  end subroutine set_slip_direction
 
   pure subroutine kinematics(self, stages, y, velocity, velocity_y)
     class(straight_slip_t), intent(in) :: self
@@ -153,6 +153,6 @@ contains
 
     call archive%exchange(self%direction)
     call archive%exchange(self%held_force)
-    call archive%exchange(self%forward)
+    call archive%exchange(self%advance_by_slip)
   end subroutine exchange
 end module dst_straight_slip

@@ -1,12 +1,12 @@
 !> Stick-slip cycles, and what they are once the motion has settled. The bookkeeping is of fixed size, whatever the run's length.
 !>
 !> The load is the spring force k_x u_x, positive in the direction in which the drive pulls the soft spring, that of V cos(phi).
-!> A cycle goes from a peak of the load over a valley to the next peak, each a turn by more than `threshold` of the limit F_0:
-!> the 1 kHz ripple of dynamic stiction stays far below it. A drive that stands still or reverses breaks off the cycle under way,
-!> and so does a long steady slide.
+!> A cycle goes from a peak of the load over a valley to the next peak, each an extremum that the load leaves by more than
+!> `threshold` of the limit F_0: the 1 kHz ripple of dynamic stiction stays far below it. A drive that stands still or reverses
+!> breaks off the cycle under way, and so does a long steady slide.
 !>
 !> Means and scatters are over the later half of the complete cycles: at least two of them if there are two, and at most the last
-!> `kept`. A motion that rings down has none: its swing only shrinks from cycle to cycle, or its last turn is long past.
+!> `kept`. A motion that rings down has none: its swing only shrinks from cycle to cycle, or its last extremum is long past.
 module dst_cycles
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64, pi
@@ -25,7 +25,7 @@ module dst_cycles
   real(wp), parameter :: ripple = 0.01_wp
   !> Cycles from which on shrinking swings are no chance, if there are as many.
   integer, parameter :: telling = 4
-  !> Lengths of the longest cycle without a turn after which the cycles are over.
+  !> Lengths of the longest cycle without an extremum after which the cycles are over.
   real(wp), parameter :: patience = 3.0_wp
   !> A peak this many natural lengths and times, and lengths of the longest cycle, after the last one follows a steady slide.
   real(wp), parameter :: long = 10.0_wp
@@ -36,11 +36,11 @@ module dst_cycles
   integer, parameter :: rise = 7, travel = 8, remembered = 8
 
   !> A peak or a valley.
-  type :: turn_t
+  type :: extremum_t
     real(wp) :: load = 0.0_wp, time = 0.0_wp, position = 0.0_wp
   contains
-    procedure :: exchange => exchange_turn
-  end type turn_t
+    procedure :: exchange => exchange_extremum
+  end type extremum_t
 
   !> The cycles so far.
   type :: cycles_t
@@ -52,18 +52,18 @@ module dst_cycles
     !> Period of the free oscillation on the soft spring [s].
     real(wp) :: natural_time = 0.0_wp
     !> Of the scene: cos(phi) where the soft spring is pulled; F_0 [N]; the advance that loads the spring up to F_0 [m].
-    real(wp), private :: pulled = 0.0_wp, static_limit = 0.0_wp, natural_length = 0.0_wp
+    real(wp), private :: drive_coupling = 0.0_wp, static_limit = 0.0_wp, natural_length = 0.0_wp
     !> Directions of the drive and of its pull, 0 while there is none.
     integer, private :: drive_side = 0, side = 0
     !> Whether the load rises (1) or falls (-1) by more than the threshold; 0 while neither is known.
     integer, private :: heading = 0
     !> The highest load since it rises, or the lowest since it falls; while neither is known both.
-    type(turn_t), private :: candidate = turn_t(), other_candidate = turn_t()
+    type(extremum_t), private :: candidate = extremum_t(), other_candidate = extremum_t()
     !> Turns of the cycle under way.
     logical, private :: has_peak = .false., has_valley = .false.
-    type(turn_t), private :: last_peak = turn_t(), last_valley = turn_t()
-    !> Where the object was at the last turn, and is [m].
-    real(wp), private :: turn_position = 0.0_wp, position = 0.0_wp
+    type(extremum_t), private :: last_peak = extremum_t(), last_valley = extremum_t()
+    !> Where the object was at the last extremum, and is [m].
+    real(wp), private :: extremum_position = 0.0_wp, position = 0.0_wp
     !> Cycles since the last steady slide, and those of them without a break between; whether the next one follows a break.
     integer(int64), private :: recent = 0, row = 0
     logical, private :: follows_break = .true.
@@ -72,7 +72,7 @@ module dst_cycles
     procedure :: begin
     procedure :: pull
     procedure :: consider
-    procedure :: may_turn
+    procedure :: may_be_extremum
     procedure :: means
     procedure :: mean_swing
     procedure :: exchange
@@ -81,13 +81,13 @@ module dst_cycles
 contains
 
   !> Begin a motion: cos(phi), 0 if the soft spring is not pulled; F_0 [N], k_x [N/m] and the mass [kg].
-  pure subroutine begin(self, pulled, static_limit, stiffness, mass)
+  pure subroutine begin(self, drive_coupling, static_limit, stiffness, mass)
     class(cycles_t), intent(inout) :: self
-    real(wp), intent(in) :: pulled, static_limit, stiffness, mass
+    real(wp), intent(in) :: drive_coupling, static_limit, stiffness, mass
 
-    self%pulled = pulled
+    self%drive_coupling = drive_coupling
     self%static_limit = static_limit
-    if (abs(pulled) > 0.0_wp) self%natural_length = static_limit/(stiffness*abs(pulled))
+    if (abs(drive_coupling) > 0.0_wp) self%natural_length = static_limit/(stiffness*abs(drive_coupling))
     self%natural_time = 2.0_wp*pi*sqrt(mass/stiffness)
   end subroutine begin
 
@@ -101,13 +101,13 @@ contains
     side = sign_of(velocity)
     if (side == self%drive_side) return
     self%drive_side = side
-    self%side = side*sign_of(self%pulled)
+    self%side = side*sign_of(self%drive_coupling)
     self%heading = 0
-    self%candidate = turn_t(real(self%side, wp)*force, time, position)
+    self%candidate = extremum_t(real(self%side, wp)*force, time, position)
     self%other_candidate = self%candidate
     self%has_peak = .false.
     self%has_valley = .false.
-    self%turn_position = position
+    self%extremum_position = position
     self%position = position
     self%follows_break = .true.
   end subroutine pull
@@ -129,7 +129,7 @@ contains
     if (self%side == 0) return
     self%position = position
     if (self%heading == 0) then
-      call find_heading(self, turn_t(real(self%side, wp)*force, time, position))
+      call find_heading(self, extremum_t(real(self%side, wp)*force, time, position))
       return
     end if
     ahead = real(self%heading, wp)*(real(self%side, wp)*force - self%candidate%load)
@@ -140,16 +140,16 @@ contains
       else
         call take_valley(self, self%candidate)
       end if
-      self%turn_position = self%candidate%position
+      self%extremum_position = self%candidate%position
       self%heading = -self%heading
     end if
-    self%candidate = turn_t(real(self%side, wp)*force, time, position)
+    self%candidate = extremum_t(real(self%side, wp)*force, time, position)
   end subroutine consider
 
-  !> Where a row begins there is no turn: wait until the load has risen or fallen.
+  !> Where a row begins there is no extremum: wait until the load has risen or fallen.
   pure subroutine find_heading(self, here)
     class(cycles_t), intent(inout) :: self
-    type(turn_t), intent(in) :: here
+    type(extremum_t), intent(in) :: here
 
     associate (highest => self%candidate, lowest => self%other_candidate)
       if (here%load >= highest%load) highest = here
@@ -161,20 +161,20 @@ contains
   end subroutine find_heading
 
   !> Whether a force [N] between two instants, where it stops rising (or falling), may be a peak or a valley.
-  pure logical function may_turn(self, rises, force)
+  pure logical function may_be_extremum(self, rises, force)
     class(cycles_t), intent(in) :: self
     logical, intent(in) :: rises
     real(wp), intent(in) :: force
 
-    may_turn = self%side /= 0
-    if (.not. may_turn .or. self%heading == 0) return
-    may_turn = (rises .eqv. self%heading*self%side > 0) .and. &
+    may_be_extremum = self%side /= 0
+    if (.not. may_be_extremum .or. self%heading == 0) return
+    may_be_extremum = (rises .eqv. self%heading*self%side > 0) .and. &
       real(self%heading, wp)*(real(self%side, wp)*force - self%candidate%load) >= 0.0_wp
-  end function may_turn
+  end function may_be_extremum
 
   pure subroutine take_peak(self, here)
     class(cycles_t), intent(inout) :: self
-    type(turn_t), intent(in) :: here
+    type(extremum_t), intent(in) :: here
 
     if (.not. self%has_peaked) self%first_peak = here%load
     self%has_peaked = .true.
@@ -193,7 +193,7 @@ contains
 
   pure subroutine take_valley(self, here)
     class(cycles_t), intent(inout) :: self
-    type(turn_t), intent(in) :: here
+    type(extremum_t), intent(in) :: here
 
     self%has_valley = .true.
     self%last_valley = here
@@ -202,7 +202,7 @@ contains
   !> Whether so long a time has passed since the last peak that the cycles before belong to another motion.
   pure logical function has_slid_steadily(self, here)
     class(cycles_t), intent(in) :: self
-    type(turn_t), intent(in) :: here
+    type(extremum_t), intent(in) :: here
     real(wp) :: length
 
     length = abs(here%position - self%last_peak%position)
@@ -213,7 +213,7 @@ contains
   !> The cycle that ends with this peak is complete.
   pure subroutine take_cycle(self, here)
     class(cycles_t), intent(inout) :: self
-    type(turn_t), intent(in) :: here
+    type(extremum_t), intent(in) :: here
 
     self%count = self%count + 1
     self%recent = self%recent + 1
@@ -286,12 +286,12 @@ contains
     real(wp) :: swing(2*kept)
     integer :: n
 
-    rings_down = self%side /= 0 .and. abs(self%position - self%turn_position) > patience*longest(self)
+    rings_down = self%side /= 0 .and. abs(self%position - self%extremum_position) > patience*longest(self)
     if (rings_down) return
     n = int(min(int(max(telling, settled(self)), int64), self%recent, self%row))
     swing = 0.0_wp
     associate (cycle => self%cycle(:, last_places(self, n)))
-      ! Falls and rises in turn.
+      ! Falls and rises alternate.
       swing(1:2*n:2) = cycle(peak, :) - cycle(valley, :)
       swing(2:2*n:2) = cycle(rise, :)
     end associate
@@ -327,7 +327,7 @@ contains
     call archive%exchange(self%has_valley)
     call self%last_peak%exchange(archive)
     call self%last_valley%exchange(archive)
-    call archive%exchange(self%turn_position)
+    call archive%exchange(self%extremum_position)
     call archive%exchange(self%position)
     call archive%exchange(self%recent)
     call archive%exchange(self%row)
@@ -335,12 +335,12 @@ contains
     call archive%exchange(self%cycle)
   end subroutine exchange
 
-  subroutine exchange_turn(self, archive)
-    class(turn_t), intent(inout) :: self
+  subroutine exchange_extremum(self, archive)
+    class(extremum_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
     call archive%exchange(self%load)
     call archive%exchange(self%time)
     call archive%exchange(self%position)
-  end subroutine exchange_turn
+  end subroutine exchange_extremum
 end module dst_cycles

@@ -82,7 +82,8 @@ contains
     if (allocated(self%event_time)) room = size(self%event_time)
     if (self%events > room - size(time)) then
       call enlarge(room, self%events, max(64, size(time)))
-      allocate (times(room), kinds(room), stat=status)
+      allocate (times(room), stat=status)
+      if (status == 0) allocate (kinds(room), stat=status)
       if (status /= 0 .or. room == 0) then
         call raise_no_memory(self%events, 'events', error)
         return

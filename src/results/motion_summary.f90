@@ -57,7 +57,7 @@ contains
     self%velocity = motion%velocity_now()
     associate (slider => motion%slider)
       ! High frequency: the longitudinal load is given.
-      call self%cycles%begin(slider%along(1)*merge(1.0_wp, 0.0_wp, slider%follows(1) > 0.0_wp), slider%law%static_limit, &
+      call self%cycles%begin(slider%along(1)*merge(1.0_wp, 0.0_wp, slider%free(1) > 0.0_wp), slider%law%static_limit, &
         slider%stiffness(1), slider%mass)
     end associate
     call self%begin(moment_of(motion, motion%piece%to, self%velocity), motion%energy(self%velocity), motion%t_end)
@@ -111,7 +111,7 @@ contains
       moment%slip_velocity = velocity
       moment%force = slider%stiffness(1)*state%u(1)
       moment%drive_velocity = motion%piece%drive%velocity_at(state%time)
-      moment%force_rate = slider%stiffness(1)*slider%follows(1)*(moment%drive_velocity*slider%along(1) - velocity(1))
+      moment%force_rate = slider%stiffness(1)*slider%free(1)*(moment%drive_velocity*slider%along(1) - velocity(1))
     end associate
   end function moment_of
 

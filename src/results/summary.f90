@@ -201,7 +201,7 @@ contains
     end do
   end function moment_at_zero
 
-  !> The turns of the load. A step of a method of high order may hide two of them, unless the object creeps.
+  !> The extrema of the load. A step of a method of high order may hide two of them, unless the object creeps.
   subroutine follow_force(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
@@ -224,7 +224,7 @@ contains
     end associate
   end subroutine follow_force
 
-  !> The turns of the load between two instants, with a cut where the drive reverses.
+  !> The extrema of the load between two instants, with a cut where the drive reverses.
   subroutine follow_part(self, stretch, first, last)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
@@ -241,7 +241,7 @@ contains
     end if
   end subroutine follow_part
 
-  !> The turns of the load between two instants between which the drive keeps its direction.
+  !> The extrema of the load between two instants between which the drive keeps its direction.
   subroutine follow_row(self, stretch, first, last)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
@@ -261,7 +261,7 @@ contains
     real(wp) :: force_ahead
 
     force_ahead = first%force + 0.5_wp*(last%time - first%time)*first%force_rate
-    if (self%cycles%may_turn(first%force_rate > 0.0_wp, force_ahead) .or. &
+    if (self%cycles%may_be_extremum(first%force_rate > 0.0_wp, force_ahead) .or. &
       (last%time >= self%half .and. (force_ahead > self%late_highest .or. force_ahead < self%late_lowest))) &
       call take_force(self, moment_at_zero(elongation_rate, stretch, first%time, last%time, [first%force_rate, last%force_rate]))
   end subroutine refine_extreme

@@ -29,6 +29,11 @@ module dst_assembly
 
   !> How long the largest slip speed is remembered, in radians of the faster oscillation.
   real(wp), parameter :: memory = 10.0_wp
+  !> Share of the peak speed over sqrt(rtol) below which a stop is finished in closed form: the distance left is below rtol of
+  !> what was slipped.
+  real(wp), parameter :: cut_factor = 0.03_wp
+  !> Share of its largest velocity below which a ramp through zero is at rest (low frequency), over sqrt(rtol), and at least.
+  real(wp), parameter :: rest_factor = 0.1_wp, least_rest = 3.0e-6_wp
 
 contains
 
@@ -39,7 +44,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(slider_t) :: slider
     type(drive_t) :: drive
-    class(slip_system_t), allocatable :: resting, guided
+    class(slip_system_t), allocatable :: resting, sliding
     class(stepper_t), allocatable :: stepper
     class(stepping_t), allocatable :: first, with_rest, without
     logical :: rests_first
@@ -50,18 +55,18 @@ contains
       call start_creep(scene, slider, drive, motion, error)
       return
     end if
-    call choose_equations(scene, slider, drive, resting, guided, error)
-    if (.not. allocated(error)) call check_method(scene, drive, resting, guided, error)
+    call choose_equations(scene, slider, drive, resting, sliding, error)
+    if (.not. allocated(error)) call check_method(scene, drive, resting, sliding, error)
     if (allocated(error)) return
     if (allocated(resting)) then
       call choose_method(scene, slider, resting, stepper)
     else
-      call choose_method(scene, slider, guided, stepper)
+      call choose_method(scene, slider, sliding, stepper)
     end if
     rests_first = allocated(resting)
-    if (rests_first .and. allocated(guided)) rests_first = drive%segment(1)%rests
+    if (rests_first .and. allocated(sliding)) rests_first = drive%segment(1)%rests
     if (allocated(resting)) call new_resting(scene, slider, drive, resting, stepper%explicit, with_rest)
-    if (allocated(guided)) call new_guided(scene, slider, drive, guided, without)
+    if (allocated(sliding)) call new_sliding(scene, slider, drive, sliding, without)
     if (rests_first) then
       call move_alloc(with_rest, first)
     else
@@ -75,27 +80,27 @@ contains
   end subroutine new_motion
 
   !> The equations of motion by name: of motion that can rest (exact contact), of motion that cannot, or both.
-  subroutine choose_equations(scene, slider, drive, resting, guided, error)
+  subroutine choose_equations(scene, slider, drive, resting, sliding, error)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(inout) :: slider
     type(drive_t), intent(inout) :: drive
-    class(slip_system_t), allocatable, intent(out) :: resting, guided
+    class(slip_system_t), allocatable, intent(out) :: resting, sliding
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: slow
 
     select case (scene%model)
     case ('low_frequency')
-      slider%follows = [1.0_wp, 0.0_wp]
-      slider%turns = .false.
+      slider%free = [1.0_wp, 0.0_wp]
+      slider%direction_free = .false.
       resting = new_straight_slip(slider, 1, [0.0_wp, 0.0_wp])
       if (.not. abs(slider%along(2)) > 0.0_wp) return
       ! The way driven while a ramp passes through zero goes with the square of this share of its velocity.
-      slow = max(3.0e-6_wp, 0.1_wp*sqrt(scene%rtol))
+      slow = max(least_rest, rest_factor*sqrt(scene%rtol))
       drive = drive%with_rests(slow)
-      guided = new_low_frequency(slider)
+      sliding = new_low_frequency(slider)
     case ('high_frequency')
-      slider%follows = [0.0_wp, 1.0_wp]
-      slider%turns = .false.
+      slider%free = [0.0_wp, 1.0_wp]
+      slider%direction_free = .false.
       if (abs(slider%stiffness(1)*scene%elongation_x) >= slider%law%static_limit) then
         call raise(error, deck_error, 'high_frequency holds for a longitudinal load below the static limit: '// &
           '|stiffness_x*elongation_x| must be < mu_0*normal_load = '//trim(short_text(slider%law%static_limit))//' N', &
@@ -108,7 +113,7 @@ contains
       if (scene%contact == 'exact' .and. scene%method /= 'moreau_jean') then
         resting = new_full_polar(slider)
       else
-        guided = new_full_smoothed(slider)
+        sliding = new_full_smoothed(slider)
       end if
     end select
   end subroutine choose_equations
@@ -148,15 +153,15 @@ contains
   end subroutine slider_from_scene
 
   !> Methods that cannot follow this motion.
-  subroutine check_method(scene, drive, resting, guided, error)
+  subroutine check_method(scene, drive, resting, sliding, error)
     type(scene_t), intent(in) :: scene
     type(drive_t), intent(in) :: drive
-    class(slip_system_t), allocatable, intent(in) :: resting, guided
+    class(slip_system_t), allocatable, intent(in) :: resting, sliding
     type(error_t), allocatable, intent(out) :: error
     logical :: may_rest
 
     may_rest = allocated(resting)
-    if (may_rest .and. allocated(guided)) may_rest = any(drive%segment%start < scene%t_end .and. drive%segment%rests)
+    if (may_rest .and. allocated(sliding)) may_rest = any(drive%segment%start < scene%t_end .and. drive%segment%rests)
     if (scene%method == 'rk4' .and. may_rest) then
       call raise(error, deck_error, "method 'rk4' cannot follow the exact contact, and here the object may come to rest: "// &
         'use an adaptive method', 'integrator.method')
@@ -207,8 +212,7 @@ contains
     else
       allocate (implicit_slip_t :: made)
     end if
-    ! Below this share of the peak speed a stop is finished in closed form: the distance left is below rtol of what was slipped.
-    made%cut_share = 0.03_wp*sqrt(scene%rtol)
+    made%cut_share = cut_factor*sqrt(scene%rtol)
     call move_alloc(made, motion)
     motion%step_max = scene%step_max
     call motion%set_up(slider, drive, scene%t_end)
@@ -216,7 +220,7 @@ contains
   end subroutine new_resting
 
   !> Motion that rests only as the scheme finds it, or not at all.
-  subroutine new_guided(scene, slider, drive, system, motion)
+  subroutine new_sliding(scene, slider, drive, system, motion)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     type(drive_t), intent(in) :: drive
@@ -233,7 +237,7 @@ contains
     motion%fixed_step = scene%step
     call motion%set_up(slider, drive, scene%t_end)
     call move_alloc(system, motion%system)
-  end subroutine new_guided
+  end subroutine new_sliding
 
   !> Initial elongation and slip velocity X'(0) = velocity_ratio V(0), Y'(0) = 0.
   subroutine start_motion(scene, motion)

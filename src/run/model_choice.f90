@@ -58,8 +58,8 @@ module dst_model_choice
   real(wp), parameter :: inertia_margin = 5.0_wp, elasticity_margin = 3.0_wp, fast_margin = 2.0_wp
   !> The fast oscillation: half periods in its advance (2 pi rounded down), and the factor of the square of its force.
   real(wp), parameter :: half_period_factor = 6.0_wp, fast_force_factor = 2.0_wp
-  !> Of stick-slip the margin, the weight of k_x/k_y beside the fast growth, and the swing over F_0 below which cycles are sensitive,
-  !> with their power.
+  !> Of stick-slip the margin, the weight of k_x/k_y beside the fast growth, and the swing over F_0 below which cycles are
+  !> sensitive, with their power.
   real(wp), parameter :: cycle_margin = 5.0_wp, anisotropy_weight = 30.0_wp, small_swing = 0.45_wp, swing_power = 1.5_wp
   !> Range of stick-slip: least cycles, least -F' over sqrt(m k_x), largest share of the critical tan(phi)^2, largest V/v_f.
   real(wp), parameter :: least_cycles = 2.0_wp, least_weakening = 2.5_wp, largest_share = 0.6_wp, largest_speed = 0.5_wp

@@ -24,6 +24,8 @@ module dst_simulation
   integer, parameter :: buffer_rows = 512
   !> The clock is read once every so many pieces.
   integer, parameter :: pieces_between_looks = 16
+  !> Roundoff of a multiple of the interval, relative to it.
+  real(wp), parameter :: time_roundoff = 4.0_wp*epsilon(1.0_wp)
 
   !> One run: what is integrated, with what, and what is recorded.
   type :: simulation_t
@@ -275,7 +277,7 @@ contains
     end if
     sample_time = real(self%samples, wp)*self%scene%interval
     ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
-    if (sample_time >= self%scene%t_end*(1.0_wp - 4.0_wp*epsilon(sample_time))) sample_time = self%scene%t_end
+    if (sample_time >= self%scene%t_end*(1.0_wp - time_roundoff)) sample_time = self%scene%t_end
   end function sample_time
 
   !> One row of output at a time inside the last piece.

@@ -68,9 +68,9 @@ module dst_lanes
     logical, public :: done(lane_count) = .false.
     ! Of the scenes; refused are those that the method cannot follow.
     logical :: refused(lane_count) = .false.
-    real(wp), dimension(lane_count) :: mass = 1.0_wp, stiffness = 1.0_wp, along = 1.0_wp, across = 0.0_wp
-    real(wp), dimension(lane_count) :: velocity = 0.0_wp, guided = 1.0_wp
-    real(wp), dimension(lane_count) :: limit = 0.0_wp, drop = 0.0_wp, decay = 0.0_wp, onset = 0.0_wp
+    real(wp), dimension(lane_count) :: mass = 1.0_wp, stiffness = 1.0_wp, cos_phi = 1.0_wp, across = 0.0_wp
+    real(wp), dimension(lane_count) :: velocity = 0.0_wp, sin_phi = 1.0_wp
+    real(wp), dimension(lane_count) :: limit = 0.0_wp, drop = 0.0_wp, decay = 0.0_wp, static_limit = 0.0_wp
     real(wp), dimension(lane_count) :: t_end = 0.0_wp, tolerance = 1.0_wp, noise = 0.0_wp, longest_step = 0.0_wp
     real(wp), dimension(lane_count) :: first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp
     integer(int64) :: max_steps(lane_count) = 0
@@ -115,11 +115,11 @@ contains
       .and. abs(scene%drive_velocity(1)*slider%along(2)) > 0.0_wp)
     self%mass(lane) = slider%mass
     self%stiffness(lane) = slider%stiffness(1)
-    self%along(lane) = slider%along(1)
-    self%guided(lane) = slider%along(2)
+    self%cos_phi(lane) = slider%along(1)
+    self%sin_phi(lane) = slider%along(2)
     self%velocity(lane) = scene%drive_velocity(1)
     self%across(lane) = self%velocity(lane)*slider%along(2)
-    self%onset(lane) = slider%law%static_limit
+    self%static_limit(lane) = slider%law%static_limit
     self%t_end(lane) = scene%t_end
     self%tolerance(lane) = scene%rtol
     self%noise(lane) = slider%acceleration_noise()
@@ -142,8 +142,8 @@ contains
       now%u(lane) = self%first_u(lane)
       now%w(lane) = w
       self%summary(lane) = summary_t()
-      call self%summary(lane)%cycles%begin(self%along(lane), self%onset(lane), self%stiffness(lane), self%mass(lane))
-      now%u_rate(lane) = self%velocity(lane)*self%along(lane) - w
+      call self%summary(lane)%cycles%begin(self%cos_phi(lane), self%static_limit(lane), self%stiffness(lane), self%mass(lane))
+      now%u_rate(lane) = self%velocity(lane)*self%cos_phi(lane) - w
       self%moment(lane) = moment_of(self, lane)
       call self%summary(lane)%begin(self%moment(lane), energy(self, lane), self%t_end(lane))
     end associate
@@ -164,7 +164,7 @@ contains
     integer, intent(in) :: lane
     real(wp), intent(in) :: w
 
-    rate_along = self%along(lane)*w + self%guided(lane)*self%across(lane)
+    rate_along = self%cos_phi(lane)*w + self%sin_phi(lane)*self%across(lane)
   end function rate_along
 
   !> X, from what the drive moved and the spring did not follow.
@@ -173,7 +173,7 @@ contains
     integer, intent(in) :: lane
     real(wp), intent(in) :: time, u
 
-    position_of = self%first_position(lane) + self%velocity(lane)*time - self%along(lane)*(u - self%first_u(lane))
+    position_of = self%first_position(lane) + self%velocity(lane)*time - self%cos_phi(lane)*(u - self%first_u(lane))
   end function position_of
 
   !> Kinetic and elastic energy of the motion along the soft axis [J].
@@ -212,12 +212,12 @@ contains
       call slow_forces(lane_count, pull, now%w, self%across, speed, friction, slope, force, damping, &
         now%dissipation, dissipation_w, supply, supply_w)
       do i = 1, lane_count
-        now%u_rate(i) = self%velocity(i)*self%along(i) - now%w(i)
+        now%u_rate(i) = self%velocity(i)*self%cos_phi(i) - now%w(i)
         now%w_rate(i) = force(i)/self%mass(i)
         now%growth(i) = -damping(i)/self%mass(i)
         now%w_curvature(i) = self%stiffness(i)/self%mass(i)*now%u_rate(i) + now%growth(i)*now%w_rate(i)
-        now%supply(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u(i) + supply(i)
-        now%supply_rate(i) = self%velocity(i)*self%along(i)*self%stiffness(i)*now%u_rate(i) + supply_w(i)*now%w_rate(i)
+        now%supply(i) = self%velocity(i)*self%cos_phi(i)*self%stiffness(i)*now%u(i) + supply(i)
+        now%supply_rate(i) = self%velocity(i)*self%cos_phi(i)*self%stiffness(i)*now%u_rate(i) + supply_w(i)*now%w_rate(i)
         now%dissipation_rate(i) = dissipation_w(i)*now%w_rate(i)
       end do
     end associate
@@ -386,7 +386,7 @@ contains
           friction(l) = self%limit(l) + weakening(self%drop(l), self%decay(l), speed(l))
         end do
         do l = 1, lane_count
-          sum_u(l) = self%velocity(l)*self%along(l) - w(l) + sum_u(l)/h(l)
+          sum_u(l) = self%velocity(l)*self%cos_phi(l) - w(l) + sum_u(l)/h(l)
           sum_w(l) = (self%stiffness(l)*u(l) - friction(l)*w(l)/speed(l))/self%mass(l) + sum_w(l)/h(l)
           k_w(l, i) = pivot(l)*(sum_w(l) + gamma*h(l)*self%stiffness(l)/self%mass(l)*sum_u(l))
           k_u(l, i) = gamma*h(l)*(sum_u(l) - k_w(l, i))

@@ -190,10 +190,10 @@ contains
     worst = 0.0_wp
     do trial = 1, 40
       slider = random_slider(merge('weakening', 'constant ', modulo(trial, 4) > 0))
-      slider%turns = .false.
-      slider%follows = merge([1.0_wp, 0.0_wp], [0.0_wp, 1.0_wp], modulo(trial, 2) == 0)
+      slider%direction_free = .false.
+      slider%free = merge([1.0_wp, 0.0_wp], [0.0_wp, 1.0_wp], modulo(trial, 2) == 0)
       straight = new_straight_slip(slider, merge(1, 2, modulo(trial, 2) == 0), [1.0e-4_wp, 1.0e-7_wp])
-      call straight%face(sum(uniform(1, -pi, pi)))
+      call straight%set_slip_direction(sum(uniform(1, -pi, pi)))
       worst = max(worst, jacobian_errors(straight, slider, .false.))
     end do
     call report('straight slip', worst)
@@ -241,7 +241,7 @@ contains
     force = slider%law%static_limit/slider%mass
     scale = [0.01_wp, merge(1.0_wp, 0.01_wp, polar)]
     if (slider%smoothing > 0.0_wp) scale = min(scale, sqrt(slider%smoothing))
-    if (abs(system%guided) > 0.0_wp) scale = min(scale, abs(system%guided)*minval(abs(drive)))
+    if (abs(system%prescribed) > 0.0_wp) scale = min(scale, abs(system%prescribed)*minval(abs(drive)))
     worst = 0.0_wp
     do l = 1, n
       h = 1.0e-4_wp*slider%law%static_limit/slider%stiffness(system%axis + l - 1)
@@ -318,9 +318,9 @@ contains
     call check_close('polar: Eqs. (1)-(5)', worst(2), 0.0_wp, 16.0_wp*eps)
     call check_close('smoothed: Eqs. (1)-(5)', worst(3), 0.0_wp, 16.0_wp*eps)
     call check_close('inertia and dissipation', worst(4), 0.0_wp, 64.0_wp*eps)
-    call check('direction of the drive', all(abs(polar%along - slider%along) <= 0.0_wp) &
-      .and. all(abs(smoothed%along - slider%along) <= 0.0_wp))
-    call check('force along the drive', all(abs(polar%along_stiffness - slider%stiffness*slider%along) <= 0.0_wp))
+    call check('direction of the drive', all(abs(polar%drive_coupling - slider%along) <= 0.0_wp) &
+      .and. all(abs(smoothed%drive_coupling - slider%along) <= 0.0_wp))
+    call check('force along the drive', all(abs(polar%drive_stiffness - slider%stiffness*slider%along) <= 0.0_wp))
     y = 0.0_wp
     call smoothed%dynamics(s, still, u, y, w_y, terms)
     call check('smoothed: finite at rest', all(abs(terms%force) <= huge(1.0_wp)) .and. all(abs(terms%force_y) <= huge(1.0_wp)) &
@@ -352,16 +352,16 @@ contains
       worst(1) = max(worst(1), abs(w(2) - drive*slider%along(2))/v, &
         abs(slider%mass*terms%force(1, 1) - slider%stiffness(1)*u(1) + friction(1)*w(1)/v)/slider%law%static_limit)
       ! X' = w . e; the power put in is that stored and that lost.
-      worst(2) = max(worst(2), abs(low%forward(1)*w(1) + low%carried*drive - dot_product(w, slider%along))/v)
-      input = drive*low%along_stiffness(1)*u(1) + terms%supply(1)
+      worst(2) = max(worst(2), abs(low%advance_by_slip(1)*w(1) + low%advance_by_drive*drive - dot_product(w, slider%along))/v)
+      input = drive*low%drive_stiffness(1)*u(1) + terms%supply(1)
       worst(2) = max(worst(2), abs(input - terms%dissipation(1) - slider%mass*w(1)*terms%force(1, 1) &
         - slider%stiffness(1)*u(1)*(drive*slider%along(1) - w(1)))/(slider%law%static_limit*v))
 
-      slider%follows = [0.0_wp, 1.0_wp]
-      slider%turns = .false.
+      slider%free = [0.0_wp, 1.0_wp]
+      slider%direction_free = .false.
       straight = new_straight_slip(slider, 2, u)
       y(2) = sum(uniform(1, -pi, pi))
-      call straight%face(y(2))
+      call straight%set_slip_direction(y(2))
       n = straight%direction
       y(1) = abs(y(1))
       w = straight%slip_velocity([y, 0.0_wp], drive)
@@ -370,8 +370,8 @@ contains
       call straight%dynamics(1, [drive], u(2:2), y(1:1), gradient, terms)
       worst(3) = max(worst(3), norm2(w - y(1)*n)/y(1), abs(one(1, 1) - w(2))/y(1), &
         abs(slider%mass*terms%force(1, 1) - dot_product(slider%stiffness*u, n) + friction(1))/slider%law%static_limit)
-      worst(4) = max(worst(4), abs(straight%forward(2)*w(2) - dot_product(w, slider%along))/y(1))
-      input = drive*straight%along_stiffness(2)*u(2) + terms%supply(1)
+      worst(4) = max(worst(4), abs(straight%advance_by_slip(2)*w(2) - dot_product(w, slider%along))/y(1))
+      input = drive*straight%drive_stiffness(2)*u(2) + terms%supply(1)
       worst(4) = max(worst(4), abs(input - terms%dissipation(1) - slider%mass*y(1)*terms%force(1, 1) &
         - slider%stiffness(2)*u(2)*(drive*slider%along(2) - w(2)))/(slider%law%static_limit*y(1)))
     end do
@@ -629,12 +629,12 @@ contains
     type(state_t), intent(in) :: from
     type(state_t), intent(out) :: to
     logical, intent(out) :: ends
-    type(braking_t) :: course
+    type(braking_t) :: stopping
 
     to = from
-    course = braking(slider, drive, from)
-    ends = course%falls .and. course%acceleration < 0.0_wp
-    if (ends) to = course%end_of_slip(slider, drive, from)
+    stopping = braking(slider, drive, from)
+    ends = stopping%falls .and. stopping%acceleration < 0.0_wp
+    if (ends) to = stopping%end_of_slip(slider, drive, from)
   end subroutine brake
 
   !> The last instants before a stop: exact for constant friction along a line up to the second order in the time left, and the
