@@ -16,7 +16,7 @@ module dst_sweep_file
   use dst_signals, only: is_told_to_end, stopped_by
   use dst_sweep, only: sweep_t, case_t, axis_t, value_count, value_quantities, wall_time_value, series_quantities
   use dst_seal, only: has_sound_seal
-  use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, reader_t, without_concern, open_records, &
+  use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, shard_t, without_concern, open_records, &
     read_record, shards_of
   use dst_text, only: integer_text
   use dst_writer, only: quantity_t
@@ -306,7 +306,7 @@ contains
     type(block_t), intent(inout) :: block
     type(error_t), allocatable, intent(out) :: error
     type(case_t) :: case
-    type(reader_t) :: reader
+    type(shard_t), target :: reader
     integer(int64) :: place
     integer :: stretch, shard, i
     logical :: is_possible
