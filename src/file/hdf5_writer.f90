@@ -484,7 +484,7 @@ contains
     real(real64), intent(in), contiguous :: values(:)
     type(hdf5_t), intent(inout) :: h5
 
-    call append(self%dataset, values, h5)
+    call append(self%dataset, size(values), values, h5)
     call self%checksum%add_words(transfer(values, [0_int64]))
   end subroutine append_to_column
 

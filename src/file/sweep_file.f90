@@ -7,7 +7,7 @@ module dst_sweep_file
   use dst_disk, only: path_t, place_of, utc_at, with_remedy, ignore_size_limit_signal
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, create_group, dataset_t, &
-    create_dataset, append, make_scale, attach_scale
+    create_dataset, append, append_texts, make_scale, attach_scale
   use dst_hdf5_origin, only: sweep_state_t, state_of_sweep
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
   use dst_kinds, only: int64, real64
@@ -220,7 +220,7 @@ contains
     call create_group(group, 'series', series, h5)
     call create_dataset(series, quantity_t('time', 's', 'time of the samples'), min(8192, rows), time, h5, h5t_ieee_f64le)
     call make_scale(time, 'time', h5)
-    call append(time, real(sweep%series_times(), real64), h5)
+    call append(time, rows, real(sweep%series_times(), real64), h5)
     do i = 1, size(columns)
       call create_dataset(series, columns(i), max(1, usual_chunk/rows), output%series(i), h5, h5t_ieee_f64le, row_length=rows)
       call attach_scale(output%series(i), output%columns(1), h5)
@@ -362,18 +362,18 @@ contains
 
     last = size(output%columns)
     do i = 1, last
-      call append(output%columns(i), block%columns(:block%count, i), h5)
+      call append(output%columns(i), block%count, block%columns(:block%count, i), h5)
     end do
     do i = 1, size(output%series)
-      call append(output%series(i), block%series(:, :block%count, i), h5)
+      call append(output%series(i), block%count, block%series(:, :, i), h5)
     end do
     failed = pack([(i, i=1, block%count)], block%columns(:block%count, last) > 0.0_real64)
     allocate (messages(size(failed)))
     do i = 1, size(failed)
       messages(i)%text = block%message(failed(i))%text
     end do
-    call append(output%failed, real(failed + block%first - 1, real64), h5)
-    call append(output%failure, messages, h5)
+    call append(output%failed, size(failed), real(failed + block%first - 1, real64), h5)
+    call append_texts(output%failure, messages, h5)
   end subroutine write_block
 
   !> What there is of the sweep.

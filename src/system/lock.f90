@@ -8,7 +8,7 @@ module dst_lock
   use dst_kinds, only: wp, int64
   use dst_disk, only: identity_t, identity_of, operator(==), path_t, create_file, open_own_file, close_descriptor, delete_file, &
     delete_own_file, folder_of, is_folder, lock_attempt, locked, held, without_locks, matching_files, read_bytes, set_file_size, &
-    unique_word, wait_seconds, with_remedy, write_bytes
+    unique_word, wait_seconds, write_bytes
   use dst_machine, only: host_name
   use dst_posix, only: c_errno, c_getpid, c_kill, dst_eexist, dst_esrch
   use dst_text, only: integer_text
@@ -105,7 +105,6 @@ contains
       before = holder_in('')
     else
       if (c_errno() /= dst_eexist) then
-        reason = with_remedy(reason)
         if (.not. is_folder(folder_of(self%file_name))) reason = 'the folder '//folder_of(self%file_name)// &
           ' does not exist: create it first'
         return
