@@ -21,6 +21,7 @@ module dst_hdf5_tools
     h5pcreate_f, h5pset_chunk_f, h5pset_chunk_cache_f, h5pset_fletcher32_f, h5pget_layout_f, h5pget_nfilters_f, &
     h5pget_filter_f, h5pget_external_count_f, h5z_filter_shuffle_f, h5z_filter_fletcher32_f, h5p_dataset_create_f, &
     h5p_dataset_access_f
+  use h5ds, only: h5dsset_scale_f, h5dsattach_scale_f
   use dst_kinds, only: wp, real64
   use dst_disk, only: path_t, wait_seconds, with_remedy
   use dst_posix, only: fortran_text
@@ -84,18 +85,6 @@ module dst_hdf5_tools
       integer(c_int64_t), value :: file, access
       type(c_ptr), intent(out) :: handle
     end function h5fget_vfd_handle
-
-    integer(c_int) function h5dsset_scale(dataset, name) bind(c, name='H5DSset_scale')
-      import :: c_int, c_int64_t, c_char
-      integer(c_int64_t), value :: dataset
-      character(c_char), intent(in) :: name(*)
-    end function h5dsset_scale
-
-    integer(c_int) function h5dsattach_scale(dataset, scale, axis) bind(c, name='H5DSattach_scale')
-      import :: c_int, c_int64_t
-      integer(c_int64_t), value :: dataset, scale
-      integer(c_int), value :: axis
-    end function h5dsattach_scale
   end interface
 
 contains
@@ -713,19 +702,19 @@ contains
     character(*), intent(in) :: name
     type(hdf5_t), intent(inout) :: h5
 
-    if (h5%status >= 0) h5%status = h5dsset_scale(int(dataset%id, c_int64_t), c_bytes(name))
+    if (h5%status >= 0) call h5dsset_scale_f(dataset%id, h5%status, name)
   end subroutine make_scale
 
-  !> Let `scale` be the coordinate of a dataset along its side `side` from 0, in the order of C.
+  !> Let `scale` be the coordinate of a dataset along its side `side`, or along the one that grows.
   subroutine attach_scale(dataset, scale, h5, side)
     type(dataset_t), intent(in) :: dataset, scale
     type(hdf5_t), intent(inout) :: h5
     integer, intent(in), optional :: side
-    integer(c_int) :: which
+    integer :: which
 
-    which = 0
-    if (present(side)) which = int(side, c_int)
-    if (h5%status >= 0) h5%status = h5dsattach_scale(int(dataset%id, c_int64_t), int(scale%id, c_int64_t), which)
+    which = size(extent(dataset, 0_hsize_t))
+    if (present(side)) which = side
+    if (h5%status >= 0) call h5dsattach_scale_f(dataset%id, scale%id, which, h5%status)
   end subroutine attach_scale
 
   !> The names of all that a file or group holds, in alphabetical order; of many the first.
