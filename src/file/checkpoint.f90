@@ -12,16 +12,20 @@ module dst_checkpoint
   implicit none
   private
 
-  public :: checkpoint_t, checkpoint_name, is_checkpoint, encoded, read_checkpoint
+  public :: provenance_t, checkpoint_t, checkpoint_name, is_checkpoint, encoded, read_checkpoint
 
-  !> What a checkpoint holds besides the state: which run it belongs to, and what stood in the result file then.
-  type :: checkpoint_t
+  !> Which run it is.
+  type :: provenance_t
     character(:), allocatable :: version, git_revision, compiler   !! of the program that began the run
-    character(:), allocatable :: deck_sha256       !! of the deck as read
-    character(:), allocatable :: created           !! when the run began
-    character(:), allocatable :: result_checksum   !! in the seal of a run that was stopped; '-' while it goes on
+    character(:), allocatable :: created           !! when the run began: ISO 8601, UTC
     character(:), allocatable :: deck_text         !! the deck as read
     character(:), allocatable :: deck_resolved     !! every key as used: --set makes another deck
+    character(:), allocatable :: deck_sha256       !! of the deck as read
+  end type provenance_t
+
+  !> What a checkpoint holds: to which run it belongs, what stood in the result file then, the state.
+  type, extends(provenance_t) :: checkpoint_t
+    character(:), allocatable :: result_checksum   !! in the seal of a run that was stopped; '-' while it goes on
     integer(int64), allocatable :: words(:)        !! the state
   end type checkpoint_t
 

@@ -16,6 +16,7 @@ module dst_hdf5_writer
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t
   use dst_archive, only: archive_t
+  use dst_checkpoint, only: provenance_t
   use dst_crc32, only: crc32_t
   use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy, &
     ignore_size_limit_signal
@@ -31,18 +32,14 @@ module dst_hdf5_writer
   public :: bookmark_t, empty_bookmark, create_hdf5, rebuild_hdf5, reopen_hdf5
 
   !> What a file says about its run before the run begins.
-  type :: run_metadata_t
-    character(:), allocatable :: program, version, git_revision, compiler
-    character(:), allocatable :: created         !! ISO 8601, UTC
+  type, extends(provenance_t) :: run_metadata_t
+    character(:), allocatable :: program
     character(:), allocatable :: model, method
     character(:), allocatable :: model_choice    !! why 'auto' is this model; '' if it was not asked
     character(:), allocatable :: build_flags     !! of the compiler
     character(:), allocatable :: host, job       !! where it was written, and in which job of a scheduler; '' in none
     character(:), allocatable :: mpi             !! the library; '' if the program has none
     integer :: processes = 1, threads = 1        !! that shared the work; threads of each process
-    character(:), allocatable :: deck_text       !! the deck as read
-    character(:), allocatable :: deck_resolved   !! every key as used
-    character(:), allocatable :: deck_sha256
     type(parameter_t), allocatable :: parameters(:)
   end type run_metadata_t
 
