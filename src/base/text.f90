@@ -5,7 +5,7 @@ module dst_text
   private
 
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
-  public :: lower_case, starts_with, word, word_count, has_word, nearest_word, alternatives, excerpt, printable, &
+  public :: lower_case, starts_with, value_in, word, word_count, has_word, nearest_word, alternatives, excerpt, printable, &
     one_per_line
   public :: real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
 
@@ -88,6 +88,21 @@ contains
     starts_with = .false.
     if (len(text) >= len(beginning)) starts_with = text(:len(beginning)) == beginning
   end function starts_with
+
+  !> The rest of the first line of `text` but its very first that begins with `name` and a blank; '' if none does.
+  pure function value_in(text, name) result(value)
+    character(*), intent(in) :: text, name
+    character(:), allocatable :: value
+    integer :: first, width
+
+    value = ''
+    first = index(text, newline//name//' ')
+    if (first == 0) return
+    first = first + len(name) + 2
+    width = index(text(first:), newline) - 1
+    if (width < 0) width = len(text) - first + 1
+    value = text(first:first + width - 1)
+  end function value_in
 
   !> Word `n` of a list separated by single blanks; '' if there are fewer.
   pure function word(list, n) result(text)
