@@ -168,46 +168,35 @@ contains
     type(head_t), intent(in) :: head
     type(layout_t), intent(in) :: layout
     type(error_t), allocatable, intent(out) :: error
+    type(index_t) :: index
+    type(head_t) :: found
+    integer(int64) :: words
+    character(:), allocatable :: file_name, reason
     logical :: is_others
     integer :: others
 
     others = 0
     do
-      call open_own(shard, shard_name(result_file, number, others), head, layout, is_others, error)
+      file_name = shard_name(result_file, number, others)
+      call open_locked(file_name, head, shard, is_others, error)
+      if (.not. (allocated(error) .or. is_others)) then
+        call read_head(shard, found, error)
+        if (.not. allocated(error)) is_others = .not. found%is_part_of(head)
+      end if
       if (.not. is_others) exit
+      call shard%close()
       others = others + 1
     end do
-  end subroutine open_shard
-
-  !> Open the shard `file_name`, new or one that this process is to go on with, unless it is of others.
-  subroutine open_own(shard, file_name, head, layout, is_others, error)
-    type(shard_t), intent(inout), target :: shard
-    character(*), intent(in) :: file_name
-    type(head_t), intent(in) :: head
-    type(layout_t), intent(in) :: layout
-    logical, intent(out) :: is_others
-    type(error_t), allocatable, intent(out) :: error
-    type(index_t) :: index
-    type(head_t) :: found
-    integer(int64) :: words
-    character(:), allocatable :: reason
-
-    call open_locked(file_name, head, shard, is_others, error)
-    if (allocated(error) .or. is_others) return
-    call read_head(shard, found, error)
-    if (.not. allocated(error)) is_others = .not. found%is_part_of(head)
-    if (.not. (allocated(error) .or. is_others)) call check_sweep(file_name, found, head, error)
-    if (.not. (allocated(error) .or. is_others)) then
+    if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
+    if (.not. allocated(error)) then
       allocate (index%state(0))
       call scan(shard, found, layout, 1, index, words)
       call set_file_size(shard%descriptor, word_bytes*words)
-      if (words > 0) return
-      call append_words(shard%descriptor, words_of(head, seconds_now()), reason)
-      if (.not. allocated(reason)) return
-      call raise(error, file_error, file_name//': '//reason)
+      if (words == 0) call append_words(shard%descriptor, words_of(head, seconds_now()), reason)
+      if (allocated(reason)) call raise(error, file_error, file_name//': '//reason)
     end if
-    call shard%close()
-  end subroutine open_own
+    if (allocated(error)) call shard%close()
+  end subroutine open_shard
 
   !> Open and lock a shard. Who has it may be of another division, or have just created it.
   subroutine open_locked(file_name, head, shard, is_others, error)
