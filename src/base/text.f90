@@ -109,20 +109,13 @@ contains
     character(*), intent(in) :: list
     integer, intent(in) :: n
     character(:), allocatable :: text
-    integer :: first, i, width
+    integer :: i
 
-    first = 1
-    do i = 1, n
-      if (first > len_trim(list)) exit
-      width = scan(list(first:), ' ') - 1
-      if (width < 0) width = len(list) - first + 1
-      if (i == n) then
-        text = list(first:first + width - 1)
-        return
-      end if
-      first = first + width + 1
+    text = list
+    do i = 2, n
+      text = text(index(text//' ', ' ') + 1:)
     end do
-    text = ''
+    text = text(:index(text//' ', ' ') - 1)
   end function word
 
   !> Number of words of a list separated by blanks.

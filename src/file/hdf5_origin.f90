@@ -1,6 +1,7 @@
 !> What a result file says about the run that wrote it, and whether that run can be gone on with.
 module dst_hdf5_origin
   use hdf5, only: hid_t, h5fclose_f, h5lexists_f
+  use dst_checkpoint, only: provenance_t
   use dst_disk, only: file_size
   use dst_errors, only: error_t, raise, file_error
   use dst_process, only: guard_t
@@ -12,12 +13,10 @@ module dst_hdf5_origin
   public :: origin_t, read_origin, check_is_result, is_hdf5, sweep_state_t, state_of_sweep, describe_result
 
   !> What the header of a result file says of the run.
-  type :: origin_t
+  type, extends(provenance_t) :: origin_t
     integer :: complete = 0
     integer :: result_code = -1
-    character(:), allocatable :: result_text, created, deck_sha256
-    character(:), allocatable :: deck_text       !! the deck as read
-    character(:), allocatable :: deck_resolved   !! every key as used
+    character(:), allocatable :: result_text
   end type origin_t
 
   !> What the result file of a sweep says of it.

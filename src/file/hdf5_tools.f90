@@ -24,7 +24,7 @@ module dst_hdf5_tools
   use h5ds, only: h5dsset_scale_f, h5dsattach_scale_f
   use dst_kinds, only: wp, real64
   use dst_disk, only: path_t, wait_seconds, with_remedy
-  use dst_posix, only: fortran_text
+  use dst_posix, only: fortran_text, ignore_size_limit_signal
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -89,11 +89,13 @@ module dst_hdf5_tools
 
 contains
 
-  !> Make HDF5 ready: silent on errors, and without its clean-up at exit, which loops when the disk is full.
+  !> Make HDF5 ready: silent on errors, also on those of a limit of file sizes, and without its clean-up at exit, which loops when the
+  !> disk is full.
   subroutine start_hdf5(h5)
     type(hdf5_t), intent(out) :: h5
     integer :: ignored
 
+    call ignore_size_limit_signal()
     call h5dont_atexit_f(ignored)
     call h5open_f(h5%status)
     if (h5%status >= 0) call h5eset_auto_f(0, h5%status)

@@ -18,8 +18,7 @@ module dst_hdf5_writer
   use dst_archive, only: archive_t
   use dst_checkpoint, only: provenance_t
   use dst_crc32, only: crc32_t
-  use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy, &
-    ignore_size_limit_signal
+  use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
     put_attribute, put_value, create_group, delete_link, release, dataset_t, create_dataset, open_dataset, append, cut, &
     read_rows, make_scale, attach_scale
@@ -121,7 +120,6 @@ contains
     type(hdf5_t) :: h5
 
     call prepare(self, shown_name, columns, expected_rows)
-    call ignore_size_limit_signal()
     call start_hdf5(h5)
     call open_file(file_name, h5f_acc_excl_f, self%file, h5)
     call file_descriptor(self%file, self%descriptor, h5)
@@ -292,7 +290,6 @@ contains
     type(hdf5_t) :: h5
 
     call prepare(self, shown_name, columns, expected_rows)
-    call ignore_size_limit_signal()
     call start_hdf5(h5)
     call open_file(file_name, h5f_acc_rdwr_f, self%file, h5)
     call file_descriptor(self%file, self%descriptor, h5)

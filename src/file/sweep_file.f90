@@ -4,7 +4,7 @@
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use hdf5, only: hid_t, h5fclose_f, h5f_acc_excl_f, h5t_ieee_f64le, h5t_std_i32le
-  use dst_disk, only: path_t, place_of, utc_at, with_remedy, ignore_size_limit_signal
+  use dst_disk, only: path_t, place_of, utc_at, with_remedy
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, create_group, dataset_t, &
     create_dataset, append, append_texts, make_scale, attach_scale
@@ -107,7 +107,6 @@ contains
       call file%release()
       return
     end if
-    call ignore_size_limit_signal()
     call start_hdf5(h5)
     call open_file(file%path(), h5f_acc_excl_f, output%file, h5)
     call file%adopt()
