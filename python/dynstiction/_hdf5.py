@@ -12,7 +12,7 @@ import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
-from ._open import open_file
+from ._open import info_of, open_file
 from .errors import FileError, IncompleteWarning
 from .record import EVENT_DTYPE, EVENTS, Described, Info, Record
 
@@ -73,22 +73,14 @@ def _read_contents(file: h5py.File, name: str) -> Record:
 
 def _read_columns(group: h5py.Group) -> dict[Info, NDArray[np.float64]]:
     """All columns of a group, cut to the length of the shortest: a killed run may have flushed them unevenly."""
-    datasets = dict(_read_group(group))
-    rows = min(dataset.shape[0] for dataset in datasets.values())
-    return {info: dataset.astype(np.float64)[:rows] for info, dataset in datasets.items()}
-
-
-def _read_group(group: h5py.Group) -> Iterable[tuple[Info, h5py.Dataset]]:
-    for name, dataset in group.items():
-        yield Info(name, dataset.attrs.get("units", "1"), dataset.attrs.get("long_name", "")), dataset
+    rows = min(dataset.shape[0] for dataset in group.values())
+    return {info_of(name, dataset): dataset.astype(np.float64)[:rows] for name, dataset in group.items()}
 
 
 def _read_scalars(file: h5py.File, group: str) -> Iterable[tuple[Info, Any]]:
-    if group not in file:
-        return
-    for info, dataset in _read_group(file[group]):
+    for name, dataset in file.get(group, {}).items():
         value = dataset[()]
-        yield info, value.decode() if isinstance(value, bytes) else value.tolist()
+        yield info_of(name, dataset), value.decode() if isinstance(value, bytes) else value.tolist()
 
 
 def _read_text(file: h5py.File, name: str) -> str:

@@ -24,6 +24,7 @@ __all__ = [
     "DeckSource",
     "DeckValues",
     "KeyInfo",
+    "Lock",
     "Run",
     "Session",
     "Sweep",
@@ -242,6 +243,29 @@ class DeckValues(Session):
         for (group, name), values in items.items():
             groups.setdefault(group, {})[name] = values[0] if len(values) == 1 else tuple(values)
         return groups
+
+
+class Lock(Session):
+    """The lock of a result file, the executable's, until it is closed.
+
+    Parameters
+    ----------
+    path : str
+        Of the result.
+
+    Raises
+    ------
+    FileError
+        If another process holds it, or it cannot be made.
+    """
+
+    name = "lock"
+
+    def __init__(self, path: str) -> None:
+        handle, status = _core.lock_open(_characters(path))
+        super().__init__(handle)
+        if status != 0:
+            raise error_for(status, _named_text(handle, "message"))
 
 
 class Run(Session):

@@ -9,11 +9,12 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from .errors import FileError
+from .record import Info
 
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
 
-__all__ = ["groups_in", "open_file"]
+__all__ = ["groups_in", "info_of", "open_file"]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FORMAT = b"\x02\x08\x08"
@@ -74,6 +75,11 @@ def groups_in(path: str | os.PathLike[str]) -> set[str]:
             return set(file)
     except FileError:
         return set()
+
+
+def info_of(name: str, dataset: h5py.Dataset) -> Info:
+    """What a dataset of a result file says of itself."""
+    return Info(name, str(dataset.attrs.get("units", "1")), str(dataset.attrs.get("long_name", "")))
 
 
 def _check(name: str) -> None:

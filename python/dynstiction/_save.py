@@ -62,11 +62,18 @@ def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = N
     folder, name = os.path.split(path)
     temporary = os.path.join(folder, f".{name[:100]}.{secrets.token_hex(8)}.part")
     try:
-        _write_bytes(temporary, image, SEAL % zlib.crc32(image))
+        with open(temporary, "xb") as stream:
+            stream.write(image)
+            stream.write(SEAL % zlib.crc32(image))
+            stream.flush()
+            os.fsync(stream.fileno())
         _put_in_place(temporary, path, overwrite)
     except (OSError, ValueError) as error:  # ValueError: no path at all
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{path}: cannot be written: {reason}: {_remedy(error)}") from None
+    finally:
+        with contextlib.suppress(OSError, ValueError):
+            os.unlink(temporary)
 
 
 def refuse_to_replace(path: str, *, overwrite: bool) -> None:
@@ -104,42 +111,16 @@ def _image(result: Record, trade: Table | None) -> bytes:
     return image
 
 
-def _write_bytes(path: str, *parts: bytes) -> None:
-    """Write a new file, to the disk; or none."""
-    try:
-        with open(path, "xb") as stream:
-            for part in parts:
-                stream.write(part)
-            stream.flush()
-            os.fsync(stream.fileno())
-    except FileExistsError:
-        raise
-    except BaseException:
-        _remove(path)
-        raise
-
-
 def _put_in_place(temporary: str, path: str, overwrite: bool) -> None:
-    try:
-        if overwrite:
-            os.replace(temporary, path)
-            return
+    if not overwrite:
         try:
             # Unlike a renaming this does not replace what has come there meanwhile.
             os.link(temporary, path)
-        except FileExistsError:
-            raise _exists(path) from None
-        except OSError:  # no links in this file system
+            return
+        except OSError:  # no links in this file system, or the name is taken
             if os.path.lexists(path):
                 raise _exists(path) from None
-            os.replace(temporary, path)
-    finally:
-        _remove(temporary)
-
-
-def _remove(path: str) -> None:
-    with contextlib.suppress(OSError, ValueError):
-        os.unlink(path)
+    os.replace(temporary, path)
 
 
 def _remedy(error: Exception) -> str:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ._open import open_file
+from ._open import info_of, open_file
 from ._trade import Trade
 from .errors import FileError
 from .record import EVENTS, Info
@@ -46,13 +45,11 @@ def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bo
         If a file is there already or cannot be written.
     """
     if isinstance(result, Trade):
-        infos, values = zip(*result.columns.info(), strict=True)
-        yield _write(folder / f"{name}_trade.csv", _heads(infos), _rows(values), overwrite)
+        yield _write(folder / f"{name}_trade.csv", *_table(result.columns.info()), overwrite)
         return
-    infos, values = zip(*result.columns.info(), strict=True)
-    yield _write(folder / f"{name}_time_series.csv", _heads(infos), _rows(values), overwrite)
-    events = [result.events[info.name] for info in EVENTS.values()]
-    yield _write(folder / f"{name}_events.csv", _heads(EVENTS.values()), _rows(events), overwrite)
+    events = ((info, result.events[info.name]) for info in EVENTS.values())
+    yield _write(folder / f"{name}_time_series.csv", *_table(result.columns.info()), overwrite)
+    yield _write(folder / f"{name}_events.csv", *_table(events), overwrite)
     yield _write(folder / f"{name}_summary.csv", ABOUT, _summary_rows(result), overwrite)
 
 
@@ -78,9 +75,8 @@ def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = F
         If the sweep file cannot be read, or the CSV file is there already or cannot be written.
     """
     with open_file(path) as file:
-        columns = list(_sweep_columns(file["sweep"]))
-    infos, values = zip(*columns, strict=True)
-    return _write(folder / f"{name}_sweep.csv", _heads(infos), _rows(values), overwrite)
+        head, rows = _table(_sweep_columns(file["sweep"]))
+    return _write(folder / f"{name}_sweep.csv", head, rows, overwrite)
 
 
 def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
@@ -90,42 +86,31 @@ def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
         # What is sorted by name, but for the number of the case.
         for name in sorted(table, key=lambda name: name != "case"):
             if getattr(table[name], "shape", None) == cases:
-                yield _sweep_info(name, table[name]), table[name][...]
+                yield info_of(name, table[name]), table[name][...]
 
 
-def _sweep_info(name: str, dataset: Any) -> Info:
-    return Info(name, str(dataset.attrs.get("units", "1")), str(dataset.attrs.get("long_name", "")))
-
-
-def _heads(infos: Iterable[Info]) -> list[str]:
-    return [info.name if info.units in ("", "1") else f"{info.name} [{info.units}]" for info in infos]
-
-
-def _rows(columns: Iterable[Any]) -> Iterable[Sequence[object]]:
+def _table(columns: Iterable[tuple[Info, Any]]) -> tuple[list[str], Iterable[Sequence[object]]]:
+    """Head and rows of a table of columns."""
+    infos, values = zip(*columns, strict=True)
+    head = [info.name if info.units in ("", "1") else f"{info.name} [{info.units}]" for info in infos]
     # As Python's numbers: they are written in the fewest digits that are read back as the same.
-    return zip(*(np.asarray(column).tolist() for column in columns), strict=True)
+    return head, zip(*(np.asarray(column).tolist() for column in values), strict=True)
 
 
 def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]], overwrite: bool) -> Path:
-    with _writing(path):
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("w" if overwrite else "x", encoding="utf-8", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(map(_harmless, head))
             writer.writerows(map(_harmless, row) for row in rows)
+    except FileExistsError as error:
+        raise FileError(f"{path}: the file exists: use --overwrite or another folder") from error
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error
     return path
 
 
 def _harmless(cell: object) -> object:
     """A text that a spreadsheet would take for a formula, with an apostrophe before it; numbers are no texts."""
     return f"'{cell}" if isinstance(cell, str) and cell.lstrip(" ").startswith(FORMULA_BEGINNINGS) else cell
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except FileExistsError as error:
-        raise FileError(f"{path}: the file exists: use --overwrite or another folder") from error
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error

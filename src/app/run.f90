@@ -62,13 +62,7 @@ contains
     call describe_run(deck, run%simulation%scene%model, run%simulation%scene%method_name(), model_choice, metadata)
     call run%file%claim(result_file, overwrite, error)
     if (allocated(error)) return
-    run%checkpoint%version = metadata%version
-    run%checkpoint%git_revision = metadata%git_revision
-    run%checkpoint%compiler = metadata%compiler
-    run%checkpoint%deck_sha256 = metadata%deck_sha256
-    run%checkpoint%created = metadata%created
-    run%checkpoint%deck_text = metadata%deck_text
-    run%checkpoint%deck_resolved = metadata%deck_resolved
+    run%checkpoint%provenance_t = metadata%provenance_t
     call create_hdf5(run%writer, run%file%path(), result_file, metadata, run%simulation%output_columns(), error, &
       expected_rows(scene))
     call run%file%adopt()
@@ -201,12 +195,7 @@ contains
     character(:), allocatable :: old_name, new_name, answer
 
     call describe_run(deck, run%simulation%scene%model, run%simulation%scene%method_name(), model_choice, metadata)
-    metadata%git_revision = run%checkpoint%git_revision
-    metadata%compiler = run%checkpoint%compiler
-    metadata%created = run%checkpoint%created
-    metadata%deck_text = run%checkpoint%deck_text
-    metadata%deck_sha256 = run%checkpoint%deck_sha256
-    metadata%deck_resolved = run%checkpoint%deck_resolved
+    metadata%provenance_t = run%checkpoint%provenance_t
     old_name = run%file%path()
     call run%file%replace_own()
     new_name = run%file%path()

@@ -1,6 +1,7 @@
 !> Numbers for people: three digits, sizes in the unit that fits, times as one says them.
 module dst_plain_numbers
   use dst_kinds, only: wp, int64
+  use dst_text, only: integer_text
   implicit none
   private
 
@@ -80,7 +81,7 @@ contains
     else if (seconds < 9.5_wp) then
       text = number_text(anint(10.0_wp*seconds)/10.0_wp)//' s'
     else if (seconds < minute - 0.5_wp) then
-      text = whole_text(anint(seconds))//' s'
+      text = integer_text(nint(seconds))//' s'
     else if (seconds < hour - 0.5_wp) then
       text = two_units(anint(seconds), 60_int64, ' min', ' s')
     else if (seconds < day - 0.5_wp*minute) then
@@ -99,16 +100,7 @@ contains
     integer(int64) :: whole
 
     whole = nint(count, int64)
-    text = whole_text(real(whole/each, wp))//larger
-    if (modulo(whole, each) > 0) text = text//' '//whole_text(real(modulo(whole, each), wp))//smaller
+    text = integer_text(whole/each)//larger
+    if (modulo(whole, each) > 0) text = text//' '//integer_text(modulo(whole, each))//smaller
   end function two_units
-
-  pure function whole_text(value) result(text)
-    real(wp), intent(in) :: value
-    character(:), allocatable :: text
-    character(width) :: buffer
-
-    write (buffer, '(i0)') nint(value, int64)
-    text = trim(buffer)
-  end function whole_text
 end module dst_plain_numbers

@@ -5,7 +5,7 @@ module dst_text
   private
 
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
-  public :: lower_case, starts_with, word, word_count, has_word, nearest_word, alternatives, excerpt, printable, &
+  public :: lower_case, starts_with, value_in, word, word_count, has_word, nearest_word, alternatives, excerpt, printable, &
     one_per_line
   public :: real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
 
@@ -89,25 +89,33 @@ contains
     if (len(text) >= len(beginning)) starts_with = text(:len(beginning)) == beginning
   end function starts_with
 
+  !> The rest of the first line of `text` but its very first that begins with `name` and a blank; '' if none does.
+  pure function value_in(text, name) result(value)
+    character(*), intent(in) :: text, name
+    character(:), allocatable :: value
+    integer :: first, width
+
+    value = ''
+    first = index(text, newline//name//' ')
+    if (first == 0) return
+    first = first + len(name) + 2
+    width = index(text(first:), newline) - 1
+    if (width < 0) width = len(text) - first + 1
+    value = text(first:first + width - 1)
+  end function value_in
+
   !> Word `n` of a list separated by single blanks; '' if there are fewer.
   pure function word(list, n) result(text)
     character(*), intent(in) :: list
     integer, intent(in) :: n
     character(:), allocatable :: text
-    integer :: first, i, width
+    integer :: i
 
-    first = 1
-    do i = 1, n
-      if (first > len_trim(list)) exit
-      width = scan(list(first:), ' ') - 1
-      if (width < 0) width = len(list) - first + 1
-      if (i == n) then
-        text = list(first:first + width - 1)
-        return
-      end if
-      first = first + width + 1
+    text = list
+    do i = 2, n
+      text = text(index(text//' ', ' ') + 1:)
     end do
-    text = ''
+    text = text(:index(text//' ', ' ') - 1)
   end function word
 
   !> Number of words of a list separated by blanks.
@@ -123,19 +131,8 @@ contains
   !> Whether `text` is one of the words of a list separated by blanks.
   pure logical function has_word(list, text)
     character(*), intent(in) :: list, text
-    integer :: first, width
 
-    ! Without a copy of the list: a deck's conditions are asked some hundred times.
-    has_word = list == '' .and. len(text) == 0
-    first = 1
-    do while (first <= len_trim(list))
-      width = scan(list(first:), ' ') - 1
-      if (width < 0) width = len(list) - first + 1
-      has_word = width == len(text)
-      if (has_word) has_word = list(first:first + width - 1) == text
-      if (has_word) return
-      first = first + width + 1
-    end do
+    has_word = index(text, ' ') == 0 .and. index(' '//trim(list)//' ', ' '//text//' ') > 0
   end function has_word
 
   !> The words of a list as one shows a choice: 'a | b | c'.
@@ -368,16 +365,19 @@ contains
     character(:), allocatable, intent(out) :: problem
     ! Beyond these powers of ten the conversion itself could overflow, or lose digits. A result file holds doubles.
     integer, parameter :: highest = range(1.0_real64), lowest = -highest
+    integer :: power
+    logical :: is_real, is_zero
 
     value = 0.0_wp
     problem = ''
-    if (.not. is_real(text)) then
+    call take_apart(text, is_real, is_zero, power)
+    if (.not. is_real) then
       problem = 'is not a real number'
-    else if (scan(mantissa_of(text), '123456789') == 0) then
+    else if (is_zero) then
       if (index(text, '-') == 1) value = -value
-    else if (decimal_exponent(text) > highest) then
+    else if (power > highest) then
       problem = 'is beyond the range of double precision'
-    else if (decimal_exponent(text) < lowest) then
+    else if (power < lowest) then
       problem = 'is below the range of double precision'
     else
       read (text, *) value
@@ -405,58 +405,33 @@ contains
     if (ios /= 0) problem = 'is beyond the range of 64-bit integers'
   end subroutine read_integer
 
-  !> [sign] digits [. digits] [e|d [sign] digits], at least one digit before the exponent.
-  pure logical function is_real(text)
+  !> [sign] digits [. digits] [e|d [sign] digits], at least one digit before the exponent; and the power of ten of its first digit
+  !> that is not zero.
+  pure subroutine take_apart(text, is_real, is_zero, power)
     character(*), intent(in) :: text
-    character(:), allocatable :: mantissa, exponent
-    integer :: point
-
-    is_real = .false.
-    if (len(text) > longest_number) return
-    mantissa = unsigned(mantissa_of(text))
-    point = index(mantissa, '.')
-    if (point > 0) mantissa = mantissa(:point - 1)//mantissa(point + 1:)
-    if (len(mantissa) == 0 .or. verify(mantissa, digits) > 0) return
-    if (len(mantissa_of(text)) < len(text)) then
-      exponent = unsigned(text(len(mantissa_of(text)) + 2:))
-      if (len(exponent) == 0 .or. verify(exponent, digits) > 0) return
-    end if
-    is_real = .true.
-  end function is_real
-
-  !> The power of ten of the first digit of a real number that is not zero.
-  pure integer function decimal_exponent(text)
-    character(*), intent(in) :: text
-    character(:), allocatable :: mantissa, exponent, figures
-    integer :: point, first, power
+    logical, intent(out) :: is_real, is_zero
+    integer, intent(out) :: power
+    character(:), allocatable :: figures, exponent
+    integer :: letter, point, first, shift
     ! Enough to be out of range together with any mantissa.
     integer, parameter :: out_of_range = 100000
 
-    mantissa = unsigned(mantissa_of(text))
-    point = index(mantissa//'.', '.')
-    first = scan(mantissa, '123456789')
-    decimal_exponent = point - first - merge(1, 0, first < point)
-    if (len(mantissa_of(text)) == len(text)) return
-    exponent = text(len(mantissa_of(text)) + 2:)
-    figures = unsigned(exponent)
+    letter = scan(text//'e', 'eEdD')
+    figures = unsigned(text(:letter - 1))
+    exponent = unsigned(text(letter + 1:))
+    point = index(figures//'.', '.')
+    figures = figures(:point - 1)//figures(point + 1:)
+    is_real = len(text) <= longest_number .and. len(figures) > 0 .and. verify(figures//exponent, digits) == 0 .and. &
+      (len(exponent) > 0 .or. letter > len(text))
     first = verify(figures, '0')
-    if (first == 0) return
-    power = out_of_range
-    if (len(figures) - first < 5) read (figures, *) power
-    if (index(exponent, '-') == 1) power = -power
-    decimal_exponent = decimal_exponent + power
-  end function decimal_exponent
-
-  !> What stands before the exponent letter.
-  pure function mantissa_of(text) result(mantissa)
-    character(*), intent(in) :: text
-    character(:), allocatable :: mantissa
-    integer :: letter
-
-    letter = scan(text, 'eEdD')
-    if (letter == 0) letter = len(text) + 1
-    mantissa = text(:letter - 1)
-  end function mantissa_of
+    is_zero = first == 0
+    power = point - first - 1
+    first = verify(exponent, '0')
+    if (.not. is_real .or. first == 0) return
+    shift = out_of_range
+    if (len(exponent) - first < 5) read (exponent, *) shift
+    power = power + merge(-shift, shift, text(letter + 1:letter + 1) == '-')
+  end subroutine take_apart
 
   pure function unsigned(text) result(rest)
     character(*), intent(in) :: text

@@ -27,7 +27,6 @@ module dst_writer
     real(wp), allocatable :: statistics_value(:)
   contains
     procedure :: summary_of
-    procedure :: statistic
   end type outcome_t
 
   !> Where the run routine sends samples, events and the outcome.
@@ -95,15 +94,4 @@ contains
     i = find_quantity(self%summary, name)
     if (i > 0) summary_of = self%summary_value(i)
   end function summary_of
-
-  !> Value of a counter.
-  pure real(wp) function statistic(self, name)
-    class(outcome_t), intent(in) :: self
-    character(*), intent(in) :: name
-    integer :: i
-
-    statistic = 0.0_wp
-    i = find_quantity(self%statistics, name)
-    if (i > 0) statistic = self%statistics_value(i)
-  end function statistic
 end module dst_writer

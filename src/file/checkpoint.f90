@@ -8,20 +8,24 @@ module dst_checkpoint
   use dst_disk, only: read_bytes
   use dst_errors, only: error_t, raise, file_error
   use dst_sha256, only: sha256
-  use dst_text, only: integer_text
+  use dst_text, only: integer_text, value_in
   implicit none
   private
 
-  public :: checkpoint_t, checkpoint_name, is_checkpoint, encoded, read_checkpoint
+  public :: provenance_t, checkpoint_t, checkpoint_name, is_checkpoint, encoded, read_checkpoint
 
-  !> What a checkpoint holds besides the state: which run it belongs to, and what stood in the result file then.
-  type :: checkpoint_t
+  !> Which run it is.
+  type :: provenance_t
     character(:), allocatable :: version, git_revision, compiler   !! of the program that began the run
-    character(:), allocatable :: deck_sha256       !! of the deck as read
-    character(:), allocatable :: created           !! when the run began
-    character(:), allocatable :: result_checksum   !! in the seal of a run that was stopped; '-' while it goes on
+    character(:), allocatable :: created           !! when the run began: ISO 8601, UTC
     character(:), allocatable :: deck_text         !! the deck as read
     character(:), allocatable :: deck_resolved     !! every key as used: --set makes another deck
+    character(:), allocatable :: deck_sha256       !! of the deck as read
+  end type provenance_t
+
+  !> What a checkpoint holds: to which run it belongs, what stood in the result file then, the state.
+  type, extends(provenance_t) :: checkpoint_t
+    character(:), allocatable :: result_checksum   !! in the seal of a run that was stopped; '-' while it goes on
     integer(int64), allocatable :: words(:)        !! the state
   end type checkpoint_t
 
@@ -126,13 +130,13 @@ contains
     character(:), allocatable :: state
     integer :: next
 
-    next = index(bytes, n) + 1
-    call take_line('version', checkpoint%version)
-    call take_line('git_revision', checkpoint%git_revision)
-    call take_line('compiler', checkpoint%compiler)
-    call take_line('deck_sha256', checkpoint%deck_sha256)
-    call take_line('created', checkpoint%created)
-    call take_line('result_checksum', checkpoint%result_checksum)
+    checkpoint%version = value_in(bytes, 'version')
+    checkpoint%git_revision = value_in(bytes, 'git_revision')
+    checkpoint%compiler = value_in(bytes, 'compiler')
+    checkpoint%deck_sha256 = value_in(bytes, 'deck_sha256')
+    checkpoint%created = value_in(bytes, 'created')
+    checkpoint%result_checksum = value_in(bytes, 'result_checksum')
+    next = index(bytes, n//'deck ') + 1
     call take_part('deck', checkpoint%deck_text)
     call take_part('deck_resolved', checkpoint%deck_resolved)
     call take_part('state', state)
@@ -141,37 +145,21 @@ contains
 
   contains
 
-    !> The rest of the next line, which must begin with `name`.
-    subroutine take_line(name, text)
-      character(*), intent(in) :: name
-      character(:), allocatable, intent(out) :: text
-      integer :: line_end
-
-      text = ''
-      if (allocated(reason)) return
-      line_end = next + index(bytes(next:), n) - 1
-      if (index(bytes(next:line_end), name//' ') /= 1) then
-        reason = 'its '//name//' is missing'
-        return
-      end if
-      text = bytes(next + len(name) + 1:line_end - 1)
-      next = line_end + 1
-    end subroutine take_line
-
-    !> As many bytes as the next line says.
+    !> As many bytes as the next line says, which must begin with `name`.
     subroutine take_part(name, content)
       character(*), intent(in) :: name
       character(:), allocatable, intent(out) :: content
-      character(:), allocatable :: length
-      integer :: count, io_status
+      integer :: first, count, io_status
 
       content = ''
-      call take_line(name, length)
       if (allocated(reason)) return
-      read (length, *, iostat=io_status) count
-      if (io_status == 0 .and. count >= 0 .and. count < len(bytes) - next) then
-        content = bytes(next:next + count - 1)
-        next = next + count + 1
+      first = next + index(bytes(next:), n)
+      io_status = 1
+      if (index(bytes(next:first - 1), name//' ') == 1) read (bytes(next + len(name):first - 2), *, iostat=io_status) count
+      if (io_status == 0) io_status = merge(0, 1, count >= 0 .and. count < len(bytes) - first)
+      if (io_status == 0) then
+        content = bytes(first:first + count - 1)
+        next = first + count + 1
       else
         reason = 'its '//name//' is missing'
       end if

@@ -16,7 +16,7 @@ module dst_crc32
   contains
     procedure :: start
     procedure :: add_words
-    procedure :: add_byte
+    procedure :: add_bytes
     procedure :: text
   end type crc32_t
 
@@ -49,12 +49,13 @@ contains
     if (size(words) > 0) self%value = zlib_crc32(self%value, c_loc(words), 8*size(words, kind=c_int))
   end subroutine add_words
 
-  pure subroutine add_byte(self, byte)
+  !> Take in at most 2^31 bytes.
+  pure subroutine add_bytes(self, bytes)
     class(crc32_t), intent(inout) :: self
-    character(c_char), intent(in), target :: byte
+    character(c_char), intent(in), target, contiguous :: bytes(:)
 
-    self%value = zlib_crc32(self%value, c_loc(byte), 1_c_int)
-  end subroutine add_byte
+    if (size(bytes) > 0) self%value = zlib_crc32(self%value, c_loc(bytes), size(bytes, kind=c_int))
+  end subroutine add_bytes
 
   !> The checksum so far, as 8 hexadecimal digits.
   pure function text(self)

@@ -1,6 +1,7 @@
 !> What a result file says about the run that wrote it, and whether that run can be gone on with.
 module dst_hdf5_origin
   use hdf5, only: hid_t, h5fclose_f, h5lexists_f
+  use dst_checkpoint, only: provenance_t
   use dst_disk, only: file_size
   use dst_errors, only: error_t, raise, file_error
   use dst_process, only: guard_t
@@ -12,12 +13,10 @@ module dst_hdf5_origin
   public :: origin_t, read_origin, check_is_result, is_hdf5, sweep_state_t, state_of_sweep, describe_result
 
   !> What the header of a result file says of the run.
-  type :: origin_t
+  type, extends(provenance_t) :: origin_t
     integer :: complete = 0
     integer :: result_code = -1
-    character(:), allocatable :: result_text, created, deck_sha256
-    character(:), allocatable :: deck_text       !! the deck as read
-    character(:), allocatable :: deck_resolved   !! every key as used
+    character(:), allocatable :: result_text
   end type origin_t
 
   !> What the result file of a sweep says of it.
@@ -115,26 +114,25 @@ contains
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     type(guard_t) :: guard
 
-    call check_is_result(file_name, .false., reason)
-    if (allocated(reason)) then
-      reason = 'it is no result of this program, or damaged: give a result file'
-      return
+    text = ''
+    if (is_hdf5(file_name)) then
+      call guard%begin()
+      if (guard%in_child) call guard%reply(description(file_name))
+      call guard%await(text)
+      if (.not. allocated(text)) text = ''
     end if
-    call guard%begin()
-    if (guard%in_child) call guard%reply(description(file_name))
-    call guard%await(text)
-    if (.not. allocated(text)) text = ''
-    if (text == '') reason = 'it cannot be read: the file is damaged'
+    if (text == '') reason = 'it is no result of this program, or damaged: give a result file'
   end subroutine describe_result
 
   function description(file_name) result(text)
     character(*), intent(in) :: file_name
-    character(:), allocatable :: text, model, method, created, version, revision, ending
+    character(:), allocatable :: text, program, model, method, created, version, revision, ending
     integer(hid_t) :: file
     type(hdf5_t) :: h5
     integer :: complete
 
     call open_existing(file_name, file, h5)
+    call get_attribute(file, 'program', program, h5)
     call get_attribute(file, 'model', model, h5)
     call get_attribute(file, 'method', method, h5)
     call get_attribute(file, 'created', created, h5)
@@ -143,7 +141,7 @@ contains
     call get_attribute(file, 'complete', complete, h5)
     call get_attribute(file, 'result_text', ending, h5)
     text = ''
-    if (h5%status < 0) return
+    if (h5%status < 0 .or. program /= this_program) return
     text = 'run'
     if (has(file, 'trade')) text = 'comparison of methods'
     if (has(file, 'sweep')) text = 'sweep'

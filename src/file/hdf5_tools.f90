@@ -5,8 +5,8 @@
 !> words of the first. Every statement is guarded by `if (h5%status >= 0)`; what a failure leaves open closes with the file.
 !> Text is variable-length UTF-8. Sources: HDF5 1.10 reference manual; HDF5 Dimension Scale Specification.
 module dst_hdf5_tools
-  use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_size_t, c_char, c_null_char, c_null_ptr, &
-    c_associated, c_loc, c_funloc, c_f_pointer
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_char, c_null_char, c_null_ptr, c_loc, &
+    c_funloc, c_f_pointer
   use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5iget_file_id_f, &
     h5idec_ref_f, h5fget_filesize_f, h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_excl_f, &
     h5f_acc_rdonly_f, h5pset_libver_bounds_f, h5f_libver_v18_f, &
@@ -21,16 +21,18 @@ module dst_hdf5_tools
     h5pcreate_f, h5pset_chunk_f, h5pset_chunk_cache_f, h5pset_buffer_f, h5pset_fletcher32_f, h5pget_layout_f, h5pget_nfilters_f, &
     h5pget_filter_f, h5pget_external_count_f, h5z_filter_shuffle_f, h5z_filter_fletcher32_f, h5p_dataset_create_f, &
     h5p_dataset_access_f, h5p_dataset_xfer_f
+  use h5ds, only: h5dsset_scale_f, h5dsattach_scale_f
   use dst_kinds, only: wp, real64
   use dst_disk, only: path_t, wait_seconds, with_remedy
-  use dst_posix, only: c_strlen, fortran_text
+  use dst_posix, only: fortran_text, ignore_size_limit_signal
   use dst_writer, only: quantity_t
   implicit none
   private
 
   public :: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor
   public :: put_attribute, get_attribute, put_value, get_text, create_group, delete_link, release
-  public :: dataset_t, create_dataset, open_dataset, append, cut, read_rows, make_scale, attach_scale, names_in, read_list
+  public :: dataset_t, create_dataset, open_dataset, append, append_texts, cut, read_rows, make_scale, attach_scale
+  public :: names_in, read_list
 
   !> How a sequence of calls went.
   type :: hdf5_t
@@ -65,11 +67,6 @@ module dst_hdf5_tools
     module procedure put_text, put_number
   end interface put_value
 
-  !> Append rows to a dataset.
-  interface append
-    module procedure append_numbers, append_number_rows, append_texts
-  end interface append
-
   !> One entry of HDF5's error stack (H5E_error2_t).
   type, bind(c) :: stack_entry_t
     integer(c_int64_t) :: class, major, minor
@@ -91,27 +88,17 @@ module dst_hdf5_tools
       integer(c_int64_t), value :: file, access
       type(c_ptr), intent(out) :: handle
     end function h5fget_vfd_handle
-
-    integer(c_int) function h5dsset_scale(dataset, name) bind(c, name='H5DSset_scale')
-      import :: c_int, c_int64_t, c_char
-      integer(c_int64_t), value :: dataset
-      character(c_char), intent(in) :: name(*)
-    end function h5dsset_scale
-
-    integer(c_int) function h5dsattach_scale(dataset, scale, axis) bind(c, name='H5DSattach_scale')
-      import :: c_int, c_int64_t
-      integer(c_int64_t), value :: dataset, scale
-      integer(c_int), value :: axis
-    end function h5dsattach_scale
   end interface
 
 contains
 
-  !> Make HDF5 ready: silent on errors, and without its clean-up at exit, which loops when the disk is full.
+  !> Make HDF5 ready: silent on errors, also on those of a limit of file sizes, and without its clean-up at exit, which loops when the
+  !> disk is full.
   subroutine start_hdf5(h5)
     type(hdf5_t), intent(out) :: h5
     integer :: ignored
 
+    call ignore_size_limit_signal()
     call h5dont_atexit_f(ignored)
     call h5open_f(h5%status)
     if (h5%status >= 0) call h5eset_auto_f(0, h5%status)
@@ -180,7 +167,7 @@ contains
 
     description = c_null_ptr
     ignored = h5ewalk(current_stack, innermost_first, c_funloc(keep_first_description), c_loc(description))
-    call take_text(description, reason)
+    reason = fortran_text(description)
     first = index(reason, system_words)
     if (first > 0) then
       reason = reason(first + len(system_words):)
@@ -286,21 +273,17 @@ contains
     call release([attribute], h5)
   end subroutine write_attribute
 
+  !> HDF5 allocates a text that is read, a few times a file: it is left to the process's end.
   subroutine get_text_attribute(object, name, text, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
     character(:), allocatable, intent(out) :: text
     type(hdf5_t), intent(inout) :: h5
     type(c_ptr), target :: address
-    type(c_ptr) :: buffer
-    integer(hid_t) :: attribute, text_type
 
     address = c_null_ptr
-    buffer = c_loc(address)
-    call open_attribute(object, name, h5t_string_f, 'is no text', attribute, text_type, h5)
-    if (h5%status >= 0) call h5aread_f(attribute, text_type, buffer, h5%status)
-    call release([attribute, text_type], h5)
-    call take_text(address, text)
+    call read_attribute(object, name, h5t_string_f, 'is no text', c_loc(address), h5)
+    text = fortran_text(address)
   end subroutine get_text_attribute
 
   subroutine get_integer_attribute(object, name, number, h5)
@@ -308,30 +291,29 @@ contains
     character(*), intent(in) :: name
     integer, intent(out), target :: number
     type(hdf5_t), intent(inout) :: h5
-    type(c_ptr) :: buffer
-    integer(hid_t) :: attribute, stored_as
 
     number = 0
-    buffer = c_loc(number)
-    call open_attribute(object, name, h5t_integer_f, 'is no integer', attribute, stored_as, h5)
-    if (h5%status >= 0) call h5aread_f(attribute, h5t_native_integer, buffer, h5%status)
-    call release([attribute, stored_as], h5)
+    call read_attribute(object, name, h5t_integer_f, 'is no integer', c_loc(number), h5)
   end subroutine get_integer_attribute
 
-  !> Open an attribute that holds one value of a class of types.
-  subroutine open_attribute(object, name, class, otherwise, attribute, stored_as, h5)
+  !> Read an attribute that holds one value of a class of types: a text's address, or an integer.
+  subroutine read_attribute(object, name, class, otherwise, value, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name, otherwise
     integer, intent(in) :: class
-    integer(hid_t), intent(out) :: attribute, stored_as
+    type(c_ptr), intent(in) :: value
     type(hdf5_t), intent(inout) :: h5
-    integer(hid_t) :: space
+    type(c_ptr) :: buffer
+    integer(hid_t) :: attribute, stored_as, space
 
+    buffer = value
     if (h5%status >= 0) call h5aopen_f(object, name, attribute, h5%status)
     if (h5%status >= 0) call h5aget_type_f(attribute, stored_as, h5%status)
     if (h5%status >= 0) call h5aget_space_f(attribute, space, h5%status)
     call check_single(name, space, stored_as, class, otherwise, h5)
-  end subroutine open_attribute
+    if (h5%status >= 0) call h5aread_f(attribute, merge(stored_as, h5t_native_integer, class == h5t_string_f), buffer, h5%status)
+    call release([attribute, stored_as], h5)
+  end subroutine read_attribute
 
   !> Refuse what is not of a class of types, or of several values, for which there is no room. Texts must come as an address.
   subroutine check_single(name, space, stored_as, class, otherwise, h5)
@@ -352,14 +334,6 @@ contains
     if (h5%status >= 0 .and. points /= 1) call h5%refuse(name, 'is not a single value')
     call release([space], h5)
   end subroutine check_single
-
-  !> HDF5 allocates a text that is read, a few times a file: it is left to the process's end.
-  subroutine take_text(address, text)
-    type(c_ptr), intent(in) :: address
-    character(:), allocatable, intent(out) :: text
-
-    text = fortran_text(address)
-  end subroutine take_text
 
   subroutine put_text(group, quantity, text, h5)
     integer(hid_t), intent(in) :: group
@@ -439,7 +413,7 @@ contains
     call check_single(name, space, text_type, h5t_string_f, 'is no text', h5)
     if (h5%status >= 0) call h5dread_f(dataset, text_type, buffer, h5%status)
     call release([text_type, dataset], h5)
-    call take_text(address, text)
+    text = fortran_text(address)
   end subroutine get_text
 
   !> Create a group and open it.
@@ -636,23 +610,17 @@ contains
     if (points > min(stored, int(file_bytes, hsize_t))/value_bytes) call h5%refuse(name, 'claims more than it has')
   end subroutine check_size
 
-  subroutine append_numbers(dataset, values, h5)
+  !> Append so many rows of numbers, one behind the other in `values`.
+  subroutine append(dataset, rows, values, h5)
     type(dataset_t), intent(inout) :: dataset
-    real(real64), intent(in), contiguous, target :: values(:)
+    integer, intent(in) :: rows
+    real(real64), intent(in), target :: values(*)
     type(hdf5_t), intent(inout) :: h5
 
-    if (size(values) > 0) call append_rows(dataset, size(values), h5t_native_double, c_loc(values(1)), h5)
-  end subroutine append_numbers
+    if (rows > 0) call append_rows(dataset, rows, h5t_native_double, c_loc(values(1)), h5)
+  end subroutine append
 
-  !> values(place in the row, row)
-  subroutine append_number_rows(dataset, values, h5)
-    type(dataset_t), intent(inout) :: dataset
-    real(real64), intent(in), contiguous, target :: values(:, :)
-    type(hdf5_t), intent(inout) :: h5
-
-    if (size(values) > 0) call append_rows(dataset, size(values, 2), h5t_native_double, c_loc(values(1, 1)), h5)
-  end subroutine append_number_rows
-
+  !> Append texts, one a row.
   subroutine append_texts(dataset, texts, h5)
     type(dataset_t), intent(inout) :: dataset
     type(path_t), intent(in) :: texts(:)
@@ -742,19 +710,19 @@ contains
     character(*), intent(in) :: name
     type(hdf5_t), intent(inout) :: h5
 
-    if (h5%status >= 0) h5%status = h5dsset_scale(int(dataset%id, c_int64_t), c_bytes(name))
+    if (h5%status >= 0) call h5dsset_scale_f(dataset%id, h5%status, name)
   end subroutine make_scale
 
-  !> Let `scale` be the coordinate of a dataset along its side `side` from 0, in the order of C.
+  !> Let `scale` be the coordinate of a dataset along its side `side`, or along the one that grows.
   subroutine attach_scale(dataset, scale, h5, side)
     type(dataset_t), intent(in) :: dataset, scale
     type(hdf5_t), intent(inout) :: h5
     integer, intent(in), optional :: side
-    integer(c_int) :: which
+    integer :: which
 
-    which = 0
-    if (present(side)) which = int(side, c_int)
-    if (h5%status >= 0) h5%status = h5dsattach_scale(int(dataset%id, c_int64_t), int(scale%id, c_int64_t), which)
+    which = size(extent(dataset, 0_hsize_t))
+    if (present(side)) which = side
+    if (h5%status >= 0) call h5dsattach_scale_f(dataset%id, scale%id, which, h5%status)
   end subroutine attach_scale
 
   !> The names of all that a file or group holds, in alphabetical order; of many the first.

@@ -16,9 +16,9 @@ module dst_hdf5_writer
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t
   use dst_archive, only: archive_t
+  use dst_checkpoint, only: provenance_t
   use dst_crc32, only: crc32_t
-  use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy, &
-    ignore_size_limit_signal
+  use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
     put_attribute, put_value, create_group, delete_link, release, dataset_t, create_dataset, open_dataset, append, cut, &
     read_rows, make_scale, attach_scale
@@ -31,18 +31,14 @@ module dst_hdf5_writer
   public :: bookmark_t, empty_bookmark, create_hdf5, rebuild_hdf5, reopen_hdf5
 
   !> What a file says about its run before the run begins.
-  type :: run_metadata_t
-    character(:), allocatable :: program, version, git_revision, compiler
-    character(:), allocatable :: created         !! ISO 8601, UTC
+  type, extends(provenance_t) :: run_metadata_t
+    character(:), allocatable :: program
     character(:), allocatable :: model, method
     character(:), allocatable :: model_choice    !! why 'auto' is this model; '' if it was not asked
     character(:), allocatable :: build_flags     !! of the compiler
     character(:), allocatable :: host, job       !! where it was written, and in which job of a scheduler; '' in none
     character(:), allocatable :: mpi             !! the library; '' if the program has none
     integer :: processes = 1, threads = 1        !! that shared the work; threads of each process
-    character(:), allocatable :: deck_text       !! the deck as read
-    character(:), allocatable :: deck_resolved   !! every key as used
-    character(:), allocatable :: deck_sha256
     type(parameter_t), allocatable :: parameters(:)
   end type run_metadata_t
 
@@ -124,7 +120,6 @@ contains
     type(hdf5_t) :: h5
 
     call prepare(self, shown_name, columns, expected_rows)
-    call ignore_size_limit_signal()
     call start_hdf5(h5)
     call open_file(file_name, h5f_acc_excl_f, self%file, h5)
     call file_descriptor(self%file, self%descriptor, h5)
@@ -295,7 +290,6 @@ contains
     type(hdf5_t) :: h5
 
     call prepare(self, shown_name, columns, expected_rows)
-    call ignore_size_limit_signal()
     call start_hdf5(h5)
     call open_file(file_name, h5f_acc_rdwr_f, self%file, h5)
     call file_descriptor(self%file, self%descriptor, h5)
@@ -484,7 +478,7 @@ contains
     real(real64), intent(in), contiguous :: values(:)
     type(hdf5_t), intent(inout) :: h5
 
-    call append(self%dataset, values, h5)
+    call append(self%dataset, size(values), values, h5)
     call self%checksum%add_words(transfer(values, [0_int64]))
   end subroutine append_to_column
 

@@ -3,7 +3,7 @@
 !> HDF5 passes over what stands behind its own end, and drops it when it changes the file: a file that was edited later has no
 !> seal, and is as good as one of a run that was killed.
 module dst_seal
-  use, intrinsic :: iso_c_binding, only: c_int, c_char, c_f_pointer, c_loc
+  use, intrinsic :: iso_c_binding, only: c_int, c_char
   use dst_crc32, only: crc32_t
   use dst_disk, only: close_descriptor, identity_of, identity_t, open_for_reading, read_at, set_file_size, system_reason, &
     write_bytes
@@ -90,26 +90,21 @@ contains
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in) :: bytes
     character(:), allocatable :: checksum
-    integer(int64), parameter :: block_words = 32768, word_bytes = 8
-    integer(int64), allocatable, target :: words(:)
-    character(c_char), pointer, contiguous :: block(:)
+    integer(int64), parameter :: most = 262144
+    character(c_char), allocatable :: block(:)
     type(crc32_t) :: crc
-    integer(int64) :: place, count, i
+    integer(int64) :: place
     logical :: complete
 
     call crc%start()
-    allocate (words(block_words))
-    call c_f_pointer(c_loc(words), block, [word_bytes*block_words])
     complete = bytes > 0
     place = 0
     do while (complete .and. place < bytes)
-      count = min(bytes - place, size(block, kind=int64))
-      call read_at(descriptor, place, block(:count), complete)
-      call crc%add_words(words(:count/word_bytes))
-      do i = count - modulo(count, word_bytes) + 1, count
-        call crc%add_byte(block(i))
-      end do
-      place = place + count
+      allocate (block(min(bytes - place, most)))
+      call read_at(descriptor, place, block, complete)
+      call crc%add_bytes(block)
+      place = place + size(block)
+      deallocate (block)
     end do
     checksum = none
     if (complete) checksum = crc%text()

@@ -4,10 +4,10 @@
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use hdf5, only: hid_t, h5fclose_f, h5f_acc_excl_f, h5t_ieee_f64le, h5t_std_i32le
-  use dst_disk, only: path_t, place_of, utc_at, with_remedy, ignore_size_limit_signal
+  use dst_disk, only: path_t, place_of, utc_at, with_remedy
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, create_group, dataset_t, &
-    create_dataset, append, make_scale, attach_scale
+    create_dataset, append, append_texts, make_scale, attach_scale
   use dst_hdf5_origin, only: sweep_state_t, state_of_sweep
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
   use dst_kinds, only: int64, real64
@@ -16,7 +16,7 @@ module dst_sweep_file
   use dst_signals, only: is_told_to_end, stopped_by
   use dst_sweep, only: sweep_t, case_t, axis_t, value_count, value_quantities, wall_time_value, series_quantities
   use dst_seal, only: has_sound_seal
-  use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, reader_t, without_concern, open_records, &
+  use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, shard_t, without_concern, open_records, &
     read_record, shards_of
   use dst_text, only: integer_text
   use dst_writer, only: quantity_t
@@ -107,7 +107,6 @@ contains
       call file%release()
       return
     end if
-    call ignore_size_limit_signal()
     call start_hdf5(h5)
     call open_file(file%path(), h5f_acc_excl_f, output%file, h5)
     call file%adopt()
@@ -220,7 +219,7 @@ contains
     call create_group(group, 'series', series, h5)
     call create_dataset(series, quantity_t('time', 's', 'time of the samples'), min(8192, rows), time, h5, h5t_ieee_f64le)
     call make_scale(time, 'time', h5)
-    call append(time, real(sweep%series_times(), real64), h5)
+    call append(time, rows, real(sweep%series_times(), real64), h5)
     do i = 1, size(columns)
       call create_dataset(series, columns(i), max(1, usual_chunk/rows), output%series(i), h5, h5t_ieee_f64le, row_length=rows)
       call attach_scale(output%series(i), output%columns(1), h5)
@@ -306,7 +305,7 @@ contains
     type(block_t), intent(inout) :: block
     type(error_t), allocatable, intent(out) :: error
     type(case_t) :: case
-    type(reader_t) :: reader
+    type(shard_t), target :: reader
     integer(int64) :: place
     integer :: stretch, shard, i
     logical :: is_possible
@@ -362,18 +361,18 @@ contains
 
     last = size(output%columns)
     do i = 1, last
-      call append(output%columns(i), block%columns(:block%count, i), h5)
+      call append(output%columns(i), block%count, block%columns(:block%count, i), h5)
     end do
     do i = 1, size(output%series)
-      call append(output%series(i), block%series(:, :block%count, i), h5)
+      call append(output%series(i), block%count, block%series(:, :, i), h5)
     end do
     failed = pack([(i, i=1, block%count)], block%columns(:block%count, last) > 0.0_real64)
     allocate (messages(size(failed)))
     do i = 1, size(failed)
       messages(i)%text = block%message(failed(i))%text
     end do
-    call append(output%failed, real(failed + block%first - 1, real64), h5)
-    call append(output%failure, messages, h5)
+    call append(output%failed, size(failed), real(failed + block%first - 1, real64), h5)
+    call append_texts(output%failure, messages, h5)
   end subroutine write_block
 
   !> What there is of the sweep.

@@ -58,8 +58,8 @@ contains
       if (.not. allocated(error)) call take_values(file, path, names(i)%text, axes(n), error)
       if (allocated(error)) exit
       if (size(axes(n)%values) /= size(axes(1)%values)) then
-        call raise(error, file_error, path//": '"//names(i)%text//"' has "//number(axes(n))// &
-          ' values, but the first dataset has '//number(axes(1))//': give datasets of one length')
+        call raise(error, file_error, path//": '"//names(i)%text//"' has "//integer_text(size(axes(n)%values))// &
+          ' values, but the first dataset has '//integer_text(size(axes(1)%values))//': give datasets of one length')
         exit
       end if
     end do
@@ -67,13 +67,6 @@ contains
     if (n == 0) call raise(error, file_error, path//': holds no points: give one-dimensional datasets with names of keys, '// &
       'like /system.misalignment_deg')
   end subroutine read_datasets
-
-  function number(axis) result(text)
-    type(axis_t), intent(in) :: axis
-    character(:), allocatable :: text
-
-    text = integer_text(size(axis%values))
-  end function number
 
   subroutine take_values(file, path, name, axis, error)
     integer(hid_t), intent(in) :: file

@@ -9,7 +9,7 @@
 !> The head names the sweep, the build of the program, and the division of which this is a part. A process that finds its name
 !> taken by a shard of another build or division uses the name with .1, .2, ... behind it.
 module dst_sweep_shard
-  use, intrinsic :: iso_c_binding, only: c_int
+  use, intrinsic :: iso_c_binding, only: c_int, c_f_pointer, c_loc
   use, intrinsic :: iso_fortran_env, only: int8
   use dst_crc32, only: crc32_t
   use dst_disk, only: open_for_appending, open_for_reading, is_locked_elsewhere, lock_attempt, held, append_words, read_words, &
@@ -25,17 +25,20 @@ module dst_sweep_shard
 
   public :: shard_t, head_t, index_t, layout_t, layout_of, shards_of, open_shard, empty_shard, delete_shard
   public :: divisions_of, is_being_written
-  public :: missing, is_done, without_concern, inspect_shard, check_sweep, scan_shard, reader_t, open_records, read_record
+  public :: missing, is_done, without_concern, inspect_shard, check_sweep, scan_shard, open_records, read_record
 
-  !> A shard, open to append finished cases.
+  !> A shard, open to be read or to append finished cases; a part of it is in memory. Words are counted from 0.
   type :: shard_t
     private
     character(:), allocatable :: file_name
     integer(c_int) :: descriptor = -1
-    integer(int64), allocatable :: words(:)   !! of the next record
+    integer(int64) :: bytes = 0               !! of the file
+    integer(int64) :: first = 0, end = 0      !! words of the file: the first in `window`, and behind its last
+    integer(int64), allocatable :: window(:)  !! or the next record
   contains
     procedure :: append => append_case
     procedure :: close => close_shard
+    procedure, private :: show
   end type shard_t
 
   !> The series that a record of a sweep may hold.
@@ -43,21 +46,6 @@ module dst_sweep_shard
     integer :: columns = 0   !! 0 = none is kept
     integer :: rows = 0      !! at most
   end type layout_t
-
-  !> A shard that is read; a part of it is in memory. Words are counted from 0.
-  type :: reader_t
-    private
-    character(:), allocatable :: file_name
-    integer(c_int) :: descriptor = -1
-    integer(int64) :: bytes = 0               !! of the file
-    integer(int64) :: first = 0               !! word of the file that is the first in `window`
-    integer(int64), allocatable :: window(:)
-    type(crc32_t) :: crc                      !! of the record that is looked at
-  contains
-    procedure :: word
-    procedure, private :: show
-    procedure :: close => close_reader
-  end type reader_t
 
   !> What a record says of itself.
   type :: record_t
@@ -108,7 +96,6 @@ module dst_sweep_shard
   !> Of a case: in no shard; in one; not asked for.
   integer(int8), parameter :: missing = 0, is_done = 1, without_concern = 2
   integer(int64), parameter :: magic = int(z'445354534841524B', int64)
-  integer(int64), parameter :: half = 2_int64**32
   integer, parameter :: word_bytes = 8
   !> Of the header: magic word, identity of the sweep (3) and the build (2), values and columns, cases and time, I and N, first and
   !> last index of the array, its step and the processes of a task, checksum.
@@ -116,7 +103,7 @@ module dst_sweep_shard
   !> Of a record without message and series.
   integer, parameter :: shortest_record = 2 + value_count + 1
   integer, parameter :: longest_message = 4096  !! bytes
-  integer, parameter :: window_words = 8192     !! read at once
+  integer(int64), parameter :: window_words = 8192   !! read at once
   character(*), parameter :: extension = '.shard-'
   integer, parameter :: shown = 12             !! characters of an identity in a message
   integer, parameter :: digits = 6             !! of its number
@@ -175,63 +162,47 @@ contains
   !> Open a shard of worker `number` to append; what a killed process left unfinished at its end is cut off. Shards of another
   !> build or division that have the name are passed over.
   subroutine open_shard(shard, result_file, number, head, layout, error)
-    type(shard_t), intent(out) :: shard
+    type(shard_t), intent(out), target :: shard
     character(*), intent(in) :: result_file
     integer, intent(in) :: number
     type(head_t), intent(in) :: head
     type(layout_t), intent(in) :: layout
     type(error_t), allocatable, intent(out) :: error
+    type(index_t) :: index
+    type(head_t) :: found
+    integer(int64) :: words
+    character(:), allocatable :: file_name, reason
     logical :: is_others
     integer :: others
 
     others = 0
     do
-      call open_own(shard, shard_name(result_file, number, others), head, layout, is_others, error)
+      file_name = shard_name(result_file, number, others)
+      call open_locked(file_name, head, shard, is_others, error)
+      if (.not. (allocated(error) .or. is_others)) then
+        call read_head(shard, found, error)
+        if (.not. allocated(error)) is_others = .not. found%is_part_of(head)
+      end if
       if (.not. is_others) exit
+      call shard%close()
       others = others + 1
     end do
+    if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
+    if (.not. allocated(error)) then
+      allocate (index%state(0))
+      call scan(shard, found, layout, 1, index, words)
+      call set_file_size(shard%descriptor, word_bytes*words)
+      if (words == 0) call append_words(shard%descriptor, words_of(head, seconds_now()), reason)
+      if (allocated(reason)) call raise(error, file_error, file_name//': '//reason)
+    end if
+    if (allocated(error)) call shard%close()
   end subroutine open_shard
 
-  !> Open the shard `file_name`, new or one that this process is to go on with, unless it is of others.
-  subroutine open_own(shard, file_name, head, layout, is_others, error)
-    type(shard_t), intent(inout) :: shard
-    character(*), intent(in) :: file_name
-    type(head_t), intent(in) :: head
-    type(layout_t), intent(in) :: layout
-    logical, intent(out) :: is_others
-    type(error_t), allocatable, intent(out) :: error
-    type(reader_t) :: reader
-    type(index_t) :: index
-    type(head_t) :: found
-    integer(int64) :: words
-    character(:), allocatable :: reason
-
-    call open_reader(file_name, head, reader, is_others, error)
-    if (allocated(error) .or. is_others) return
-    call read_head(reader, found, error)
-    if (.not. allocated(error)) is_others = .not. found%is_part_of(head)
-    if (.not. (allocated(error) .or. is_others)) call check_sweep(file_name, found, head, error)
-    if (allocated(error) .or. is_others) then
-      call reader%close()
-      return
-    end if
-    shard%file_name = file_name
-    shard%descriptor = reader%descriptor
-    allocate (index%state(0))
-    call scan(reader, found, layout, 1, index, words)
-    call set_file_size(shard%descriptor, word_bytes*words)
-    if (words > 0) return
-    call append_words(shard%descriptor, words_of(head, seconds_now()), reason)
-    if (.not. allocated(reason)) return
-    call raise(error, file_error, file_name//': '//reason)
-    call shard%close()
-  end subroutine open_own
-
   !> Open and lock a shard. Who has it may be of another division, or have just created it.
-  subroutine open_reader(file_name, head, reader, is_others, error)
+  subroutine open_locked(file_name, head, shard, is_others, error)
     character(*), intent(in) :: file_name
     type(head_t), intent(in) :: head
-    type(reader_t), intent(inout) :: reader
+    type(shard_t), intent(inout) :: shard
     logical, intent(out) :: is_others
     type(error_t), allocatable, intent(out) :: error
     integer, parameter :: most_tries = 10
@@ -241,10 +212,10 @@ contains
     logical :: is_elsewhere
     integer :: i
 
-    reader%file_name = file_name
+    shard%file_name = file_name
     is_others = .false.
     do i = 1, most_tries
-      call open_for_appending(file_name, reader%descriptor, reader%bytes, is_elsewhere, reason)
+      call open_for_appending(file_name, shard%descriptor, shard%bytes, is_elsewhere, reason)
       if (.not. is_elsewhere) exit
       call inspect_shard(file_name, found, error)
       if (.not. allocated(error)) is_others = .not. found%is_part_of(head)
@@ -253,7 +224,7 @@ contains
     end do
     if (allocated(error)) deallocate (error)
     if (allocated(reason)) call raise(error, file_error, file_name//': '//reason)
-  end subroutine open_reader
+  end subroutine open_locked
 
   !> Empty a shard of another sweep or build, unless a process is writing it. The file stays, since another process may be about to
   !> open it. What is no shard is refused.
@@ -261,12 +232,12 @@ contains
     character(*), intent(in) :: file_name
     type(head_t), intent(in) :: head
     type(error_t), allocatable, intent(out) :: error
-    type(reader_t) :: reader
+    type(shard_t) :: shard
     type(head_t) :: found
     character(:), allocatable :: reason
     logical :: is_elsewhere
 
-    call open_for_appending(file_name, reader%descriptor, reader%bytes, is_elsewhere, reason)
+    call open_for_appending(file_name, shard%descriptor, shard%bytes, is_elsewhere, reason)
     if (is_elsewhere) then
       ! Who has it may have emptied it, and begun.
       call inspect_shard(file_name, found, error)
@@ -277,19 +248,19 @@ contains
       call raise(error, file_error, file_name//': '//reason)
       return
     end if
-    reader%file_name = file_name
-    call read_head(reader, found, error)
+    shard%file_name = file_name
+    call read_head(shard, found, error)
     if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
     if (allocated(error)) then
       ! Not so if another process has done this meanwhile, and begun.
-      if (is_shard(reader)) then
-        call set_file_size(reader%descriptor, 0_int64)
+      if (is_shard(shard)) then
+        call set_file_size(shard%descriptor, 0_int64)
         deallocate (error)
       end if
     else if (found%is_whole .and. .not. found%is_of_build(head)) then
-      call set_file_size(reader%descriptor, 0_int64)
+      call set_file_size(shard%descriptor, 0_int64)
     end if
-    call reader%close()
+    call shard%close()
   end subroutine empty_shard
 
   !> Remove a shard whose cases are in the result file. What another process has taken or removed meanwhile is its matter.
@@ -298,19 +269,19 @@ contains
     type(head_t), intent(in) :: head
     type(error_t), allocatable, intent(out) :: error   !! it is still there
     type(error_t), allocatable :: others
-    type(reader_t) :: reader
+    type(shard_t) :: shard
     type(head_t) :: found
     logical :: is_ours
 
-    call open_records(file_name, reader, error)
+    call open_records(file_name, shard, error)
     is_ours = .not. allocated(error)
-    if (is_ours) is_ours = .not. is_locked_elsewhere(reader%descriptor)
-    if (is_ours) call read_head(reader, found, error)
+    if (is_ours) is_ours = .not. is_locked_elsewhere(shard%descriptor)
+    if (is_ours) call read_head(shard, found, error)
     is_ours = is_ours .and. .not. allocated(error)
     if (is_ours) call check_sweep(file_name, found, head, others)
     is_ours = is_ours .and. .not. allocated(others) .and. found%is_of_build(head)
     if (is_ours) call delete_file(file_name)
-    call reader%close()
+    call shard%close()
     if (.not. (is_ours .or. allocated(error))) return
     if (allocated(error)) deallocate (error)
     if (file_exists(file_name)) call raise(error, file_error, file_name//': the result is whole, but this shard could not be '// &
@@ -321,12 +292,12 @@ contains
   logical function is_being_written(file_name)
     character(*), intent(in) :: file_name
     type(error_t), allocatable :: error
-    type(reader_t) :: reader
+    type(shard_t) :: shard
 
-    call open_records(file_name, reader, error)
+    call open_records(file_name, shard, error)
     is_being_written = .false.
-    if (.not. allocated(error)) is_being_written = lock_attempt(reader%descriptor, shared=.true.) == held
-    call reader%close()
+    if (.not. allocated(error)) is_being_written = lock_attempt(shard%descriptor, shared=.true.) == held
+    call shard%close()
   end function is_being_written
 
   pure function words_of(head, time) result(words)
@@ -334,23 +305,12 @@ contains
     integer(int64), intent(in) :: time        !! s since 1970
     integer(int64) :: words(header_words)
 
-    words(1) = magic
-    words(2:4) = transfer(head%identity, words(2:4))
-    words(5:6) = transfer(head%build, words(5:6))
-    words(7) = two(head%values, head%columns)
-    words(8) = head%cases + shiftl(time, 32)
-    words(9) = two(head%division%share, head%division%shares)
-    words(10) = two(head%division%first, head%division%last)
-    words(11) = two(head%division%step, head%division%inner)
-    words(12) = checksum(words(:11))
-
-  contains
-
-    pure integer(int64) function two(low, high)
-      integer, intent(in) :: low, high
-
-      two = low + half*high
-    end function two
+    associate (division => head%division)
+      words = [magic, transfer(head%identity, words, 3), transfer(head%build, words, 2), transfer([head%values, head%columns, &
+        head%cases, int(time), division%share, division%shares, division%first, division%last, division%step, division%inner], &
+        words, 5), 0_int64]
+    end associate
+    words(header_words) = checksum(words(:header_words - 1))
   end function words_of
 
   !> The head in its words, if all its numbers are possible.
@@ -358,31 +318,19 @@ contains
     integer(int64), intent(in) :: words(header_words)
     type(head_t), intent(out) :: head
     logical, intent(out) :: is_possible
+    integer :: n(10)
 
-    is_possible = all([words(7), words(9:11)] >= 0) .and. all(modulo(words(7:11), half) <= huge(1))
+    n = transfer(words(7:11), n)
+    is_possible = all([n(:3), n(5:)] >= 0)
     if (.not. is_possible) return
     head%identity = transfer(words(2:4), head%identity)
     head%build = transfer(words(5:6), head%build)
-    head%values = low(7)
-    head%columns = high(7)
-    head%cases = low(8)
+    head%values = n(1)
+    head%columns = n(2)
+    head%cases = n(3)
     head%begun = shiftr(words(8), 32)
-    head%division = division_t(share=low(9), shares=high(9), first=low(10), last=high(10), step=low(11), inner=high(11))
+    head%division = division_t(share=n(5), shares=n(6), first=n(7), last=n(8), step=n(9), inner=n(10))
     is_possible = head%cases > 0 .and. head%division%is_possible()
-
-  contains
-
-    pure integer function low(place)
-      integer, intent(in) :: place
-
-      low = int(modulo(words(place), half))
-    end function low
-
-    pure integer function high(place)
-      integer, intent(in) :: place
-
-      high = int(words(place)/half)
-    end function high
   end subroutine take_words
 
   !> Whether this is of the same build; a head that is not whole is of any.
@@ -412,38 +360,35 @@ contains
     checksum = transfer(crc%text(), checksum)
   end function checksum
 
-  !> Append a finished case. A series may be longer than a thread's stack: its values are taken one by one.
+  !> Append a finished case. A series may be longer than a thread's stack: it is copied to where it is written from.
   subroutine append_case(self, case, error)
-    class(shard_t), intent(inout) :: self
+    class(shard_t), intent(inout), target :: self
     type(case_t), intent(in) :: case
     type(error_t), allocatable, intent(out) :: error
+    real(real64), pointer :: series(:, :)
     character(:), allocatable :: reason
-    integer :: length, message_bytes, no_memory, i, j, n
+    integer :: length, message_bytes, message_words, first, no_memory
 
     message_bytes = min(len(case%result_text), longest_message)
-    length = shortest_record + words_for(message_bytes)
+    message_words = words_for(message_bytes)
+    length = shortest_record + message_words
     if (allocated(case%series)) length = length + size(case%series)
-    if (allocated(self%words)) then
-      if (size(self%words) < length) deallocate (self%words)
+    if (allocated(self%window)) then
+      if (size(self%window) < length) deallocate (self%window)
     end if
-    if (.not. allocated(self%words)) allocate (self%words(length), stat=no_memory)
-    if (.not. allocated(self%words)) then
+    if (.not. allocated(self%window)) allocate (self%window(length), stat=no_memory)
+    if (.not. allocated(self%window)) then
       call raise(error, out_of_memory, 'no memory for the record of a case: keep fewer samples or use fewer threads')
       return
     end if
-    associate (words => self%words, padded => case%result_text(:message_bytes)//repeat(' ', word_bytes))
-      words(1) = case%number + half*case%result_code
-      words(2) = length + half*message_bytes
-      words(3:value_count + 2) = transfer(real(case%values, real64), words)
-      n = value_count + 2 + words_for(message_bytes)
-      words(value_count + 3:n) = transfer(padded, words, words_for(message_bytes))
+    associate (words => self%window, padded => case%result_text(:message_bytes)//repeat(' ', word_bytes))
+      first = value_count + 3
+      words(:first - 1) = [transfer([case%number, case%result_code, length, message_bytes], words, 2), &
+        transfer(real(case%values, real64), words)]
+      words(first:first + message_words - 1) = transfer(padded, words, message_words)
       if (allocated(case%series)) then
-        do j = 1, size(case%series, 2)
-          do i = 1, size(case%series, 1)
-            n = n + 1
-            words(n) = transfer(real(case%series(i, j), real64), words(n))
-          end do
-        end do
+        call c_f_pointer(c_loc(words(first + message_words)), series, shape(case%series))
+        series = real(case%series, real64)
       end if
       words(length) = checksum(words(:length - 1))
       call append_words(self%descriptor, words(:length), reason)
@@ -465,58 +410,44 @@ contains
   end subroutine close_shard
 
   !> Open a shard to read it.
-  subroutine open_records(file_name, reader, error)
+  subroutine open_records(file_name, shard, error)
     character(*), intent(in) :: file_name
-    type(reader_t), intent(out) :: reader
+    type(shard_t), intent(out) :: shard
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
 
-    reader%file_name = file_name
-    call open_for_reading(file_name, reader%descriptor, reader%bytes, reason)
+    shard%file_name = file_name
+    call open_for_reading(file_name, shard%descriptor, shard%bytes, reason)
     if (allocated(reason)) call raise(error, file_error, file_name//': '//reason)
   end subroutine open_records
 
-  subroutine close_reader(self)
-    class(reader_t), intent(inout) :: self
+  !> Some words of the file, until others are shown; what is not there is 0.
+  subroutine show(self, place, count, words)
+    class(shard_t), intent(inout), target :: self
+    integer(int64), intent(in) :: place, count
+    integer(int64), pointer, contiguous, intent(out) :: words(:)
 
-    call close_descriptor(self%descriptor)
-  end subroutine close_reader
-
-  !> A word of the file; what is not there is 0.
-  integer(int64) function word(self, place)
-    class(reader_t), intent(inout) :: self
-    integer(int64), intent(in) :: place
-
-    call self%show(place)
-    word = self%window(place - self%first + 1)
-  end function word
-
-  !> Bring a word of the file into the window.
-  subroutine show(self, place)
-    class(reader_t), intent(inout) :: self
-    integer(int64), intent(in) :: place
-
-    if (.not. allocated(self%window)) then
-      allocate (self%window(window_words))
-      self%first = -window_words - 1
+    if (place < self%first .or. place + count > self%end) then
+      if (allocated(self%window)) deallocate (self%window)
+      allocate (self%window(max(count, window_words)))
+      self%first = place
+      self%end = place + size(self%window)
+      call read_words(self%descriptor, place, self%window)
     end if
-    if (place >= self%first .and. place < self%first + window_words) return
-    ! Cases stand almost in the order of their numbers, in which they are read.
-    self%first = max(0_int64, place - window_words/4)
-    call read_words(self%descriptor, self%first, self%window)
+    words => self%window(place - self%first + 1:place - self%first + count)
   end subroutine show
 
   !> Whether a file is empty or begins with the magic word, or with what a process wrote of it that was killed.
-  logical function is_shard(reader)
-    type(reader_t), intent(in) :: reader
+  logical function is_shard(shard)
+    type(shard_t), intent(in) :: shard
     integer(int64) :: first(1)
     character(word_bytes) :: beginning, expected
     integer :: there
 
-    call read_words(reader%descriptor, 0_int64, first)
+    call read_words(shard%descriptor, 0_int64, first)
     beginning = transfer(first, beginning)
     expected = transfer(magic, expected)
-    there = int(min(reader%bytes, int(word_bytes, int64)))
+    there = int(min(shard%bytes, int(word_bytes, int64)))
     is_shard = beginning(:there) == expected(:there)
   end function is_shard
 
@@ -525,16 +456,16 @@ contains
     character(*), intent(in) :: file_name
     type(head_t), intent(out) :: head
     type(error_t), allocatable, intent(out) :: error
-    type(reader_t) :: reader
+    type(shard_t) :: shard
 
-    call open_records(file_name, reader, error)
-    if (.not. allocated(error)) call read_head(reader, head, error)
-    call reader%close()
+    call open_records(file_name, shard, error)
+    if (.not. allocated(error)) call read_head(shard, head, error)
+    call shard%close()
   end subroutine inspect_shard
 
   !> Of thousands of shards nothing but the heads may be wanted: no more is read.
-  subroutine read_head(reader, head, error)
-    type(reader_t), intent(inout) :: reader
+  subroutine read_head(shard, head, error)
+    type(shard_t), intent(inout) :: shard
     type(head_t), intent(out) :: head
     type(error_t), allocatable, intent(out) :: error
     integer, parameter :: most_tries = 5
@@ -542,33 +473,33 @@ contains
     integer :: i
 
     do i = 1, most_tries
-      call read_head_once(reader, head, error)
+      call read_head_once(shard, head, error)
       if (.not. allocated(error)) exit
       ! Another process may empty the file in this moment, and write its own head.
       call wait_seconds(0.005_wp)
-      file = identity_of(reader%descriptor)
-      reader%bytes = file%bytes
+      file = identity_of(shard%descriptor)
+      shard%bytes = file%bytes
     end do
   end subroutine read_head
 
-  subroutine read_head_once(reader, head, error)
-    type(reader_t), intent(in) :: reader
+  subroutine read_head_once(shard, head, error)
+    type(shard_t), intent(in) :: shard
     type(head_t), intent(out) :: head
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: words(header_words)
     logical :: is_possible
 
-    head%is_whole = reader%bytes >= word_bytes*header_words
-    if (.not. is_shard(reader)) then
-      call raise(error, file_error, reader%file_name//': has the name of a shard of a sweep, but is none, or its head is '// &
+    head%is_whole = shard%bytes >= word_bytes*header_words
+    if (.not. is_shard(shard)) then
+      call raise(error, file_error, shard%file_name//': has the name of a shard of a sweep, but is none, or its head is '// &
         'damaged: move it away, or use another output file')
     else if (head%is_whole) then
-      call read_words(reader%descriptor, 0_int64, words)
+      call read_words(shard%descriptor, 0_int64, words)
       call take_words(words, head, is_possible)
       if (words(header_words) /= checksum(words(:header_words - 1))) then
-        call raise(error, file_error, reader%file_name//': is no shard of a sweep, or its head is damaged: remove it')
+        call raise(error, file_error, shard%file_name//': is no shard of a sweep, or its head is damaged: remove it')
       else if (.not. is_possible) then
-        call raise(error, file_error, reader%file_name//': is of another sweep, or of another version of deck or program: '// &
+        call raise(error, file_error, shard%file_name//': is of another sweep, or of another version of deck or program: '// &
           'remove it, or use --overwrite')
       end if
     end if
@@ -619,20 +550,20 @@ contains
     type(index_t), intent(inout) :: index
     integer, intent(out) :: records
     type(error_t), allocatable, intent(out) :: error
-    type(reader_t) :: reader
+    type(shard_t), target :: shard
     type(head_t) :: head
     integer(int64) :: ignored
 
     records = 0
-    call open_records(file_name, reader, error)
-    if (.not. allocated(error)) call read_head(reader, head, error)
-    if (.not. allocated(error)) call scan(reader, head, layout, number, index, ignored, records)
-    call reader%close()
+    call open_records(file_name, shard, error)
+    if (.not. allocated(error)) call read_head(shard, head, error)
+    if (.not. allocated(error)) call scan(shard, head, layout, number, index, ignored, records)
+    call shard%close()
   end subroutine scan_shard
 
   !> The same of an open shard; `words` is the length of what is sound.
-  subroutine scan(reader, head, layout, number, index, words, records)
-    type(reader_t), intent(inout) :: reader
+  subroutine scan(shard, head, layout, number, index, words, records)
+    type(shard_t), intent(inout), target :: shard
     type(head_t), intent(in) :: head
     type(layout_t), intent(in) :: layout
     integer, intent(in) :: number
@@ -640,6 +571,7 @@ contains
     integer(int64), intent(out) :: words
     integer, intent(out), optional :: records
     type(record_t) :: record
+    integer(int64), pointer, contiguous :: content(:)
     integer :: count
 
     words = 0
@@ -647,9 +579,10 @@ contains
     if (head%is_whole) then
       words = header_words
       do
-        record = record_at(reader, words, layout)
+        record = record_at(shard, words, layout)
         if (.not. record%is_possible) exit
-        if (.not. is_sound(reader, words, record%length)) exit
+        call shard%show(words, record%length, content)
+        if (content(record%length) /= checksum(content(:record%length - 1))) exit
         call index%note(record, number, words)
         words = words + record%length
         count = count + 1
@@ -720,98 +653,59 @@ contains
   end subroutine note
 
   !> What the record at `place` says of itself, and whether this sweep can have written that.
-  function record_at(reader, place, layout) result(record)
-    type(reader_t), intent(inout) :: reader
+  function record_at(shard, place, layout) result(record)
+    type(shard_t), intent(inout), target :: shard
     integer(int64), intent(in) :: place
     type(layout_t), intent(in) :: layout
     type(record_t) :: record
-    integer(int64) :: start(2), series
+    integer(int64), pointer, contiguous :: start(:)
+    integer :: n(4), series
 
-    if (word_bytes*(place + shortest_record) > reader%bytes) return
-    start = [reader%word(place), reader%word(place + 1)]
-    if (any(start < 0)) return
-    if (modulo(start(1), half) < 1 .or. modulo(start(1), half) > huge(record%case)) return
-    if (start(1)/half > stopped_early .or. start(2)/half > longest_message) return
-    record%case = int(modulo(start(1), half))
-    record%result_code = int(start(1)/half)
-    record%message_bytes = int(start(2)/half)
-    record%length = modulo(start(2), half)
-    series = record%length - shortest_record - words_for(record%message_bytes)
+    if (word_bytes*(place + shortest_record) > shard%bytes) return
+    call shard%show(place, 2_int64, start)
+    n = transfer(start, n)
+    if (n(1) < 1 .or. any(n < 0) .or. n(2) > stopped_early .or. n(4) > longest_message) return
+    record%case = n(1)
+    record%result_code = n(2)
+    record%length = n(3)
+    record%message_bytes = n(4)
+    series = n(3) - shortest_record - words_for(n(4))
     if (series < 0 .or. series > int(layout%columns, int64)*layout%rows) return
     if (layout%columns > 0) then
-      if (modulo(series, int(layout%columns, int64)) > 0) return
-      record%rows = int(series/layout%columns)
+      if (modulo(series, layout%columns) > 0) return
+      record%rows = series/layout%columns
     end if
-    record%is_possible = word_bytes*(place + record%length) <= reader%bytes
+    record%is_possible = word_bytes*(place + record%length) <= shard%bytes
   end function record_at
-
-  !> Whether a record has the checksum that it states.
-  logical function is_sound(reader, place, length)
-    type(reader_t), intent(inout) :: reader
-    integer(int64), intent(in) :: place, length
-    integer(int64) :: next, count, ending
-
-    call reader%crc%start()
-    next = place
-    ending = place + length - 1
-    do while (next < ending)
-      call reader%show(next)
-      associate (in_window => next - reader%first)
-        count = min(ending - next, window_words - in_window)
-        call reader%crc%add_words(reader%window(in_window + 1:in_window + count))
-      end associate
-      next = next + count
-    end do
-    is_sound = transfer(reader%crc%text(), next) == reader%word(ending)
-  end function is_sound
 
   !> The case whose record is at `place`, which becomes that of the next; `is_possible` is false if the file was changed since it
   !> was scanned.
-  subroutine read_record(reader, place, layout, case, is_possible)
-    type(reader_t), intent(inout) :: reader
+  subroutine read_record(shard, place, layout, case, is_possible)
+    type(shard_t), intent(inout), target :: shard
     integer(int64), intent(inout) :: place
     type(layout_t), intent(in) :: layout
     type(case_t), intent(inout) :: case
     logical, intent(out) :: is_possible
     type(record_t) :: record
-    character(word_bytes) :: part
-    integer(int64) :: n
-    integer :: i, j, last
+    integer(int64), pointer, contiguous :: words(:)
+    real(real64), pointer :: series(:, :)
+    character(longest_message) :: message
+    integer :: first
 
-    record = record_at(reader, place, layout)
+    record = record_at(shard, place, layout)
     is_possible = record%is_possible
     if (.not. is_possible) return
+    call shard%show(place, record%length, words)
+    place = place + record%length
     case%number = record%case
     case%result_code = record%result_code
-    if (.not. allocated(case%values)) allocate (case%values(value_count))
-    n = place + 2
-    place = place + record%length
-    do i = 1, value_count
-      case%values(i) = number_in(reader%word(n))
-      n = n + 1
-    end do
-    case%result_text = repeat(' ', record%message_bytes)
-    do i = 1, record%message_bytes, word_bytes
-      last = min(i + word_bytes - 1, record%message_bytes)
-      part = transfer(reader%word(n), part)
-      case%result_text(i:last) = part(:last - i + 1)
-      n = n + 1
-    end do
-    case%result_text = printable(case%result_text)
+    case%values = real(transfer(words(3:value_count + 2), [0.0_real64]), wp)
+    first = value_count + 3
+    message = transfer(words(first:first + words_for(record%message_bytes) - 1), message)
+    case%result_text = printable(message(:record%message_bytes))
     if (allocated(case%series)) deallocate (case%series)
     if (layout%columns == 0) return
-    allocate (case%series(layout%columns, record%rows))
-    do j = 1, record%rows
-      do i = 1, layout%columns
-        case%series(i, j) = number_in(reader%word(n))
-        n = n + 1
-      end do
-    end do
+    call c_f_pointer(c_loc(words(first + words_for(record%message_bytes))), series, [layout%columns, record%rows])
+    case%series = real(series, wp)
   end subroutine read_record
-
-  pure real(wp) function number_in(word)
-    integer(int64), intent(in) :: word
-
-    number_in = real(transfer(word, 0.0_real64), wp)
-  end function number_in
 end module dst_sweep_shard

@@ -10,7 +10,7 @@ module dst_disk
   use dst_paths, only: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
   use dst_posix, only: c_close, c_errno, c_free_space, c_fsync, c_link, c_look_up, c_open, c_read, c_reason, c_rename, c_reserve, &
     c_unlink, c_write, dst_eloop, dst_enoent, dst_o_append, dst_o_creat, dst_o_excl, dst_o_nofollow, dst_o_nonblock, &
-    dst_o_rdonly, dst_o_rdwr, fortran_text, ignore_size_limit_signal, set_file_size
+    dst_o_rdonly, dst_o_rdwr, fortran_text, set_file_size
   implicit none
   private
 
@@ -20,7 +20,7 @@ module dst_disk
   public :: open_for_appending, open_for_reading, append_words, read_words, close_descriptor
   public :: system_reason, locked_by_a_reader, with_remedy
   ! Of other modules.
-  public :: set_file_size, ignore_size_limit_signal
+  public :: set_file_size
   public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
   public :: lock_attempt, locked, held, without_locks, lock_file, unlock_file, is_in_use, is_locked_elsewhere, process_with_lock
   public :: utc_now, utc_at, seconds_now, wait_seconds

@@ -11,7 +11,7 @@ module dst_lock
     unique_word, wait_seconds, write_bytes
   use dst_machine, only: host_name
   use dst_posix, only: c_errno, c_getpid, c_kill, dst_eexist, dst_esrch
-  use dst_text, only: integer_text
+  use dst_text, only: integer_text, value_in
   implicit none
   private
 
@@ -150,7 +150,7 @@ contains
     ! A lock without a text was made this moment, or its maker was killed in it. One that is gone is no hindrance.
     if (.not. identity%exists .or. (identity%is_regular .and. identity%bytes == 0)) return
     if (index(text, signature//n) == 1) return
-    if (identity_of(file_name) == identity) reason = file_name//': is no lock of this program: move it away'
+    if (identity_of(file_name) == identity) reason = file_name//' is no lock of this program: move it away'
   end subroutine read_holder
 
   !> Lines of a name and a value.
@@ -159,25 +159,11 @@ contains
     character(:), allocatable :: process
     integer :: io_status
 
-    process = value_of('process')
+    process = value_in(text, 'process')
     read (process, *, iostat=io_status) holder%process
     if (io_status /= 0) holder%process = 0
-    holder%host = value_of('host')
-    holder%tag = value_of('tag')
-
-  contains
-
-    pure function value_of(name) result(value)
-      character(*), intent(in) :: name
-      character(:), allocatable :: value
-      integer :: first
-
-      value = ''
-      first = index(text, n//name//' ')
-      if (first == 0) return
-      value = text(first + len(name) + 2:)
-      value = value(:index(value//n, n) - 1)
-    end function value_of
+    holder%host = value_in(text, 'host')
+    holder%tag = value_in(text, 'tag')
   end function holder_in
 
   !> What is unfinished has the tag of its process in its name.

@@ -3,6 +3,7 @@ module dst_paths
   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_f_pointer, nul => c_null_char
   use dst_kinds, only: int64
   use dst_posix, only: c_forget_matches, c_free, c_getpid, c_matches, c_realpath, fortran_text
+  use dst_sha256, only: sha256
   implicit none
   private
 
@@ -99,17 +100,15 @@ contains
   !> A word that nobody else hits upon: lower-case letters and digits.
   function unique_word() result(word)
     character(10) :: word
-    character(*), parameter :: digits = '0123456789abcdefghijklmnopqrstuvwxyz'
-    integer(int64) :: number, ticks
-    integer :: i, clock(8), digit
+    character(64) :: digest
+    character(80) :: seed
+    integer(int64) :: ticks
+    integer :: clock(8)
 
     call date_and_time(values=clock)
     call system_clock(ticks)
-    number = modulo(ieor(ieor(ticks, ishft(int(c_getpid(), int64), 32)), 1000003_int64*clock(8)), huge(number))
-    do i = 1, len(word)
-      digit = int(modulo(number, len(digits, int64)))
-      word(i:i) = digits(digit + 1:digit + 1)
-      number = number/len(digits)
-    end do
+    write (seed, '(3(i0, 1x))') ticks, c_getpid(), clock(8)
+    digest = sha256(seed)
+    word = digest(:len(word))
   end function unique_word
 end module dst_paths

@@ -3,7 +3,7 @@
 !> they are used.
 module dst_posix
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_size_t, c_double, c_bool, c_char, c_ptr, c_funptr, &
-    c_associated, c_f_pointer
+    c_associated, c_f_pointer, c_null_char
   implicit none
   public
 
@@ -127,11 +127,6 @@ module dst_posix
       type(c_ptr), value :: thread
     end subroutine c_join_thread
 
-    integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
-      import :: c_ptr, c_size_t
-      type(c_ptr), value :: text
-    end function c_strlen
-
     subroutine c_wait(seconds) bind(c, name='dst_wait')
       import :: c_double
       real(c_double), value :: seconds
@@ -250,15 +245,17 @@ contains
   function fortran_text(address) result(text)
     type(c_ptr), intent(in) :: address
     character(:), allocatable :: text
-    character(c_char), pointer :: bytes(:)
-    integer :: i
+    character(c_char), pointer, contiguous :: bytes(:)
+    integer :: n
 
     text = ''
     if (.not. c_associated(address)) return
-    call c_f_pointer(address, bytes, [c_strlen(address)])
-    text = repeat(' ', size(bytes))
-    do i = 1, size(bytes)
-      text(i:i) = bytes(i)
+    call c_f_pointer(address, bytes, [huge(n)])
+    n = 0
+    do while (bytes(n + 1) /= c_null_char)
+      n = n + 1
     end do
+    text = repeat(' ', n)
+    text = transfer(bytes(:n), text)
   end function fortran_text
 end module dst_posix

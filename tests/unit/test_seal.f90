@@ -30,23 +30,23 @@ contains
     call by_bytes%start()
     call by_words%start()
     do i = 1, len(text)
-      call by_bytes%add_byte(text(i:i))
+      call by_bytes%add_bytes([text(i:i)])
     end do
     words = transfer(text(:8*size(words)), words)
     call by_words%add_words(words)
     do i = 8*size(words) + 1, len(text)
-      call by_words%add_byte(text(i:i))
+      call by_words%add_bytes([text(i:i)])
     end do
     call check('CRC of '//text//' by bytes', by_bytes%text() == expected)
     call check('CRC of '//text//' by words', by_words%text() == expected)
     middle = len(text)/2
     call by_bytes%start()
     do i = 1, middle
-      call by_bytes%add_byte(text(i:i))
+      call by_bytes%add_bytes([text(i:i)])
     end do
     call in_parts%start(by_bytes%text())
     do i = middle + 1, len(text)
-      call in_parts%add_byte(text(i:i))
+      call in_parts%add_bytes([text(i:i)])
     end do
     call check('CRC of '//text//' from its middle on', in_parts%text() == expected)
   end subroutine check_text

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._arguments import number, path_name, shown, text
-from .._open import open_file
+from .._open import info_of, open_file
 from .._optional import needed
 from .._progress import progress_bar
 from ..errors import Error, FileError, UsageError, printable
@@ -309,7 +309,7 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
             raise FileError(f"{path}: holds no comparison of dynstiction trade")
         entries = []
         for name, dataset in file["trade"].items():
-            info = Info(name, dataset.attrs["units"], dataset.attrs["long_name"])
+            info = info_of(name, dataset)
             text = h5py.check_string_dtype(dataset.dtype) is not None
             entries.append((info, _array(info, list(dataset.asstr()[:]) if text else dataset[:])))
     return Trade(Described(entries))

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-from .._lock import locked
+from .._native import Lock
 from ..errors import Error, FileError, UsageError, printable
 from ..scene import Scene
 from . import begin
@@ -54,7 +54,7 @@ def compare(
 
         comparison = begin(Scene.of_command(deck, settings), accuracy, budget, quantity)
         place = os.path.realpath(output) if os.path.islink(output) else output
-        with locked(place):
+        with Lock(place):
             _save.refuse_to_replace(place, overwrite=overwrite)
             fault = _watch(comparison, received, "" if quiet else printable(deck))
             table = comparison.table() if comparison.has_reference else None
