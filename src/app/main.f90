@@ -49,7 +49,7 @@ contains
 
   !> Carry out what the command line asks for.
   subroutine follow_arguments(self, number)
-    class(program_t), intent(inout) :: self
+    class(program_t), intent(inout), target :: self
     integer, intent(in) :: number
     type(argument_t), allocatable :: arguments(:)
     type(error_t), allocatable :: error, usage
@@ -132,7 +132,7 @@ contains
       if (allocated(error)) return
       if (command%name == 'run' .or. command%name == 'merge') then
         call run_decks()
-      else if (processes%is_first()) then
+      else if (processes%rank == 0) then
         call work_alone()
       else
         ! A signal to all leaves the end to the first process.
@@ -278,7 +278,7 @@ contains
     integer :: i
 
     allocate (decks(command%operand_count), outputs(command%operand_count))
-    if (processes%is_first()) call prepare(decks, outputs)
+    if (processes%rank == 0) call prepare(decks, outputs)
     call agree_on_status()
     if (status /= result_done) return
     call listen_to_signals()
@@ -341,14 +341,14 @@ contains
     character(1) :: no_settings(0)
 
     if (processes%count == 1) return
-    if (processes%is_first()) then
+    if (processes%rank == 0) then
       name = deck%name
       text = resolved(deck)
     end if
     call processes%share_text(name)
     call processes%share_text(text)
     call processes%share_text(output)
-    if (.not. processes%is_first()) call parse_deck(text, name, no_settings, deck, error)
+    if (processes%rank > 0) call parse_deck(text, name, no_settings, deck, error)
   end subroutine share_deck
 
   !> One run or merge, which is for one process, or a sweep of many.
@@ -360,12 +360,12 @@ contains
     if (command%name == 'merge' .and. .not. deck%is_sweep()) then
       call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
     else if (command%name == 'merge') then
-      if (processes%is_first()) call merge_sweep(deck, output, sweep_options(), error)
+      if (processes%rank == 0) call merge_sweep(deck, output, sweep_options(), error)
     else if (deck%is_sweep()) then
       call run_sweep(deck, output, sweep_options(), processes, error)
     else if (command%share%is_given) then
       call raise(error, usage_error, 'has no &sweep: run it without --shard')
-    else if (processes%is_first()) then
+    else if (processes%rank == 0) then
       call run_deck(deck, output, command%has('--overwrite'), command%has('--quiet'), error)
     end if
   end subroutine carry_out
@@ -480,7 +480,7 @@ contains
     type(error_t), allocatable :: error
     logical :: failed
 
-    if (is_mute() .or. .not. processes%is_first()) return
+    if (is_mute() .or. processes%rank > 0) return
     call put_output(text, failed)
     if (.not. failed) return
     call raise(error, file_error, 'cannot write to the standard output: it is closed, or the disk is full')
