@@ -369,7 +369,7 @@ contains
 
     if (.not. index%is_in_result) then
       call scene_from_deck(sweep%deck, scene)
-      call describe_run(sweep%deck, scene%model, scene%method_name(), '', metadata)
+      call describe_run(sweep%deck, scene, '', metadata)
       metadata%processes = processes%count
       metadata%threads = thread_count(processes, sweep%cases)
       call merge_shards(sweep, head, files, index, metadata, result_file, options%overwrite, error)
