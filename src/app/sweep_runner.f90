@@ -143,9 +143,7 @@ contains
     call processes%share_text(identity)
     is_needed = identity /= ''
     if (.not. is_needed) return
-    if (deck%text_of(sweep_group, 'points') == '') then
-      if (processes%rank > 0) call new_sweep(deck, sweep, error)
-    else
+    if (deck%text_of(sweep_group, 'points') /= '') then
       if (processes%rank == 0) then
         axes = sweep%axes
         names = sweep%parameters()
@@ -156,9 +154,10 @@ contains
         axes(i)%name = word(names, i)
         call processes%share_numbers(axes(i)%values)
       end do
-      if (processes%rank > 0) call new_sweep(deck, sweep, error, axes, .true.)
     end if
-    if (processes%rank > 0) head = head_of(sweep, identity)
+    if (processes%rank == 0) return
+    call new_sweep(deck, sweep, error, axes, .true.)
+    head = head_of(sweep, identity)
   end subroutine share_sweep
 
   !> Write what the shards hold so far to the result file.

@@ -124,7 +124,7 @@ contains
     type(sweep_t), intent(out) :: sweep
     type(error_t), allocatable, intent(out) :: error
     type(axis_t), intent(in), optional :: axes(:)
-    logical, intent(in), optional :: is_list
+    logical, intent(in), optional :: is_list   !! of `axes`
     real(wp) :: cases
     integer :: i
 
@@ -134,9 +134,9 @@ contains
     end if
     sweep%deck = deck
     sweep%keeps_series = deck%text_of(sweep_group, 'keep') == 'series'
-    if (present(is_list)) sweep%is_list = is_list
     if (present(axes)) then
       sweep%axes = axes
+      sweep%is_list = is_list
       call check_axes(sweep, error)
     else
       call axes_of_deck(deck, sweep%axes, error)
