@@ -14,7 +14,7 @@ program bench_dealer
   type(processes_t) :: processes
   type(dealer_t) :: dealer
   type(error_t), allocatable :: error
-  integer, allocatable :: pending(:), numbers(:)
+  integer, allocatable :: pending(:)
   integer :: pieces, size_of_piece, i, status, taken, stop
   real(wp) :: begun, begun_processor, ended_processor, passed
   character(32) :: argument
@@ -34,12 +34,14 @@ program bench_dealer
   end if
   begun = wall_clock()
   call cpu_time(begun_processor)
-  call dealer%open(processes, pending)
+  call dealer%open(processes, 1, pending)
   taken = 0
   stop = 0
   do while (.not. merge(dealer%others_are_done(), dealer%none_left, processes%rank == 0))
-    call dealer%deal(merge(0, size_of_piece, processes%rank == 0), taken, 0, numbers, stop)
-    if (allocated(numbers)) taken = taken + size(numbers)
+    call dealer%deal(merge(0, size_of_piece, processes%rank == 0), taken, 0, 0.0_wp, stop)
+    do while (dealer%take() > 0)
+      taken = taken + 1
+    end do
   end do
   call dealer%close(taken, 0, stop)
   passed = wall_clock() - begun

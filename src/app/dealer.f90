@@ -1,8 +1,11 @@
-!> Cases dealt out to processes: rank 0 gives them a few at a time while it works itself.
+!> Cases dealt out to processes: rank 0 gives them a few at a time while it works itself. A process alone has all from the start.
 !>
 !> Every call of `deal` is short: messages are looked for, not waited for. A process has one question under way at most, and takes
 !> leave once. Rank 0 says farewell to each process once: when any process stops, so that all do, or else when all have taken leave;
 !> until then it answers each question. So no message is left over.
+!>
+!> A process asks for more when what it has lasts less than `ahead`, and for as many as last `piece` at its pace of late, or, of
+!> many processes, so long that rank 0 gets no more than one question in `message`.
 module dst_dealer
   use dst_kinds, only: wp
   use dst_processes, only: processes_t
@@ -16,14 +19,23 @@ module dst_dealer
     integer :: finished = 0, failed = 0              !! of rank 0: cases of all processes, as far as is known there
     logical :: none_left = .false.                   !! no more cases come to this process
     type(processes_t), private :: processes
-    integer, allocatable, private :: pending(:)      !! of rank 0: cases not yet dealt out, from `next` on
+    integer, allocatable, private :: given(:)        !! to this process, not yet begun from `next` on
     integer, private :: next = 1
-    integer, private :: gone = 0                     !! of rank 0: processes that have taken leave
+    !> Pace of this process [cases/s]; time [s] and finished cases when some were last given.
+    real(wp), private :: rate = 0.0_wp, since = 0.0_wp
+    integer, private :: finished_then = 0
     logical, private :: asked = .false.              !! an answer of rank 0 is on its way
     logical, private :: farewell = .false.           !! has come from rank 0, or been sent to all
+    ! Of rank 0.
+    integer, allocatable, private :: pending(:)      !! cases not yet dealt out, from `first` on
+    integer, private :: first = 1
+    integer, private :: gone = 0                     !! processes that have taken leave
     integer, allocatable, private :: done_by(:, :)   !! finished and failed cases of each rank
   contains
     procedure :: open
+    procedure :: take
+    procedure :: left
+    procedure :: wanted
     procedure :: deal
     procedure :: others_are_done
     procedure :: close
@@ -34,27 +46,67 @@ module dst_dealer
   !> At most so many cases are given at once, so that an answer fits into a message that is sent without waiting; and of
   !> what is left no more than this part of a process's share.
   integer, parameter :: most = 512, part = 4
+  real(wp), parameter :: ahead = 2.0e-3_wp, piece = 5.0e-3_wp, message = 5.0e-5_wp   ! s
 
 contains
 
-  !> Begin to deal out the cases `pending` of rank 0.
-  subroutine open(self, processes, pending)
+  !> Begin to deal out the cases `pending` of rank 0. At first a process wants a case for each of its threads.
+  subroutine open(self, processes, threads, pending)
     class(dealer_t), intent(out) :: self
     type(processes_t), intent(in) :: processes
+    integer, intent(in) :: threads
     integer, allocatable, intent(inout) :: pending(:)   !! is taken away
 
     self%processes = processes
-    call move_alloc(pending, self%pending)
+    self%rate = threads/piece
     if (processes%rank == 0) allocate (self%done_by(2, 0:processes%count - 1), source=0)
+    self%none_left = processes%count == 1
+    if (self%none_left) then
+      call move_alloc(pending, self%given)
+    else
+      allocate (self%given(0))
+      call move_alloc(pending, self%pending)
+    end if
   end subroutine open
 
-  !> Take more cases, if `wanted` are more than 0.
-  subroutine deal(self, wanted, finished, failed, numbers, stop)
+  !> The next case of this process; 0 if there is none now.
+  integer function take(self)
+    class(dealer_t), intent(inout) :: self
+
+    take = 0
+    if (self%left() == 0) return
+    take = self%given(self%next)
+    self%next = self%next + 1
+  end function take
+
+  !> Cases given to this process that have not begun.
+  pure integer function left(self)
+    class(dealer_t), intent(in) :: self
+
+    left = size(self%given) - self%next + 1
+  end function left
+
+  !> How many cases to ask for when so many are finished here. The pace may have changed: nothing is asked ahead before one of the
+  !> cases given last is finished.
+  pure integer function wanted(self, finished)
+    class(dealer_t), intent(in) :: self
+    integer, intent(in) :: finished
+    real(wp), parameter :: countable = 1.0e6_wp
+
+    wanted = 0
+    if (self%none_left .or. self%left() > self%rate*ahead) return
+    if (self%left() > 0 .and. finished == self%finished_then) return
+    wanted = max(1, nint(min(countable, self%rate*max(piece, self%processes%count*message))))
+  end function wanted
+
+  !> Exchange messages; take more cases, if `wanted` are more than 0 and they are there.
+  subroutine deal(self, wanted, finished, failed, time, stop)
     class(dealer_t), intent(inout) :: self
     integer, intent(in) :: wanted
     integer, intent(in) :: finished, failed           !! of this process so far
-    integer, allocatable, intent(out) :: numbers(:)   !! unallocated if there are none now
+    real(wp), intent(in) :: time                      !! s
     integer, intent(inout) :: stop                    !! why this process stops, 0 if it does not; on return: why any does
+    integer, allocatable :: numbers(:)
 
     if (self%processes%rank == 0) then
       self%done_by(:, 0) = [finished, failed]
@@ -67,7 +119,15 @@ contains
       end if
       call hear(self, numbers, stop)
     end if
-    if (allocated(numbers)) self%none_left = size(numbers) == 0
+    if (.not. allocated(numbers)) return
+    self%none_left = size(numbers) == 0
+    numbers = [self%given(self%next:), numbers]
+    call move_alloc(numbers, self%given)
+    self%next = 1
+    if (finished == self%finished_then .or. time <= self%since) return
+    self%rate = (finished - self%finished_then)/(time - self%since)
+    self%since = time
+    self%finished_then = finished
   end subroutine deal
 
   !> Rank 0 answers all who have asked, and passes on that one of them stops.
@@ -125,22 +185,17 @@ contains
     end if
   end subroutine hear
 
-  !> The less is left, the smaller the pieces. One process alone gets all.
+  !> The less is left, the smaller the pieces.
   subroutine cut_piece(self, wanted, numbers)
     class(dealer_t), intent(inout) :: self
     integer, intent(in) :: wanted
     integer, allocatable, intent(out) :: numbers(:)
     integer :: left, length
 
-    if (self%processes%count == 1) then
-      call move_alloc(self%pending, numbers)
-      allocate (self%pending(0))
-      return
-    end if
-    left = size(self%pending) - self%next + 1
+    left = size(self%pending) - self%first + 1
     length = min(left, wanted, most, max(1, left/(part*self%processes%count)))
-    numbers = self%pending(self%next:self%next + length - 1)
-    self%next = self%next + length
+    numbers = self%pending(self%first:self%first + length - 1)
+    self%first = self%first + length
   end subroutine cut_piece
 
   !> Whether rank 0 need not look after other processes any more.
@@ -161,7 +216,8 @@ contains
     integer, allocatable :: numbers(:)
 
     if (self%processes%rank == 0) then
-      call self%deal(0, finished, failed, numbers, stop)
+      self%done_by(:, 0) = [finished, failed]
+      call serve(self, stop)
       call say_farewell(self, stop)
     else
       call self%processes%send(0, leaves, [stop, finished, failed])
@@ -172,6 +228,7 @@ contains
         call self%processes%wait(pause, told_at)
       end do
     end if
+    deallocate (self%given)
     if (allocated(self%pending)) deallocate (self%pending)
   end subroutine close
 end module dst_dealer

@@ -249,6 +249,7 @@ contains
     logical, intent(in) :: empties
     type(error_t), allocatable, intent(out) :: error
     type(head_t), allocatable :: heads(:)
+    type(path_t), allocatable :: files(:)
     integer :: i, status, ignored
 
     job%index = index_t()
@@ -257,7 +258,8 @@ contains
       call raise_no_memory(job%sweep%cases, error)
       return
     end if
-    call shards_of(job%result_file, job%files)
+    call shards_of(job%result_file, files)
+    call move_alloc(files, job%files)
     call read_heads(job, empties, heads, error)
     associate (share => job%options%share)
       if (.not. allocated(error)) call settle_division(share, divisions_of(heads, job%files), job%head%division, error)
@@ -286,29 +288,31 @@ contains
     type(head_t), allocatable, intent(out) :: heads(:)
     type(error_t), allocatable, intent(out) :: error
     logical :: is_ours(size(job%files))
+    type(path_t), allocatable :: files(:)
     type(identity_t) :: file
     integer :: i
 
     allocate (heads(size(job%files)))
     do i = 1, size(heads)
-      associate (name => job%files(i)%text, found => heads(i), index => job%index)
-        call inspect_shard(name, found, error)
-        if (.not. allocated(error)) call check_sweep(name, found, job%head, error)
-        is_ours(i) = found%is_of_build(job%head)
-        if (empties .and. (allocated(error) .or. .not. is_ours(i))) then
-          call empty_shard(name, job%head, error)
-          found = head_t(is_whole=.false.)
-          is_ours(i) = .true.
-        end if
-        if (allocated(error)) return
-        if (.not. (found%is_whole .and. is_ours(i))) cycle
-        file = identity_of(name)
-        index%begun = min(found%begun, merge(index%begun, found%begun, index%begun > 0))
-        index%ended = max(index%ended, file%changed)
+      call inspect_shard(job%files(i)%text, heads(i), error)
+      if (.not. allocated(error)) call check_sweep(job%files(i)%text, heads(i), job%head, error)
+      is_ours(i) = heads(i)%is_of_build(job%head)
+      if (empties .and. (allocated(error) .or. .not. is_ours(i))) then
+        call empty_shard(job%files(i)%text, job%head, error)
+        heads(i) = head_t(is_whole=.false.)
+        is_ours(i) = .true.
+      end if
+      if (allocated(error)) return
+      if (.not. (heads(i)%is_whole .and. is_ours(i))) cycle
+      file = identity_of(job%files(i)%text)
+      associate (begun => job%index%begun)
+        begun = min(heads(i)%begun, merge(begun, heads(i)%begun, begun > 0))
       end associate
+      job%index%ended = max(job%index%ended, file%changed)
     end do
     job%index%of_other_builds = count(.not. is_ours)
-    job%files = pack(job%files, is_ours)
+    allocate (files, source=pack(job%files, is_ours))
+    call move_alloc(files, job%files)
     heads = pack(heads, is_ours)
   end subroutine read_heads
 

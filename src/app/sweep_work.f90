@@ -30,13 +30,8 @@ module dst_sweep_work
     integer, private :: finished = 0             !! the same, with those that failed
     type(error_t), allocatable, private :: error !! the first one of the shard
     integer, private :: stop = 0                 !! why cases are given up: a signal, or one of those below; 0 = they go on
-    integer, allocatable, private :: given(:)    !! cases dealt out to this process
-    integer, private :: next = 1                 !! the first of them that has not begun
     integer, private :: at_work = 0              !! threads
     real(wp), private :: begun = 0.0_wp, looked = 0.0_wp, limit = 0.0_wp   !! s
-    !> How fast the cases are of late [1/s]; time [s] and finished cases when some were last given.
-    real(wp), private :: rate = 0.0_wp, since = 0.0_wp
-    integer, private :: finished_then = 0
     type(sweep_t), pointer, private :: sweep => null()
     type(worker_t), private :: first_worker      !! is copied by each thread
     type(processes_t), private :: processes
@@ -60,10 +55,8 @@ module dst_sweep_work
   !> Threads beyond this serve no machine.
   integer, parameter :: most_threads = 1024
 
-  !> A process looks around once in so many seconds: messages, signals, limits. It asks for more cases when what it has lasts
-  !> less than `ahead`, and for as many as last `piece`, or, of many processes, so long that rank 0 gets no more than one
-  !> question in `message`.
-  real(wp), parameter :: look = 5.0e-4_wp, ahead = 2.0e-3_wp, piece = 5.0e-3_wp, message = 5.0e-5_wp
+  !> A process looks around once in so many seconds: messages, signals, limits.
+  real(wp), parameter :: look = 5.0e-4_wp
 
 contains
 
@@ -82,15 +75,11 @@ contains
     self%limit = sweep%deck%real_of('output', 'wall_limit')
     self%begun = wall_clock()
     self%progress = new_progress(sweep%deck%name, quiet)
-    allocate (self%given(0))
     threads = thread_count(processes, sweep%cases)
-    ! At first a case for each thread.
-    self%rate = threads/piece
     call new_worker(sweep, self%first_worker)
-    call self%dealer%open(processes, pending)
+    call self%dealer%open(processes, threads, pending)
     call run_in_threads(self, threads)
     call self%dealer%close(self%finished, self%failed, self%stop)
-    deallocate (self%given)
     call self%progress%close()
     if (allocated(self%error)) then
       call move_alloc(self%error, error)
@@ -130,7 +119,10 @@ contains
       if (watch%asked_to_stop()) exit
       none_left = .false.
       do while (worker%has_room())
-        call take_number(self, next, none_left)
+        !$omp critical (dealing)
+        next = self%dealer%take()
+        none_left = next == 0 .and. self%dealer%none_left
+        !$omp end critical (dealing)
         if (next == 0) exit
         call worker%begin_case(self%sweep, next)
       end do
@@ -163,22 +155,6 @@ contains
       call self%processes%wait(look, told_at)
     end do
   end subroutine wait_for_others
-
-  !> The next case of this process; 0 if there is none now.
-  subroutine take_number(self, number, none_left)
-    type(sweep_work_t), intent(inout) :: self
-    integer, intent(out) :: number
-    logical, intent(out) :: none_left
-
-    number = 0
-    !$omp critical (dealing)
-    if (self%next <= size(self%given)) then
-      number = self%given(self%next)
-      self%next = self%next + 1
-    end if
-    none_left = number == 0 .and. self%dealer%none_left
-    !$omp end critical (dealing)
-  end subroutine take_number
 
   !> A finished case goes to the shard.
   subroutine keep(self, case)
@@ -213,13 +189,12 @@ contains
   !> New work, signals, the limit, progress.
   subroutine look_around(self)
     type(sweep_work_t), intent(inout) :: self
-    integer, allocatable :: numbers(:)
     integer :: finished, failed, left, wanted, stop
     real(wp) :: passed
 
     passed = wall_clock() - self%begun
     !$omp critical (dealing)
-    left = size(self%given) - self%next + 1
+    left = self%dealer%left()
     !$omp end critical (dealing)
     if (left > 0 .and. passed - self%looked < look) return
     self%looked = passed
@@ -231,16 +206,9 @@ contains
     stop = self%stop
     if (stop == 0) stop = stop_signal()
     if (stop == 0 .and. self%limit > 0.0_wp .and. passed > self%limit) stop = at_limit
-    wanted = 0
-    if (stop == 0) wanted = wanted_cases(self, left, finished)
     !$omp critical (dealing)
-    call self%dealer%deal(wanted, finished, failed, numbers, stop)
-    if (allocated(numbers)) then
-      if (self%next <= size(self%given)) numbers = [self%given(self%next:), numbers]
-      call move_alloc(numbers, self%given)
-      self%next = 1
-      call measure_rate(self, passed, finished)
-    end if
+    wanted = merge(self%dealer%wanted(finished), 0, stop == 0)
+    call self%dealer%deal(wanted, finished, failed, passed, stop)
     !$omp end critical (dealing)
     if (stop /= 0) then
       !$omp atomic write
@@ -249,30 +217,6 @@ contains
     call self%progress%show_cases(self%done_before, self%dealer%finished, self%to_do, &
       self%failed_before + self%dealer%failed, passed)
   end subroutine look_around
-
-  !> Cases to ask for while `left` have not begun. The pace may have changed: nothing is asked ahead before one of the
-  !> cases given last is finished.
-  pure integer function wanted_cases(self, left, finished) result(wanted)
-    type(sweep_work_t), intent(in) :: self
-    integer, intent(in) :: left, finished
-    real(wp), parameter :: most = 1.0e6_wp
-
-    wanted = 0
-    if (self%dealer%none_left .or. left > self%rate*ahead .or. (left > 0 .and. finished == self%finished_then)) return
-    wanted = max(1, nint(min(most, self%rate*max(piece, self%processes%count*message))))
-  end function wanted_cases
-
-  !> Cases have been given at `time` [s], when `finished` were finished.
-  pure subroutine measure_rate(self, time, finished)
-    type(sweep_work_t), intent(inout) :: self
-    real(wp), intent(in) :: time
-    integer, intent(in) :: finished
-
-    if (finished == self%finished_then .or. time <= self%since) return
-    self%rate = (finished - self%finished_then)/(time - self%since)
-    self%since = time
-    self%finished_then = finished
-  end subroutine measure_rate
 
   !> Why the sweep has stopped, how far it is, and how to go on.
   function stop_text(self) result(text)

@@ -462,8 +462,10 @@ contains
     end if
     if (writer%rows > 0 .and. .not. allocated(error)) then
       do i = 1, final_count
-        column = findloc(columns(simulation%selected)%name, final_columns(i), dim=1)
-        if (column > 0) result%values(summary_count + i) = writer%samples(column, writer%rows)
+        do column = 1, size(simulation%selected)
+          if (columns(simulation%selected(column))%name == final_columns(i)) &
+            result%values(summary_count + i) = writer%samples(column, writer%rows)
+        end do
       end do
     end if
     if (kept > 0) result%series = writer%samples(2:kept + 1, :writer%rows)

@@ -41,6 +41,7 @@ contains
     type(axis_t), allocatable, intent(out) :: axes(:)
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: path, text, reason
+    real(wp), allocatable :: values(:)
     character :: separator, line_end
     integer :: first, last, next, line, n, i
 
@@ -82,7 +83,8 @@ contains
       ': holds no points: give names of keys in the first line, and a case in each other line')
     if (allocated(error)) return
     do i = 1, size(axes)
-      axes(i)%values = axes(i)%values(:n)
+      allocate (values, source=axes(i)%values(:n))
+      call move_alloc(values, axes(i)%values)
     end do
   end subroutine read_csv
 
