@@ -37,16 +37,6 @@ module dst_sweep_runner
     type(share_wish_t) :: share          !! this process has a part of the cases, and knows of no other
   end type sweep_options_t
 
-  !> A sweep, the shards beside its result file, and which cases they hold.
-  type :: sweep_job_t
-    type(sweep_t) :: sweep
-    character(:), allocatable :: result_file
-    type(sweep_options_t) :: options
-    type(head_t) :: head                 !! of which sweep, build and division a new shard is
-    type(path_t), allocatable :: files(:)   !! shards of this sweep and build
-    type(index_t) :: index
-  end type sweep_job_t
-
   !> Keys that say how a sweep is run, not what its cases are. The points themselves are, not where they stand.
   character(26), parameter :: changeable(6) = [character(26) :: 'scene.title', 'sweep.points', 'output.file', &
     'output.flush_seconds', 'output.checkpoint_interval', 'output.wall_limit']
@@ -61,107 +51,87 @@ contains
     type(sweep_options_t), intent(in) :: options
     type(processes_t), intent(in) :: processes
     type(error_t), allocatable, intent(out) :: error
-    type(sweep_job_t), target :: job
+    type(sweep_t) :: sweep
     type(sweep_work_t), target :: work
+    type(head_t) :: head
     integer, allocatable :: pending(:)
     logical :: is_needed
 
     if (processes%count > 1 .and. options%share%is_given) then
       call raise(error, usage_error, '--shard is for processes that know nothing of each other, these do: leave it out')
     else if (processes%rank == 0) then
-      call open_job(deck, result_file, options, options%overwrite, job, error)
-      if (.not. allocated(error)) call list_pending(job, work, pending, error)
+      call prepare(deck, result_file, options, sweep, head, work, pending, error)
     end if
     ! Nobody opens a shard before the first has looked at all.
     call processes%agree(error)
     if (allocated(error)) return
     is_needed = work%to_do > 0 .or. options%share%is_given
-    call share_sweep(processes, deck, job, is_needed, error)
+    call share_sweep(processes, deck, sweep, head, is_needed, error)
     if (is_needed) then
       if (.not. allocated(error)) call open_shard(work%shard, result_file, &
-        merge(job%head%division%share, processes%rank, options%share%is_given), job%head, layout_of(job%sweep), error)
+        merge(head%division%share, processes%rank, options%share%is_given), head, layout_of(sweep), error)
       call processes%agree(error)
-      if (.not. allocated(error)) &
-        call work%run(job%sweep, processes, pending, options%quiet .or. processes%rank > 0, error)
+      if (.not. allocated(error)) call work%run(sweep, processes, pending, options%quiet .or. processes%rank > 0, error)
       call work%shard%close()
       call processes%agree(error)
       if (allocated(error)) return
     end if
-    if (options%share%is_given) then
-      call report_share(job, work%failed_before + work%failed, error)
-    else if (processes%rank == 0) then
-      call look_at_shards(job, .false., error)
-      if (.not. allocated(error)) call present_result(job, processes, error)
-    end if
+    if (processes%rank == 0) call present_result(sweep, head, result_file, options, work, processes, error)
     call processes%agree(error)
   end subroutine run_sweep
 
-  !> Write what the shards hold so far to the result file.
-  subroutine merge_sweep(deck, result_file, options, error)
+  !> What one process finds out for all: the sweep, and which of its cases are to be run.
+  subroutine prepare(deck, result_file, options, sweep, head, work, pending, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
-    type(error_t), allocatable, intent(out) :: error
-    type(sweep_job_t) :: job
-
-    call open_job(deck, result_file, options, .false., job, error)
-    if (allocated(error)) return
-    call tell_of_others(job)
-    if (job%index%done == 0) then
-      call raise(error, file_error, result_file//': there is no finished case to merge: run the deck first')
-    else
-      call present_result(job, processes_t(), error)
-    end if
-  end subroutine merge_sweep
-
-  !> The sweep of a deck, and what there is of it. `empties`: see `look_at_shards`.
-  subroutine open_job(deck, result_file, options, empties, job, error)
-    type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: result_file
-    type(sweep_options_t), intent(in) :: options
-    logical, intent(in) :: empties
-    type(sweep_job_t), intent(inout) :: job
-    type(error_t), allocatable, intent(out) :: error
-
-    job%result_file = result_file
-    job%options = options
-    call sweep_of_deck(deck, job%sweep, error)
-    if (allocated(error)) return
-    job%head = head_of(job%sweep, identity_of_sweep(job%sweep))
-    call look_at_shards(job, empties, error)
-  end subroutine open_job
-
-  !> The cases that are to be run: of all processes, or of this share.
-  subroutine list_pending(job, work, pending, error)
-    type(sweep_job_t), intent(in) :: job
+    type(sweep_t), intent(out) :: sweep
+    type(head_t), intent(out) :: head
     type(sweep_work_t), intent(inout) :: work
     integer, allocatable, intent(out) :: pending(:)
     type(error_t), allocatable, intent(out) :: error
+    type(index_t) :: index
+    type(path_t), allocatable :: files(:)
     integer :: i, n, status
 
-    call tell_of_others(job)
-    work%to_do = count(job%index%state == missing)
-    work%done_before = job%index%done
-    work%failed_before = job%index%failed
+    call begin_sweep(deck, sweep, head, error)
+    if (.not. allocated(error)) call look_at_shards(sweep, head, result_file, options, options%overwrite, index, files, error)
+    if (allocated(error)) return
+    call tell_of_others(sweep, index, options)
+    work%to_do = count(index%state == missing)
+    work%done_before = index%done
+    work%failed_before = index%failed
     allocate (pending(work%to_do), stat=status)
     if (status /= 0) then
       call raise_no_memory(work%to_do, error)
       return
     end if
     n = 0
-    do i = 1, size(job%index%state)
-      if (job%index%state(i) /= missing) cycle
+    do i = 1, sweep%cases
+      if (index%state(i) /= missing) cycle
       n = n + 1
       pending(n) = i
     end do
-  end subroutine list_pending
+  end subroutine prepare
 
-  !> The first process has read the points of a sweep; the others get them from it if there is work for them.
-  subroutine share_sweep(processes, deck, job, is_needed, error)
+  !> The sweep of a deck, and what its shards have in their heads.
+  subroutine begin_sweep(deck, sweep, head, error)
+    type(deck_t), intent(in) :: deck
+    type(sweep_t), intent(out) :: sweep
+    type(head_t), intent(out) :: head
+    type(error_t), allocatable, intent(out) :: error
+
+    call sweep_of_deck(deck, sweep, error)
+    if (.not. allocated(error)) head = head_of(sweep, identity_of_sweep(sweep))
+  end subroutine begin_sweep
+
+  !> The first process has read the points of a sweep; the others get them from it if the sweep is needed.
+  subroutine share_sweep(processes, deck, sweep, head, is_needed, error)
     type(processes_t), intent(in) :: processes
     type(deck_t), intent(in) :: deck
-    type(sweep_job_t), intent(inout) :: job
-    logical, intent(inout) :: is_needed   !! as the first says
+    type(sweep_t), intent(inout) :: sweep
+    type(head_t), intent(inout) :: head
+    logical, intent(inout) :: is_needed   !! is that of the first
     type(error_t), allocatable, intent(out) :: error
     type(axis_t), allocatable :: axes(:)
     character(:), allocatable :: names, identity
@@ -169,15 +139,14 @@ contains
 
     if (processes%count == 1) return
     ! The identity is that of the deck as it was read.
-    identity = ''
-    if (is_needed) identity = job%head%identity
+    identity = trim(merge(head%identity, repeat(' ', len(head%identity)), is_needed))
     call processes%share_text(identity)
     is_needed = identity /= ''
     if (.not. is_needed) return
     if (deck%text_of(sweep_group, 'points') /= '') then
       if (processes%rank == 0) then
-        axes = job%sweep%axes
-        names = job%sweep%parameters()
+        axes = sweep%axes
+        names = sweep%parameters()
       end if
       call processes%share_text(names)
       if (processes%rank > 0) allocate (axes(word_count(names)))
@@ -187,9 +156,32 @@ contains
       end do
     end if
     if (processes%rank == 0) return
-    call new_sweep(deck, job%sweep, error, axes, .true.)
-    job%head = head_of(job%sweep, identity)
+    call new_sweep(deck, sweep, error, axes, .true.)
+    head = head_of(sweep, identity)
   end subroutine share_sweep
+
+  !> Write what the shards hold so far to the result file.
+  subroutine merge_sweep(deck, result_file, options, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: result_file
+    type(sweep_options_t), intent(in) :: options
+    type(error_t), allocatable, intent(out) :: error
+    type(processes_t) :: alone
+    type(sweep_t) :: sweep
+    type(head_t) :: head
+    type(index_t) :: index
+    type(path_t), allocatable :: files(:)
+
+    call begin_sweep(deck, sweep, head, error)
+    if (.not. allocated(error)) call look_at_shards(sweep, head, result_file, options, .false., index, files, error)
+    if (allocated(error)) return
+    call tell_of_others(sweep, index, options)
+    if (index%done == 0) then
+      call raise(error, file_error, result_file//': there is no finished case to merge: run the deck first')
+    else
+      call write_result(sweep, head, result_file, index, files, options, alone, error)
+    end if
+  end subroutine merge_sweep
 
   !> Of which sweep and build a shard must be.
   function head_of(sweep, identity) result(head)
@@ -241,89 +233,89 @@ contains
     end do
   end subroutine add_values
 
-  !> Which cases the shards beside the result file hold, and what has the result's name. Shards of another sweep or build are
-  !> emptied with `empties`; else those of another sweep are refused, those of another build passed over. A process that has a part
-  !> of the cases gets its division into the head, and reads neither what the others of it have nor cases that are not its own.
-  subroutine look_at_shards(job, empties, error)
-    type(sweep_job_t), intent(inout) :: job
+  !> Which cases the shards beside `result_file` hold, and what has the result's name. Shards of another sweep or build are emptied
+  !> with `empties`; else those of another sweep are refused, those of another build passed over. A process that has a part of the
+  !> cases gets its division into `head`, and reads neither what the others of it have nor cases that are not its own.
+  subroutine look_at_shards(sweep, head, result_file, options, empties, index, files, error)
+    type(sweep_t), intent(in) :: sweep
+    type(head_t), intent(inout) :: head
+    character(*), intent(in) :: result_file
+    type(sweep_options_t), intent(in) :: options
     logical, intent(in) :: empties
+    type(index_t), intent(out) :: index
+    type(path_t), allocatable, intent(out) :: files(:)   !! shards of this sweep and build
     type(error_t), allocatable, intent(out) :: error
     type(head_t), allocatable :: heads(:)
-    type(path_t), allocatable :: files(:)
     integer :: i, status, ignored
 
-    job%index = index_t()
-    call job%index%allocate(job%sweep%cases, block_of(job%sweep), status)
+    call index%allocate(sweep%cases, block_of(sweep), status)
     if (status /= 0) then
-      call raise_no_memory(job%sweep%cases, error)
+      call raise_no_memory(sweep%cases, error)
       return
     end if
-    call shards_of(job%result_file, files)
-    call move_alloc(files, job%files)
-    call read_heads(job, empties, heads, error)
-    associate (share => job%options%share)
-      if (.not. allocated(error)) call settle_division(share, divisions_of(heads, job%files), job%head%division, error)
-      if (.not. (allocated(error) .or. job%options%overwrite)) &
-        call look_at_result(job%result_file, job%head, share%is_given, job%files, job%index, error)
-    end associate
-    if (allocated(error) .or. job%index%is_in_result) return
-    do i = 1, job%sweep%cases
-      if (.not. job%head%division%has(i)) job%index%state(i) = without_concern
+    call shards_of(result_file, files)
+    call read_heads(head, empties, files, heads, index, error)
+    if (.not. allocated(error)) call settle_division(options%share, divisions_of(heads, files), head%division, error)
+    if (.not. (allocated(error) .or. options%overwrite)) &
+      call look_at_result(result_file, head, options%share%is_given, files, index, error)
+    if (allocated(error) .or. index%is_in_result) return
+    do i = 1, sweep%cases
+      if (.not. head%division%has(i)) index%state(i) = without_concern
     end do
-    do i = 1, size(job%files)
-      associate (theirs => heads(i)%division, ours => job%head%division)
+    do i = 1, size(files)
+      associate (theirs => heads(i)%division, ours => head%division)
         if (ours%shares > 0 .and. theirs%shares == ours%shares .and. theirs%share /= ours%share) cycle
       end associate
       if (is_told_to_end()) call raise(error, stopped_early, stopped_by()//': start it again')
       if (allocated(error)) return
-      call scan_shard(job%files(i)%text, layout_of(job%sweep), i, job%index, ignored, error)
+      call scan_shard(files(i)%text, layout_of(sweep), i, index, ignored, error)
       if (allocated(error)) return
     end do
   end subroutine look_at_shards
 
-  !> The heads of all shards; those of other builds are left out.
-  subroutine read_heads(job, empties, heads, error)
-    type(sweep_job_t), intent(inout) :: job
+  !> The heads of all shards; `files` and `heads` come back without those of other builds.
+  subroutine read_heads(head, empties, files, heads, index, error)
+    type(head_t), intent(in) :: head
     logical, intent(in) :: empties
+    type(path_t), allocatable, intent(inout) :: files(:)
     type(head_t), allocatable, intent(out) :: heads(:)
+    type(index_t), intent(inout) :: index
     type(error_t), allocatable, intent(out) :: error
-    logical :: is_ours(size(job%files))
-    type(path_t), allocatable :: files(:)
+    logical :: is_ours(size(files))
     type(identity_t) :: file
     integer :: i
 
-    allocate (heads(size(job%files)))
-    do i = 1, size(heads)
-      call inspect_shard(job%files(i)%text, heads(i), error)
-      if (.not. allocated(error)) call check_sweep(job%files(i)%text, heads(i), job%head, error)
-      is_ours(i) = heads(i)%is_of_build(job%head)
+    allocate (heads(size(files)))
+    do i = 1, size(files)
+      call inspect_shard(files(i)%text, heads(i), error)
+      if (.not. allocated(error)) call check_sweep(files(i)%text, heads(i), head, error)
+      is_ours(i) = heads(i)%is_of_build(head)
       if (empties .and. (allocated(error) .or. .not. is_ours(i))) then
-        call empty_shard(job%files(i)%text, job%head, error)
+        call empty_shard(files(i)%text, head, error)
         heads(i) = head_t(is_whole=.false.)
         is_ours(i) = .true.
       end if
       if (allocated(error)) return
       if (.not. (heads(i)%is_whole .and. is_ours(i))) cycle
-      file = identity_of(job%files(i)%text)
-      associate (begun => job%index%begun)
-        begun = min(heads(i)%begun, merge(begun, heads(i)%begun, begun > 0))
-      end associate
-      job%index%ended = max(job%index%ended, file%changed)
+      file = identity_of(files(i)%text)
+      index%begun = min(heads(i)%begun, merge(index%begun, heads(i)%begun, index%begun > 0))
+      index%ended = max(index%ended, file%changed)
     end do
-    job%index%of_other_builds = count(.not. is_ours)
-    allocate (files, source=pack(job%files, is_ours))
-    call move_alloc(files, job%files)
+    index%of_other_builds = count(.not. is_ours)
+    files = pack(files, is_ours)
     heads = pack(heads, is_ours)
   end subroutine read_heads
 
   !> Shards of another build are left alone, but not silently.
-  subroutine tell_of_others(job)
-    type(sweep_job_t), intent(in) :: job
+  subroutine tell_of_others(sweep, index, options)
+    type(sweep_t), intent(in) :: sweep
+    type(index_t), intent(in) :: index
+    type(sweep_options_t), intent(in) :: options
     type(progress_t) :: progress
 
-    if (job%index%of_other_builds == 0) return
-    progress = new_progress(job%sweep%deck%name, job%options%quiet)
-    call progress%remark(integer_text(job%index%of_other_builds)//' shards are of another build of the program: they are left '// &
+    if (index%of_other_builds == 0) return
+    progress = new_progress(sweep%deck%name, options%quiet)
+    call progress%remark(integer_text(index%of_other_builds)//' shards are of another build of the program: they are left '// &
       'alone, and their cases run again (--overwrite empties them)')
   end subroutine tell_of_others
 
@@ -335,49 +327,65 @@ contains
       ' cases: divide the sweep into several decks')
   end subroutine raise_no_memory
 
-  !> Of a part of the cases there is no result file yet.
-  subroutine report_share(job, failed, error)
-    type(sweep_job_t), intent(in) :: job
-    integer, intent(in) :: failed
+  !> The result file; or, of a part of the cases, how to get it.
+  subroutine present_result(sweep, head, result_file, options, work, processes, error)
+    type(sweep_t), intent(in) :: sweep
+    type(head_t), intent(in) :: head
+    character(*), intent(in) :: result_file
+    type(sweep_options_t), intent(in) :: options
+    type(sweep_work_t), intent(in) :: work
+    type(processes_t), intent(in) :: processes
     type(error_t), allocatable, intent(out) :: error
+    type(head_t) :: again
+    type(index_t) :: index
+    type(path_t), allocatable :: files(:)
+    integer :: failed
 
-    associate (division => job%head%division)
+    if (options%share%is_given) then
+      failed = work%failed_before + work%failed
       if (failed > 0) call raise(error, some_failed, integer_text(failed)//' of '// &
-        integer_text(division%size(job%sweep%cases))//' cases of shard '//division%text()//' failed')
-    end associate
-  end subroutine report_share
+        integer_text(head%division%size(sweep%cases))//' cases of shard '//head%division%text()//' failed')
+    else
+      again = head
+      call look_at_shards(sweep, again, result_file, options, .false., index, files, error)
+      if (.not. allocated(error)) call write_result(sweep, head, result_file, index, files, options, processes, error)
+    end if
+  end subroutine present_result
 
   !> Merge the shards, unless that has been done, and remove them if they hold all cases.
-  subroutine present_result(job, processes, error)
-    type(sweep_job_t), intent(in) :: job
+  subroutine write_result(sweep, head, result_file, index, files, options, processes, error)
+    type(sweep_t), intent(in) :: sweep
+    type(head_t), intent(in) :: head
+    character(*), intent(in) :: result_file
+    type(index_t), intent(in) :: index
+    type(path_t), intent(in) :: files(:)
+    type(sweep_options_t), intent(in) :: options
     type(processes_t), intent(in) :: processes
     type(error_t), allocatable, intent(out) :: error
     type(run_metadata_t) :: metadata
     type(scene_t) :: scene
     integer :: i
 
-    associate (sweep => job%sweep, index => job%index)
-      if (.not. index%is_in_result) then
-        call scene_from_deck(sweep%deck, scene)
-        call describe_run(sweep%deck, scene, '', metadata)
-        metadata%processes = processes%count
-        metadata%threads = thread_count(processes, sweep%cases)
-        call merge_shards(sweep, job%head, job%files, index, metadata, job%result_file, job%options%overwrite, error)
+    if (.not. index%is_in_result) then
+      call scene_from_deck(sweep%deck, scene)
+      call describe_run(sweep%deck, scene, '', metadata)
+      metadata%processes = processes%count
+      metadata%threads = thread_count(processes, sweep%cases)
+      call merge_shards(sweep, head, files, index, metadata, result_file, options%overwrite, error)
+      if (allocated(error)) return
+    end if
+    if (index%done == sweep%cases .and. .not. options%keep_shards) then
+      do i = 1, size(files)
+        call delete_shard(files(i)%text, head, error)
         if (allocated(error)) return
-      end if
-      if (index%done == sweep%cases .and. .not. job%options%keep_shards) then
-        do i = 1, size(job%files)
-          call delete_shard(job%files(i)%text, job%head, error)
-          if (allocated(error)) return
-        end do
-      end if
-      if (index%done < sweep%cases) then
-        call raise(error, stopped_early, integer_text(sweep%cases - index%done)//' of '// &
-          integer_text(sweep%cases)//' cases have not been run: run the deck again to go on')
-      else if (index%failed > 0) then
-        call raise(error, some_failed, integer_text(index%failed)//' of '//integer_text(sweep%cases)// &
-          ' cases failed: see result_code and failures in '//job%result_file)
-      end if
-    end associate
-  end subroutine present_result
+      end do
+    end if
+    if (index%done < sweep%cases) then
+      call raise(error, stopped_early, integer_text(sweep%cases - index%done)//' of '// &
+        integer_text(sweep%cases)//' cases have not been run: run the deck again to go on')
+    else if (index%failed > 0) then
+      call raise(error, some_failed, integer_text(index%failed)//' of '//integer_text(sweep%cases)// &
+        ' cases failed: see result_code and failures in '//result_file)
+    end if
+  end subroutine write_result
 end module dst_sweep_runner
