@@ -321,26 +321,22 @@ contains
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
     type(error_t), allocatable, intent(out) :: error
+    type(sweep_options_t) :: options
 
+    options = sweep_options_t(overwrite=command%has('--overwrite'), quiet=command%has('--quiet'), &
+      keep_shards=command%has('--keep-shards'), share=command%share)
     if (command%name == 'merge' .and. .not. deck%is_sweep()) then
       call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
     else if (command%name == 'merge') then
-      if (processes%rank == 0) call merge_sweep(deck, output, sweep_options(), error)
+      if (processes%rank == 0) call merge_sweep(deck, output, options, error)
     else if (deck%is_sweep()) then
-      call run_sweep(deck, output, sweep_options(), processes, error)
+      call run_sweep(deck, output, options, processes, error)
     else if (command%share%is_given) then
       call raise(error, usage_error, 'has no &sweep: run it without --shard')
     else if (processes%rank == 0) then
-      call run_deck(deck, output, command%has('--overwrite'), command%has('--quiet'), error)
+      call run_deck(deck, output, options%overwrite, options%quiet, error)
     end if
   end subroutine carry_out
-
-  type(sweep_options_t) function sweep_options() result(options)
-    options%overwrite = command%has('--overwrite')
-    options%quiet = command%has('--quiet')
-    options%keep_shards = command%has('--keep-shards')
-    options%share = command%share
-  end function sweep_options
 
   !> Complain of an error that an operand has led to; that of a file names the file.
   subroutine complain_of(name, error)

@@ -139,7 +139,8 @@ contains
 
     if (processes%count == 1) return
     ! The identity is that of the deck as it was read.
-    identity = trim(merge(head%identity, repeat(' ', len(head%identity)), is_needed))
+    identity = ''
+    if (is_needed) identity = head%identity
     call processes%share_text(identity)
     is_needed = identity /= ''
     if (.not. is_needed) return

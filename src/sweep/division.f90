@@ -118,17 +118,17 @@ contains
     if (wish%is_auto) return
     slash = index(value//'/', '/')
     wish%share = number_in(value(:slash - 1))
-    is_understood = wish%share >= 0
+    is_understood = wish%share >= 0 .and. wish%share <= most_shares
     if (slash <= len(value)) then
       wish%shares = number_in(value(slash + 1:))
-      is_understood = is_understood .and. wish%shares >= 0
+      is_understood = is_understood .and. wish%shares >= 0 .and. wish%shares <= most_shares
       ! N = 0 is no share of any division, not the one that is kept.
       if (wish%shares == 0) wish%shares = -1
     end if
     if (.not. is_understood) call raise(error, usage_error, "--shard '"//excerpt(value)//"': "//usage//', or --shard auto')
   end subroutine take_share_wish
 
-  !> Digits as a number of a share; -1 if they are none.
+  !> Digits as a number; -1 if there are none, or something else, or too many.
   pure integer function number_in(text)
     character(*), intent(in) :: text
     character(:), allocatable :: problem
@@ -137,7 +137,7 @@ contains
     number_in = -1
     if (verify(text, '0123456789') > 0) return
     call read_integer(text, number, problem)
-    if (problem == '' .and. number <= most_shares) number_in = int(number)
+    if (problem == '' .and. number <= huge(number_in)) number_in = int(number)
   end function number_in
 
   !> The share of this process. `kept`: the divisions of the shards that there are, the newest last; it is said once.
@@ -292,11 +292,11 @@ contains
     type(array_t), intent(out) :: array
     type(error_t), allocatable, intent(out) :: error
 
-    array%index = environment_number('SLURM_ARRAY_TASK_ID')
-    array%first = environment_number('SLURM_ARRAY_TASK_MIN')
-    array%last = environment_number('SLURM_ARRAY_TASK_MAX')
-    array%step = max(1, environment_number('SLURM_ARRAY_TASK_STEP'))
-    array%count = environment_number('SLURM_ARRAY_TASK_COUNT')
+    array%index = number_in(environment('SLURM_ARRAY_TASK_ID'))
+    array%first = number_in(environment('SLURM_ARRAY_TASK_MIN'))
+    array%last = number_in(environment('SLURM_ARRAY_TASK_MAX'))
+    array%step = max(1, number_in(environment('SLURM_ARRAY_TASK_STEP')))
+    array%count = number_in(environment('SLURM_ARRAY_TASK_COUNT'))
     array%is_there = array%index >= 0
     if (.not. array%is_there) return
     if (array%first < 0 .or. array%first > array%index .or. array%last < array%index .or. array%count < 1) &
@@ -313,8 +313,8 @@ contains
 
     do i = 1, size(sizes)
       variable = trim(sizes(i))
-      count = environment_number(sizes(i))
-      number = environment_number(numbers(i))
+      count = number_in(environment(trim(sizes(i))))
+      number = number_in(environment(trim(numbers(i))))
       if (number >= count) number = -1
       if (count > 0) return
     end do
@@ -322,15 +322,4 @@ contains
     number = 0
     variable = ''
   end subroutine processes_here
-
-  !> A number in the environment; -1 if there is none.
-  integer function environment_number(variable) result(number)
-    character(*), intent(in) :: variable
-    character(:), allocatable :: problem
-    integer(int64) :: found
-
-    number = -1
-    call read_integer(environment(trim(variable)), found, problem)
-    if (problem == '' .and. found >= 0 .and. found <= huge(number)) number = int(found)
-  end function environment_number
 end module dst_division
