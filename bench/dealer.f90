@@ -14,9 +14,8 @@ program bench_dealer
   type(processes_t) :: processes
   type(dealer_t) :: dealer
   type(error_t), allocatable :: error
-  integer, allocatable :: pending(:), numbers(:)
+  integer, allocatable :: pending(:)
   integer :: pieces, size_of_piece, i, status, taken, stop
-  logical :: none_left
   real(wp) :: begun, begun_processor, ended_processor, passed
   character(32) :: argument
 
@@ -27,7 +26,7 @@ program bench_dealer
   call get_command_argument(2, argument, status=status)
   if (status == 0) read (argument, *) pieces
   call processes%start(error)
-  if (processes%is_first()) then
+  if (processes%rank == 0) then
     allocate (pending(pieces*size_of_piece))
     do i = 1, size(pending)
       pending(i) = i
@@ -35,18 +34,19 @@ program bench_dealer
   end if
   begun = wall_clock()
   call cpu_time(begun_processor)
-  call dealer%open(processes, pending)
+  call dealer%open(processes, 1, pending)
   taken = 0
-  none_left = .false.
   stop = 0
-  do while (.not. merge(dealer%others_are_done(processes), none_left, processes%is_first()))
-    call dealer%deal(processes, merge(0, size_of_piece, processes%is_first()), taken, 0, numbers, none_left, stop)
-    if (allocated(numbers)) taken = taken + size(numbers)
+  do while (.not. merge(dealer%others_are_done(), dealer%none_left, processes%rank == 0))
+    call dealer%deal(merge(0, size_of_piece, processes%rank == 0), taken, 0, 0.0_wp, stop)
+    do while (dealer%take() > 0)
+      taken = taken + 1
+    end do
   end do
-  call dealer%close(processes, taken, 0, stop)
+  call dealer%close(taken, 0, stop)
   passed = wall_clock() - begun
   call cpu_time(ended_processor)
-  if (processes%is_first()) write (output_unit, '(a, i0, a, 2(es9.2, a))') 'pieces of ', size_of_piece, ' cases: ', &
+  if (processes%rank == 0) write (output_unit, '(a, i0, a, 2(es9.2, a))') 'pieces of ', size_of_piece, ' cases: ', &
     pieces/passed, ' a second, ', pieces/(ended_processor - begun_processor), ' a second of processor time of rank 0'
   call processes%end()
 end program bench_dealer

@@ -2,7 +2,7 @@
 
     python bench/dealing.py [simulate] [maps] [real] [--exe EXE] [--mpi EXE --launcher "mpirun --oversubscribe"] [--short]
 
-Four ways. deal: rank 0 gives pieces of the list in order, as src/app/dealer.f90 and src/app/sweep_runner.f90 do. stride: process I
+Four ways. deal: rank 0 gives pieces of the list in order, as src/app/dealer.f90 does. stride: process I
 of N has every N-th case. shuffled: the same of case numbers in a fixed random order. turned: of each N cases in a row every process
 has one, and which one turns by the golden ratio, as --shard does in src/sweep/division.f90.
 
@@ -31,7 +31,7 @@ import numpy as np
 INPUTS = Path(__file__).parents[1] / "inputs"
 ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
 MEAN = 1.0e-2  # s
-# Of src/app/sweep_runner.f90 and src/app/dealer.f90.
+# Of src/app/sweep_work.f90 (the first) and src/app/dealer.f90.
 LOOK, AHEAD, PIECE, MESSAGE, MOST, PART = 5.0e-4, 2.0e-3, 5.0e-3, 5.0e-5, 512, 4
 # Processor time of rank 0 for a question [s]: bench_dealer.
 ANSWER = 1.0e-5

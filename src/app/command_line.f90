@@ -25,7 +25,6 @@ module dst_command_line
     character(:), allocatable :: output            !! of -o; '' = not given
     type(argument_t), allocatable :: operands(:)   !! decks, result files, or the template's model
     type(argument_t), allocatable :: settings(:)   !! of --set
-    integer :: operand_count = 0, setting_count = 0
     character(:), allocatable :: quantity          !! of --quantity; '' = not given
     real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
     real(wp) :: budget = 10.0_wp                   !! of --budget, s
@@ -74,18 +73,22 @@ contains
     command%name = ''
     command%output = ''
     command%quantity = ''
-    allocate (command%operands(size(arguments)), command%settings(size(arguments)))
     command%given = ''
+    allocate (command%operands(0), command%settings(0))
     only_operands = .false.
     i = 1
     do while (i <= size(arguments) .and. .not. allocated(error))
-      if (only_operands .or. .not. is_option(arguments(i)%text)) then
-        call take_operand(arguments(i)%text, command)
-      else if (arguments(i)%text == '--') then
-        only_operands = .true.
-      else
-        call take_option(arguments, i, command, error)
-      end if
+      associate (text => arguments(i)%text)
+        if (text == '--' .and. .not. only_operands) then
+          only_operands = .true.
+        else if (starts_with(text, '-') .and. len(text) > 1 .and. .not. only_operands) then
+          call take_option(arguments, i, command, error)
+        else if (command%name == '' .and. len(text) > 0) then
+          command%name = text
+        else
+          command%operands = [command%operands, arguments(i)]
+        end if
+      end associate
       i = i + 1
     end do
     if (allocated(error)) return
@@ -94,25 +97,6 @@ contains
     if (command%has('--help') .and. command%name == '') command%name = 'help'
     call check_command(command, error)
   end subroutine parse_arguments
-
-  pure logical function is_option(text)
-    character(*), intent(in) :: text
-
-    is_option = starts_with(text, '-') .and. len(text) > 1
-  end function is_option
-
-  !> The first operand is the command.
-  subroutine take_operand(text, command)
-    character(*), intent(in) :: text
-    type(command_t), intent(inout) :: command
-
-    if (command%name == '' .and. len(text) > 0) then
-      command%name = text
-    else
-      command%operand_count = command%operand_count + 1
-      command%operands(command%operand_count)%text = text
-    end if
-  end subroutine take_operand
 
   !> Whether an option is given.
   pure logical function has(self, option)
@@ -131,14 +115,20 @@ contains
     character(:), allocatable :: option, value
 
     option = arguments(i)%text
-    if (starts_with(option, '--set=')) option = '--set'
+    value = ''
     if (option == '-h') option = '--help'
+    if (starts_with(option, '--set=')) then
+      value = option(len('--set=') + 1:)
+      option = '--set'
+    else if (takes_value(option) .and. i < size(arguments)) then
+      i = i + 1
+      value = arguments(i)%text
+    end if
     if (.not. has_word(options_of(''), option)) then
       call raise(error, usage_error, unknown_text('option', option, options_of('')))
-      return
+    else if (takes_value(option) .and. len(value) == 0) then
+      call raise(error, usage_error, option//' without '//trim(options(find_option(option, ''))%lacking))
     end if
-    value = ''
-    if (takes_value(option)) call option_value(arguments, i, option, value, error)
     if (allocated(error)) return
     select case (option)
     case ('-o')
@@ -148,8 +138,7 @@ contains
       command%output = value
     case ('--set')
       call check_named_file(value, error)
-      command%setting_count = command%setting_count + 1
-      command%settings(command%setting_count)%text = value
+      command%settings = [command%settings, argument_t(value)]
     case ('--shard')
       call take_share_wish(value, command%share, error)
     case ('--quantity')
@@ -181,24 +170,6 @@ contains
     if (problem /= '') &
       call raise(error, usage_error, option//" '"//excerpt(value)//"' "//problem//': give a number > 0, like '//example)
   end subroutine take_number
-
-  subroutine option_value(arguments, i, option, value, error)
-    type(argument_t), intent(in) :: arguments(:)
-    integer, intent(inout) :: i
-    character(*), intent(in) :: option
-    character(:), allocatable, intent(out) :: value
-    type(error_t), allocatable, intent(out) :: error
-
-    value = ''
-    if (starts_with(arguments(i)%text, '--set=')) then
-      value = arguments(i)%text(len('--set=') + 1:)
-    else if (i < size(arguments)) then
-      i = i + 1
-      value = arguments(i)%text
-    end if
-    if (len(value) == 0) &
-      call raise(error, usage_error, option//' without '//trim(options(find_option(option, ''))%lacking))
-  end subroutine option_value
 
   !> Fortran's files have no names that end with a blank: another file would be meant.
   subroutine check_file_name(name, error)
@@ -281,23 +252,23 @@ contains
 
     operand = operand_of(entry)
     kind = trim(lower_case(operand(:index(operand//'.', '.') - 1)))
-    do i = 1, command%operand_count
+    do i = 1, size(command%operands)
       if (kind == 'deck' .or. kind == 'file') call check_file_name(command%operands(i)%text, error)
       if (allocated(error)) return
     end do
     most = merge(0, 1, operand == '')
     allowed = 'one '//kind
     if (most == 0) allowed = 'no operand'
-    if (command%operand_count > most .and. index(entry%operands, '...') == 0) then
+    if (size(command%operands) > most .and. index(entry%operands, '...') == 0) then
       call raise(error, usage_error, "'"//command%name//"' takes "//allowed//": '"// &
         excerpt(command%operands(most + 1)%text)//"' is too many")
-    else if (command%operand_count == 0 .and. verify(entry%operands(:1), '[ ') == 1) then
+    else if (size(command%operands) == 0 .and. verify(entry%operands(:1), '[ ') == 1) then
       call raise(error, usage_error, "'"//command%name//"' without a "//kind//': write dynstiction '//command%name//' '//operand)
     else if (command%share%redivide .and. .not. command%share%is_given) then
       call raise(error, usage_error, '--redivide without --shard: give the new division, like --shard 3/16')
     else if (command%quantity /= '' .and. .not. command%accuracy > 0.0_wp) then
       call raise(error, usage_error, '--quantity without --accuracy: give the accuracy that it shall have')
-    else if (command%operand_count > 1 .and. command%output /= '') then
+    else if (size(command%operands) > 1 .and. command%output /= '') then
       call raise(error, usage_error, '-o names one file but several decks are given: run them one by one, '// &
                  'or let each deck name its output')
     end if
@@ -307,14 +278,11 @@ contains
   function setting_list(command) result(settings)
     type(command_t), intent(in) :: command
     character(:), allocatable :: settings(:)
-    integer :: i, longest
+    integer :: i
 
-    longest = 1
-    do i = 1, command%setting_count
-      longest = max(longest, len(command%settings(i)%text))
-    end do
-    allocate (character(longest) :: settings(command%setting_count))
-    do i = 1, command%setting_count
+    allocate (character(maxval([1, (len(command%settings(i)%text), i=1, size(command%settings))])) :: &
+              settings(size(command%settings)))
+    do i = 1, size(settings)
       settings(i) = command%settings(i)%text
     end do
   end function setting_list

@@ -1,12 +1,14 @@
-!> Cases dealt out to processes: rank 0 gives them a few at a time while it works itself.
+!> Cases dealt out to processes: rank 0 gives them a few at a time while it works itself. A process alone has all from the start.
 !>
-!> Every call of `deal` is short: messages are looked for, not waited for. A process asks for cases as often as it likes, and takes
-!> leave once; rank 0 answers each question, and says farewell to each process once: when any process stops, so that all do, or
-!> else when all have taken leave. So no message is left over.
+!> Every call of `deal` is short: messages are looked for, not waited for. A process has one question under way at most, and takes
+!> leave once. Rank 0 says farewell to each process once: when any process stops, so that all do, or else when all have taken leave;
+!> until then it answers each question. So no message is left over.
+!>
+!> A process asks for more when what it has lasts less than `ahead`, and for as many as last `piece` at its pace of late, or, of
+!> many processes, so long that rank 0 gets no more than one question in `message`.
 module dst_dealer
-  use dst_disk, only: wait_seconds
   use dst_kinds, only: wp
-  use dst_processes, only: processes_t, patience_t
+  use dst_processes, only: processes_t
   implicit none
   private
 
@@ -14,15 +16,26 @@ module dst_dealer
 
   !> The cases of a sweep, as one of its processes gets them.
   type :: dealer_t
-    integer :: finished = 0, failed = 0              !! cases of all processes, as far as is known here
-    integer, allocatable, private :: pending(:)      !! of rank 0: cases not yet dealt out, from `next` on
+    integer :: finished = 0, failed = 0              !! of rank 0: cases of all processes, as far as is known there
+    logical :: none_left = .false.                   !! no more cases come to this process
+    type(processes_t), private :: processes
+    integer, allocatable, private :: given(:)        !! to this process, not yet begun from `next` on
     integer, private :: next = 1
-    integer, private :: gone = 0                     !! of rank 0: processes that have taken leave
+    !> Pace of this process [cases/s]; time [s] and finished cases when some were last given.
+    real(wp), private :: rate = 0.0_wp, since = 0.0_wp
+    integer, private :: finished_then = 0
     logical, private :: asked = .false.              !! an answer of rank 0 is on its way
     logical, private :: farewell = .false.           !! has come from rank 0, or been sent to all
+    ! Of rank 0.
+    integer, allocatable, private :: pending(:)      !! cases not yet dealt out, from `first` on
+    integer, private :: first = 1
+    integer, private :: gone = 0                     !! processes that have taken leave
     integer, allocatable, private :: done_by(:, :)   !! finished and failed cases of each rank
   contains
     procedure :: open
+    procedure :: take
+    procedure :: left
+    procedure :: wanted
     procedure :: deal
     procedure :: others_are_done
     procedure :: close
@@ -33,169 +46,189 @@ module dst_dealer
   !> At most so many cases are given at once, so that an answer fits into a message that is sent without waiting; and of
   !> what is left no more than this part of a process's share.
   integer, parameter :: most = 512, part = 4
+  real(wp), parameter :: ahead = 2.0e-3_wp, piece = 5.0e-3_wp, message = 5.0e-5_wp   ! s
 
 contains
 
-  !> Begin to deal out the cases `pending` of rank 0.
-  subroutine open(self, processes, pending)
+  !> Begin to deal out the cases `pending` of rank 0. At first a process wants a case for each of its threads.
+  subroutine open(self, processes, threads, pending)
     class(dealer_t), intent(out) :: self
-    class(processes_t), intent(in) :: processes
+    type(processes_t), intent(in) :: processes
+    integer, intent(in) :: threads
     integer, allocatable, intent(inout) :: pending(:)   !! is taken away
 
-    call move_alloc(pending, self%pending)
-    if (processes%is_first()) allocate (self%done_by(2, 0:processes%count - 1), source=0)
+    self%processes = processes
+    self%rate = threads/piece
+    if (processes%rank == 0) allocate (self%done_by(2, 0:processes%count - 1), source=0)
+    self%none_left = processes%count == 1
+    if (self%none_left) then
+      call move_alloc(pending, self%given)
+    else
+      allocate (self%given(0))
+      call move_alloc(pending, self%pending)
+    end if
   end subroutine open
 
-  !> Take more cases, if `wanted` are more than 0. `none_left` if there will be no more.
-  subroutine deal(self, processes, wanted, finished, failed, numbers, none_left, stop)
+  !> The next case of this process; 0 if there is none now.
+  integer function take(self)
     class(dealer_t), intent(inout) :: self
-    class(processes_t), intent(in) :: processes
-    integer, intent(in) :: wanted
-    integer, intent(in) :: finished, failed              !! of this process so far
-    integer, allocatable, intent(out) :: numbers(:)      !! unallocated if there are none now
-    logical, intent(inout) :: none_left
-    integer, intent(inout) :: stop                       !! why this process stops, 0 if it does not; on return: why any does
 
-    if (processes%is_first()) then
+    take = 0
+    if (self%left() == 0) return
+    take = self%given(self%next)
+    self%next = self%next + 1
+  end function take
+
+  !> Cases given to this process that have not begun.
+  pure integer function left(self)
+    class(dealer_t), intent(in) :: self
+
+    left = size(self%given) - self%next + 1
+  end function left
+
+  !> How many cases to ask for when so many are finished here. The pace may have changed: nothing is asked ahead before one of the
+  !> cases given last is finished.
+  pure integer function wanted(self, finished)
+    class(dealer_t), intent(in) :: self
+    integer, intent(in) :: finished
+    real(wp), parameter :: countable = 1.0e6_wp
+
+    wanted = 0
+    if (self%none_left .or. self%left() > self%rate*ahead) return
+    if (self%left() > 0 .and. finished == self%finished_then) return
+    wanted = max(1, nint(min(countable, self%rate*max(piece, self%processes%count*message))))
+  end function wanted
+
+  !> Exchange messages; take more cases, if `wanted` are more than 0 and they are there.
+  subroutine deal(self, wanted, finished, failed, time, stop)
+    class(dealer_t), intent(inout) :: self
+    integer, intent(in) :: wanted
+    integer, intent(in) :: finished, failed           !! of this process so far
+    real(wp), intent(in) :: time                      !! s
+    integer, intent(inout) :: stop                    !! why this process stops, 0 if it does not; on return: why any does
+    integer, allocatable :: numbers(:)
+
+    if (self%processes%rank == 0) then
       self%done_by(:, 0) = [finished, failed]
-      call serve(self, processes, stop)
-      if (wanted == 0) return
-      call cut_piece(self, processes, wanted, numbers)
-      none_left = size(numbers) == 0
+      call serve(self, stop)
+      if (wanted > 0) call cut_piece(self, wanted, numbers)
     else
-      if (wanted > 0 .and. .not. (self%asked .or. none_left)) then
-        call processes%send(0, asks, [wanted, finished, failed])
+      if (wanted > 0 .and. .not. (self%asked .or. self%farewell)) then
+        call self%processes%send(0, asks, [wanted, finished, failed])
         self%asked = .true.
       end if
-      call hear(self, processes, numbers, none_left, stop)
+      call hear(self, numbers, stop)
     end if
+    if (.not. allocated(numbers)) return
+    self%none_left = size(numbers) == 0
+    numbers = [self%given(self%next:), numbers]
+    call move_alloc(numbers, self%given)
+    self%next = 1
+    if (finished == self%finished_then .or. time <= self%since) return
+    self%rate = (finished - self%finished_then)/(time - self%since)
+    self%since = time
+    self%finished_then = finished
   end subroutine deal
 
   !> Rank 0 answers all who have asked, and passes on that one of them stops.
-  subroutine serve(self, processes, stop)
+  subroutine serve(self, stop)
     class(dealer_t), intent(inout) :: self
-    class(processes_t), intent(in) :: processes
     integer, intent(inout) :: stop
     integer, allocatable :: message(:), numbers(:)
     integer :: rank, subject
 
     do
-      call processes%look_for_message(rank, subject, message)
+      call self%processes%look_for_message(rank, subject, message)
       if (.not. allocated(message)) exit
       self%done_by(:, rank) = message(2:3)
-      if (subject == asks) then
-        call cut_piece(self, processes, message(1), numbers)
-        call processes%send(rank, answers, numbers)
-      else
+      if (subject == leaves) then
         self%gone = self%gone + 1
         if (stop == 0) stop = message(1)
+      else if (.not. self%farewell) then
+        call cut_piece(self, message(1), numbers)
+        call self%processes%send(rank, answers, numbers)
       end if
     end do
     self%finished = sum(self%done_by(1, :))
     self%failed = sum(self%done_by(2, :))
-    if (stop /= 0) call say_farewell(self, processes, stop)
+    if (stop /= 0) call say_farewell(self, stop)
   end subroutine serve
 
-  subroutine say_farewell(self, processes, stop)
+  subroutine say_farewell(self, stop)
     class(dealer_t), intent(inout) :: self
-    class(processes_t), intent(in) :: processes
     integer, intent(in) :: stop
     integer :: rank
 
     if (self%farewell) return
-    do rank = 1, processes%count - 1
-      call processes%send(rank, farewells, [stop])
+    do rank = 1, self%processes%count - 1
+      call self%processes%send(rank, farewells, [stop])
     end do
     self%farewell = .true.
   end subroutine say_farewell
 
   !> What rank 0 says, if it has said anything.
-  subroutine hear(self, processes, numbers, none_left, stop)
+  subroutine hear(self, numbers, stop)
     class(dealer_t), intent(inout) :: self
-    class(processes_t), intent(in) :: processes
     integer, allocatable, intent(out) :: numbers(:)
-    logical, intent(inout) :: none_left
     integer, intent(inout) :: stop
     integer, allocatable :: message(:)
     integer :: rank, subject
 
-    call processes%look_for_message(rank, subject, message)
+    call self%processes%look_for_message(rank, subject, message)
     if (.not. allocated(message)) return
     if (subject == farewells) then
       self%farewell = .true.
       if (stop == 0) stop = message(1)
     else
       self%asked = .false.
-      none_left = size(message) == 0
       call move_alloc(message, numbers)
     end if
   end subroutine hear
 
-  !> The less is left, the smaller the pieces. One process alone gets all.
-  subroutine cut_piece(self, processes, wanted, numbers)
+  !> The less is left, the smaller the pieces.
+  subroutine cut_piece(self, wanted, numbers)
     class(dealer_t), intent(inout) :: self
-    class(processes_t), intent(in) :: processes
     integer, intent(in) :: wanted
     integer, allocatable, intent(out) :: numbers(:)
     integer :: left, length
 
-    if (processes%count == 1) then
-      call move_alloc(self%pending, numbers)
-      allocate (self%pending(0))
-      return
-    end if
-    left = size(self%pending) - self%next + 1
-    if (self%farewell) left = 0
-    length = min(left, wanted, most, max(1, left/(part*processes%count)))
-    numbers = self%pending(self%next:self%next + length - 1)
-    self%next = self%next + length
+    left = size(self%pending) - self%first + 1
+    length = min(left, wanted, most, max(1, left/(part*self%processes%count)))
+    numbers = self%pending(self%first:self%first + length - 1)
+    self%first = self%first + length
   end subroutine cut_piece
 
   !> Whether rank 0 need not look after other processes any more.
-  logical function others_are_done(self, processes)
+  logical function others_are_done(self)
     class(dealer_t), intent(in) :: self
-    class(processes_t), intent(in) :: processes
 
-    others_are_done = processes%rank > 0 .or. self%gone == processes%count - 1
+    others_are_done = self%processes%rank > 0 .or. self%gone == self%processes%count - 1
   end function others_are_done
 
-  !> Take leave of the other processes, and wait for them; then `finished` and `failed` are those of all. Of rank 0 all others
-  !> must be done.
-  subroutine close(self, processes, finished, failed, stop)
+  !> Take leave of the other processes, and wait until rank 0 knows that all have: it then has the `finished` and `failed` of all.
+  !> When rank 0 calls this, all others must be done.
+  subroutine close(self, finished, failed, stop)
     class(dealer_t), intent(inout) :: self
-    class(processes_t), intent(in) :: processes
     integer, intent(in) :: finished, failed
-    integer, intent(inout) :: stop                       !! as for `deal`
-    real(wp), parameter :: pause = 2.0e-4_wp
-    type(patience_t) :: patience
+    integer, intent(inout) :: stop                    !! as for `deal`
+    real(wp), parameter :: pause = 2.0e-4_wp          ! s
+    real(wp) :: told_at
     integer, allocatable :: numbers(:)
-    integer :: sums(2)
-    logical :: none_left
 
-    if (processes%is_first()) then
-      call say_farewell(self, processes, stop)
+    if (self%processes%rank == 0) then
+      self%done_by(:, 0) = [finished, failed]
+      call serve(self, stop)
+      call say_farewell(self, stop)
     else
-      do while (self%asked)
-        call hear(self, processes, numbers, none_left, stop)
-        if (self%asked) call wait_a_moment()
-      end do
-      call processes%send(0, leaves, [stop, finished, failed])
-      do while (.not. self%farewell)
-        call hear(self, processes, numbers, none_left, stop)
-        if (.not. self%farewell) call wait_a_moment()
+      call self%processes%send(0, leaves, [stop, finished, failed])
+      told_at = -1.0_wp
+      do
+        call hear(self, numbers, stop)
+        if (self%farewell) exit
+        call self%processes%wait(pause, told_at)
       end do
     end if
-    sums = [finished, failed]
-    call processes%sum_up(sums)
+    deallocate (self%given)
     if (allocated(self%pending)) deallocate (self%pending)
-    self%finished = sums(1)
-    self%failed = sums(2)
-
-  contains
-
-    subroutine wait_a_moment()
-      call patience%check(processes)
-      call wait_seconds(pause)
-    end subroutine wait_a_moment
   end subroutine close
 end module dst_dealer

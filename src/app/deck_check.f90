@@ -68,16 +68,19 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(simulation_t), allocatable :: simulation
     type(scene_t) :: scene
-    character(:), allocatable :: model_choice, key
+    character(:), allocatable :: model_choice, key, decisive
     real(wp) :: samples
 
     call scene_from_deck(deck, scene)
     samples = run_samples(scene)
     key = 'output.interval'
     if (.not. scene%interval > 0.0_wp) key = 'integrator.step'
+    ! The distance of the samples.
+    decisive = key
+    if (.not. scene%interval > 0.0_wp) decisive = key//' or give output.interval'
     if (.not. deck%is_set('output', 'interval')) key = 'scene.t_end'
     if (samples > most_samples) then
-      call raise(error, deck_error, 'more than 2^53 samples: raise '//decisive(scene)//', or lower scene.t_end', key)
+      call raise(error, deck_error, 'more than 2^53 samples: raise '//decisive//', or lower scene.t_end', key)
       return
     end if
     call settle_model(scene, model_choice)
@@ -90,17 +93,8 @@ contains
       demand%what = number_text(samples)//' samples of '//integer_text(size(columns))//' columns'
     end associate
     if (file_exists(output)) demand%there = real(file_size(output), wp)
-    demand%remedy = 'raise '//decisive(scene)//', name fewer output.fields, or choose another disk'
+    demand%remedy = 'raise '//decisive//', name fewer output.fields, or choose another disk'
   end subroutine weigh_run
-
-  !> The key that sets the distance of the samples.
-  pure function decisive(scene) result(key)
-    type(scene_t), intent(in) :: scene
-    character(:), allocatable :: key
-
-    key = 'output.interval'
-    if (.not. scene%interval > 0.0_wp) key = 'integrator.step or give output.interval'
-  end function decisive
 
   !> A sweep: its list of points, and of each case a record in a shard and a row of the result.
   subroutine weigh_sweep(deck, output, shards, demand, error)
@@ -166,14 +160,10 @@ contains
     type(deck_t), intent(in) :: deck
     type(sweep_t), intent(out) :: sweep
     type(error_t), allocatable, intent(out) :: error
-    type(axis_t), allocatable :: axes(:)
+    type(axis_t), allocatable :: axes(:)   !! stays unallocated of a grid
 
-    if (deck%text_of(sweep_group, 'points') == '') then
-      call new_sweep(deck, sweep, error)
-    else
-      call read_points(deck, axes, error)
-      if (.not. allocated(error)) call new_sweep(deck, sweep, error, axes, .true.)
-    end if
+    if (deck%text_of(sweep_group, 'points') /= '') call read_points(deck, axes, error)
+    if (.not. allocated(error)) call new_sweep(deck, sweep, error, axes, .true.)
   end subroutine sweep_of_deck
 
   !> Whether the disk has room for what is known to come.

@@ -49,7 +49,7 @@ contains
 
   !> Carry out what the command line asks for.
   subroutine follow_arguments(self, number)
-    class(program_t), intent(inout) :: self
+    class(program_t), intent(inout), target :: self
     integer, intent(in) :: number
     type(argument_t), allocatable :: arguments(:)
     type(error_t), allocatable :: error, usage
@@ -108,71 +108,54 @@ contains
     call raise(error, usage_error, 'this is one of '//integer_text(copies)//' copies ('//copies_variable//'), and '//reason)
   end subroutine check_alone
 
+  !> What the command is for. Texts are printed by the first process; runs and merges are of all; the rest is one process's work,
+  !> while the others wait for its status.
   subroutine execute()
     type(error_t), allocatable :: error
+    character(:), allocatable :: text, model
 
     if (command%has('--help')) then
-      call print_text(help_text(command%name))
-      return
+      text = help_text(command%name)
+    else if (command%name == 'version') then
+      text = version_text()
+    else if (command%name == 'template') then
+      model = 'full'
+      if (size(command%operands) == 1) model = command%operands(1)%text
+      call template(model, text, error)
+      call processes%agree(error)
+    else if (command%has('--json')) then
+      text = catalogue(version)
+    else if (command%name == 'keys') then
+      text = key_table()
+    else if (command%name /= 'run') then
+      call check_alone("'"//command%name//"'", error)
     end if
-    select case (command%name)
-    case ('version')
-      call print_version()
-    case ('template')
-      call print_template()
-    case ('keys')
-      if (command%has('--json')) then
-        call print_text(catalogue(version))
-      else
-        call print_text(key_table())
-      end if
-    case default
-      if (command%name /= 'run') call check_alone("'"//command%name//"'", error)
-      call complain(error)
-      if (allocated(error)) return
-      if (command%name == 'run' .or. command%name == 'merge') then
-        call run_decks()
-      else if (processes%is_first()) then
-        call work_alone()
-      else
-        ! A signal to all leaves the end to the first process.
-        call listen_to_signals()
-      end if
-    end select
+    call complain(error)
+    if (allocated(error)) return
+    if (allocated(text)) then
+      call print_text(text)
+    else if (command%name == 'run' .or. command%name == 'merge') then
+      call run_decks()
+    else if (processes%rank > 0) then
+      ! A signal to all leaves the end to the first process.
+      call listen_to_signals()
+    else if (command%name == 'trade') then
+      call compare_settings()
+    else if (command%name == 'resume') then
+      call resume_runs()
+    else
+      call print_each()
+    end if
   end subroutine execute
 
-  !> What one process does, while the others wait for its status.
-  subroutine work_alone()
-    select case (command%name)
-    case ('trade')
-      call compare_settings()
-    case ('resume')
-      call resume_runs()
-    case default
-      call print_each()
-    end select
-  end subroutine work_alone
+  function version_text() result(text)
+    character(:), allocatable :: text
 
-  subroutine print_version()
-    character(:), allocatable :: library
-
-    library = mpi_library()
-    if (library == '') library = 'no'
-    call print_text(program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts// &
-      'MPI:       '//library//new_line('a'))
-  end subroutine print_version
-
-  subroutine print_template()
-    type(error_t), allocatable :: error
-    character(:), allocatable :: model, text
-
-    model = 'full'
-    if (command%operand_count == 1) model = command%operands(1)%text
-    call template(model, text, error)
-    call processes%agree(error)
-    call complain(error)
-    if (.not. allocated(error)) call print_text(text)
-  end subroutine print_template
+    text = mpi_library()
+    if (text == '') text = 'no'
+    text = program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts// &
+      'MPI:       '//text//new_line('a')
+  end function version_text
 
   !> Print what the command says of each operand, and all faults of the others.
   subroutine print_each()
@@ -180,74 +163,67 @@ contains
     character(:), allocatable :: text
     integer :: i
 
-    do i = 1, command%operand_count
-      select case (command%name)
-      case ('check')
-        call describe_deck(i, text, error)
-      case ('stability')
-        call describe_stability(i, text, error)
-      case default
+    do i = 1, size(command%operands)
+      if (command%name == 'show') then
         call show_result(command%operands(i)%text, text, error)
-      end select
+      else
+        call describe_deck(command%operands(i)%text, text, error)
+      end if
       call complain(error)
       if (.not. allocated(error)) call print_text(text)
     end do
   end subroutine print_each
 
-  !> Deck `i` of the command as it is used.
-  subroutine describe_deck(i, text, error)
-    integer, intent(in) :: i
-    character(:), allocatable, intent(out) :: text
-    type(error_t), allocatable, intent(out) :: error
-    type(deck_t), allocatable :: deck
-    character(:), allocatable :: remark
-
-    allocate (deck)
-    call read_sound_deck(i, deck, remark, error)
-    if (allocated(error)) return
-    if (remark /= '') call put_error('dynstiction: '//deck%name//': '//remark//new_line('a'))
-    text = resolved(deck)
-  end subroutine describe_deck
-
-  !> The linear theory of deck `i` of the command.
-  subroutine describe_stability(i, text, error)
-    integer, intent(in) :: i
+  !> A deck as it is used, or the linear theory of its scene.
+  subroutine describe_deck(file_name, text, error)
+    character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
     type(deck_t), allocatable :: deck
     type(scene_t) :: scene
+    character(:), allocatable :: remark
 
     allocate (deck)
-    call read_deck(command%operands(i)%text, setting_list(command), deck, error)
+    call take_deck(file_name, deck, remark, error)
     if (allocated(error)) return
-    call scene_from_deck(deck, scene)
-    call stability_report(scene, printable(deck%name), text, error)
-    if (allocated(error)) error%text = printable(deck%name)//': '//error%text
-  end subroutine describe_stability
+    if (command%name == 'check') then
+      if (remark /= '') call put_error('dynstiction: '//deck%name//': '//remark//new_line('a'))
+      text = resolved(deck)
+    else
+      call scene_from_deck(deck, scene)
+      call stability_report(scene, printable(deck%name), text, error)
+      if (allocated(error)) error%text = printable(deck%name)//': '//error%text
+    end if
+  end subroutine describe_deck
 
-  !> Deck `i` of the command, which `run` accepts if there is no error.
-  subroutine read_sound_deck(i, deck, remark, error)
-    integer, intent(in) :: i
+  !> A deck with the settings of the command; what 'check' and 'run' accept without an error will run.
+  subroutine take_deck(file_name, deck, remark, error)
+    character(*), intent(in) :: file_name
     type(deck_t), intent(out) :: deck
     character(:), allocatable, intent(out) :: remark   !! the size of large results
     type(error_t), allocatable, intent(out) :: error
 
-    call read_deck(command%operands(i)%text, setting_list(command), deck, error)
-    if (.not. allocated(error)) call check_deck(deck, output_of(deck), command%share%least_shares(), remark, error)
-  end subroutine read_sound_deck
+    remark = ''
+    call read_deck(file_name, setting_list(command), deck, error)
+    if (allocated(error) .or. .not. (command%name == 'check' .or. command%name == 'run')) return
+    associate (share => command%share)
+      call check_deck(deck, output_of(deck), merge(max(1, share%shares), 0, share%is_given), remark, error)
+    end associate
+  end subroutine take_deck
 
   !> Let Python measure error against cost on a deck's scene, when the words are understood, and the deck, and the name of the file.
   subroutine compare_settings()
     type(deck_t), allocatable :: deck
     type(argument_t) :: output(1)
     type(error_t), allocatable :: error
+    character(:), allocatable :: remark
 
     allocate (deck)
-    call read_deck(command%operands(1)%text, setting_list(command), deck, error)
+    call take_deck(command%operands(1)%text, deck, remark, error)
     if (.not. allocated(error)) then
       output(1)%text = command%output
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
-      call check_output(output, 1, command%operands(:1), command%has('--overwrite'), error)
+      call check_output(output, 1, command%operands, command%has('--overwrite'), error)
     end if
     if (.not. allocated(error)) call hand_over(words_of_trade(output(1)%text), error)
     call complain(error)
@@ -262,12 +238,12 @@ contains
     words = [argument_t('trade'), argument_t('--output='//output), argument_t('--budget='//real_text(command%budget)), &
              argument_t('--quantity='//command%quantity)]
     if (command%accuracy > 0.0_wp) words = [words, argument_t('--accuracy='//real_text(command%accuracy))]
-    do i = 1, command%setting_count
+    do i = 1, size(command%settings)
       words = [words, argument_t('--set='//command%settings(i)%text)]
     end do
     if (command%has('--overwrite')) words = [words, argument_t('--overwrite')]
     if (command%has('--quiet')) words = [words, argument_t('--quiet')]
-    words = [words, argument_t('--'), command%operands(1)]
+    words = [words, argument_t('--'), command%operands]
   end function words_of_trade
 
   !> Run the decks, or merge what their shards hold: nothing unless every deck is sound and every output file may be written.
@@ -277,8 +253,8 @@ contains
     type(error_t), allocatable :: error
     integer :: i
 
-    allocate (decks(command%operand_count), outputs(command%operand_count))
-    if (processes%is_first()) call prepare(decks, outputs)
+    allocate (decks(size(command%operands)), outputs(size(command%operands)))
+    if (processes%rank == 0) call prepare(decks, outputs)
     call agree_on_status()
     if (status /= result_done) return
     call listen_to_signals()
@@ -296,21 +272,20 @@ contains
     type(deck_t), intent(inout) :: decks(:)
     type(argument_t), intent(inout) :: outputs(:)
     type(error_t), allocatable :: error
-    character(:), allocatable :: remark
+    character(:), allocatable :: remark, what
     logical :: may_replace
     integer :: i
 
     do i = 1, size(decks)
-      if (command%name == 'merge') then
-        call read_deck(command%operands(i)%text, setting_list(command), decks(i), error)
-      else
-        call read_sound_deck(i, decks(i), remark, error)
-      end if
+      call take_deck(command%operands(i)%text, decks(i), remark, error)
       call complain(error)
       if (.not. allocated(error)) outputs(i)%text = output_of(decks(i))
     end do
     if (status == result_done .and. command%name == 'run') then
-      call check_alone(what_is_run(decks), error)
+      what = 'a run'
+      if (decks(1)%is_sweep()) what = ''
+      if (size(decks) > 1) what = 'a command with several decks'
+      call check_alone(what, error)
       call complain(error)
     end if
     if (status /= result_done) return
@@ -322,16 +297,6 @@ contains
     end do
   end subroutine prepare
 
-  !> What is for one process; '' of a sweep, which is not.
-  pure function what_is_run(decks) result(what)
-    type(deck_t), intent(in) :: decks(:)
-    character(:), allocatable :: what
-
-    what = 'a run'
-    if (decks(1)%is_sweep()) what = ''
-    if (size(decks) > 1) what = 'a command with several decks'
-  end function what_is_run
-
   !> Give the deck that the first process has read to all.
   subroutine share_deck(deck, output, error)
     type(deck_t), intent(inout) :: deck
@@ -341,14 +306,14 @@ contains
     character(1) :: no_settings(0)
 
     if (processes%count == 1) return
-    if (processes%is_first()) then
+    if (processes%rank == 0) then
       name = deck%name
       text = resolved(deck)
     end if
     call processes%share_text(name)
     call processes%share_text(text)
     call processes%share_text(output)
-    if (.not. processes%is_first()) call parse_deck(text, name, no_settings, deck, error)
+    if (processes%rank > 0) call parse_deck(text, name, no_settings, deck, error)
   end subroutine share_deck
 
   !> One run or merge, which is for one process, or a sweep of many.
@@ -356,26 +321,22 @@ contains
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
     type(error_t), allocatable, intent(out) :: error
+    type(sweep_options_t) :: options
 
+    options = sweep_options_t(overwrite=command%has('--overwrite'), quiet=command%has('--quiet'), &
+      keep_shards=command%has('--keep-shards'), share=command%share)
     if (command%name == 'merge' .and. .not. deck%is_sweep()) then
       call raise(error, usage_error, 'has no &sweep: there is nothing to merge')
     else if (command%name == 'merge') then
-      if (processes%is_first()) call merge_sweep(deck, output, sweep_options(), error)
+      if (processes%rank == 0) call merge_sweep(deck, output, options, error)
     else if (deck%is_sweep()) then
-      call run_sweep(deck, output, sweep_options(), processes, error)
+      call run_sweep(deck, output, options, processes, error)
     else if (command%share%is_given) then
       call raise(error, usage_error, 'has no &sweep: run it without --shard')
-    else if (processes%is_first()) then
-      call run_deck(deck, output, command%has('--overwrite'), command%has('--quiet'), error)
+    else if (processes%rank == 0) then
+      call run_deck(deck, output, options%overwrite, options%quiet, error)
     end if
   end subroutine carry_out
-
-  type(sweep_options_t) function sweep_options() result(options)
-    options%overwrite = command%has('--overwrite')
-    options%quiet = command%has('--quiet')
-    options%keep_shards = command%has('--keep-shards')
-    options%share = command%share
-  end function sweep_options
 
   !> Complain of an error that an operand has led to; that of a file names the file.
   subroutine complain_of(name, error)
@@ -393,7 +354,7 @@ contains
     integer :: i
 
     call listen_to_signals()
-    do i = 1, command%operand_count
+    do i = 1, size(command%operands)
       call resume_run(command%operands(i)%text, command%has('--quiet'), error)
       call complain_of(command%operands(i)%text, error)
       if (has_code(error, stopped_early)) exit
@@ -430,7 +391,7 @@ contains
     type(argument_t), allocatable :: inputs(:)
     integer :: i
 
-    inputs = command%operands(:command%operand_count)
+    inputs = command%operands
     do i = 1, size(decks)
       if (.not. decks(i)%is_sweep()) cycle
       if (decks(i)%text_of(sweep_group, 'points') /= '') inputs = [inputs, argument_t(path_of_points(decks(i)))]
@@ -480,7 +441,7 @@ contains
     type(error_t), allocatable :: error
     logical :: failed
 
-    if (is_mute() .or. .not. processes%is_first()) return
+    if (is_mute() .or. processes%rank > 0) return
     call put_output(text, failed)
     if (.not. failed) return
     call raise(error, file_error, 'cannot write to the standard output: it is closed, or the disk is full')

@@ -21,7 +21,7 @@ module dst_processes
   implicit none
   private
 
-  public :: processes_t, patience_t, mpi_library
+  public :: processes_t, mpi_library
 
   !> All processes, as seen by one of them.
   type :: processes_t
@@ -30,24 +30,15 @@ module dst_processes
     logical, private :: started = .false.
   contains
     procedure :: start
-    procedure :: is_first
     procedure :: agree
     procedure :: share_text
     procedure :: share_numbers
-    procedure :: sum_up
     procedure :: send
     procedure :: look_for_message
+    procedure :: wait
     procedure :: end
-    procedure, private :: wait_for
+    procedure, private :: finish
   end type processes_t
-
-  !> Waiting for other processes. It ends in vain some time after a signal has asked this one to stop.
-  type :: patience_t
-    private
-    real(wp) :: since = -1.0_wp           !! wall time at which the signal was seen [s]
-  contains
-    procedure :: check
-  end type patience_t
 
   !> So long a process that has been asked to stop still waits for others [s]. The first ones say so before the others do.
   real(wp), parameter :: longest_wait = 6.5_wp, stagger = 0.3_wp
@@ -84,49 +75,32 @@ contains
     own_cores = max(1, int(sum(real(allowed, wp)/max(1, users)) + epsilon(1.0)))
   end function own_cores
 
-  !> Whether this process does what only one does.
-  pure logical function is_first(self)
-    class(processes_t), intent(in) :: self
-
-    is_first = self%rank == 0
-  end function is_first
-
   !> Give all processes one verdict: the gravest of their errors, without its text but in the first process that has it. Being
   !> stopped is less than cases that failed, and these are less than any other error.
   subroutine agree(self, error)
     class(processes_t), intent(in) :: self
     type(error_t), allocatable, intent(inout) :: error
     integer(int64), parameter :: codes = 2_int64**8, ranks = 2_int64**32
-    integer(int64) :: verdict, weight
+    integer(int64), asynchronous :: own, verdict
+    integer(int64) :: weight
+    type(mpi_request) :: request
 
     if (self%count == 1) return
-    verdict = 0
+    own = 0
     if (allocated(error)) then
       weight = 3
       if (error%code == some_failed) weight = 2
       if (error%code == stopped_early) weight = 1
       ! Who has the words has not lost them to an earlier verdict.
       weight = 2*weight + merge(1, 0, error%text /= '')
-      verdict = (weight*ranks + (ranks - 1 - self%rank))*codes + error%code
+      own = (weight*ranks + (ranks - 1 - self%rank))*codes + error%code
     end if
-    call reduce(self, verdict)
+    call mpi_iallreduce(own, verdict, 1, mpi_integer8, mpi_max, mpi_comm_world, request)
+    call self%finish(request)
     if (verdict == 0) return
     if (self%rank == ranks - 1 - modulo(verdict/codes, ranks)) return
     error = error_t(int(modulo(verdict, codes)), '')
   end subroutine agree
-
-  !> The largest `number` of all.
-  subroutine reduce(self, number)
-    class(processes_t), intent(in) :: self
-    integer(int64), intent(inout) :: number
-    integer(int64), asynchronous :: own, largest
-    type(mpi_request) :: request
-
-    own = number
-    call mpi_iallreduce(own, largest, 1, mpi_integer8, mpi_max, mpi_comm_world, request)
-    call self%wait_for(request)
-    number = largest
-  end subroutine reduce
 
   !> Give the text of the first process to all.
   subroutine share_text(self, text)
@@ -137,11 +111,11 @@ contains
 
     if (self%count == 1) return
     length = 0
-    if (self%is_first()) length = len(text)
+    if (self%rank == 0) length = len(text)
     call share_length(self, length)
-    if (.not. self%is_first()) text = repeat(' ', length)
+    if (self%rank > 0) text = repeat(' ', length)
     call mpi_ibcast(text, length, mpi_character, 0, mpi_comm_world, request)
-    call self%wait_for(request)
+    call self%finish(request)
   end subroutine share_text
 
   !> Give the numbers of the first process to all.
@@ -153,11 +127,11 @@ contains
 
     if (self%count == 1) return
     length = 0
-    if (self%is_first()) length = size(numbers)
+    if (self%rank == 0) length = size(numbers)
     call share_length(self, length)
-    if (.not. self%is_first()) allocate (numbers(length))
+    if (self%rank > 0) allocate (numbers(length))
     call mpi_ibcast(numbers, length*(storage_size(1.0_wp)/storage_size(1.0d0)), mpi_double_precision, 0, mpi_comm_world, request)
-    call self%wait_for(request)
+    call self%finish(request)
   end subroutine share_numbers
 
   subroutine share_length(self, length)
@@ -166,44 +140,30 @@ contains
     type(mpi_request) :: request
 
     call mpi_ibcast(length, 1, mpi_integer, 0, mpi_comm_world, request)
-    call self%wait_for(request)
+    call self%finish(request)
   end subroutine share_length
-
-  !> The sums of all processes' numbers.
-  subroutine sum_up(self, numbers)
-    class(processes_t), intent(in) :: self
-    integer, intent(inout) :: numbers(:)
-    integer, asynchronous :: own(size(numbers)), sums(size(numbers))
-    type(mpi_request) :: request
-
-    if (self%count == 1) return
-    own = numbers
-    call mpi_iallreduce(own, sums, size(numbers), mpi_integer, mpi_sum, mpi_comm_world, request)
-    call self%wait_for(request)
-    numbers = sums
-  end subroutine sum_up
 
   !> Send a short message.
   subroutine send(self, rank, subject, numbers)
     class(processes_t), intent(in) :: self
-    integer, intent(in) :: rank, subject
-    integer, intent(in) :: numbers(:)
+    integer, intent(in) :: rank, subject, numbers(:)
 
-    if (self%count > 1) call mpi_send(numbers, size(numbers), mpi_integer, rank, subject, mpi_comm_world)
+    associate (unused => self)
+    end associate
+    call mpi_send(numbers, size(numbers), mpi_integer, rank, subject, mpi_comm_world)
   end subroutine send
 
   !> A message to this process, if one is there; else `numbers` are unallocated.
   subroutine look_for_message(self, rank, subject, numbers)
     class(processes_t), intent(in) :: self
     integer, intent(out) :: rank, subject
-    integer, allocatable, intent(inout) :: numbers(:)   !! unallocated if there is none
+    integer, allocatable, intent(out) :: numbers(:)
     type(mpi_status) :: status
     integer :: length
     logical :: there
 
     rank = -1
     subject = 0
-    if (allocated(numbers)) deallocate (numbers)
     if (self%count == 1) return
     call mpi_iprobe(mpi_any_source, mpi_any_tag, mpi_comm_world, there, status)
     if (.not. there) return
@@ -224,35 +184,38 @@ contains
     call mpi_finalize()
   end subroutine end
 
-  subroutine wait_for(self, request)
+  !> Wait until what is under way is finished.
+  subroutine finish(self, request)
     class(processes_t), intent(in) :: self
     type(mpi_request), intent(inout) :: request
-    type(patience_t) :: patience
-    real(wp) :: interval
+    real(wp) :: pause, told_at
     logical :: done
 
-    interval = shortest_pause
+    pause = shortest_pause
+    told_at = -1.0_wp
     do
       call mpi_test(request, done, mpi_status_ignore)
       if (done) return
-      call patience%check(self)
-      call wait_seconds(interval)
-      interval = min(2.0_wp*interval, longest_pause)
+      call self%wait(pause, told_at)
+      pause = min(2.0_wp*pause, longest_pause)
     end do
-  end subroutine wait_for
+  end subroutine finish
 
-  !> If the others keep this process waiting though it has been asked to stop, all are ended: what is finished is in files.
-  subroutine check(self, processes)
-    class(patience_t), intent(inout) :: self
-    class(processes_t), intent(in) :: processes
+  !> Wait a moment for others. If they go on to keep this process waiting though it has been asked to stop, all are ended: what is
+  !> finished is in files.
+  subroutine wait(self, pause, told_at)
+    class(processes_t), intent(in) :: self
+    real(wp), intent(in) :: pause        !! s
+    real(wp), intent(inout) :: told_at   !! wall time at which it was seen that it has been asked to [s]; negative before
 
+    call wait_seconds(pause)
     if (stop_signal() == no_signal) return
-    if (self%since < 0.0_wp) self%since = wall_clock()
-    if (wall_clock() - self%since < longest_wait + stagger*min(processes%rank, most_staggered)) return
+    if (told_at < 0.0_wp) told_at = wall_clock()
+    if (wall_clock() - told_at < longest_wait + stagger*min(self%rank, most_staggered)) return
     call put_error('dynstiction: '//stopped_by()//', and another process does not answer: all '// &
       'are ended; start it again to go on'//new_line('a'))
     call mpi_abort(mpi_comm_world, stopped_early)
-  end subroutine check
+  end subroutine wait
 
   !> Name and version of the library.
   function mpi_library() result(text)

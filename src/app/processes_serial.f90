@@ -1,12 +1,13 @@
 !> The processes that a launcher started together, in a build without MPI: there is one. `processes_mpi.f90` is the same module for
-!> many.
+!> many, and explains the procedures; here no message is ever sent, and what one process has all have.
 module dst_processes
+  use dst_disk, only: wait_seconds
   use dst_errors, only: error_t
   use dst_kinds, only: wp
   implicit none
   private
 
-  public :: processes_t, patience_t, mpi_library
+  public :: processes_t, mpi_library
 
   !> The one process.
   type :: processes_t
@@ -14,25 +15,17 @@ module dst_processes
     integer :: cores = 0                  !! all that it may use
   contains
     procedure :: start
-    procedure :: is_first
     procedure :: agree
     procedure :: share_text
     procedure :: share_numbers
-    procedure :: sum_up
     procedure :: send
     procedure :: look_for_message
+    procedure :: wait
     procedure :: end
   end type processes_t
 
-  !> Waiting for other processes.
-  type :: patience_t
-  contains
-    procedure :: check
-  end type patience_t
-
 contains
 
-  !> There is nothing to start.
   subroutine start(self, error)
     class(processes_t), intent(out) :: self
     type(error_t), allocatable, intent(out) :: error
@@ -41,14 +34,6 @@ contains
     end associate
   end subroutine start
 
-  !> Whether this process does what only one does.
-  pure logical function is_first(self)
-    class(processes_t), intent(in) :: self
-
-    is_first = self%rank == 0
-  end function is_first
-
-  !> Give all processes one verdict.
   subroutine agree(self, error)
     class(processes_t), intent(in) :: self
     type(error_t), allocatable, intent(inout) :: error
@@ -57,7 +42,6 @@ contains
     end associate
   end subroutine agree
 
-  !> Give the text of the first process to all.
   subroutine share_text(self, text)
     class(processes_t), intent(in) :: self
     character(:), allocatable, intent(inout) :: text
@@ -66,7 +50,6 @@ contains
     end associate
   end subroutine share_text
 
-  !> Give the numbers of the first process to all.
   subroutine share_numbers(self, numbers)
     class(processes_t), intent(in) :: self
     real(wp), allocatable, intent(inout) :: numbers(:)
@@ -75,30 +58,18 @@ contains
     end associate
   end subroutine share_numbers
 
-  !> The sums of all processes' numbers.
-  subroutine sum_up(self, numbers)
-    class(processes_t), intent(in) :: self
-    integer, intent(inout) :: numbers(:)
-
-    associate (unused => self, also_unused => numbers)
-    end associate
-  end subroutine sum_up
-
-  !> Nobody is there to get a message.
   subroutine send(self, rank, subject, numbers)
     class(processes_t), intent(in) :: self
-    integer, intent(in) :: rank, subject
-    integer, intent(in) :: numbers(:)
+    integer, intent(in) :: rank, subject, numbers(:)
 
     associate (unused => self, also_unused => rank, third => subject, fourth => numbers)
     end associate
   end subroutine send
 
-  !> No message ever is there: `numbers` are unallocated.
   subroutine look_for_message(self, rank, subject, numbers)
     class(processes_t), intent(in) :: self
     integer, intent(out) :: rank, subject
-    integer, allocatable, intent(inout) :: numbers(:)   !! unallocated if there is none
+    integer, allocatable, intent(inout) :: numbers(:)
 
     associate (unused => self)
     end associate
@@ -107,21 +78,22 @@ contains
     if (allocated(numbers)) deallocate (numbers)
   end subroutine look_for_message
 
+  subroutine wait(self, pause, told_at)
+    class(processes_t), intent(in) :: self
+    real(wp), intent(in) :: pause
+    real(wp), intent(inout) :: told_at
+
+    associate (unused => self, also_unused => told_at)
+    end associate
+    call wait_seconds(pause)
+  end subroutine wait
+
   subroutine end(self)
     class(processes_t), intent(inout) :: self
 
     associate (unused => self)
     end associate
   end subroutine end
-
-  !> There is nobody to wait for.
-  subroutine check(self, processes)
-    class(patience_t), intent(inout) :: self
-    class(processes_t), intent(in) :: processes
-
-    associate (unused => self, also_unused => processes)
-    end associate
-  end subroutine check
 
   !> ''
   function mpi_library() result(text)

@@ -48,10 +48,12 @@ contains
     character(*), intent(in) :: what
     real(wp), intent(in) :: done, total, elapsed
     real(wp) :: share
+    character(6) :: percent
 
     if (self%quiet .or. elapsed < self%next) return
     share = done/total
-    call self%put_line(self%label//':'//percent(share)//' %, '//what//' = '//number_text(done)//' of '//number_text(total)// &
+    write (percent, '(f6.1)') 100.0_wp*share
+    call self%put_line(self%label//':'//percent//' %, '//what//' = '//number_text(done)//' of '//number_text(total)// &
       ' s'//time_left(elapsed, share), elapsed)
   end subroutine show
 
@@ -68,14 +70,6 @@ contains
     call self%put_line(self%label//': '//integer_text(before + done)//' of '//integer_text(before + to_do)//' cases, '// &
       integer_text(failed)//' failed'//pace, elapsed)
   end subroutine show_cases
-
-  !> A share as percent in six characters.
-  pure function percent(share) result(text)
-    real(wp), intent(in) :: share
-    character(6) :: text
-
-    write (text, '(f6.1)') 100.0_wp*share
-  end function percent
 
   !> ', 12 s left', of what took `elapsed` wall time [s] for a share; nothing before that is known.
   pure function time_left(elapsed, share) result(text)

@@ -38,6 +38,7 @@ module dst_run
     type(simulation_t) :: simulation
     type(hdf5_writer_t) :: writer
     type(checkpoint_t) :: checkpoint   !! the last one, and to which run it belongs
+    type(progress_t) :: progress
   end type run_t
 
 contains
@@ -52,14 +53,13 @@ contains
     type(run_t) :: run
     type(scene_t) :: scene
     type(run_metadata_t) :: metadata
-    type(progress_t) :: progress
     character(:), allocatable :: model_choice
 
     call scene_from_deck(deck, scene)
     call settle_model(scene, model_choice)
     call run%simulation%start(scene, error)
     if (allocated(error)) return
-    call describe_run(deck, run%simulation%scene%model, run%simulation%scene%method_name(), model_choice, metadata)
+    call describe_run(deck, run%simulation%scene, model_choice, metadata)
     call run%file%claim(result_file, overwrite, error)
     if (allocated(error)) return
     run%checkpoint%provenance_t = metadata%provenance_t
@@ -74,9 +74,9 @@ contains
       call run%file%abandon()
       return
     end if
-    progress = new_progress(deck%name, quiet)
-    if (model_choice /= '') call progress%remark("model 'auto' is "//model_choice)
-    call carry_out(run, progress, error)
+    run%progress = new_progress(deck%name, quiet)
+    if (model_choice /= '') call run%progress%remark("model 'auto' is "//model_choice)
+    call carry_out(run, error)
     call run%file%release()
   end subroutine run_deck
 
@@ -89,20 +89,19 @@ contains
     type(error_t), allocatable :: no_checkpoint
     logical :: is_at_its_end
 
+    run%progress = new_progress(result_file, quiet)
     call run%file%claim_unfinished(result_file, run%checkpoint, no_checkpoint, error)
     if (allocated(error)) return
-    if (.not. allocated(no_checkpoint)) call check_untouched(run, error)
-    is_at_its_end = .false.
-    if (.not. allocated(error)) call check_origin(run, .not. allocated(no_checkpoint), is_at_its_end, error)
+    call check_origin(run, .not. allocated(no_checkpoint), is_at_its_end, error)
     ! Only now: a run that has ended has no checkpoint.
     if (.not. allocated(error)) call move_alloc(no_checkpoint, error)
     if (is_at_its_end .and. .not. allocated(error)) then
       call run%file%unseal()
       call run%file%seal(run%checkpoint%result_checksum, error)
       if (.not. allocated(error)) call run%file%delete_checkpoint()
-    else
-      if (.not. allocated(error)) call go_on(run, error)
-      if (.not. allocated(error)) call carry_out(run, new_progress(result_file, quiet), error)
+    else if (.not. allocated(error)) then
+      call go_on(run, error)
+      if (.not. allocated(error)) call carry_out(run, error)
     end if
     call run%file%release()
   end subroutine resume_run
@@ -145,17 +144,6 @@ contains
     was_stopped = checkpoint%result_checksum /= '-'
   end function was_stopped
 
-  !> The file of a run that was stopped must be as it was left.
-  subroutine check_untouched(run, error)
-    type(run_t), intent(in) :: run
-    type(error_t), allocatable, intent(out) :: error
-
-    if (.not. was_stopped(run%checkpoint)) return
-    if (run%file%is_as_it_was_left(run%checkpoint%result_checksum)) return
-    call raise(error, file_error, run%file%name//': cannot resume: the file is missing, or was changed or damaged since the '// &
-      'run was stopped: put it back, or run the deck again')
-  end subroutine check_untouched
-
   !> What the file says of its run must leave something to go on with and fit the checkpoint, if there is one. HDF5 may meet
   !> anything in the file, so a child process looks.
   subroutine check_origin(run, has_checkpoint, is_at_its_end, error)
@@ -168,14 +156,26 @@ contains
     type(origin_t) :: origin
     character(:), allocatable :: answer
 
+    is_at_its_end = .false.
+    ! The file of a run that was stopped must be as it was left.
+    if (has_checkpoint .and. was_stopped(run%checkpoint)) then
+      if (.not. run%file%is_as_it_was_left(run%checkpoint%result_checksum)) then
+        call raise(error, file_error, run%file%name//': cannot resume: the file is missing, or was changed or damaged since '// &
+          'the run was stopped: put it back, or run the deck again')
+        return
+      end if
+    end if
     call guard%begin()
     if (guard%in_child) then
       call read_origin(run%file%path(), run%file%name, origin, error)
+      if (allocated(error)) call guard%reply(error%text)
       is_at_its_end = has_checkpoint .and. origin%complete == 1 .and. origin%result_code == result_done
-      if (.not. (allocated(error) .or. is_at_its_end)) call check_unfinished(run%file%name, origin, error)
-      if (.not. allocated(error) .and. has_checkpoint) call check_same_run(run%file%name, run%checkpoint, origin, error)
-      if (is_at_its_end .and. .not. allocated(error)) call guard%reply(at_its_end)
-      call reply(guard, error)
+      answer = ''
+      if (.not. is_at_its_end) answer = what_has_ended(origin)
+      if (answer == '' .and. has_checkpoint) answer = what_differs(run%checkpoint, origin)
+      if (answer /= '') call guard%reply(run%file%name//': cannot resume: '//answer)
+      if (is_at_its_end) call guard%reply(at_its_end)
+      call guard%reply('')
     end if
     answer = answer_of(guard, run%file%name)
     is_at_its_end = answer == at_its_end
@@ -194,7 +194,7 @@ contains
     type(guard_t) :: guard
     character(:), allocatable :: old_name, new_name, answer
 
-    call describe_run(deck, run%simulation%scene%model, run%simulation%scene%method_name(), model_choice, metadata)
+    call describe_run(deck, run%simulation%scene, model_choice, metadata)
     metadata%provenance_t = run%checkpoint%provenance_t
     old_name = run%file%path()
     call run%file%replace_own()
@@ -202,7 +202,8 @@ contains
     call guard%begin()
     if (guard%in_child) then
       call rebuild_hdf5(old_name, new_name, run%file%name, bookmark, metadata, run%simulation%output_columns(), guard, error, rows)
-      call reply(guard, error)
+      if (allocated(error)) call guard%reply(error%text)
+      call guard%reply('')
     end if
     answer = answer_of(guard, run%file%name)
     if (answer /= '') call raise(error, file_error, answer)
@@ -210,15 +211,6 @@ contains
     if (.not. allocated(error)) call run%file%put_in_place(error)
     if (allocated(error)) call run%file%discard()
   end subroutine rebuild
-
-  !> End a child process with its error, or with none.
-  subroutine reply(guard, error)
-    type(guard_t), intent(in) :: guard
-    type(error_t), allocatable, intent(in) :: error
-
-    if (allocated(error)) call guard%reply(error%text)
-    call guard%reply('')
-  end subroutine reply
 
   !> The answer of the child process, '' if all is well.
   function answer_of(guard, result_file) result(answer)
@@ -230,60 +222,52 @@ contains
     if (.not. allocated(answer)) answer = result_file//': cannot resume: it is so damaged that HDF5 fails on it: run the deck again'
   end function answer_of
 
-  !> A run that ended by itself has nothing to go on with.
-  subroutine check_unfinished(result_file, origin, error)
-    character(*), intent(in) :: result_file
+  !> Why a run that ended by itself leaves nothing to go on with; '' if it did not.
+  pure function what_has_ended(origin) result(reason)
     type(origin_t), intent(in) :: origin
-    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
 
+    reason = ''
     if (origin%complete /= 0) then
-      call raise(error, file_error, result_file//': cannot resume: the run is complete')
+      reason = 'the run is complete'
     else if (exit_status(origin%result_code) == 4 .and. origin%result_code /= out_of_memory) then
-      call raise(error, file_error, result_file//': cannot resume: the solver gave up, and would again: '//origin%result_text)
+      reason = 'the solver gave up, and would again: '//origin%result_text
     end if
-  end subroutine check_unfinished
+  end function what_has_ended
 
-  !> Whether checkpoint and result file are of one run, and of this version of the program.
-  subroutine check_same_run(result_file, checkpoint, origin, error)
-    character(*), intent(in) :: result_file
+  !> In what a checkpoint is not of the run of the result file, or not of this version of the program; '' if it is.
+  pure function what_differs(checkpoint, origin) result(reason)
     type(checkpoint_t), intent(in) :: checkpoint
     type(origin_t), intent(in) :: origin
-    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
+    character(*), parameter :: remedy = ': run the deck again'
 
+    reason = ''
     if (origin%deck_sha256 /= sha256(origin%deck_text)) then
-      call refuse('the deck in the file is damaged: run the deck again')
+      reason = 'the deck in the file is damaged'//remedy
     else if (checkpoint%deck_sha256 /= origin%deck_sha256) then
-      call refuse('the checkpoint is of another deck (SHA-256 '//checkpoint%deck_sha256//') than the file ('// &
-        origin%deck_sha256//'): run the deck again')
+      reason = 'the checkpoint is of another deck (SHA-256 '//checkpoint%deck_sha256//') than the file ('// &
+        origin%deck_sha256//')'//remedy
     else if (checkpoint%deck_resolved /= origin%deck_resolved) then
-      call refuse('the checkpoint is of another deck as used (SHA-256 '//sha256(checkpoint%deck_resolved)// &
-        ') than the file ('//sha256(origin%deck_resolved)//'): run the deck again')
+      reason = 'the checkpoint is of another deck as used (SHA-256 '//sha256(checkpoint%deck_resolved)//') than the file ('// &
+        sha256(origin%deck_resolved)//')'//remedy
     else if (checkpoint%created /= origin%created) then
-      call refuse('the checkpoint is of the run begun at '//checkpoint%created//', the file of that begun at '// &
-        origin%created//': run the deck again')
+      reason = 'the checkpoint is of the run begun at '//checkpoint%created//', the file of that begun at '// &
+        origin%created//remedy
     else if (checkpoint%version /= version) then
-      call refuse('the checkpoint is of version '//checkpoint%version//', this program is version '//version// &
-        ': go on with the former, or run the deck again')
+      reason = 'the checkpoint is of version '//checkpoint%version//', this program is version '//version// &
+        ': go on with the former, or run the deck again'
     end if
-
-  contains
-
-    subroutine refuse(reason)
-      character(*), intent(in) :: reason
-
-      call raise(error, file_error, result_file//': cannot resume: '//reason)
-    end subroutine refuse
-  end subroutine check_same_run
+  end function what_differs
 
   !> Integrate to the end or until asked to stop, and finish the file.
-  subroutine carry_out(run, progress_line, error)
+  subroutine carry_out(run, error)
     type(run_t), intent(inout) :: run
-    type(progress_t), intent(in) :: progress_line
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: save_error, end_error
     type(outcome_t) :: outcome
 
-    call integrate(run, progress_line, error)
+    call integrate(run, error)
     if (has_code(error, stopped_early)) then
       call raise(error, stopped_early, stop_text(run))
       call save(run, .true., save_error)
@@ -314,26 +298,21 @@ contains
     text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%file%name
   end function stop_text
 
-  !> All slices of the run.
-  subroutine integrate(run, progress_line, error)
+  !> All slices of the run, until it is finished, fails, or is asked to stop.
+  subroutine integrate(run, error)
     type(run_t), intent(inout) :: run
-    type(progress_t), intent(in) :: progress_line
     type(error_t), allocatable, intent(out) :: error
-    type(progress_t) :: progress
     real(wp) :: flushed, saved
 
-    progress = progress_line
     associate (simulation => run%simulation, scene => run%simulation%scene)
       flushed = simulation%elapsed
       saved = simulation%elapsed
       do
         call simulation%proceed(slice, run%writer, error)
         if (simulation%finished .or. allocated(error)) exit
-        if (stop_signal() /= no_signal) then
-          call raise(error, stopped_early, stop_text(run))
-          exit
-        end if
-        call progress%show('t', simulation%motion%piece%to%time, scene%t_end, simulation%elapsed)
+        if (stop_signal() /= no_signal) call raise(error, stopped_early, '')
+        if (allocated(error)) exit
+        call run%progress%show('t', simulation%motion%piece%to%time, scene%t_end, simulation%elapsed)
         if (scene%checkpoint_interval > 0.0_wp .and. simulation%elapsed - saved >= scene%checkpoint_interval) then
           call save(run, .true., error)
           saved = simulation%elapsed
@@ -345,7 +324,7 @@ contains
         if (allocated(error)) exit
       end do
     end associate
-    call progress%close()
+    call run%progress%close()
   end subroutine integrate
 
   !> Write a checkpoint of what has been done. `durable`: it and the result survive a power failure.
@@ -391,9 +370,10 @@ contains
   end function expected_rows
 
   !> What the file says about its run.
-  subroutine describe_run(deck, model, method, model_choice, metadata)
+  subroutine describe_run(deck, scene, model_choice, metadata)
     type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: model, method, model_choice
+    type(scene_t), intent(in) :: scene            !! of which the model is settled
+    character(*), intent(in) :: model_choice
     type(run_metadata_t), intent(out) :: metadata
 
     metadata%program = program_name
@@ -405,9 +385,9 @@ contains
     metadata%job = job_name()
     metadata%mpi = mpi_library()
     metadata%created = utc_now()
-    metadata%model = model
+    metadata%model = scene%model
     metadata%model_choice = model_choice
-    metadata%method = method
+    metadata%method = scene%method_name()
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
     metadata%deck_sha256 = sha256(deck%text)

@@ -1,34 +1,31 @@
 !> Run a sweep, and present its shards as one result file: what `dynstiction run` does with a deck that has &sweep, and `merge`.
 !>
-!> A process has one shard. Its threads take the next case whenever they have finished one; the first thread also looks after
-!> signals, limits, progress and the other processes, between two slices of its case.
+!> The first process finds out what is to be done, from the deck and the shards that there are; all processes do it
+!> (dst_sweep_work), each into a shard of its own; the first one presents the result.
 module dst_sweep_runner
   use dst_build_info, only: version, git_revision
-  use dst_dealer, only: dealer_t
   use dst_deck, only: deck_t, resolved
   use dst_deck_check, only: sweep_of_deck
   use dst_deck_sweep, only: varied_key
   use dst_deck_values, only: set_default
-  use dst_disk, only: identity_of, identity_t, path_t, wait_seconds
+  use dst_disk, only: identity_of, identity_t, path_t
   use dst_division, only: share_wish_t, settle_division
   use dst_errors, only: error_t, raise, usage_error, file_error, some_failed, out_of_memory, stopped_early
   use dst_hdf5_writer, only: run_metadata_t
-  use dst_kinds, only: wp, int64, real64
+  use dst_kinds, only: wp, real64
+  use dst_processes, only: processes_t
   use dst_progress, only: progress_t, new_progress
-  use dst_machine, only: environment
-  use dst_processes, only: processes_t, patience_t
   use dst_run, only: describe_run
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: schema, sweep_group
   use dst_sha256, only: sha256
-  use dst_signals, only: stop_signal, is_told_to_end, stopped_by, no_signal
-  use dst_stopwatch, only: wall_clock
-  use dst_sweep, only: sweep_t, axis_t, new_sweep, case_t, watch_t, worker_t, new_worker, series_quantities
+  use dst_signals, only: is_told_to_end, stopped_by
+  use dst_sweep, only: sweep_t, axis_t, new_sweep, series_quantities
   use dst_sweep_file, only: block_of, merge_shards, look_at_result
-  use dst_sweep_shard, only: shard_t, head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &
+  use dst_sweep_shard, only: head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &
     missing, without_concern, scan_shard, empty_shard, delete_shard
+  use dst_sweep_work, only: sweep_work_t, thread_count
   use dst_text, only: integer_text, word, word_count
-  use dst_threads, only: task_t, run_in_threads
   implicit none
   private
 
@@ -40,65 +37,9 @@ module dst_sweep_runner
     type(share_wish_t) :: share          !! this process has a part of the cases, and knows of no other
   end type sweep_options_t
 
-  !> How fast the cases of this process are of late, to ask for as many as it needs.
-  type :: pace_t
-    real(wp) :: rate = 0.0_wp            !! cases a second
-    real(wp) :: since = 0.0_wp           !! time [s] and finished cases when cases were last given
-    integer :: finished = 0
-  contains
-    procedure :: measure
-    procedure :: wanted
-  end type pace_t
-
-  !> What the threads of a process share.
-  type :: state_t
-    integer, allocatable :: given(:)     !! cases dealt out to this process
-    integer :: next = 1                  !! the first of them that has not begun
-    logical :: none_left = .false.       !! no more will be dealt out to this process
-    integer :: stop = 0                  !! why cases under way are given up: a signal, or one of those below; 0 = they go on
-    integer :: at_work = 0               !! threads
-    integer :: finished = 0, failed = 0  !! of this process
-    integer :: to_do = 0                 !! cases, of all processes
-    integer :: done_before = 0, failed_before = 0
-    real(wp) :: begun = 0.0_wp, limit = 0.0_wp, looked = 0.0_wp
-    type(pace_t) :: pace
-    type(shard_t) :: shard
-    type(error_t), allocatable :: error  !! the first one of the shard
-    type(processes_t) :: processes
-    type(dealer_t) :: dealer
-    type(progress_t) :: progress
-  end type state_t
-
-  !> Why a process stops, if not by a signal.
-  integer, parameter :: at_limit = -1, by_error = -2
-
-  type, extends(watch_t) :: sweep_watch_t
-    type(state_t), pointer :: state => null()
-    logical :: is_first = .false.        !! of the process's threads
-  contains
-    procedure :: asked_to_stop
-  end type sweep_watch_t
-
-  !> The threads' task.
-  type, extends(task_t) :: cases_t
-    type(sweep_t), pointer :: sweep => null()
-    type(state_t), pointer :: state => null()
-    type(worker_t) :: first_worker       !! is copied by each thread
-  contains
-    procedure :: work
-  end type cases_t
-
-  !> Threads beyond this serve no machine.
-  integer, parameter :: most_threads = 1024
-
   !> Keys that say how a sweep is run, not what its cases are. The points themselves are, not where they stand.
   character(26), parameter :: changeable(6) = [character(26) :: 'scene.title', 'sweep.points', 'output.file', &
     'output.flush_seconds', 'output.checkpoint_interval', 'output.wall_limit']
-
-  !> A process looks around once in so many seconds: messages, signals, limits. It asks for more cases when what it has lasts
-  !> less than `ahead`, and for as many as last `piece`, or, of many processes, so long that rank 0 gets no more than one
-  !> question in `message`.
-  real(wp), parameter :: look = 5.0e-4_wp, ahead = 2.0e-3_wp, piece = 5.0e-3_wp, message = 5.0e-5_wp
 
 contains
 
@@ -111,109 +52,113 @@ contains
     type(processes_t), intent(in) :: processes
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
-    type(state_t), target :: state
+    type(sweep_work_t), target :: work
     type(head_t) :: head
     integer, allocatable :: pending(:)
-    integer :: to_do(1)
+    logical :: is_needed
 
-    state%processes = processes
-    if (processes%is_first()) call prepare(deck, result_file, options, sweep, head, state, pending, error)
+    if (processes%count > 1 .and. options%share%is_given) then
+      call raise(error, usage_error, '--shard is for processes that know nothing of each other, these do: leave it out')
+    else if (processes%rank == 0) then
+      call prepare(deck, result_file, options, sweep, head, work, pending, error)
+    end if
     ! Nobody opens a shard before the first has looked at all.
     call processes%agree(error)
     if (allocated(error)) return
-    to_do = [state%to_do]
-    call processes%sum_up(to_do)
-    if (to_do(1) > 0 .or. options%share%is_given) then
-      call share_sweep(processes, deck, sweep, head, error)
-      call run_pending(sweep, head, result_file, options, state, pending, error)
+    is_needed = work%to_do > 0 .or. options%share%is_given
+    call share_sweep(processes, deck, sweep, head, is_needed, error)
+    if (is_needed) then
+      if (.not. allocated(error)) call open_shard(work%shard, result_file, &
+        merge(head%division%share, processes%rank, options%share%is_given), head, layout_of(sweep), error)
+      call processes%agree(error)
+      if (.not. allocated(error)) call work%run(sweep, processes, pending, options%quiet .or. processes%rank > 0, error)
+      call work%shard%close()
+      call processes%agree(error)
       if (allocated(error)) return
     end if
-    if (processes%is_first()) call present_result(sweep, head, result_file, options, state, error)
+    if (processes%rank == 0) call present_result(sweep, head, result_file, options, work, processes, error)
     call processes%agree(error)
   end subroutine run_sweep
 
-  !> Run the cases, each process into its own shard.
-  subroutine run_pending(sweep, head, result_file, options, state, pending, error)
-    type(sweep_t), intent(in) :: sweep
-    type(head_t), intent(in) :: head
-    character(*), intent(in) :: result_file
-    type(sweep_options_t), intent(in) :: options
-    type(state_t), intent(inout), target :: state
-    integer, allocatable, intent(inout) :: pending(:)
-    type(error_t), allocatable, intent(inout) :: error
-
-    associate (processes => state%processes)
-      if (.not. allocated(error)) call open_shard(state%shard, result_file, &
-        merge(head%division%share, processes%rank, options%share%is_given), head, layout_of(sweep), error)
-      call processes%agree(error)
-      if (.not. allocated(error)) then
-        call run_cases(sweep, state, pending, options%quiet .or. .not. processes%is_first())
-        if (allocated(state%error)) then
-          call move_alloc(state%error, error)
-        else if (state%stop /= 0) then
-          call raise(error, stopped_early, stop_text(state))
-        end if
-      end if
-      call state%shard%close()
-      call processes%agree(error)
-    end associate
-  end subroutine run_pending
-
   !> What one process finds out for all: the sweep, and which of its cases are to be run.
-  subroutine prepare(deck, result_file, options, sweep, head, state, pending, error)
+  subroutine prepare(deck, result_file, options, sweep, head, work, pending, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
     type(sweep_t), intent(out) :: sweep
     type(head_t), intent(out) :: head
-    type(state_t), intent(inout) :: state
+    type(sweep_work_t), intent(inout) :: work
     integer, allocatable, intent(out) :: pending(:)
     type(error_t), allocatable, intent(out) :: error
     type(index_t) :: index
     type(path_t), allocatable :: files(:)
+    integer :: i, n, status
 
-    if (state%processes%count > 1 .and. options%share%is_given) then
-      call raise(error, usage_error, '--shard is for processes that know nothing of each other, these do: leave it out')
+    call begin_sweep(deck, sweep, head, error)
+    if (.not. allocated(error)) call look_at_shards(sweep, head, result_file, options, options%overwrite, index, files, error)
+    if (allocated(error)) return
+    call tell_of_others(sweep, index, options)
+    work%to_do = count(index%state == missing)
+    work%done_before = index%done
+    work%failed_before = index%failed
+    allocate (pending(work%to_do), stat=status)
+    if (status /= 0) then
+      call raise_no_memory(work%to_do, error)
       return
     end if
-    call sweep_of_deck(deck, sweep, error)
-    if (allocated(error)) return
-    head = head_of(sweep, identity_of_sweep(sweep))
-    call look_at_shards(sweep, head, result_file, options, options%overwrite, index, files, error)
-    if (.not. allocated(error)) call choose_cases(sweep, index, options, state, pending, error)
+    n = 0
+    do i = 1, sweep%cases
+      if (index%state(i) /= missing) cycle
+      n = n + 1
+      pending(n) = i
+    end do
   end subroutine prepare
 
-  !> The first process has read the points of a sweep; the others get them from it.
-  subroutine share_sweep(processes, deck, sweep, head, error)
+  !> The sweep of a deck, and what its shards have in their heads.
+  subroutine begin_sweep(deck, sweep, head, error)
+    type(deck_t), intent(in) :: deck
+    type(sweep_t), intent(out) :: sweep
+    type(head_t), intent(out) :: head
+    type(error_t), allocatable, intent(out) :: error
+
+    call sweep_of_deck(deck, sweep, error)
+    if (.not. allocated(error)) head = head_of(sweep, identity_of_sweep(sweep))
+  end subroutine begin_sweep
+
+  !> The first process has read the points of a sweep; the others get them from it if the sweep is needed.
+  subroutine share_sweep(processes, deck, sweep, head, is_needed, error)
     type(processes_t), intent(in) :: processes
     type(deck_t), intent(in) :: deck
     type(sweep_t), intent(inout) :: sweep
     type(head_t), intent(inout) :: head
+    logical, intent(inout) :: is_needed   !! is that of the first
     type(error_t), allocatable, intent(out) :: error
     type(axis_t), allocatable :: axes(:)
     character(:), allocatable :: names, identity
     integer :: i
 
     if (processes%count == 1) return
-    if (deck%text_of(sweep_group, 'points') == '') then
-      if (.not. processes%is_first()) call new_sweep(deck, sweep, error)
-    else
-      if (processes%is_first()) then
+    ! The identity is that of the deck as it was read.
+    identity = ''
+    if (is_needed) identity = head%identity
+    call processes%share_text(identity)
+    is_needed = identity /= ''
+    if (.not. is_needed) return
+    if (deck%text_of(sweep_group, 'points') /= '') then
+      if (processes%rank == 0) then
         axes = sweep%axes
         names = sweep%parameters()
       end if
       call processes%share_text(names)
-      if (.not. processes%is_first()) allocate (axes(word_count(names)))
+      if (processes%rank > 0) allocate (axes(word_count(names)))
       do i = 1, size(axes)
         axes(i)%name = word(names, i)
         call processes%share_numbers(axes(i)%values)
       end do
-      if (.not. processes%is_first()) call new_sweep(deck, sweep, error, axes, .true.)
     end if
-    ! The identity is that of the deck as it was read.
-    identity = head%identity
-    call processes%share_text(identity)
-    if (.not. processes%is_first()) head = head_of(sweep, identity)
+    if (processes%rank == 0) return
+    call new_sweep(deck, sweep, error, axes, .true.)
+    head = head_of(sweep, identity)
   end subroutine share_sweep
 
   !> Write what the shards hold so far to the result file.
@@ -228,10 +173,8 @@ contains
     type(index_t) :: index
     type(path_t), allocatable :: files(:)
 
-    call sweep_of_deck(deck, sweep, error)
-    if (allocated(error)) return
-    head = head_of(sweep, identity_of_sweep(sweep))
-    call look_at_shards(sweep, head, result_file, options, .false., index, files, error)
+    call begin_sweep(deck, sweep, head, error)
+    if (.not. allocated(error)) call look_at_shards(sweep, head, result_file, options, .false., index, files, error)
     if (allocated(error)) return
     call tell_of_others(sweep, index, options)
     if (index%done == 0) then
@@ -385,249 +328,14 @@ contains
       ' cases: divide the sweep into several decks')
   end subroutine raise_no_memory
 
-  !> The cases of this process, or of all processes, that are not done.
-  subroutine choose_cases(sweep, index, options, state, pending, error)
-    type(sweep_t), intent(in) :: sweep
-    type(index_t), intent(in) :: index
-    type(sweep_options_t), intent(in) :: options
-    type(state_t), intent(inout) :: state
-    integer, allocatable, intent(out) :: pending(:)
-    type(error_t), allocatable, intent(out) :: error
-    integer :: i, n, pass, status
-
-    do pass = 1, 2
-      n = 0
-      do i = 1, sweep%cases
-        if (index%state(i) /= missing) cycle
-        n = n + 1
-        if (pass == 2) pending(n) = i
-      end do
-      if (pass == 2) cycle
-      allocate (pending(n), stat=status)
-      if (status == 0) cycle
-      call raise_no_memory(n, error)
-      return
-    end do
-    call tell_of_others(sweep, index, options)
-    state%to_do = n
-    state%done_before = index%done
-    state%failed_before = index%failed
-  end subroutine choose_cases
-
-  !> All threads of the process.
-  subroutine run_cases(sweep, state, pending, quiet)
-    type(sweep_t), intent(in), target :: sweep
-    type(state_t), intent(inout), target :: state
-    integer, allocatable, intent(inout) :: pending(:)
-    logical, intent(in) :: quiet
-    type(cases_t), target :: cases
-    integer :: threads
-
-    state%limit = sweep%deck%real_of('output', 'wall_limit')
-    state%begun = wall_clock()
-    state%progress = new_progress(sweep%deck%name, quiet)
-    allocate (state%given(0))
-    call state%dealer%open(state%processes, pending)
-    threads = thread_count(state%processes, sweep%cases)
-    ! At first a case for each thread.
-    state%pace%rate = threads/piece
-    cases%sweep => sweep
-    cases%state => state
-    call new_worker(sweep, cases%first_worker)
-    call run_in_threads(cases, threads)
-    call state%dealer%close(state%processes, state%finished, state%failed, state%stop)
-    deallocate (state%given)
-    call state%progress%close()
-  end subroutine run_cases
-
-  !> As many threads as OpenMP counts processors or is told to take; of processors that several processes may use, a share.
-  integer function thread_count(processes, cases) result(threads)
-    !$ use omp_lib, only: omp_get_max_threads
-    type(processes_t), intent(in) :: processes
-    integer, intent(in) :: cases
-
-    threads = 1
-    !$ threads = omp_get_max_threads()
-    if (environment('OMP_NUM_THREADS') == '' .and. processes%cores > 0) threads = min(threads, processes%cores)
-    threads = min(threads, most_threads, cases)
-  end function thread_count
-
-  !> One thread: case after case.
-  subroutine work(self, number)
-    class(cases_t), intent(inout) :: self
-    integer, intent(in) :: number
-    type(sweep_watch_t) :: watch
-    type(worker_t), allocatable :: worker
-    type(case_t) :: case
-    integer :: next
-    logical :: done, none_left
-
-    associate (sweep => self%sweep, state => self%state)
-      !$omp atomic
-      state%at_work = state%at_work + 1
-      watch%state => self%state
-      watch%is_first = number == 1
-      allocate (worker, source=self%first_worker)
-      do
-        if (watch%asked_to_stop()) exit
-        none_left = .false.
-        do while (worker%has_room())
-          call take_number(state, next, none_left)
-          if (next == 0) exit
-          call worker%begin_case(sweep, next)
-        end do
-        if (worker%is_idle()) then
-          if (none_left) exit
-          call wait_seconds(2.0e-4_wp)
-          cycle
-        end if
-        call worker%next_result(watch, case, done)
-        if (.not. done) exit
-        call keep(state, case)
-      end do
-      if (watch%is_first) call wait_for_others(state)
-      !$omp atomic
-      state%at_work = state%at_work - 1
-    end associate
-  end subroutine work
-
-  !> The first thread, without work itself, still looks around for the others, and rank 0 for other processes.
-  subroutine wait_for_others(state)
-    type(state_t), intent(inout) :: state
-    type(patience_t) :: patience
-    integer :: at_work
-
-    do
-      call look_around(state)
-      !$omp atomic read
-      at_work = state%at_work
-      if (at_work <= 1 .and. state%dealer%others_are_done(state%processes)) exit
-      call patience%check(state%processes)
-      call wait_seconds(look)
-    end do
-  end subroutine wait_for_others
-
-  !> The next case of this process; 0 if there is none now.
-  subroutine take_number(state, number, none_left)
-    type(state_t), intent(inout) :: state
-    integer, intent(out) :: number
-    logical, intent(out) :: none_left
-
-    number = 0
-    !$omp critical (dealing)
-    if (state%next <= size(state%given)) then
-      number = state%given(state%next)
-      state%next = state%next + 1
-    end if
-    none_left = number == 0 .and. state%none_left
-    !$omp end critical (dealing)
-  end subroutine take_number
-
-  subroutine keep(state, case)
-    type(state_t), intent(inout) :: state
-    type(case_t), intent(in) :: case
-    type(error_t), allocatable :: error
-
-    !$omp critical (keeping)
-    if (.not. allocated(state%error)) then
-      call state%shard%append(case, error)
-      if (allocated(error)) then
-        call move_alloc(error, state%error)
-        !$omp atomic write
-        state%stop = by_error
-      else
-        state%finished = state%finished + 1
-        if (case%result_code /= 0) state%failed = state%failed + 1
-      end if
-    end if
-    !$omp end critical (keeping)
-  end subroutine keep
-
-  !> The first thread looks around.
-  logical function asked_to_stop(self)
-    class(sweep_watch_t), intent(inout) :: self
-    integer :: stop
-
-    if (self%is_first) call look_around(self%state)
-    !$omp atomic read
-    stop = self%state%stop
-    asked_to_stop = stop /= 0
-  end function asked_to_stop
-
-  !> New work, signals, the limit, progress.
-  subroutine look_around(state)
-    type(state_t), intent(inout) :: state
-    integer, allocatable :: numbers(:)
-    integer :: finished, failed, left, wanted, stop
-    logical :: none_left
-    real(wp) :: passed
-
-    passed = wall_clock() - state%begun
-    !$omp critical (dealing)
-    left = size(state%given) - state%next + 1
-    none_left = state%none_left
-    !$omp end critical (dealing)
-    if (left > 0 .and. passed - state%looked < look) return
-    state%looked = passed
-    !$omp critical (keeping)
-    finished = state%finished
-    failed = state%failed
-    !$omp end critical (keeping)
-    !$omp atomic read
-    stop = state%stop
-    if (stop == 0) stop = stop_signal()
-    if (stop == 0 .and. state%limit > 0.0_wp .and. passed > state%limit) stop = at_limit
-    wanted = 0
-    if (.not. none_left .and. stop == 0) wanted = state%pace%wanted(left, finished, state%processes%count)
-    call state%dealer%deal(state%processes, wanted, finished, failed, numbers, none_left, stop)
-    if (stop /= 0) then
-      !$omp atomic write
-      state%stop = stop
-    end if
-    if (allocated(numbers)) then
-      call state%pace%measure(passed, finished)
-      !$omp critical (dealing)
-      if (state%next <= size(state%given)) numbers = [state%given(state%next:), numbers]
-      call move_alloc(numbers, state%given)
-      state%next = 1
-      state%none_left = none_left
-      !$omp end critical (dealing)
-    end if
-    call state%progress%show_cases(state%done_before, state%dealer%finished, state%to_do, &
-      state%failed_before + state%dealer%failed, passed)
-  end subroutine look_around
-
-  !> Cases to ask for while `left` have not begun. The pace may have changed: nothing is asked ahead before one of the
-  !> cases given last is finished.
-  pure integer function wanted(self, left, finished, ranks)
-    class(pace_t), intent(in) :: self
-    integer, intent(in) :: left, finished, ranks
-    real(wp), parameter :: most = 1.0e6_wp
-
-    wanted = 0
-    if (left > 0 .and. finished == self%finished) return
-    if (left <= self%rate*ahead) wanted = max(1, nint(min(most, self%rate*max(piece, ranks*message))))
-  end function wanted
-
-  !> Cases have been given at `time` [s], when `finished` were finished.
-  subroutine measure(self, time, finished)
-    class(pace_t), intent(inout) :: self
-    real(wp), intent(in) :: time
-    integer, intent(in) :: finished
-
-    if (finished == self%finished .or. time <= self%since) return
-    self%rate = (finished - self%finished)/(time - self%since)
-    self%since = time
-    self%finished = finished
-  end subroutine measure
-
   !> The result file; or, of a part of the cases, how to get it.
-  subroutine present_result(sweep, head, result_file, options, state, error)
+  subroutine present_result(sweep, head, result_file, options, work, processes, error)
     type(sweep_t), intent(in) :: sweep
     type(head_t), intent(in) :: head
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
-    type(state_t), intent(in) :: state
+    type(sweep_work_t), intent(in) :: work
+    type(processes_t), intent(in) :: processes
     type(error_t), allocatable, intent(out) :: error
     type(head_t) :: again
     type(index_t) :: index
@@ -635,13 +343,13 @@ contains
     integer :: failed
 
     if (options%share%is_given) then
-      failed = state%failed_before + state%failed
+      failed = work%failed_before + work%failed
       if (failed > 0) call raise(error, some_failed, integer_text(failed)//' of '// &
         integer_text(head%division%size(sweep%cases))//' cases of shard '//head%division%text()//' failed')
     else
       again = head
       call look_at_shards(sweep, again, result_file, options, .false., index, files, error)
-      if (.not. allocated(error)) call write_result(sweep, head, result_file, index, files, options, state%processes, error)
+      if (.not. allocated(error)) call write_result(sweep, head, result_file, index, files, options, processes, error)
     end if
   end subroutine present_result
 
@@ -661,7 +369,7 @@ contains
 
     if (.not. index%is_in_result) then
       call scene_from_deck(sweep%deck, scene)
-      call describe_run(sweep%deck, scene%model, scene%method_name(), '', metadata)
+      call describe_run(sweep%deck, scene, '', metadata)
       metadata%processes = processes%count
       metadata%threads = thread_count(processes, sweep%cases)
       call merge_shards(sweep, head, files, index, metadata, result_file, options%overwrite, error)
@@ -681,14 +389,4 @@ contains
         ' cases failed: see result_code and failures in '//result_file)
     end if
   end subroutine write_result
-
-  function stop_text(state) result(text)
-    type(state_t), intent(in) :: state
-    character(:), allocatable :: text
-
-    text = 'stopped at output.wall_limit'
-    if (state%stop > no_signal) text = stopped_by(state%stop)
-    text = text//' after '//integer_text(state%done_before + state%dealer%finished)//' of '// &
-      integer_text(state%done_before + state%to_do)//' cases: start it again to go on'
-  end function stop_text
 end module dst_sweep_runner

@@ -32,8 +32,6 @@ module dst_division
     logical :: is_auto = .false.
     logical :: redivide = .false.              !! of --redivide
     integer :: share = 0, shares = 0           !! shares = 0: as kept
-  contains
-    procedure :: least_shares
   end type share_wish_t
 
   !> The job array that this process is of.
@@ -107,14 +105,6 @@ contains
     turn = int(modulo(row*golden, whole)*shares/whole)
   end function turn
 
-  !> Processes that surely share the sweep, with this one; 0 if it has all cases.
-  pure integer function least_shares(self)
-    class(share_wish_t), intent(in) :: self
-
-    least_shares = 0
-    if (self%is_given) least_shares = max(1, self%shares)
-  end function least_shares
-
   !> Understand the value of --shard; whether there is such a share is asked when the shards have been looked at.
   subroutine take_share_wish(value, wish, error)
     character(*), intent(in) :: value
@@ -128,17 +118,17 @@ contains
     if (wish%is_auto) return
     slash = index(value//'/', '/')
     wish%share = number_in(value(:slash - 1))
-    is_understood = wish%share >= 0
+    is_understood = wish%share >= 0 .and. wish%share <= most_shares
     if (slash <= len(value)) then
       wish%shares = number_in(value(slash + 1:))
-      is_understood = is_understood .and. wish%shares >= 0
+      is_understood = is_understood .and. wish%shares >= 0 .and. wish%shares <= most_shares
       ! N = 0 is no share of any division, not the one that is kept.
       if (wish%shares == 0) wish%shares = -1
     end if
     if (.not. is_understood) call raise(error, usage_error, "--shard '"//excerpt(value)//"': "//usage//', or --shard auto')
   end subroutine take_share_wish
 
-  !> Digits as a number of a share; -1 if they are none.
+  !> Digits as a number; -1 if there are none, or something else, or too many.
   pure integer function number_in(text)
     character(*), intent(in) :: text
     character(:), allocatable :: problem
@@ -147,7 +137,7 @@ contains
     number_in = -1
     if (verify(text, '0123456789') > 0) return
     call read_integer(text, number, problem)
-    if (problem == '' .and. number <= most_shares) number_in = int(number)
+    if (problem == '' .and. number <= huge(number_in)) number_in = int(number)
   end function number_in
 
   !> The share of this process. `kept`: the divisions of the shards that there are, the newest last; it is said once.
@@ -160,12 +150,13 @@ contains
     integer :: i
 
     if (.not. wish%is_given) return
-    do i = 1, size(kept)
+    ! Who divides anew is not bound by what there is.
+    do i = 1, merge(0, size(kept), wish%redivide)
       ! A share that was named by hand knows of no array.
       if (kept(i)%step > 0 .or. kept(i)%shares /= last%shares) last = kept(i)
     end do
     if (wish%is_auto) then
-      call divide_by_environment(wish%redivide, kept, last, division, error)
+      call divide_by_environment(kept, last, division, error)
     else
       call divide_as_told(wish, kept, last, division, error)
     end if
@@ -176,47 +167,39 @@ contains
     type(division_t), intent(in) :: kept(:), last
     type(division_t), intent(out) :: division
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: given, right
+    character(:), allocatable :: given, right, shares
 
-    given = '--shard '//integer_text(wish%share)
-    if (wish%shares /= 0) given = given//'/'//integer_text(max(0, wish%shares))
-    right = '1 <= I <= N, like --shard 3/16'
-    if (wish%shares == 0 .and. (last%shares == 0 .or. wish%redivide)) then
-      call raise(error, usage_error, given//': of how many shards is not said yet: write --shard I/N, like --shard 3/16')
-      return
-    end if
     division%share = wish%share
     division%shares = merge(last%shares, wish%shares, wish%shares == 0)
-    if (last%shares > 0 .and. .not. wish%redivide .and. .not. any(kept%shares == division%shares)) then
-      call raise(error, usage_error, given//': '//kept_text(last)//': write --shard '//right_share(wish%share, last)// &
-        ', or divide it anew with --redivide')
+    given = '--shard '//integer_text(wish%share)
+    if (wish%shares /= 0) given = given//'/'//integer_text(max(0, wish%shares))
+    shares = integer_text(last%shares)
+    if (division%shares == 0) then
+      call raise(error, usage_error, given//': of how many shares is not said yet: write --shard I/N, like --shard 3/16')
+    else if (last%shares > 0 .and. .not. any(kept%shares == division%shares)) then
+      right = 'I/'//shares//' with 1 <= I <= '//shares
+      if (wish%share >= 1 .and. wish%share <= last%shares) right = integer_text(wish%share)//'/'//shares
+      call raise(error, usage_error, given//': '//kept_text(last)//': write --shard '//right//', or divide it anew with --redivide')
     else if (division%share < 1 .or. division%share > division%shares) then
-      if (last%shares > 0 .and. .not. wish%redivide) right = '1 <= I <= '//integer_text(division%shares)
+      right = '1 <= I <= N, like --shard 3/16'
+      if (last%shares > 0) right = '1 <= I <= '//integer_text(division%shares)
       call raise(error, usage_error, given//': there is no such shard: write --shard I/N with '//right)
     end if
   end subroutine divide_as_told
-
-  !> 'I/N' of the kept division.
-  function right_share(share, kept) result(text)
-    integer, intent(in) :: share
-    type(division_t), intent(in) :: kept
-    character(:), allocatable :: text
-
-    text = 'I/'//integer_text(kept%shares)//' with 1 <= I <= '//integer_text(kept%shares)
-    if (share >= 1 .and. share <= kept%shares) text = integer_text(share)//'/'//integer_text(kept%shares)
-  end function right_share
 
   function kept_text(kept) result(text)
     type(division_t), intent(in) :: kept
     character(:), allocatable :: text
 
     text = 'this sweep is divided by '//integer_text(kept%shares)
-    if (kept%step > 0) text = text//' ('//range_text(kept%first, kept%last, kept%step)//processes_text(kept%inner)//')'
+    if (kept%step == 0) return
+    text = text//' ('//range_text(kept%first, kept%last, kept%step)
+    if (kept%inner > 1) text = text//' with '//integer_text(kept%inner)//' processes a task'
+    text = text//')'
   end function kept_text
 
   !> An array's index, or the number of a process, or both: a task of an array may have several processes.
-  subroutine divide_by_environment(redivide, kept, last, division, error)
-    logical, intent(in) :: redivide
+  subroutine divide_by_environment(kept, last, division, error)
     type(division_t), intent(in) :: kept(:), last
     type(division_t), intent(out) :: division
     type(error_t), allocatable, intent(out) :: error
@@ -230,10 +213,10 @@ contains
     if (number < 0) then
       call raise(error, usage_error, '--shard auto: '//variable//' tells of '//integer_text(count)//' processes, but nothing '// &
         'tells which this is: write --shard I/N')
-    else if (array%is_there .and. last%step > 0 .and. .not. redivide) then
+    else if (array%is_there .and. last%step > 0) then
       call continue_array(array, max(1, count), last, division, error)
     else if (array%is_there) then
-      call begin_array(array, max(1, count), last, redivide, division, error)
+      call begin_array(array, max(1, count), last, division, error)
     else if (count > 0) then
       division%shares = count
     else
@@ -244,7 +227,7 @@ contains
     division%share = division%share + number + 1
     if (division%shares > most_shares) then
       call raise(error, usage_error, '--shard auto: more than '//integer_text(most_shares)//' shares: start fewer processes')
-    else if (last%shares > 0 .and. .not. redivide .and. .not. any(kept%shares == division%shares)) then
+    else if (last%shares > 0 .and. .not. any(kept%shares == division%shares)) then
       call raise(error, usage_error, '--shard auto is --shard '//division%text()//' here, but '//kept_text(last)// &
         ': write --shard I/'//integer_text(last%shares)//', start as many tasks, or divide it anew with --redivide')
     end if
@@ -271,11 +254,10 @@ contains
   end subroutine continue_array
 
   !> The array as it is begins the division, or is one of as many shares. `share`: before the first process of the task.
-  subroutine begin_array(array, processes, kept, redivide, division, error)
+  subroutine begin_array(array, processes, kept, division, error)
     type(array_t), intent(in) :: array
     integer, intent(in) :: processes
     type(division_t), intent(in) :: kept
-    logical, intent(in) :: redivide
     type(division_t), intent(inout) :: division
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: remedy
@@ -289,7 +271,7 @@ contains
       division%inner = processes
     else
       remedy = 'start the whole array first, like '//range_text(array%first, array%last, 1)
-      if (kept%shares > 0 .and. .not. redivide) remedy = kept_text(kept)//': write --shard I/'//integer_text(kept%shares)
+      if (kept%shares > 0) remedy = kept_text(kept)//': write --shard I/'//integer_text(kept%shares)
       call raise(error, usage_error, '--shard auto: the array of '//integer_text(array%count)//' tasks from '// &
         integer_text(array%first)//' to '//integer_text(array%last)//' has gaps: '//remedy)
     end if
@@ -305,24 +287,16 @@ contains
     if (step > 1) text = text//':'//integer_text(step)
   end function range_text
 
-  function processes_text(count) result(text)
-    integer, intent(in) :: count
-    character(:), allocatable :: text
-
-    text = ''
-    if (count > 1) text = ' with '//integer_text(count)//' processes a task'
-  end function processes_text
-
   !> What Slurm says of a job array.
   subroutine read_array(array, error)
     type(array_t), intent(out) :: array
     type(error_t), allocatable, intent(out) :: error
 
-    array%index = environment_number('SLURM_ARRAY_TASK_ID')
-    array%first = environment_number('SLURM_ARRAY_TASK_MIN')
-    array%last = environment_number('SLURM_ARRAY_TASK_MAX')
-    array%step = max(1, environment_number('SLURM_ARRAY_TASK_STEP'))
-    array%count = environment_number('SLURM_ARRAY_TASK_COUNT')
+    array%index = number_in(environment('SLURM_ARRAY_TASK_ID'))
+    array%first = number_in(environment('SLURM_ARRAY_TASK_MIN'))
+    array%last = number_in(environment('SLURM_ARRAY_TASK_MAX'))
+    array%step = max(1, number_in(environment('SLURM_ARRAY_TASK_STEP')))
+    array%count = number_in(environment('SLURM_ARRAY_TASK_COUNT'))
     array%is_there = array%index >= 0
     if (.not. array%is_there) return
     if (array%first < 0 .or. array%first > array%index .or. array%last < array%index .or. array%count < 1) &
@@ -339,8 +313,8 @@ contains
 
     do i = 1, size(sizes)
       variable = trim(sizes(i))
-      count = environment_number(sizes(i))
-      number = environment_number(numbers(i))
+      count = number_in(environment(trim(sizes(i))))
+      number = number_in(environment(trim(numbers(i))))
       if (number >= count) number = -1
       if (count > 0) return
     end do
@@ -348,15 +322,4 @@ contains
     number = 0
     variable = ''
   end subroutine processes_here
-
-  !> A number in the environment; -1 if there is none.
-  integer function environment_number(variable) result(number)
-    character(*), intent(in) :: variable
-    character(:), allocatable :: problem
-    integer(int64) :: found
-
-    number = -1
-    call read_integer(environment(trim(variable)), found, problem)
-    if (problem == '' .and. found >= 0 .and. found <= huge(number)) number = int(found)
-  end function environment_number
 end module dst_division

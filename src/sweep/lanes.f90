@@ -70,7 +70,7 @@ module dst_lanes
     logical :: refused(lane_count) = .false.
     real(wp), dimension(lane_count) :: mass = 1.0_wp, stiffness = 1.0_wp, cos_phi = 1.0_wp, across = 0.0_wp
     real(wp), dimension(lane_count) :: velocity = 0.0_wp, sin_phi = 1.0_wp
-    real(wp), dimension(lane_count) :: limit = 0.0_wp, drop = 0.0_wp, decay = 0.0_wp, static_limit = 0.0_wp
+    real(wp), dimension(lane_count) :: limit = 0.0_wp, drop = 0.0_wp, decay = 0.0_wp
     real(wp), dimension(lane_count) :: t_end = 0.0_wp, tolerance = 1.0_wp, noise = 0.0_wp, longest_step = 0.0_wp
     real(wp), dimension(lane_count) :: first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp
     integer(int64) :: max_steps(lane_count) = 0
@@ -119,7 +119,6 @@ contains
     self%sin_phi(lane) = slider%along(2)
     self%velocity(lane) = scene%drive_velocity(1)
     self%across(lane) = self%velocity(lane)*slider%along(2)
-    self%static_limit(lane) = slider%law%static_limit
     self%t_end(lane) = scene%t_end
     self%tolerance(lane) = scene%rtol
     self%noise(lane) = slider%acceleration_noise()
@@ -128,25 +127,14 @@ contains
     self%first_u(lane) = scene%elongation_x
     self%second_u(lane) = scene%elongation_y
     self%first_position(lane) = -dot_product([scene%elongation_x, scene%elongation_y], slider%along)
-    call begin(self, lane, scene%velocity_ratio*scene%drive_velocity(1)*slider%along(1))
-  end subroutine put_case
-
-  !> Place the object of a lane at time 0 with slip velocity w_x.
-  subroutine begin(self, lane, w)
-    class(lanes_t), intent(inout) :: self
-    integer, intent(in) :: lane
-    real(wp), intent(in) :: w
-
-    associate (now => self%now)
-      now%time(lane) = 0.0_wp
-      now%u(lane) = self%first_u(lane)
-      now%w(lane) = w
-      self%summary(lane) = summary_t()
-      call self%summary(lane)%cycles%begin(self%cos_phi(lane), self%static_limit(lane), self%stiffness(lane), self%mass(lane))
-      now%u_rate(lane) = self%velocity(lane)*self%cos_phi(lane) - w
-      self%moment(lane) = moment_of(self, lane)
-      call self%summary(lane)%begin(self%moment(lane), energy(self, lane), self%t_end(lane))
-    end associate
+    self%now%time(lane) = 0.0_wp
+    self%now%u(lane) = scene%elongation_x
+    self%now%w(lane) = scene%velocity_ratio*scene%drive_velocity(1)*slider%along(1)
+    self%now%u_rate(lane) = self%velocity(lane)*self%cos_phi(lane) - self%now%w(lane)
+    self%moment(lane) = moment_of(self, lane)
+    self%summary(lane) = summary_t()
+    call self%summary(lane)%cycles%begin(slider%along(1), slider%law%static_limit, slider%stiffness(1), slider%mass)
+    call self%summary(lane)%begin(self%moment(lane), energy(self, lane), scene%t_end)
     self%busy(lane) = .true.
     self%done(lane) = self%refused(lane)
     self%moved(lane) = .false.
@@ -157,7 +145,7 @@ contains
     self%steps(lane) = 0
     self%rejections(lane) = 0
     self%standing(lane) = 0
-  end subroutine begin
+  end subroutine put_case
 
   pure real(wp) function rate_along(self, lane, w)
     class(lanes_t), intent(in) :: self

@@ -7,7 +7,7 @@ module dst_sweep
   use dst_kinds, only: wp, int64
   use dst_lanes, only: lanes_t, lane_count
   use dst_deck, only: deck_t
-  use dst_deck_sweep, only: varied_key, variation_problem, range_problem, grid_cases, many_cases
+  use dst_deck_sweep, only: varied_key, variation_problem, range_problem, many_cases
   use dst_errors, only: error_t, raise, result_done, deck_error, out_of_memory
   use dst_memory_writer, only: memory_writer_t
   use dst_model_columns, only: gives_column
@@ -87,12 +87,6 @@ module dst_sweep
     procedure :: next_result
   end type worker_t
 
-  !> The series of a case; its events are in the summary.
-  type, extends(memory_writer_t) :: case_writer_t
-  contains
-    procedure :: write_events => forget_events
-  end type case_writer_t
-
   !> Wall time between two looks at the watch [s]; steps of all lanes between two. A process that has many cases to deal out
   !> answers that late.
   real(wp), parameter :: slice = 1.0e-3_wp
@@ -103,7 +97,7 @@ module dst_sweep
   integer, parameter :: final_count = size(final_columns)
   !> Summary, last state, number of steps, wall time.
   integer, parameter :: value_count = summary_count + final_count + 2
-  integer, parameter :: wall_time_value = value_count
+  integer, parameter :: steps_value = value_count - 1, wall_time_value = value_count
 
 contains
 
@@ -120,7 +114,7 @@ contains
         quantity%long_name = trim(column%long_name)//' at t_end'
       end associate
     end do
-    quantities(value_count - 1) = quantity_t('steps', '1', 'accepted steps')
+    quantities(steps_value) = quantity_t('steps', '1', 'accepted steps')
     quantities(wall_time_value) = quantity_t('wall_time', 's', 'wall time of the case')
   end function value_quantities
 
@@ -130,8 +124,9 @@ contains
     type(sweep_t), intent(out) :: sweep
     type(error_t), allocatable, intent(out) :: error
     type(axis_t), intent(in), optional :: axes(:)
-    logical, intent(in), optional :: is_list
+    logical, intent(in), optional :: is_list   !! of `axes`
     real(wp) :: cases
+    integer :: i
 
     if (deck%text_of('scene', 'model') == 'auto') then
       call raise(error, deck_error, "model 'auto' in a sweep would mix models in one map: name the model", 'scene.model')
@@ -143,32 +138,20 @@ contains
       sweep%axes = axes
       sweep%is_list = is_list
       call check_axes(sweep, error)
-      if (allocated(error)) return
-      cases = cases_of(axes, is_list)
     else
-      cases = grid_cases(deck)
+      call axes_of_deck(deck, sweep%axes, error)
     end if
+    if (allocated(error)) return
+    cases = 1.0_wp
+    do i = 1, merge(min(1, size(sweep%axes)), size(sweep%axes), sweep%is_list)
+      cases = cases*real(size(sweep%axes(i)%values), wp)
+    end do
     if (cases > many_cases .or. cases < 1.0_wp) then
       call raise(error, deck_error, 'a sweep has from 1 to '//integer_text(int(many_cases))//' cases')
-      return
+    else
+      sweep%cases = nint(cases)
     end if
-    sweep%cases = nint(cases)
-    if (.not. present(axes)) call axes_of_deck(deck, sweep%axes, error)
   end subroutine new_sweep
-
-  !> Cases of a list, or of a grid; `huge` if they are more than a result file presents.
-  pure real(wp) function cases_of(axes, is_list) result(cases)
-    type(axis_t), intent(in) :: axes(:)
-    logical, intent(in) :: is_list
-    integer :: i
-
-    cases = 1.0_wp
-    do i = 1, merge(min(1, size(axes)), size(axes), is_list)
-      cases = cases*real(size(axes(i)%values), wp)
-      if (cases > many_cases) cases = huge(cases)
-      if (cases > many_cases) return
-    end do
-  end function cases_of
 
   !> Names and values that did not come with the deck.
   subroutine check_axes(sweep, error)
@@ -385,20 +368,27 @@ contains
     class(watch_t), intent(inout) :: watch
     type(case_t), intent(inout) :: result
     logical, intent(out) :: done
+    type(error_t), allocatable :: error
     integer :: place
 
+    result%values = spread(not_there(), 1, value_count)
     place = 1
-    if (.not. allocated(result%values)) allocate (result%values(value_count))
     if (allocated(self%lanes)) then
       call run_lanes(self%lanes, watch, place, done)
-      if (done) call take_lane(self%lanes, place, result)
+      if (done) call take_lane(self%lanes, place, result%values, error)
     else
-      call run_case(self%scene, self%kept, watch, result, done)
+      call run_case(self%scene, self%kept, watch, result, done, error)
     end if
     if (.not. done) return
     result%number = self%number(place)
     ! Cases side by side share the time.
     result%values(wall_time_value) = (wall_clock() - self%begun(place))/real(size(self%number), wp)
+    result%result_code = result_done
+    result%result_text = ''
+    if (allocated(error)) then
+      result%result_code = error%code
+      result%result_text = error%text
+    end if
     self%number(place) = 0
   end subroutine next_result
 
@@ -422,62 +412,69 @@ contains
   end subroutine run_lanes
 
   !> What the case in a lane came to.
-  subroutine take_lane(lanes, place, result)
+  subroutine take_lane(lanes, place, values, error)
     type(lanes_t), intent(inout) :: lanes
     integer, intent(in) :: place
-    type(case_t), intent(inout) :: result
-    type(error_t), allocatable :: error
+    real(wp), intent(inout) :: values(:)
+    type(error_t), allocatable, intent(out) :: error
     real(wp) :: final(final_count)
     logical :: given(summary_count)
     integer(int64) :: steps
 
-    call lanes%values(place, result%values(:summary_count), given, final, steps, error)
-    where (.not. given) result%values(:summary_count) = not_there()
-    result%values(value_count - 1) = real(steps, wp)
-    result%values(summary_count + 1:summary_count + final_count) = final
-    if (allocated(error)) result%values(summary_count + 1:summary_count + final_count) = not_there()
-    call take_code(error, result)
+    call lanes%values(place, values(:summary_count), given, final, steps, error)
+    where (.not. given) values(:summary_count) = not_there()
+    if (.not. allocated(error)) values(summary_count + 1:summary_count + final_count) = final
+    values(steps_value) = real(steps, wp)
   end subroutine take_lane
 
   !> Run one case.
-  subroutine run_case(scene, kept, watch, result, done)
+  subroutine run_case(scene, kept, watch, result, done, error)
     type(scene_t), intent(inout) :: scene
     integer, intent(in) :: kept           !! columns of the series
     class(watch_t), intent(inout) :: watch
     type(case_t), intent(inout) :: result
     logical, intent(out) :: done
+    type(error_t), allocatable, intent(out) :: error
     type(simulation_t) :: simulation
-    type(case_writer_t) :: writer
-    type(error_t), allocatable :: error
+    type(memory_writer_t) :: writer
+    type(work_count_t) :: work
+    logical :: given(summary_count)
+    integer :: i, column
 
     if (.not. (kept > 0 .or. scene%is_closed_form())) scene%interval = scene%t_end
     call simulation%start(scene, error)
     done = allocated(error)
     do while (.not. done)
       call simulation%proceed(slice, writer, error)
+      ! What a case keeps of its events is in the summary.
+      writer%events = 0
       done = simulation%finished .or. allocated(error)
       if (done) exit
       if (watch%asked_to_stop()) return
     end do
-    call take_result(simulation, writer, error, kept, result)
+    if (allocated(result%series)) deallocate (result%series)
+    if (.not. allocated(simulation%rows)) return
+    call simulation%summary%values(simulation%motion, result%values(:summary_count), given)
+    where (.not. given) result%values(:summary_count) = not_there()
+    if (.not. simulation%motion%in_closed_form) then
+      work = simulation%motion%work()
+      result%values(steps_value) = real(work%steps, wp)
+    end if
+    if (writer%rows > 0 .and. .not. allocated(error)) then
+      do i = 1, final_count
+        do column = 1, size(simulation%selected)
+          if (columns(simulation%selected(column))%name == final_columns(i)) &
+            result%values(summary_count + i) = writer%samples(column, writer%rows)
+        end do
+      end do
+    end if
+    if (kept > 0) result%series = writer%samples(2:kept + 1, :writer%rows)
   end subroutine run_case
 
   !> What stands for a value that a case does not have.
   pure real(wp) function not_there()
     not_there = ieee_value(1.0_wp, ieee_quiet_nan)
   end function not_there
-
-  !> Code and message.
-  subroutine take_code(error, result)
-    type(error_t), allocatable, intent(in) :: error
-    type(case_t), intent(inout) :: result
-
-    result%result_code = result_done
-    result%result_text = ''
-    if (.not. allocated(error)) return
-    result%result_code = error%code
-    result%result_text = error%text
-  end subroutine take_code
 
   !> The last state is among the columns, and the limit is that of the sweep. A summary needs no series; only the largest
   !> velocity of slow creep, which is known in closed form, is looked for among its samples.
@@ -503,45 +500,4 @@ contains
         scene%fields = [character(len(scene%fields)) :: scene%fields, final_columns(i)]
     end do
   end subroutine adapt_output
-
-  subroutine take_result(simulation, writer, error, kept, result)
-    type(simulation_t), intent(in) :: simulation
-    type(case_writer_t), intent(inout) :: writer
-    type(error_t), allocatable, intent(in) :: error
-    integer, intent(in) :: kept           !! columns of the series
-    type(case_t), intent(inout) :: result
-    logical :: given(summary_count)
-    type(work_count_t) :: work
-    integer :: i, column
-
-    result%values = not_there()
-    call take_code(error, result)
-    if (allocated(result%series)) deallocate (result%series)
-    if (.not. allocated(simulation%rows)) return
-    call simulation%summary%values(simulation%motion, result%values(:summary_count), given)
-    where (.not. given) result%values(:summary_count) = not_there()
-    if (.not. simulation%motion%in_closed_form) then
-      work = simulation%motion%work()
-      result%values(value_count - 1) = real(work%steps, wp)
-    end if
-    if (writer%rows > 0 .and. .not. allocated(error)) then
-      do i = 1, final_count
-        do column = 1, size(simulation%selected)
-          if (columns(simulation%selected(column))%name == final_columns(i)) &
-            result%values(summary_count + i) = writer%samples(column, writer%rows)
-        end do
-      end do
-    end if
-    if (kept > 0) result%series = writer%samples(2:kept + 1, :writer%rows)
-  end subroutine take_result
-
-  subroutine forget_events(self, time, kind, error)
-    class(case_writer_t), intent(inout) :: self
-    real(wp), intent(in) :: time(:)
-    integer, intent(in) :: kind(:)
-    type(error_t), allocatable, intent(out) :: error
-
-    associate (unused => self, also_unused => time, unused_too => kind)
-    end associate
-  end subroutine forget_events
 end module dst_sweep

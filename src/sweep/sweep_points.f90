@@ -1,8 +1,8 @@
 !> A list of points for a sweep, from a CSV file: names of keys in the first line, a case in each other line.
 !>
 !> Fields are separated by what the first line has: semicolons, commas, tabs or blanks, the first of these that it holds. They
-!> may stand in double quotes; blank lines are passed over; lines end with LF, CR LF or the file (RFC 4180, and what spreadsheets
-!> make of it). A fault is reported with its line.
+!> may stand in double quotes; blank lines are passed over; lines end with LF, CR LF or CR, or with the file (RFC 4180, and what
+!> spreadsheets make of it). A fault is reported with its line.
 module dst_sweep_points
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: varied_key, variation_problem, range_problem
@@ -17,8 +17,8 @@ module dst_sweep_points
 
   public :: path_of_points, read_csv, name_axis
 
-  character(*), parameter :: line_ends = achar(10)//achar(13), tab = achar(9), quote = '"'
-  character(*), parameter :: separators = ';,'//tab//' '
+  character, parameter :: lf = achar(10), cr = achar(13), tab = achar(9), quote = '"'
+  character(*), parameter :: separators = ';,'//tab//' ', blanks = ' '//tab
   character(*), parameter :: hdf5_signature = char(137)//'HDF'
   character(*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
 
@@ -41,80 +41,78 @@ contains
     type(axis_t), allocatable, intent(out) :: axes(:)
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: path, text, reason
-    real(wp), allocatable :: table(:, :)
-    character :: separator
-    integer :: first, last, line, n, i, status
+    real(wp), allocatable :: values(:)
+    character :: separator, line_end
+    integer :: first, last, next, line, n, i
 
     path = path_of_points(deck)
     call read_bytes(path, most_bytes, text, reason)
     if (allocated(reason)) then
       call raise(error, file_error, path//': cannot be read: '//reason)
       return
-    end if
-    if (index(text, hdf5_signature) == 1) then
+    else if (index(text, hdf5_signature) == 1) then
       call raise(error, file_error, path//': is an HDF5 file, which only the program dynstiction reads: in Python give its '// &
         'datasets as parameters, with points=True')
       return
     end if
+    line_end = lf
+    if (index(text, lf) == 0) line_end = cr
     first = 1
-    if (index(text(:min(3, len(text))), byte_order_mark) == 1) first = 4
+    if (index(text, byte_order_mark) == 1) first = 1 + len(byte_order_mark)
     line = 0
     n = 0
-    allocate (table(0, 0))
-    do while (first <= len(text))
-      last = line_end(text, first)
+    do while (first <= len(text) .and. .not. allocated(error))
+      last = first - 2 + index(text(first:), line_end)
+      if (last < first - 1) last = len(text)
+      next = last + 2
+      if (text(max(first, last):last) == cr) last = last - 1
       line = line + 1
-      if (verify(text(first:last), ' '//tab) > 0) then
-        if (.not. allocated(axes)) then
+      if (verify(text(first:last), blanks) > 0) then
+        if (allocated(axes)) then
+          n = n + 1
+          call read_row(axes, text(first:last), separator, path//':'//integer_text(line), n, error)
+        else
           separator = separator_of(text(first:last))
           call read_names(deck, text(first:last), separator, path//':'//integer_text(line), axes, error)
-          if (allocated(error)) return
-          deallocate (table)
-          allocate (table(1 + line_count(text(last + 1:)), size(axes)), stat=status)
-          if (status /= 0) call raise(error, out_of_memory, path//': no memory for its points: divide it into several lists')
-        else
-          n = n + 1
-          call read_row(axes, text(first:last), separator, path//':'//integer_text(line), table(n, :), error)
+          if (.not. allocated(error)) call make_room(axes, line_count(text(next:), line_end), path, error)
         end if
-        if (allocated(error)) return
       end if
-      first = last + 2
-      ! CR LF ends one line.
-      if (first <= len(text)) then
-        if (text(first - 1:first) == achar(13)//achar(10)) first = first + 1
-      end if
+      first = next
     end do
-    if (n == 0) then
-      call raise(error, file_error, path//': holds no points: give names of keys in the first line, and a case in each other line')
-      return
-    end if
+    if (n == 0 .and. .not. allocated(error)) call raise(error, file_error, path// &
+      ': holds no points: give names of keys in the first line, and a case in each other line')
+    if (allocated(error)) return
     do i = 1, size(axes)
-      allocate (axes(i)%values(n), stat=status)
-      if (status /= 0) then
-        call raise(error, out_of_memory, path//': no memory for its points: divide it into several lists')
-        return
-      end if
-      axes(i)%values = table(:n, i)
+      allocate (values, source=axes(i)%values(:n))
+      call move_alloc(values, axes(i)%values)
     end do
   end subroutine read_csv
 
-  !> The last character of the line that begins at `first`.
-  pure integer function line_end(text, first)
-    character(*), intent(in) :: text
-    integer, intent(in) :: first
+  !> Let the axes have room for so many values.
+  subroutine make_room(axes, most, path, error)
+    type(axis_t), intent(inout) :: axes(:)
+    integer, intent(in) :: most
+    character(*), intent(in) :: path
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i, status
 
-    line_end = scan(text(first:), line_ends)
-    if (line_end == 0) line_end = len(text) - first + 2
-    line_end = first + line_end - 2
-  end function line_end
+    do i = 1, size(axes)
+      allocate (axes(i)%values(most), stat=status)
+      if (status == 0) cycle
+      call raise(error, out_of_memory, path//': no memory for its points: divide it into several lists')
+      return
+    end do
+  end subroutine make_room
 
-  pure integer function line_count(text)
+  !> Lines of a text, the last of which need not have an end.
+  pure integer function line_count(text, line_end)
     character(*), intent(in) :: text
+    character, intent(in) :: line_end
     integer :: i
 
-    line_count = 0
+    line_count = 1
     do i = 1, len(text)
-      if (scan(text(i:i), line_ends) > 0) line_count = line_count + 1
+      if (text(i:i) == line_end) line_count = line_count + 1
     end do
   end function line_count
 
@@ -165,37 +163,33 @@ contains
     axes(i)%name = trim(schema(axes(i)%key)%group)//'.'//schema(axes(i)%key)%name
   end subroutine name_axis
 
-  !> A line with the values of a case.
-  subroutine read_row(axes, line, separator, place, values, error)
-    type(axis_t), intent(in) :: axes(:)
+  !> A line with the values of case `n`.
+  subroutine read_row(axes, line, separator, place, n, error)
+    type(axis_t), intent(inout) :: axes(:)
     character(*), intent(in) :: line, place
     character, intent(in) :: separator
-    real(wp), intent(out) :: values(:)
+    integer, intent(in) :: n
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: problem
     integer, allocatable :: bounds(:, :)
     integer :: i
 
-    values = 0.0_wp
     call find_fields(line, separator, bounds)
-    if (size(bounds, 2) /= size(values)) then
-      call raise(error, file_error, place//': '//integer_text(size(bounds, 2))// &
-        ' value(s), but the first line names '//integer_text(size(values))//': give one for each')
-      return
-    end if
-    do i = 1, size(values)
-      associate (field => line(bounds(1, i):bounds(2, i)))
-        call read_real(field, values(i), problem)
-        if (problem /= '') then
-          problem = "'"//excerpt(field)//"' "//problem//': give a finite real number'
+    problem = ''
+    if (size(bounds, 2) /= size(axes)) problem = integer_text(size(bounds, 2))//' value(s), but the first line names '// &
+      integer_text(size(axes))//': give one for each'
+    do i = 1, size(axes)
+      if (problem /= '') exit
+      associate (field => line(bounds(1, i):bounds(2, i)), value => axes(i)%values(n))
+        call read_real(field, value, problem)
+        if (problem == '') then
+          problem = range_problem(axes(i)%key, value)
         else
-          problem = range_problem(axes(i)%key, values(i))
+          problem = "'"//excerpt(field)//"' "//problem//': give a finite real number'
         end if
       end associate
-      if (problem == '') cycle
-      call raise(error, file_error, place//': '//problem)
-      return
     end do
+    if (problem /= '') call raise(error, file_error, place//': '//problem)
   end subroutine read_row
 
   !> First and last character of each field, without the blanks and quotes around it.
@@ -215,37 +209,23 @@ contains
       ! Several blanks separate once.
       if (length > 0 .or. separator /= ' ') then
         n = n + 1
-        found(:, n) = trimmed(line, [first, first + length - 1])
+        found(:, n) = without_blanks(line, [first, first + length - 1])
+        associate (inner => found(:, n))
+          if (inner(2) > inner(1)) then
+            if (line(inner(1):inner(1))//line(inner(2):inner(2)) == quote//quote) inner = without_blanks(line, inner + [1, -1])
+          end if
+        end associate
       end if
       first = first + length + 1
     end do
-    allocate (bounds, source=found(:, :n))
+    bounds = found(:, :n)
   end subroutine find_fields
-
-  pure function trimmed(line, bounds) result(inner)
-    character(*), intent(in) :: line
-    integer, intent(in) :: bounds(2)
-    integer :: inner(2)
-
-    inner = without_blanks(line, bounds)
-    if (inner(2) <= inner(1)) return
-    if (line(inner(1):inner(1)) == quote .and. line(inner(2):inner(2)) == quote) &
-      inner = without_blanks(line, inner + [1, -1])
-  end function trimmed
 
   pure function without_blanks(line, bounds) result(inner)
     character(*), intent(in) :: line
     integer, intent(in) :: bounds(2)
     integer :: inner(2)
 
-    inner = bounds
-    do while (inner(1) <= inner(2))
-      if (scan(line(inner(1):inner(1)), ' '//tab) == 0) exit
-      inner(1) = inner(1) + 1
-    end do
-    do while (inner(1) <= inner(2))
-      if (scan(line(inner(2):inner(2)), ' '//tab) == 0) exit
-      inner(2) = inner(2) - 1
-    end do
+    inner = bounds(1) - 1 + [verify(line(bounds(1):bounds(2))//'.', blanks), verify(line(bounds(1):bounds(2)), blanks, back=.true.)]
   end function without_blanks
 end module dst_sweep_points

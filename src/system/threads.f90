@@ -20,7 +20,7 @@ module dst_threads
     !> The part of thread `number`, counted from 1, which is the calling thread.
     subroutine work(self, number)
       import :: task_t
-      class(task_t), intent(inout) :: self
+      class(task_t), intent(inout), target :: self
       integer, intent(in) :: number
     end subroutine work
   end interface

@@ -684,7 +684,7 @@ contains
     call parse('run --quiet a.nml -o b.h5 --set x.y=1 --set=z.w=2 --overwrite', command, error)
     call check('run', .not. allocated(error) .and. command%name == 'run')
     call check('options', command%given == '--quiet -o --set --set --overwrite' .and. command%has('--quiet'))
-    call check('operand', command%operand_count == 1 .and. command%output == 'b.h5')
+    call check('operand', size(command%operands) == 1 .and. command%output == 'b.h5')
     call check('settings', all(setting_list(command) == ['x.y=1', 'z.w=2']))
     call parse('check -- -a.nml', command, error)
     call check('after --', .not. allocated(error) .and. command%operands(1)%text == '-a.nml')
