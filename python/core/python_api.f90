@@ -11,7 +11,7 @@ module dst_python_api
   use dst_kinds, only: wp, pi
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
-  use dst_deck, only: deck_t, parse_deck, parse_values, resolved
+  use dst_deck, only: deck_t, parse_deck, resolved
   use dst_errors, only: error_t, raise, usage_error
   use dst_faults, only: faults_t, not_all_faults
   use dst_friction, only: new_friction_law
@@ -213,11 +213,7 @@ contains
     logical, intent(in) :: alone
 
     allocate (session%deck)
-    if (alone) then
-      call parse_values(text, name, lines_of(settings), session%deck, session%error, session%faults)
-    else
-      call parse_deck(text, name, lines_of(settings), session%deck, session%error, session%faults)
-    end if
+    call parse_deck(text, name, lines_of(settings), session%deck, session%error, session%faults, alone)
   end subroutine read_deck
 
   integer(c_int) function status_of(session)
@@ -333,7 +329,7 @@ contains
       do i = 1, self%faults%count
         associate (fault => self%faults%item(i))
           self%table%text(1, i) = printable(trim(fault%text))
-          self%table%number(:, i) = real([fault%line, fault%setting], wp)
+          self%table%number(:, i) = real([fault%place%line, fault%place%setting], wp)
         end associate
       end do
     case ('values')

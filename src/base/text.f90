@@ -89,52 +89,58 @@ contains
     if (len(text) >= len(beginning)) starts_with = text(:len(beginning)) == beginning
   end function starts_with
 
-  !> Word `n` of a list separated by single blanks; '' if there are fewer.
+  !> Word `n` of a list separated by blanks; '' if there are fewer.
   pure function word(list, n) result(text)
     character(*), intent(in) :: list
     integer, intent(in) :: n
     character(:), allocatable :: text
-    integer :: first, i, width
+    integer :: first, last, i
 
     first = 1
+    last = 0
     do i = 1, n
-      if (first > len_trim(list)) exit
-      width = scan(list(first:), ' ') - 1
-      if (width < 0) width = len(list) - first + 1
-      if (i == n) then
-        text = list(first:first + width - 1)
-        return
-      end if
-      first = first + width + 1
+      call find_word(list, first, last)
     end do
-    text = ''
+    text = list(first:last)
   end function word
+
+  !> The next word after place `last`; an empty one at the end of the list if there is none.
+  pure subroutine find_word(list, first, last)
+    character(*), intent(in) :: list
+    integer, intent(out) :: first
+    integer, intent(inout) :: last
+
+    first = last + max(1, verify(list(last + 1:), ' '))
+    last = first + scan(list(first:), ' ') - 2
+    if (last < first) last = len_trim(list)
+  end subroutine find_word
 
   !> Number of words of a list separated by blanks.
   pure integer function word_count(list)
     character(*), intent(in) :: list
-    integer :: i
+    integer :: first, last
 
     word_count = 0
-    if (len_trim(list) == 0) return
-    word_count = 1 + count([(list(i:i) == ' ', i=1, len_trim(list))])
+    last = 0
+    do
+      call find_word(list, first, last)
+      if (last < first) return
+      word_count = word_count + 1
+    end do
   end function word_count
 
   !> Whether `text` is one of the words of a list separated by blanks.
   pure logical function has_word(list, text)
     character(*), intent(in) :: list, text
-    integer :: first, width
+    integer :: first, last
 
     ! Without a copy of the list: a deck's conditions are asked some hundred times.
     has_word = list == '' .and. len(text) == 0
-    first = 1
-    do while (first <= len_trim(list))
-      width = scan(list(first:), ' ') - 1
-      if (width < 0) width = len(list) - first + 1
-      has_word = width == len(text)
-      if (has_word) has_word = list(first:first + width - 1) == text
-      if (has_word) return
-      first = first + width + 1
+    last = 0
+    do while (.not. has_word)
+      call find_word(list, first, last)
+      if (last < first) return
+      has_word = last - first + 1 == len(text) .and. list(first:last) == text
     end do
   end function has_word
 

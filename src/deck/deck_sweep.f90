@@ -268,8 +268,6 @@ contains
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: group, key, text
 
-    associate (value => deck%value(find_key(group, key)))
-      call faults%add(value%line, text, value%setting, trim(value%argument))
-    end associate
+    call faults%add(deck%value(find_key(group, key))%place, text)
   end subroutine note
 end module dst_deck_sweep

@@ -90,14 +90,11 @@ contains
   end subroutine scan_namelist
 
   !> Scan `text` as the values of one key, as they stand after `=`; all words are in list%tokens.
-  subroutine scan_values(text, key, list, faulty, faults, setting, argument)
+  subroutine scan_values(text, key, list, problem)
     character(*), intent(in) :: text
     character(*), intent(in) :: key         !! for messages
     type(namelist_t), intent(out) :: list
-    logical, intent(out) :: faulty
-    type(faults_t), intent(inout) :: faults
-    integer, intent(in) :: setting
-    character(*), intent(in) :: argument
+    character(:), allocatable, intent(out) :: problem     !! '' or what is wrong first
     type(faults_t) :: found
 
     list%text = text
@@ -107,8 +104,8 @@ contains
     call read_values(list, found)
     if (found%count == 0 .and. .not. at_end(list)) &
       call found%add(1, "unexpected '"//excerpt(text(list%position:))//"': give only the value")
-    faulty = found%count > 0
-    if (faulty) call faults%add(0, trim(found%item(1)%text), setting, argument)
+    problem = ''
+    if (found%count > 0) problem = trim(found%item(1)%text)
   end subroutine scan_values
 
   !> A deck is UTF-8 without control characters; `plain` is false when it holds bytes that no text has.
