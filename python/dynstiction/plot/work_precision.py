@@ -114,7 +114,9 @@ def _draw_panel(axis: Axes, trade: Trade, quantity: str) -> set[str]:
 
 @cache
 def _colours() -> dict[str, str]:
-    return {method["name"]: colour for method, colour in zip(catalogue()["methods"], cycle(COLOURS), strict=False)}
+    return {
+        method["name"]: colour for method, colour in zip(catalogue()["methods"], cycle(COLOURS), strict=False)
+    }
 
 
 def _legend(drawn: set[str]) -> list[Line2D]:
