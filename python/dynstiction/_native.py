@@ -32,13 +32,11 @@ __all__ = [
     "catalogue",
     "creep_asymptotic",
     "creep_exact",
-    "critical",
-    "eigenvalues",
     "jacobian",
     "machine_info",
     "rhs",
     "schema",
-    "slow_damping",
+    "steady_sliding",
     "text_from",
 ]
 
@@ -435,44 +433,18 @@ def _check_range(point: int, fault: int, **arguments: NDArray[np.float64]) -> No
         raise UsageError(RANGES[fault].format(**here))
 
 
-def eigenvalues(sliders: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Eigenvalues (n, 4) of steady sliding for the parameter rows (n, 10)."""
-    if len(sliders) == 0:
-        return np.empty((0, 4), dtype=np.complex128)
-    real, imaginary, failed, message = _core.eigenvalues(sliders.T)
-    _refuse(failed, message, len(sliders))
-    return np.ascontiguousarray((real + 1j * imaginary).T)
-
-
-def critical(
-    sliders: NDArray[np.float64],
-) -> tuple[
-    NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
-]:
-    """Existence (n), angles (n, 2), frequencies (n, 2), stable windows (n, 2), limits (n)."""
-    if len(sliders) == 0:
-        pairs = np.empty((0, 2))
-        return np.empty(0, dtype=np.bool_), pairs, pairs, pairs, np.empty(0)
-    exists, angle, frequency, window, limit, failed, message = _core.critical(sliders.T)
-    _refuse(failed, message, len(sliders))
-    return exists == 1, angle.T, frequency.T, window.T, limit
-
-
-def slow_damping(
-    sliders: NDArray[np.float64], theta: NDArray[np.float64], weakening: bool
+def steady_sliding(
+    what: str, n_values: int, sliders: NDArray[np.float64], theta: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Damping ratios (n) at the angles (n) for the parameter rows (n, 10)."""
+    """Linear theory (n, n_values) for the parameter rows (n, 10) at the angles (n), as the routine of the core says."""
     if len(sliders) == 0:
-        return np.empty(0)
-    zeta, failed, message = _core.slow_damping(sliders.T, theta, int(weakening))
-    _refuse(failed, message, len(sliders))
-    return zeta
-
-
-def _refuse(failed: int, message: bytes, cases: int) -> None:
+        return np.empty((0, n_values))
+    angles = np.zeros(len(sliders)) if theta is None else theta
+    values, failed, message = _core.steady_sliding(what, sliders.T, angles, n_values)
     if failed > 0:
-        where = f"element {failed - 1} of {cases}: " if cases > 1 else ""
+        where = f"element {failed - 1} of {len(sliders)}: " if len(sliders) > 1 else ""
         raise UsageError(where + text_from(message))
+    return values.T
 
 
 def _table(handle: int, which: str, described: bool = False) -> tuple[list[Any], NDArray[np.float64]]:
