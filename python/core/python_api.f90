@@ -36,7 +36,7 @@ module dst_python_api
 
   public :: library_open, deck_open, run_open, sweep_open, table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
-  public :: rhs, jacobian, creep_exact, creep_asymptotic, steady_sliding
+  public :: rhs, jacobian, creep, steady_sliding
 
   !> No text in a table is longer.
   integer, parameter :: longest_cell = 512
@@ -702,18 +702,19 @@ contains
     end do
   end subroutine jacobian
 
-  !> Exact creep for n points; phi [rad] and kappa have one value each point or one for all.
-  !> creep(:, k): alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. fault: 0, or what the first point out of
-  !> range (`point`, from 1) violates: 1 tau >= 0 and finite, 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0.
-  subroutine creep_exact(n, tau, n_phi, phi, n_kappa, kappa, creep, point, fault)
-    integer(c_int), intent(in) :: n, n_phi, n_kappa
+  !> Creep at n points; phi [rad] and kappa have one value each point or one for all. Form 0 is the exact one:
+  !> values(:, k): alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. Others are X'/V after Eq. (8): 1 first power,
+  !> 2 as printed, 3 third order. fault: 0, or what the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
+  !> 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0, 5 0 <= tau < 1 after Eq. (8).
+  subroutine creep(form, n, tau, n_phi, phi, n_kappa, kappa, n_values, values, point, fault)
+    integer(c_int), intent(in) :: form, n, n_phi, n_kappa, n_values
     real(c_double), intent(in) :: tau(n), phi(n_phi), kappa(n_kappa)
-    real(c_double), intent(out) :: creep(n, 8)
+    real(c_double), intent(out) :: values(n, n_values)
     integer(c_int), intent(out) :: point, fault
     !f2py threadsafe
     type(creep_path_t) :: path
     type(creep_t) :: here
-    real(wp) :: angle, ratio, side
+    real(wp) :: angle, ratio, side, time
     integer :: i
 
     angle = 0.0_wp
@@ -730,52 +731,32 @@ contains
         if (.not. abs(angle) < 0.5_wp*pi) fault = 2
         if (.not. (ratio >= 0.0_wp .and. ratio < 1.0_wp)) fault = 3
         if (fault > 0) return
-        path = new_creep_path(abs(angle), ratio)
+        if (form == 0) path = new_creep_path(abs(angle), ratio)
         side = merge(-1.0_wp, 1.0_wp, angle < 0.0_wp)
       end if
-      if (.not. (tau(i) >= 0.0_wp .and. tau(i) <= huge(tau))) fault = 1
-      if (fault == 0 .and. .not. abs(angle) > 0.0_wp .and. tau(i) >= 1.0_wp) fault = 4
-      if (fault > 0) return
-      here = creep_at(path, real(tau(i), wp))
-      creep(i, 1) = here%alpha
-      creep(i, 2) = side*(here%psi + path%phi)
-      creep(i, 3) = side*here%psi
-      creep(i, 4) = here%speed
-      creep(i, 5) = here%x_rate
-      creep(i, 6) = side*here%y_rate
-      creep(i, 7) = here%position
-      creep(i, 8) = here%deficit
-    end do
-  end subroutine creep_exact
-
-  !> X'/V after Eq. (8) for n points: form 1 first power, 2 as printed, 3 third order. fault as for creep_exact, and
-  !> 5 for 0 <= tau < 1.
-  subroutine creep_asymptotic(form, n, tau, n_phi, phi, x_rate, point, fault)
-    integer(c_int), intent(in) :: form, n, n_phi
-    real(c_double), intent(in) :: tau(n), phi(n_phi)
-    real(c_double), intent(out) :: x_rate(n)
-    integer(c_int), intent(out) :: point, fault
-    !f2py threadsafe
-    real(wp) :: angle
-    integer :: i
-
-    fault = 0
-    do i = 1, n
-      point = int(i, c_int)
-      angle = abs(phi(min(i, n_phi)))
-      if (.not. angle < 0.5_wp*pi) fault = 2
-      if (.not. (tau(i) >= 0.0_wp .and. tau(i) < 1.0_wp)) fault = 5
+      time = real(tau(i), wp)
+      if (form > 0) then
+        if (.not. (time >= 0.0_wp .and. time < 1.0_wp)) fault = 5
+      else if (.not. (time >= 0.0_wp .and. time <= huge(tau))) then
+        fault = 1
+      else if (.not. abs(angle) > 0.0_wp .and. time >= 1.0_wp) then
+        fault = 4
+      end if
       if (fault > 0) return
       select case (form)
+      case (0)
+        here = creep_at(path, time)
+        values(i, :) = real([here%alpha, side*(here%psi + path%phi), side*here%psi, here%speed, here%x_rate, side*here%y_rate, &
+                             here%position, here%deficit], c_double)
       case (1)
-        x_rate(i) = first_power(angle, real(tau(i), wp))
+        values(i, 1) = real(first_power(abs(angle), time), c_double)
       case (2)
-        x_rate(i) = printed(angle, real(tau(i), wp))
+        values(i, 1) = real(printed(abs(angle), time), c_double)
       case default
-        x_rate(i) = third_order(angle, real(tau(i), wp))
+        values(i, 1) = real(third_order(abs(angle), time), c_double)
       end select
     end do
-  end subroutine creep_asymptotic
+  end subroutine creep
 
   !> Linear theory for n sliders as in `rhs`: values (value, slider), as `what` asks.
   !> 'eigenvalues' of steady sliding [1/s]: four real parts, four imaginary parts, by falling real part.

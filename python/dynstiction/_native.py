@@ -30,8 +30,7 @@ __all__ = [
     "Value",
     "build_info",
     "catalogue",
-    "creep_asymptotic",
-    "creep_exact",
+    "creep",
     "jacobian",
     "machine_info",
     "rhs",
@@ -46,8 +45,8 @@ CHUNK_SECONDS = 0.05
 NOT_RUN, GOING_ON, STOPPED_EARLY = -1, -1, 75
 """Result codes of a case that has not been run, of a run that goes on, and of one that stopped early; others are errors."""
 
-FORMS = {"first_power": 1, "printed": 2, "third_order": 3}
-"""Forms of Eq. (8), with the core's numbers for them."""
+FORMS = {"exact": 0, "first_power": 1, "printed": 2, "third_order": 3}
+"""Forms of creep, the exact one and those of Eq. (8), with the core's numbers for them."""
 
 RANGES = {
     1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
@@ -411,26 +410,16 @@ def jacobian(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArra
     return np.ascontiguousarray(_core.jacobian(slider, states.T).transpose(2, 0, 1))
 
 
-def creep_exact(
-    tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
+def creep(
+    form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Creep (8, n)."""
-    creep, point, fault = _core.creep_exact(tau, phi, kappa)
-    _check_range(point, fault, tau=tau, phi=phi, kappa=kappa)
-    return creep.T
-
-
-def creep_asymptotic(form: str, tau: NDArray[np.float64], phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """X'/V (n)."""
-    x_rate, point, fault = _core.creep_asymptotic(FORMS[form], tau, phi)
-    _check_range(point, fault, tau=tau, phi=phi)
-    return x_rate
-
-
-def _check_range(point: int, fault: int, **arguments: NDArray[np.float64]) -> None:
+    """Creep (n_values, n) at the points, as the routine of the core says; `phi` and `kappa` may have one value for all."""
+    values, point, fault = _core.creep(FORMS[form], tau, phi, kappa, n_values)
     if fault != 0:
-        here = {name: float(values[min(point, values.size) - 1]) for name, values in arguments.items()}
+        points = {"tau": tau, "phi": phi, "kappa": kappa}
+        here = {name: float(array[min(point, array.size) - 1]) for name, array in points.items()}
         raise UsageError(RANGES[fault].format(**here))
+    return values.T
 
 
 def steady_sliding(

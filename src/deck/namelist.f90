@@ -4,20 +4,13 @@
 !> The scanner knows the grammar only; what the groups and keys mean is the deck's matter. It goes through the text
 !> once, from left to right, and keeps positions, not copies.
 module dst_namelist
-  use dst_text, only: excerpt, lower_case
+  use dst_text, only: excerpt, lower_case, utf8_width
   use dst_faults, only: faults_t
   implicit none
   private
 
   public :: namelist_t, group_entry_t, assignment_t, token_t, name_length
   public :: scan_namelist, scan_values, token_text, last_line, is_plain_text
-
-  !> Where a check of UTF-8 stands: how many continuation bytes are to come, and what the next one may be.
-  type :: utf8_t
-    integer :: following = 0
-    integer :: low = 128, high = 191
-    logical :: sound = .true.
-  end type utf8_t
 
   !> A longer name is cut; no valid name is as long.
   integer, parameter :: name_length = 64
@@ -113,39 +106,34 @@ contains
     character(*), intent(in) :: text
     type(faults_t), intent(inout) :: faults
     logical, intent(out) :: plain
-    type(utf8_t) :: utf8
-    integer :: i, line, bad_line
+    integer :: i, line, bad_line, width
 
     plain = .true.
     bad_line = 0
     line = 1
-    do i = 1, len(text)
+    i = 1
+    do while (i <= len(text))
       if (.not. is_plain(text, i)) then
         call faults%add(line, trim(merge('NUL bytes         ', 'control characters', iachar(text(i:i)) == 0))// &
                         ' in the deck: a deck is plain UTF-8 text, not a binary file')
         plain = .false.
         return
       end if
-      call follow_utf8(iachar(text(i:i)), utf8)
-      if (bad_line == 0 .and. .not. utf8%sound) bad_line = line
+      width = utf8_width(text(i:min(i + 3, len(text))))
+      if (bad_line == 0 .and. width == 0) bad_line = line
       if (text(i:i) == newline) line = line + 1
+      i = i + max(1, width)
     end do
-    if (bad_line == 0 .and. utf8%following > 0) bad_line = line
     if (bad_line > 0) call faults%add(bad_line, 'a character is not UTF-8: save the deck as UTF-8 text')
   end subroutine check_bytes
 
   !> Whether `text` is UTF-8 without control characters.
   logical function is_plain_text(text)
     character(*), intent(in) :: text
-    type(utf8_t) :: utf8
-    integer :: i
+    type(faults_t) :: faults
 
-    is_plain_text = .true.
-    do i = 1, len(text)
-      call follow_utf8(iachar(text(i:i)), utf8)
-      is_plain_text = is_plain_text .and. is_plain(text, i)
-    end do
-    is_plain_text = is_plain_text .and. utf8%sound .and. utf8%following == 0
+    call check_bytes(text, faults, is_plain_text)
+    is_plain_text = faults%count == 0
   end function is_plain_text
 
   !> Whether byte `i` may stand in a text: no control character but tab and the ends of lines.
@@ -163,34 +151,6 @@ contains
       is_plain = iachar(text(i:i)) >= 32 .and. iachar(text(i:i)) /= 127
     end select
   end function is_plain
-
-  !> Take one byte; RFC 3629, table in section 4: no code may be longer than it need be, a surrogate, or beyond U+10FFFF.
-  pure subroutine follow_utf8(code, utf8)
-    integer, intent(in) :: code
-    type(utf8_t), intent(inout) :: utf8
-
-    if (utf8%following > 0) then
-      utf8%sound = utf8%sound .and. code >= utf8%low .and. code <= utf8%high
-      utf8%following = utf8%following - 1
-      utf8%low = 128
-      utf8%high = 191
-      return
-    end if
-    select case (code)
-    case (194:223)
-      utf8%following = 1
-    case (224:239)
-      utf8%following = 2
-      if (code == 224) utf8%low = 160
-      if (code == 237) utf8%high = 159
-    case (240:244)
-      utf8%following = 3
-      if (code == 240) utf8%low = 144
-      if (code == 244) utf8%high = 143
-    case (128:193, 245:)
-      utf8%sound = .false.
-    end select
-  end subroutine follow_utf8
 
   !> Everything from `&` to the end of the group.
   subroutine scan_group(list, faults)
