@@ -91,7 +91,8 @@ contains
     do i = 1, key_count
       call set_default(schema(i), deck%value(i))
     end do
-    call scan_namelist(text, list, faults)
+    call scan_namelist(text, list)
+    faults = list%faults
     if (list%plain) then
       call take_groups(list, deck, line_of, faults)
       do i = 1, size(settings)

@@ -24,10 +24,10 @@ module dst_schema
   !> Bytes of the longest text value; numbers of the longest list.
   integer, parameter :: longest_text = 256, most_values = 10000
 
-  !> An interval; an open end excludes its limit.
+  !> An interval; an open end excludes the limit.
   type :: range_t
     real(wp) :: low = -huge(1.0_wp), high = huge(1.0_wp)
-    logical :: low_open = .false., high_open = .false.
+    logical :: low_open = .false.
   end type range_t
 
   !> That the key `on` has one of these choices, blank-separated.
@@ -178,14 +178,10 @@ contains
   !> Index of a key; 0 if the group has no such key.
   pure integer function find_key(group, name)
     character(*), intent(in) :: group, name
-    integer :: i
 
-    find_key = 0
-    do i = 1, key_count
-      if (schema(i)%name /= name) cycle
-      if (schema(i)%group == group) find_key = i
-      if (find_key > 0) return
-    end do
+    find_key = find_name(name)
+    if (find_key == 0) return
+    if (schema(find_key)%group /= group) find_key = 0
   end function find_key
 
   !> Index of the key of this name in any group; 0 if there is none. Key names are unique.
@@ -234,7 +230,6 @@ contains
 
     in_range = value >= range%low .and. value <= range%high
     if (range%low_open) in_range = in_range .and. value > range%low
-    if (range%high_open) in_range = in_range .and. value < range%high
   end function in_range
 
   !> '> 0.0', '>= 0', '>= a and <= b'; '' when every finite value will do.
@@ -246,7 +241,7 @@ contains
     if (key%range%low > -huge(1.0_wp)) text = trim(merge('> ', '>=', key%range%low_open))//' '//limit_text(key, key%range%low)
     if (key%range%high < huge(1.0_wp)) then
       if (len(text) > 0) text = text//' and '
-      text = text//trim(merge('< ', '<=', key%range%high_open))//' '//limit_text(key, key%range%high)
+      text = text//'<= '//limit_text(key, key%range%high)
     end if
   end function range_text
 
