@@ -858,25 +858,20 @@ contains
     text = transfer(characters, text)
   end function text_of
 
-  !> The lines of a text that are not blank, padded to one length.
+  !> The lines of a text, padded to one length.
   pure function lines_of(text) result(lines)
     character(*), intent(in) :: text
     character(max(1, len(text))), allocatable :: lines(:)
-    integer :: first, last, n, pass
+    integer :: first, width, i, n
 
-    do pass = 1, 2
-      n = 0
-      first = 1
-      do while (first <= len(text))
-        last = index(text(first:), new_line('a'))
-        last = merge(first + last - 2, len(text), last > 0)
-        if (len_trim(text(first:last)) > 0) then
-          n = n + 1
-          if (pass == 2) lines(n) = text(first:last)
-        end if
-        first = last + 2
-      end do
-      if (pass == 1) allocate (lines(n))
+    n = 0
+    if (len(text) > 0) n = 1 + count([(text(i:i) == new_line('a'), i=1, len(text))])
+    allocate (lines(n))
+    first = 1
+    do i = 1, size(lines)
+      width = index(text(first:)//new_line('a'), new_line('a')) - 1
+      lines(i) = text(first:first + width - 1)
+      first = first + width + 1
     end do
   end function lines_of
 end module dst_python_api

@@ -20,7 +20,6 @@ from .record import Info
 __all__ = [
     "CHUNK_SECONDS",
     "Advance",
-    "BuildInfo",
     "DeckSource",
     "DeckValues",
     "KeyInfo",
@@ -28,11 +27,11 @@ __all__ = [
     "Session",
     "Sweep",
     "Value",
-    "build_info",
     "catalogue",
     "creep",
     "jacobian",
-    "machine_info",
+    "key_info",
+    "origin",
     "rhs",
     "schema",
     "steady_sliding",
@@ -128,22 +127,6 @@ class Advance(NamedTuple):
     event_kind: NDArray[np.int32]
 
 
-class BuildInfo(NamedTuple):
-    """What the extension was built from."""
-
-    version: str
-    git_revision: str
-    compiler: str
-    build_flags: str
-
-
-class MachineInfo(NamedTuple):
-    """Where a process runs: the host, and the scheduler's name of the job, empty without one."""
-
-    host: str
-    job: str
-
-
 class _Memory:
     """What the core holds under a handle. A call that is going on keeps it alive, so it may be given up at any time."""
 
@@ -233,7 +216,7 @@ class DeckValues(Session):
             cells, numbers = _table(handle, "values")
         items: dict[tuple[str, str], list[Any]] = {}
         for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
-            kind = _kinds()[group, name]
+            kind = key_info(group, name).kind
             value = int(text) if kind == "integer" else number if kind in ("real", "reals") else text
             items.setdefault((group, name), []).append(value)
         for (group, name), values in items.items():
@@ -348,30 +331,23 @@ class Sweep(Session):
 class _Library(Session):
     name = "library"
 
-    def __init__(self) -> None:
-        super().__init__(_core.library_open())
 
-    def read(self, get: Callable[[int, str], T], *names: str) -> list[T]:
-        with self._use() as handle:
-            return [get(handle, name) for name in names]
+def _ask_library(get: Callable[[int, str], T], *names: str) -> list[T]:
+    with _Library(_core.library_open())._use() as handle:
+        return [get(handle, name) for name in names]
 
 
 @cache
-def build_info() -> BuildInfo:
-    """Version, revision and compiler of the core."""
-    return BuildInfo(*_Library().read(_named_text, *BuildInfo._fields))
-
-
-@cache
-def machine_info() -> MachineInfo:
-    """Where this process runs."""
-    return MachineInfo(*_Library().read(_named_text, *MachineInfo._fields))
+def origin() -> dict[str, str]:
+    """What the core was built from, and where this process runs; `job` is the scheduler's name of the job, empty without one."""
+    names = ("version", "git_revision", "compiler", "build_flags", "host", "job")
+    return dict(zip(names, _ask_library(_named_text, *names), strict=True))
 
 
 @cache
 def catalogue() -> dict[str, Any]:
     """What ``dynstiction keys --json`` prints: commands, options, keys, columns, ...; numbers as texts, as a deck has them."""
-    (text,) = _Library().read(_named_text, "catalogue")
+    (text,) = _ask_library(_named_text, "catalogue")
     found: dict[str, Any] = json.loads(text, parse_int=str, parse_float=str)
     return found
 
@@ -389,14 +365,15 @@ def _key(key: dict[str, Any]) -> KeyInfo:
 
 
 @cache
-def _kinds() -> dict[tuple[str, str], str]:
-    return {(key.group, key.name): key.kind for key in schema()}
+def key_info(group: str, name: str) -> KeyInfo:
+    """What the schema says of one key."""
+    return next(key for key in schema() if (key.group, key.name) == (group, name))
 
 
 @cache
 def slider_parameters() -> tuple[str, ...]:
     """Names of the parameters of a slider, in the order of the vectors that `rhs` and its like take."""
-    ((cells, _),) = _Library().read(_table, "slider")
+    ((cells, _),) = _ask_library(_table, "slider")
     return tuple(name for (name,) in cells)
 
 
