@@ -1,6 +1,7 @@
 """Bytecode of the package, for `meson install`: a file that Meson installs is one that it uninstalls; one that Python caches is not.
 
-Usage: compile_bytecode.py PACKAGE OUTPUT DEPFILE. OUTPUT gets the folders ``__pycache__`` of PACKAGE, and nothing else.
+Usage: compile_bytecode.py PACKAGE OUTPUT DEPFILE [MADE]... OUTPUT gets the folders ``__pycache__`` of PACKAGE, to which the
+modules MADE by the build belong, and nothing else.
 """
 
 import shutil
@@ -10,11 +11,11 @@ from pathlib import Path
 from py_compile import PycInvalidationMode, compile
 
 
-def main(package: Path, output: Path, depfile: Path) -> None:
+def main(package: Path, output: Path, depfile: Path, *made: Path) -> None:
     shutil.rmtree(output, ignore_errors=True)
     sources = sorted(package.rglob("*.py"))
-    for source in sources:
-        name = source.relative_to(package.parent)
+    for source in (*sources, *made):
+        name = source.relative_to(package.parent) if source in sources else Path(package.name, source.name)
         cached = cache_from_source(str(output.parent / name))
         # The hash, as the times of installed files are the installer's matter.
         compile(

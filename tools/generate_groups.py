@@ -1,19 +1,18 @@
-"""Write python/dynstiction/groups.py, the deck's groups as dataclasses, from the schema of the built package.
+"""Write groups.py of the Python package, the deck's groups as dataclasses, from what the program says of its keys.
 
-    python tools/generate_groups.py          # with the built package on the path
-    python tools/generate_groups.py --check  # exit status 1 if the file is not current
+    generate_groups.py PROGRAM OUTPUT
 
-The schema is src/deck/schema.f90. A file that is written, rather than classes made at import, is what editors, type checkers
-and readers see, and it costs nothing at import.
+The build does so. The schema is src/deck/schema.f90. A file that is written, rather than classes made at import, is what editors,
+type checkers and readers see, and it costs nothing at import.
 """
 
+import json
+import subprocess
 import sys
 from itertools import groupby
 from pathlib import Path
+from types import SimpleNamespace as Key
 
-from dynstiction._native import KeyInfo, schema
-
-TARGET = Path(__file__).resolve().parents[1] / "python" / "dynstiction" / "groups.py"
 WIDTH = 110
 
 CLASS_NAMES = {"scene": "Setup"}
@@ -29,7 +28,7 @@ TYPES = {
 
 HEAD = '''"""The groups of a deck as dataclasses.
 
-Made by tools/generate_groups.py from the schema of the core: change src/deck/schema.f90 or the script, not this file.
+Made by tools/generate_groups.py from the schema of the core, src/deck/schema.f90.
 """
 
 from __future__ import annotations
@@ -44,20 +43,17 @@ from .deck_group import DeckGroup
 
 
 def main() -> int:
-    """Write the file, or compare it."""
-    text = module()
-    if sys.argv[1:] == ["--check"]:
-        current = TARGET.read_text(encoding="utf-8") == text
-        if not current:
-            print(f"{TARGET.name} is not that of the schema: run tools/generate_groups.py", file=sys.stderr)
-        return 0 if current else 1
-    TARGET.write_text(text, encoding="utf-8")
+    program, target = sys.argv[1:]
+    said = subprocess.run([program, "keys", "--json"], stdout=subprocess.PIPE, check=True).stdout
+    # Numbers as texts: as the schema writes them.
+    keys = [Key(**key) for key in json.loads(said, parse_int=str, parse_float=str)["keys"]]
+    Path(target).write_text(module(keys), encoding="utf-8")
     return 0
 
 
-def module() -> str:
+def module(table: list[Key]) -> str:
     """Text of the module."""
-    groups = {name: list(keys) for name, keys in groupby(schema(), lambda key: key.group)}
+    groups = {name: list(keys) for name, keys in groupby(table, lambda key: key.group)}
     names = {group: CLASS_NAMES.get(group, group.capitalize()) for group in groups}
     listed = sorted([*names.values(), "GroupValues", "Groups", "SceneGroups"])
     parts = [HEAD, "__all__ = [", *(f'    "{name}",' for name in listed), "]", ""]
@@ -68,7 +64,7 @@ def module() -> str:
     return "\n".join(parts) + "\n"
 
 
-def group_class(group: str, name: str, keys: list[KeyInfo]) -> list[str]:
+def group_class(group: str, name: str, keys: list[Key]) -> list[str]:
     """One group."""
     about = [
         "",
@@ -91,13 +87,13 @@ def group_class(group: str, name: str, keys: list[KeyInfo]) -> list[str]:
     return [*about, ""]
 
 
-def type_of(key: KeyInfo) -> str:
+def type_of(key: Key) -> str:
     """Annotation of a field."""
     kind = TYPES.get(key.kind) or f"Literal[{', '.join(quoted(choice) for choice in key.choices)}]"
     return kind if default_of(key) != "None" else f"{kind} | None"
 
 
-def default_of(key: KeyInfo) -> str:
+def default_of(key: Key) -> str:
     """Default of a field."""
     if key.kind in ("text", "choice") or (key.kind == "texts" and key.default):
         return quoted(key.default)
@@ -110,7 +106,7 @@ def default_of(key: KeyInfo) -> str:
     )
 
 
-def meaning_of(key: KeyInfo) -> str:
+def meaning_of(key: Key) -> str:
     """Unit, range, choices, default and condition in words."""
     unit = f" [{key.units}]" if key.units else ""
     text = f"{key.meaning[0].upper()}{key.meaning[1:]}{unit}"
@@ -120,7 +116,7 @@ def meaning_of(key: KeyInfo) -> str:
         text += f"; of {', '.join(key.choices)}"
     if key.used_by:
         text += "; only with " + " and ".join(
-            f"{name} {' | '.join(choices)}" for name, choices in key.used_by
+            f"{name} {' | '.join(choices)}" for name, choices in key.used_by.items()
         )
     if key.default:
         text += f". Default {key.default}"

@@ -11,7 +11,8 @@ module dst_python_api
   use dst_kinds, only: wp, pi
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
-  use dst_deck, only: deck_t, parse_deck, parse_values, resolved
+  use dst_deck, only: deck_t, parse_deck, resolved
+  use dst_deck_values, only: element_count
   use dst_errors, only: error_t, raise, file_error, usage_error
   use dst_faults, only: faults_t, not_all_faults
   use dst_friction, only: new_friction_law
@@ -36,7 +37,7 @@ module dst_python_api
 
   public :: library_open, deck_open, lock_open, run_open, sweep_open, table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
-  public :: rhs, jacobian, creep_exact, creep_asymptotic, eigenvalues, critical, slow_damping
+  public :: rhs, jacobian, creep, steady_sliding
 
   !> No text in a table is longer.
   integer, parameter :: longest_cell = 512
@@ -232,11 +233,7 @@ contains
     logical, intent(in) :: alone
 
     allocate (session%deck)
-    if (alone) then
-      call parse_values(text, name, lines_of(settings), session%deck, session%error, session%faults)
-    else
-      call parse_deck(text, name, lines_of(settings), session%deck, session%error, session%faults)
-    end if
+    call parse_deck(text, name, lines_of(settings), session%deck, session%error, session%faults, alone)
   end subroutine read_deck
 
   integer(c_int) function status_of(session)
@@ -353,7 +350,7 @@ contains
       do i = 1, self%faults%count
         associate (fault => self%faults%item(i))
           self%table%text(1, i) = printable(trim(fault%text))
-          self%table%number(:, i) = real([fault%line, fault%setting], wp)
+          self%table%number(:, i) = real([fault%place%line, fault%place%setting], wp)
         end associate
       end do
     case ('values')
@@ -367,12 +364,14 @@ contains
   subroutine make_table_of_values(deck, table)
     type(deck_t), intent(in) :: deck
     type(table_t), intent(out) :: table
-    integer :: i, k, row
+    integer :: counts(key_count), i, k, row
 
-    call new_table(table, sum([(count_of(i), i=1, key_count)]), 3, 1)
+    counts = [(element_count(deck%value(i)), i=1, key_count)]
+    where (.not. deck%value%user) counts = 0
+    call new_table(table, sum(counts), 3, 1)
     row = 0
     do i = 1, key_count
-      do k = 1, count_of(i)
+      do k = 1, counts(i)
         row = row + 1
         table%text(1:2, row) = [character(longest_cell) :: schema(i)%group, schema(i)%name]
         select case (schema(i)%kind)
@@ -386,22 +385,6 @@ contains
       end do
     end do
 
-  contains
-
-    integer function count_of(key)
-      integer, intent(in) :: key
-
-      count_of = 0
-      if (.not. deck%value(key)%user) return
-      select case (schema(key)%kind)
-      case (integer_kind)
-        count_of = 1
-      case (real_kind, reals_kind)
-        count_of = size(deck%value(key)%reals)
-      case default
-        count_of = size(deck%value(key)%texts)
-      end select
-    end function count_of
   end subroutine make_table_of_values
 
   !> Also 'columns', 'parameters', of which a text has the second number 1, 'summary' and 'statistics' as far as the run has come.
@@ -739,18 +722,19 @@ contains
     end do
   end subroutine jacobian
 
-  !> Exact creep for n points; phi [rad] and kappa have one value each point or one for all.
-  !> creep(:, k): alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. fault: 0, or what the first point out of
-  !> range (`point`, from 1) violates: 1 tau >= 0 and finite, 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0.
-  subroutine creep_exact(n, tau, n_phi, phi, n_kappa, kappa, creep, point, fault)
-    integer(c_int), intent(in) :: n, n_phi, n_kappa
+  !> Creep at n points; phi [rad] and kappa have one value each point or one for all. Form 0 is the exact one:
+  !> values(:, k): alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. Others are X'/V after Eq. (8): 1 first power,
+  !> 2 as printed, 3 third order. fault: 0, or what the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
+  !> 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0, 5 0 <= tau < 1 after Eq. (8).
+  subroutine creep(form, n, tau, n_phi, phi, n_kappa, kappa, n_values, values, point, fault)
+    integer(c_int), intent(in) :: form, n, n_phi, n_kappa, n_values
     real(c_double), intent(in) :: tau(n), phi(n_phi), kappa(n_kappa)
-    real(c_double), intent(out) :: creep(n, 8)
+    real(c_double), intent(out) :: values(n, n_values)
     integer(c_int), intent(out) :: point, fault
     !f2py threadsafe
     type(creep_path_t) :: path
     type(creep_t) :: here
-    real(wp) :: angle, ratio, side
+    real(wp) :: angle, ratio, side, time
     integer :: i
 
     angle = 0.0_wp
@@ -767,154 +751,95 @@ contains
         if (.not. abs(angle) < 0.5_wp*pi) fault = 2
         if (.not. (ratio >= 0.0_wp .and. ratio < 1.0_wp)) fault = 3
         if (fault > 0) return
-        path = new_creep_path(abs(angle), ratio)
+        if (form == 0) path = new_creep_path(abs(angle), ratio)
         side = merge(-1.0_wp, 1.0_wp, angle < 0.0_wp)
       end if
-      if (.not. (tau(i) >= 0.0_wp .and. tau(i) <= huge(tau))) fault = 1
-      if (fault == 0 .and. .not. abs(angle) > 0.0_wp .and. tau(i) >= 1.0_wp) fault = 4
-      if (fault > 0) return
-      here = creep_at(path, real(tau(i), wp))
-      creep(i, 1) = here%alpha
-      creep(i, 2) = side*(here%psi + path%phi)
-      creep(i, 3) = side*here%psi
-      creep(i, 4) = here%speed
-      creep(i, 5) = here%x_rate
-      creep(i, 6) = side*here%y_rate
-      creep(i, 7) = here%position
-      creep(i, 8) = here%deficit
-    end do
-  end subroutine creep_exact
-
-  !> X'/V after Eq. (8) for n points: form 1 first power, 2 as printed, 3 third order. fault as for creep_exact, and
-  !> 5 for 0 <= tau < 1.
-  subroutine creep_asymptotic(form, n, tau, n_phi, phi, x_rate, point, fault)
-    integer(c_int), intent(in) :: form, n, n_phi
-    real(c_double), intent(in) :: tau(n), phi(n_phi)
-    real(c_double), intent(out) :: x_rate(n)
-    integer(c_int), intent(out) :: point, fault
-    !f2py threadsafe
-    real(wp) :: angle
-    integer :: i
-
-    fault = 0
-    do i = 1, n
-      point = int(i, c_int)
-      angle = abs(phi(min(i, n_phi)))
-      if (.not. angle < 0.5_wp*pi) fault = 2
-      if (.not. (tau(i) >= 0.0_wp .and. tau(i) < 1.0_wp)) fault = 5
+      time = real(tau(i), wp)
+      if (form > 0) then
+        if (.not. (time >= 0.0_wp .and. time < 1.0_wp)) fault = 5
+      else if (.not. (time >= 0.0_wp .and. time <= huge(tau))) then
+        fault = 1
+      else if (.not. abs(angle) > 0.0_wp .and. time >= 1.0_wp) then
+        fault = 4
+      end if
       if (fault > 0) return
       select case (form)
+      case (0)
+        here = creep_at(path, time)
+        values(i, :) = real([here%alpha, side*(here%psi + path%phi), side*here%psi, here%speed, here%x_rate, side*here%y_rate, &
+                             here%position, here%deficit], c_double)
       case (1)
-        x_rate(i) = first_power(angle, real(tau(i), wp))
+        values(i, 1) = real(first_power(abs(angle), time), c_double)
       case (2)
-        x_rate(i) = printed(angle, real(tau(i), wp))
+        values(i, 1) = real(printed(abs(angle), time), c_double)
       case default
-        x_rate(i) = third_order(angle, real(tau(i), wp))
+        values(i, 1) = real(third_order(abs(angle), time), c_double)
       end select
     end do
-  end subroutine creep_asymptotic
+  end subroutine creep
 
-  !> Eigenvalues [1/s] of steady sliding for n sliders as in `rhs`: real and imaginary parts, by falling real part.
+  !> Linear theory for n sliders as in `rhs`: values (value, slider), as `what` asks.
+  !> 'eigenvalues' of steady sliding [1/s]: four real parts, four imaginary parts, by falling real part.
+  !> 'critical' misalignment, whatever a slider's own: whether there is one (0/1), two angles [rad] and frequencies [rad/s] of the low
+  !> and the fast branch, stable window [rad], rigid limit of the low branch [rad].
+  !> 'damping' ratio of the slow motion at the angles `theta` [rad]: Eq. (10), with friction held at mu_0 W; 'weakening': with the
+  !> law's own friction.
   !> On failure `failed` is the first slider (from 1) that has none, and `message` says why.
-  subroutine eigenvalues(n, sliders, real_part, imaginary_part, failed, message)
-    integer(c_int), intent(in) :: n
-    real(c_double), intent(in) :: sliders(10, n)
-    real(c_double), intent(out) :: real_part(4, n), imaginary_part(4, n)
+  subroutine steady_sliding(what, n, sliders, theta, n_values, values, failed, message)
+    character(len=*), intent(in) :: what
+    integer(c_int), intent(in) :: n, n_values
+    real(c_double), intent(in) :: sliders(10, n), theta(n)
+    real(c_double), intent(out) :: values(n_values, n)
     integer(c_int), intent(out) :: failed
     character(len=256), intent(out) :: message
     !f2py threadsafe
     type(error_t), allocatable :: error
-    complex(wp) :: values(4)
     integer :: i
 
     failed = 0
     message = ''
+    values = 0.0_c_double
     do i = 1, n
-      values = (0.0_wp, 0.0_wp)
       call check_parameters(real(sliders(:, i), wp), error)
       if (.not. allocated(error)) &
-        call steady_sliding_eigenvalues(slider_from(real(sliders(:, i), wp)), real(sliders(9, i), wp), values, error)
-      real_part(:, i) = real(values, c_double)
-      imaginary_part(:, i) = real(aimag(values), c_double)
-      call report(i, error, failed, message)
-    end do
-  end subroutine eigenvalues
-
-  !> Critical misalignment for n sliders as in `rhs`, whose own misalignment has no effect: `exists` (0/1), angles [rad] and
-  !> frequencies [rad/s] of the low and the fast branch, stable window [rad], rigid limit of the low branch [rad].
-  subroutine critical(n, sliders, exists, angle, frequency, window, limit, failed, message)
-    integer(c_int), intent(in) :: n
-    real(c_double), intent(in) :: sliders(10, n)
-    integer(c_int), intent(out) :: exists(n)
-    real(c_double), intent(out) :: angle(2, n), frequency(2, n), window(2, n), limit(n)
-    integer(c_int), intent(out) :: failed
-    character(len=256), intent(out) :: message
-    !f2py threadsafe
-    type(error_t), allocatable :: error
-    type(critical_t) :: found
-    type(slider_t) :: slider
-    real(wp) :: low_limit
-    integer :: i
-
-    failed = 0
-    message = ''
-    do i = 1, n
-      found = critical_t()
-      low_limit = 0.0_wp
-      call check_parameters(real(sliders(:, i), wp), error)
-      if (.not. allocated(error)) then
-        slider = slider_from(real(sliders(:, i), wp))
-        call critical_misalignment(slider, real(sliders(9, i), wp), found, error)
-      end if
-      if (.not. allocated(error)) call low_frequency_limit(slider, real(sliders(9, i), wp), low_limit, error)
-      exists(i) = merge(1_c_int, 0_c_int, found%exists)
-      angle(:, i) = real(found%angle, c_double)
-      frequency(:, i) = real(found%frequency, c_double)
-      window(:, i) = real(found%window, c_double)
-      limit(i) = real(low_limit, c_double)
-      call report(i, error, failed, message)
-    end do
-  end subroutine critical
-
-  !> Damping ratio of the slow motion at n angles theta [rad] for n sliders as in `rhs`: Eq. (10) with friction held at
-  !> mu_0 W, or with the law's own friction if `weakening` is 1.
-  subroutine slow_damping(n, sliders, theta, weakening, zeta, failed, message)
-    integer(c_int), intent(in) :: n, weakening
-    real(c_double), intent(in) :: sliders(10, n), theta(n)
-    real(c_double), intent(out) :: zeta(n)
-    integer(c_int), intent(out) :: failed
-    character(len=256), intent(out) :: message
-    !f2py threadsafe
-    type(error_t), allocatable :: error
-    real(wp) :: value
-    integer :: i
-
-    failed = 0
-    message = ''
-    do i = 1, n
-      call check_parameters(real(sliders(:, i), wp), error)
-      if (.not. (allocated(error) .or. abs(theta(i)) <= huge(theta))) &
-        call raise(error, usage_error, 'theta is not a number or infinite: it must be finite')
-      value = 0.0_wp
-      if (.not. allocated(error)) call damping_of(slider_from(real(sliders(:, i), wp)), real(theta(i), wp))
-      zeta(i) = real(value, c_double)
-      call report(i, error, failed, message)
+        call evaluate(slider_from(real(sliders(:, i), wp)), real(sliders(9, i), wp), real(theta(i), wp), values(:, i))
+      if (.not. allocated(error)) cycle
+      failed = int(i, c_int)
+      message = error%text
+      return
     end do
 
   contains
 
-    subroutine damping_of(slider, angle)
+    subroutine evaluate(slider, velocity, angle, found)
       type(slider_t), intent(in) :: slider
-      real(wp), intent(in) :: angle
+      real(wp), intent(in) :: velocity, angle
+      real(c_double), intent(out) :: found(:)
+      type(critical_t) :: branches
+      complex(wp) :: roots(4)
+      real(wp) :: value
 
-      if (weakening == 1) then
-        call weakening_damping_ratio(slider, real(sliders(9, i), wp), angle, value, error)
+      value = 0.0_wp
+      if (what == 'eigenvalues') then
+        call steady_sliding_eigenvalues(slider, velocity, roots, error)
+        found = real([real(roots), aimag(roots)], c_double)
+      else if (what == 'critical') then
+        call critical_misalignment(slider, velocity, branches, error)
+        if (.not. allocated(error)) call low_frequency_limit(slider, velocity, value, error)
+        found = real([merge(1.0_wp, 0.0_wp, branches%exists), branches%angle, branches%frequency, branches%window, value], c_double)
       else
-        call damping_scale(slider, real(sliders(9, i), wp), value, error)
-        value = damping_ratio(value, angle)
+        if (.not. abs(angle) <= huge(angle)) then
+          call raise(error, usage_error, 'theta is not a number or infinite: it must be finite')
+        else if (what == 'weakening') then
+          call weakening_damping_ratio(slider, velocity, angle, value, error)
+        else
+          call damping_scale(slider, velocity, value, error)
+          value = damping_ratio(value, angle)
+        end if
+        found = real(value, c_double)
       end if
-    end subroutine damping_of
-  end subroutine slow_damping
+    end subroutine evaluate
+  end subroutine steady_sliding
 
   !> What a deck's reader would refuse, or what cannot be multiplied and squared to make a slider.
   subroutine check_parameters(values, error)
@@ -934,18 +859,6 @@ contains
     end associate
   end subroutine check_parameters
 
-  !> Keep the first error of a loop over sliders.
-  subroutine report(i, error, failed, message)
-    integer, intent(in) :: i
-    type(error_t), allocatable, intent(in) :: error
-    integer(c_int), intent(inout) :: failed
-    character(*), intent(inout) :: message
-
-    if (.not. allocated(error) .or. failed > 0) return
-    failed = int(i, c_int)
-    message = error%text
-  end subroutine report
-
   function slider_from(values) result(slider)
     real(wp), intent(in) :: values(10)
     type(slider_t) :: slider
@@ -961,32 +874,24 @@ contains
   pure function text_of(characters) result(text)
     character(len=1), intent(in) :: characters(:)
     character(size(characters)) :: text
-    integer :: i
 
-    do i = 1, size(characters)
-      text(i:i) = characters(i)
-    end do
+    text = transfer(characters, text)
   end function text_of
 
-  !> The lines of a text that are not blank, padded to one length.
+  !> The lines of a text, padded to one length.
   pure function lines_of(text) result(lines)
     character(*), intent(in) :: text
     character(max(1, len(text))), allocatable :: lines(:)
-    integer :: first, last, n, pass
+    integer :: first, width, i, n
 
-    do pass = 1, 2
-      n = 0
-      first = 1
-      do while (first <= len(text))
-        last = index(text(first:), new_line('a'))
-        last = merge(first + last - 2, len(text), last > 0)
-        if (len_trim(text(first:last)) > 0) then
-          n = n + 1
-          if (pass == 2) lines(n) = text(first:last)
-        end if
-        first = last + 2
-      end do
-      if (pass == 1) allocate (lines(n))
+    n = 0
+    if (len(text) > 0) n = 1 + count([(text(i:i) == new_line('a'), i=1, len(text))])
+    allocate (lines(n))
+    first = 1
+    do i = 1, size(lines)
+      width = index(text(first:)//new_line('a'), new_line('a')) - 1
+      lines(i) = text(first:first + width - 1)
+      first = first + width + 1
     end do
   end function lines_of
 end module dst_python_api

@@ -50,7 +50,7 @@ from .stability import (
 )
 from .stick_slip import StickSlip, stick_slip_statistics
 
-__version__ = _native.build_info().version
+__version__ = _native.origin()["version"]
 
 __all__ = [
     "ColumnError",

@@ -20,7 +20,6 @@ from .record import Info
 __all__ = [
     "CHUNK_SECONDS",
     "Advance",
-    "BuildInfo",
     "DeckSource",
     "DeckValues",
     "KeyInfo",
@@ -29,17 +28,14 @@ __all__ = [
     "Session",
     "Sweep",
     "Value",
-    "build_info",
     "catalogue",
-    "creep_asymptotic",
-    "creep_exact",
-    "critical",
-    "eigenvalues",
+    "creep",
     "jacobian",
-    "machine_info",
+    "key_info",
+    "origin",
     "rhs",
     "schema",
-    "slow_damping",
+    "steady_sliding",
     "text_from",
 ]
 
@@ -49,8 +45,8 @@ CHUNK_SECONDS = 0.05
 NOT_RUN, GOING_ON, STOPPED_EARLY = -1, -1, 75
 """Result codes of a case that has not been run, of a run that goes on, and of one that stopped early; others are errors."""
 
-FORMS = {"first_power": 1, "printed": 2, "third_order": 3}
-"""Forms of Eq. (8), with the core's numbers for them."""
+FORMS = {"exact": 0, "first_power": 1, "printed": 2, "third_order": 3}
+"""Forms of creep, the exact one and those of Eq. (8), with the core's numbers for them."""
 
 RANGES = {
     1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
@@ -130,22 +126,6 @@ class Advance(NamedTuple):
     samples: NDArray[np.float64]
     event_time: NDArray[np.float64]
     event_kind: NDArray[np.int32]
-
-
-class BuildInfo(NamedTuple):
-    """What the extension was built from."""
-
-    version: str
-    git_revision: str
-    compiler: str
-    build_flags: str
-
-
-class MachineInfo(NamedTuple):
-    """Where a process runs: the host, and the scheduler's name of the job, empty without one."""
-
-    host: str
-    job: str
 
 
 class _Memory:
@@ -237,7 +217,7 @@ class DeckValues(Session):
             cells, numbers = _table(handle, "values")
         items: dict[tuple[str, str], list[Any]] = {}
         for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
-            kind = _kinds()[group, name]
+            kind = key_info(group, name).kind
             value = int(text) if kind == "integer" else number if kind in ("real", "reals") else text
             items.setdefault((group, name), []).append(value)
         for (group, name), values in items.items():
@@ -375,30 +355,23 @@ class Sweep(Session):
 class _Library(Session):
     name = "library"
 
-    def __init__(self) -> None:
-        super().__init__(_core.library_open())
 
-    def read(self, get: Callable[[int, str], T], *names: str) -> list[T]:
-        with self._use() as handle:
-            return [get(handle, name) for name in names]
+def _ask_library(get: Callable[[int, str], T], *names: str) -> list[T]:
+    with _Library(_core.library_open())._use() as handle:
+        return [get(handle, name) for name in names]
 
 
 @cache
-def build_info() -> BuildInfo:
-    """Version, revision and compiler of the core."""
-    return BuildInfo(*_Library().read(_named_text, *BuildInfo._fields))
-
-
-@cache
-def machine_info() -> MachineInfo:
-    """Where this process runs."""
-    return MachineInfo(*_Library().read(_named_text, *MachineInfo._fields))
+def origin() -> dict[str, str]:
+    """What the core was built from, and where this process runs; `job` is the scheduler's name of the job, empty without one."""
+    names = ("version", "git_revision", "compiler", "build_flags", "host", "job")
+    return dict(zip(names, _ask_library(_named_text, *names), strict=True))
 
 
 @cache
 def catalogue() -> dict[str, Any]:
     """What ``dynstiction keys --json`` prints: commands, options, keys, columns, ...; numbers as texts, as a deck has them."""
-    (text,) = _Library().read(_named_text, "catalogue")
+    (text,) = _ask_library(_named_text, "catalogue")
     found: dict[str, Any] = json.loads(text, parse_int=str, parse_float=str)
     return found
 
@@ -416,14 +389,15 @@ def _key(key: dict[str, Any]) -> KeyInfo:
 
 
 @cache
-def _kinds() -> dict[tuple[str, str], str]:
-    return {(key.group, key.name): key.kind for key in schema()}
+def key_info(group: str, name: str) -> KeyInfo:
+    """What the schema says of one key."""
+    return next(key for key in schema() if (key.group, key.name) == (group, name))
 
 
 @cache
 def slider_parameters() -> tuple[str, ...]:
     """Names of the parameters of a slider, in the order of the vectors that `rhs` and its like take."""
-    ((cells, _),) = _Library().read(_table, "slider")
+    ((cells, _),) = _ask_library(_table, "slider")
     return tuple(name for (name,) in cells)
 
 
@@ -437,66 +411,30 @@ def jacobian(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArra
     return np.ascontiguousarray(_core.jacobian(slider, states.T).transpose(2, 0, 1))
 
 
-def creep_exact(
-    tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
+def creep(
+    form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Creep (8, n)."""
-    creep, point, fault = _core.creep_exact(tau, phi, kappa)
-    _check_range(point, fault, tau=tau, phi=phi, kappa=kappa)
-    return creep.T
-
-
-def creep_asymptotic(form: str, tau: NDArray[np.float64], phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """X'/V (n)."""
-    x_rate, point, fault = _core.creep_asymptotic(FORMS[form], tau, phi)
-    _check_range(point, fault, tau=tau, phi=phi)
-    return x_rate
-
-
-def _check_range(point: int, fault: int, **arguments: NDArray[np.float64]) -> None:
+    """Creep (n_values, n) at the points, as the routine of the core says; `phi` and `kappa` may have one value for all."""
+    values, point, fault = _core.creep(FORMS[form], tau, phi, kappa, n_values)
     if fault != 0:
-        here = {name: float(values[min(point, values.size) - 1]) for name, values in arguments.items()}
+        points = {"tau": tau, "phi": phi, "kappa": kappa}
+        here = {name: float(array[min(point, array.size) - 1]) for name, array in points.items()}
         raise UsageError(RANGES[fault].format(**here))
+    return values.T
 
 
-def eigenvalues(sliders: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Eigenvalues (n, 4) of steady sliding for the parameter rows (n, 10)."""
-    if len(sliders) == 0:
-        return np.empty((0, 4), dtype=np.complex128)
-    real, imaginary, failed, message = _core.eigenvalues(sliders.T)
-    _refuse(failed, message, len(sliders))
-    return np.ascontiguousarray((real + 1j * imaginary).T)
-
-
-def critical(
-    sliders: NDArray[np.float64],
-) -> tuple[
-    NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
-]:
-    """Existence (n), angles (n, 2), frequencies (n, 2), stable windows (n, 2), limits (n)."""
-    if len(sliders) == 0:
-        pairs = np.empty((0, 2))
-        return np.empty(0, dtype=np.bool_), pairs, pairs, pairs, np.empty(0)
-    exists, angle, frequency, window, limit, failed, message = _core.critical(sliders.T)
-    _refuse(failed, message, len(sliders))
-    return exists == 1, angle.T, frequency.T, window.T, limit
-
-
-def slow_damping(
-    sliders: NDArray[np.float64], theta: NDArray[np.float64], weakening: bool
+def steady_sliding(
+    what: str, n_values: int, sliders: NDArray[np.float64], theta: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Damping ratios (n) at the angles (n) for the parameter rows (n, 10)."""
+    """Linear theory (n, n_values) for the parameter rows (n, 10) at the angles (n), as the routine of the core says."""
     if len(sliders) == 0:
-        return np.empty(0)
-    zeta, failed, message = _core.slow_damping(sliders.T, theta, int(weakening))
-    _refuse(failed, message, len(sliders))
-    return zeta
-
-
-def _refuse(failed: int, message: bytes, cases: int) -> None:
+        return np.empty((0, n_values))
+    angles = np.zeros(len(sliders)) if theta is None else theta
+    values, failed, message = _core.steady_sliding(what, sliders.T, angles, n_values)
     if failed > 0:
-        where = f"element {failed - 1} of {cases}: " if cases > 1 else ""
+        where = f"element {failed - 1} of {len(sliders)}: " if len(sliders) > 1 else ""
         raise UsageError(where + text_from(message))
+    return values.T
 
 
 def _table(handle: int, which: str, described: bool = False) -> tuple[list[Any], NDArray[np.float64]]:

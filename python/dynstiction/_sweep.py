@@ -7,7 +7,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias, TypedDict, Unpack
+from typing import TYPE_CHECKING, TypeAlias, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -246,17 +246,6 @@ def _start(thread: threading.Thread) -> None:
         raise MemoryError(f"{error}: give fewer threads, or smaller stacks (threading.stack_size)") from None
 
 
-class _Contents(TypedDict):
-    """Cases: `values` and `codes` by case, `messages` by number of the case from 0."""
-
-    axes: Sequence[Axis]
-    values: Sequence[tuple[Info, Floats]]
-    codes: NDArray[np.int32]
-    messages: Mapping[int, str]
-    is_list: bool
-    deck: str
-
-
 def _dataset(
     axes: Sequence[Axis],
     values: Sequence[tuple[Info, Floats]],
@@ -265,7 +254,7 @@ def _dataset(
     is_list: bool,
     deck: str,
 ) -> xarray.Dataset:
-    """The `_Contents` of a sweep as a dataset."""
+    """A sweep as a dataset: `values` and `codes` by case, `messages` by number of the case from 0."""
     import xarray  # noqa: PLC0415  (optional)
 
     dims = ["case"] if is_list else [info.name for info, _ in axes]
@@ -317,14 +306,14 @@ def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
     with open_file(name) as file:
         if "sweep" not in file:
             raise FileError(f"{name}: holds no sweep of dynstiction")
-        contents = _read_sweep(file)
+        dataset = _read_sweep(file)
         code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
     if code != 0:
         warnings.warn(f"{name}: {text}", IncompleteWarning, stacklevel=2)
-    return _dataset(**contents)
+    return dataset
 
 
-def _read_sweep(file: h5py.File) -> _Contents:
+def _read_sweep(file: h5py.File) -> xarray.Dataset:
     group = file["sweep"]
     grid = str(group.attrs["grid"])
     is_list = grid == "list"
@@ -343,9 +332,7 @@ def _read_sweep(file: h5py.File) -> _Contents:
     messages = dict(zip(failures["case"][:] - 1, failures["result_text"].asstr()[:], strict=True))
     codes = group["result_code"][:].astype(np.int32)
     deck = file["deck/resolved"][()].decode("utf-8", "surrogateescape")
-    return {
-        "axes": axes, "values": columns, "codes": codes, "messages": messages, "is_list": is_list, "deck": deck
-    }  # fmt: skip
+    return _dataset(axes, columns, codes, messages, is_list=is_list, deck=deck)
 
 
 def _info(group: h5py.Group, name: str) -> Info:

@@ -6,7 +6,7 @@ Constant friction ``F_0 = mu_0 W``, ``l_x = F_0/k_x``, ``kappa = k_x/k_y``, ``ta
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,7 @@ __all__ = ["Creep", "creep_asymptotic", "creep_exact", "creep_velocity", "dimens
 
 _Floats = NDArray[np.float64]
 Form = Literal["first_power", "printed", "third_order"]
-FORMS = _native.FORMS
+FORMS: tuple[Form, ...] = get_args(Form)
 
 
 class Creep(NamedTuple):
@@ -75,20 +75,7 @@ def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep
     All are good to 2e-14 of themselves for 1e-6 deg <= phi <= 89 deg, X'/V and X to 2e-15, up to where 1 - X'/V = 1e-12.
     With kappa > 0, X just after the release at tau_1 keeps about 2e-16 tau_1/(tau - tau_1) only: the rounding of phi shifts tau_1.
     """
-    given = {
-        name: reals(name, value, checked=False)
-        for name, value in zip(("tau", "phi", "kappa"), (tau, phi, kappa), strict=True)
-    }
-    shape = shape_of(**given)
-    taus, phis, kappas = (
-        _flat(given["tau"], shape),
-        _one_or_flat(given["phi"], shape),
-        _one_or_flat(given["kappa"], shape),
-    )
-    if taus.size == 0:
-        return Creep(*(np.empty(shape) for _ in Creep._fields))
-    values = _native.creep_exact(taus, phis, kappas)
-    return Creep(*(column.reshape(shape) for column in finite("creep", values)))
+    return Creep(*finite("creep", _evaluate("exact", len(Creep._fields), tau, phi, kappa)))
 
 
 def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power") -> _Floats:
@@ -118,12 +105,7 @@ def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power")
     """
     if not isinstance(form, str) or form not in FORMS:
         raise UsageError(f"form = {shown(form)}: one of {', '.join(map(repr, FORMS))}")
-    given = {"tau": reals("tau", tau, checked=False), "phi": reals("phi", phi, checked=False)}
-    shape = shape_of(**given)
-    taus, phis = _flat(given["tau"], shape), _one_or_flat(given["phi"], shape)
-    if taus.size == 0:
-        return np.empty(shape)
-    return finite("X'/V", _native.creep_asymptotic(form, taus, phis).reshape(shape))
+    return cast(_Floats, finite("X'/V", _evaluate(form, 1, tau, phi, 0.0)[0]))
 
 
 def creep_velocity(
@@ -221,10 +203,20 @@ def dimensionless(
         return times * rate, phi, kappa
 
 
-def _flat(array: _Floats, shape: tuple[int, ...]) -> _Floats:
-    return np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
-
-
-def _one_or_flat(array: _Floats, shape: tuple[int, ...]) -> _Floats:
-    """A single value stays single: the core then need not look at it again."""
-    return array.reshape(1) if array.size == 1 else _flat(array, shape)
+def _evaluate(form: str, n_values: int, tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike) -> _Floats:
+    """What the core gives for each point, in the broadcast shape with the values first."""
+    given = {
+        name: reals(name, value, checked=False)
+        for name, value in zip(("tau", "phi", "kappa"), (tau, phi, kappa), strict=True)
+    }
+    shape = shape_of(**given)
+    if 0 in shape:
+        return np.empty((n_values, *shape))
+    taus, phis, kappas = (
+        # The core need not look at a single value again.
+        array.reshape(1)
+        if array.size == 1 and name != "tau"
+        else np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
+        for name, array in given.items()
+    )
+    return _native.creep(form, n_values, taus, phis, kappas).reshape(n_values, *shape)

@@ -265,7 +265,7 @@ class Scene(SceneGroups):
         except DeckError:
             groups = {}
         rows = [
-            (group, key, _shown(value), _units(group, key), _about(group, key).meaning)
+            (group, key, _shown(value), _units(group, key), _native.key_info(group, key).meaning)
             for group, keys in groups.items()
             for key, value in keys.items()
         ]
@@ -320,12 +320,8 @@ def _given(group: str, keys: Group) -> Mapping[str, object]:
     return keys
 
 
-def _about(group: str, key: str) -> _native.KeyInfo:
-    return next(info for info in _native.schema() if (info.group, info.name) == (group, key))
-
-
 def _units(group: str, key: str) -> str:
-    units = _about(group, key).units
+    units = _native.key_info(group, key).units
     return "" if units == "1" else units
 
 

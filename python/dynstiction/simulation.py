@@ -305,8 +305,7 @@ class Simulation(Closing):
         choice = self._core.model_choice
         return {
             "program": "dynstiction",
-            **_native.build_info()._asdict(),
-            **_native.machine_info()._asdict(),
+            **_native.origin(),
             "mpi": "",
             "processes": 1,
             "threads": 1,

@@ -91,7 +91,8 @@ def steady_sliding_eigenvalues(
     sliders, shape = _sliders(
         mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
     )
-    return _native.eigenvalues(sliders).reshape(*shape, 4)
+    parts = _native.steady_sliding("eigenvalues", 8, sliders)
+    return (parts[:, :4] + 1j * parts[:, 4:]).reshape(*shape, 4)
 
 
 def critical_misalignment(
@@ -133,13 +134,13 @@ def critical_misalignment(
     sliders, shape = _sliders(
         mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
     )
-    exists, angle, frequency, window, limit = _native.critical(sliders)
-    somewhere = window[:, 1] > window[:, 0]
+    values = _native.steady_sliding("critical", 8, sliders)
+    exists, angle, frequency, window, limit = np.split(values, [1, 3, 5, 7], axis=1)
     return CriticalMisalignment(
-        np.where(exists[:, np.newaxis], angle, np.nan).reshape(*shape, 2),
-        np.where(exists[:, np.newaxis], frequency, np.nan).reshape(*shape, 2),
-        np.where(somewhere[:, np.newaxis], window, np.nan).reshape(*shape, 2),
-        limit.reshape(shape),
+        np.where(exists == 1.0, angle, np.nan).reshape(*shape, 2),
+        np.where(exists == 1.0, frequency, np.nan).reshape(*shape, 2),
+        np.where(window[:, 1:] > window[:, :1], window, np.nan).reshape(*shape, 2),
+        limit.copy().reshape(shape),
     )
 
 
@@ -196,7 +197,8 @@ def damping_ratio(
         theta=angles,
     )
     every_angle = np.broadcast_to(angles, shape).reshape(-1)
-    return _native.slow_damping(sliders, every_angle, mu_inf is not None).reshape(shape)
+    what = "damping" if mu_inf is None else "weakening"
+    return _native.steady_sliding(what, 1, sliders, every_angle).reshape(shape)
 
 
 def _sliders(

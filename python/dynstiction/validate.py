@@ -41,10 +41,7 @@ _Floats = NDArray[np.float64]
 Form = Callable[[ArrayLike, ArrayLike], _Floats]
 """X'/V [-] at tau [-] and phi [rad]."""
 
-LIBRARY_FORMS: Mapping[str, Form] = {
-    name: partial(creep_asymptotic, form=name)  # type: ignore[arg-type]
-    for name in FORMS
-}
+LIBRARY_FORMS: Mapping[str, Form] = {name: partial(creep_asymptotic, form=name) for name in FORMS}
 ORDERS = {"first_power": 2.0, "printed": 1.0, "third_order": 3.0}
 """Order in phi of the error of each form, from docs/theory.md, section 3."""
 

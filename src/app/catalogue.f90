@@ -5,8 +5,8 @@ module dst_catalogue
   use dst_command_table, only: command_entry_t, option_t, the_program, commands, options, exit_statuses, options_of
   use dst_deck, only: has_model
   use dst_columns, only: columns
-  use dst_schema, only: key_t, schema, key_count, kind_names, text_kind, choice_kind, texts_kind, find_name, range_text, &
-    condition_count, condition_key, condition_choices
+  use dst_methods, only: methods
+  use dst_schema, only: schema, key_count, kind_names, is_text, find_name, range_text, condition_count
   use dst_summary, only: summary_quantities
   use dst_text, only: integer_text, word, word_count
   use dst_motion_summary, only: statistics
@@ -41,6 +41,11 @@ contains
     text = text//'],'//n//'"keys": ['
     do i = 1, key_count
       call add(text, of_key(i))
+    end do
+    text = text//'],'//n//'"methods": ['
+    do i = 1, size(methods)
+      call add(text, '{"name": '//quoted(methods(i)%name)//', "kind": '//quoted(methods(i)%kind)//', "order": '// &
+        integer_text(methods(i)%order)//', "stages": '//integer_text(methods(i)%stages)//'}')
     end do
     call add_quantities(text, 'columns', columns)
     call add_quantities(text, 'summary', summary_quantities)
@@ -83,7 +88,7 @@ contains
 
     associate (key => schema(i), all_models => schema(find_name('model'))%choices)
       default = trim(key%default)
-      if (any(key%kind == [text_kind, choice_kind, texts_kind])) default = quoted(default)
+      if (is_text(key)) default = quoted(default)
       if (default == '') default = 'null'
       models = ''
       do k = 1, word_count(all_models)
@@ -92,7 +97,7 @@ contains
       used_by = ''
       do k = 1, condition_count(key)
         if (k > 1) used_by = used_by//', '
-        used_by = used_by//quoted(schema(condition_key(key, k))%name)//': '//of_words(condition_choices(key, k))
+        used_by = used_by//quoted(key%used_by(k)%on)//': '//of_words(key%used_by(k)%choices)
       end do
       text = '{"group": '//quoted(key%group)//', "name": '//quoted(key%name)//', "kind": '//quoted(word(kind_names, key%kind))// &
         ', "required": '//trim(merge('true ', 'false', key%required))//', "units": '//quoted(key%unit)//', "range": '// &

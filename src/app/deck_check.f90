@@ -195,7 +195,7 @@ contains
     key = 'scene.model'
     if (allocated(error%key)) key = error%key
     k = varied_key(key)
-    call faults%add(deck%value(k)%line, error%text, deck%value(k)%setting, trim(deck%value(k)%argument))
+    call faults%add(deck%value(k)%place, error%text)
     error%text = faults%report(deck%name)
   end subroutine locate
 end module dst_deck_check

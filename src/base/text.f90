@@ -6,7 +6,7 @@ module dst_text
 
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
   public :: lower_case, starts_with, value_in, word, word_count, has_word, nearest_word, alternatives, excerpt, printable, &
-    one_per_line
+    one_per_line, utf8_width
   public :: real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
 
   !> Widths of the texts of tables: of keys, columns, commands, ... The compiler refuses what would be cut.
@@ -104,35 +104,59 @@ contains
     value = text(first:first + width - 1)
   end function value_in
 
-  !> Word `n` of a list separated by single blanks; '' if there are fewer.
+  !> Word `n` of a list separated by blanks; '' if there are fewer.
   pure function word(list, n) result(text)
     character(*), intent(in) :: list
     integer, intent(in) :: n
     character(:), allocatable :: text
-    integer :: i
+    integer :: first, last, i
 
-    text = list
-    do i = 2, n
-      text = text(index(text//' ', ' ') + 1:)
+    first = 1
+    last = 0
+    do i = 1, n
+      call find_word(list, first, last)
     end do
-    text = text(:index(text//' ', ' ') - 1)
+    text = list(first:last)
   end function word
+
+  !> The next word after place `last`; an empty one at the end of the list if there is none.
+  pure subroutine find_word(list, first, last)
+    character(*), intent(in) :: list
+    integer, intent(out) :: first
+    integer, intent(inout) :: last
+
+    first = last + max(1, verify(list(last + 1:), ' '))
+    last = first + scan(list(first:), ' ') - 2
+    if (last < first) last = len_trim(list)
+  end subroutine find_word
 
   !> Number of words of a list separated by blanks.
   pure integer function word_count(list)
     character(*), intent(in) :: list
-    integer :: i
+    integer :: first, last
 
     word_count = 0
-    if (len_trim(list) == 0) return
-    word_count = 1 + count([(list(i:i) == ' ', i=1, len_trim(list))])
+    last = 0
+    do
+      call find_word(list, first, last)
+      if (last < first) return
+      word_count = word_count + 1
+    end do
   end function word_count
 
   !> Whether `text` is one of the words of a list separated by blanks.
   pure logical function has_word(list, text)
     character(*), intent(in) :: list, text
+    integer :: first, last
 
-    has_word = index(text, ' ') == 0 .and. index(' '//trim(list)//' ', ' '//text//' ') > 0
+    ! Without a copy of the list: a deck's conditions are asked some hundred times.
+    has_word = list == '' .and. len(text) == 0
+    last = 0
+    do while (.not. has_word)
+      call find_word(list, first, last)
+      if (last < first) return
+      has_word = last - first + 1 == len(text) .and. list(first:last) == text
+    end do
   end function has_word
 
   !> The words of a list as one shows a choice: 'a | b | c'.
@@ -216,28 +240,44 @@ contains
     end do
   end function printable
 
-  !> Bytes of the UTF-8 character with which `text` begins; 0 if it is none, or a control character, also one that breaks a
-  !> line or turns the direction of writing.
-  pure integer function character_width(text) result(width)
+  !> Bytes of the UTF-8 character with which `text` begins; 0 if it is none. RFC 3629, table in section 4: no code may be longer than
+  !> it need be, a surrogate, or beyond U+10FFFF.
+  pure integer function utf8_width(text) result(width)
     character(*), intent(in) :: text
-    integer :: i
+    integer :: first, low, high, i
 
-    select case (iachar(text(1:1)))
-    case (32:126)
+    first = iachar(text(1:1))
+    width = 0
+    low = 128
+    high = 191
+    select case (first)
+    case (0:127)
       width = 1
     case (194:223)
       width = 2
     case (224:239)
       width = 3
+      if (first == 224) low = 160
+      if (first == 237) high = 159
     case (240:244)
       width = 4
-    case default
-      width = 0
+      if (first == 240) low = 144
+      if (first == 244) high = 143
     end select
     if (width > len(text)) width = 0
     do i = 2, width
-      if (iand(iachar(text(i:i)), 192) /= 128) width = 0
+      if (iachar(text(i:i)) < low .or. iachar(text(i:i)) > high) width = 0
+      low = 128
+      high = 191
     end do
+  end function utf8_width
+
+  !> The same, and 0 of a control character, also of one that breaks a line or turns the direction of writing.
+  pure integer function character_width(text) result(width)
+    character(*), intent(in) :: text
+
+    width = utf8_width(text)
+    if (iachar(text(1:1)) < 32 .or. iachar(text(1:1)) == 127) width = 0
     if (width == 2) then
       ! U+0080 to U+009F
       if (iachar(text(1:1)) == 194 .and. iachar(text(2:2)) < 160) width = 0

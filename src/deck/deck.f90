@@ -4,26 +4,19 @@ module dst_deck
   use dst_errors, only: error_t, raise, raise_lines, deck_error
   use dst_text, only: lower_case, word, word_count, has_word, nearest_word, alternatives, excerpt, integer_text, real_text, &
                       read_real, read_integer
-  use dst_faults, only: faults_t
+  use dst_faults, only: faults_t, place_t
+  use dst_methods, only: method_t, method_named, adaptive_methods
   use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
-  use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, names_file, keys_of, in_range, range_text, &
-                        condition_text, sweep_group, adaptive_methods, longest_text, most_values, real_kind, reals_kind, &
-                        integer_kind, text_kind, texts_kind, choice_kind
-  use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_defaults, set_default, &
-                             is_default, used, unused
+  use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, is_text, names_file, keys_of, in_range, &
+                        range_text, choice_problem, condition_text, sweep_group, longest_text, most_values, real_kind, &
+                        reals_kind, integer_kind, text_kind, texts_kind, choice_kind
+  use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_default, is_default, used, unused
   use dst_deck_text, only: resolved, template, key_table, has_model, has_other_condition
   use dst_deck_sweep, only: check_sweep
   implicit none
   private
 
-  public :: deck_t, read_deck, parse_deck, parse_values, resolved, template, key_table, has_model
-
-  !> Where a value comes from: a line of the deck or an argument of the command line.
-  type :: source_t
-    integer :: line = 0
-    integer :: setting = 0
-    character(longest_text) :: argument = ''
-  end type source_t
+  public :: deck_t, read_deck, parse_deck, resolved, template, key_table, has_model
 
   !> A deck of more bytes is not a deck.
   integer(int64), parameter :: largest_deck = 1000000_int64
@@ -79,19 +72,36 @@ contains
     if (ios /= 0) problem = 'cannot be read ('//trim(message)//'): give a readable text file'
   end subroutine read_text
 
-  !> Read a deck from memory; `name` stands for the file's name in messages.
-  subroutine parse_deck(text, name, settings, deck, error, found)
+  !> Read a deck from memory; `name` stands for the file's name in messages. With `alone` each value is checked against its own key
+  !> only: a part of a deck is not refused for what it lacks, or for what does not go together.
+  subroutine parse_deck(text, name, settings, deck, error, found, alone)
     character(*), intent(in) :: text, name
     character(*), intent(in) :: settings(:)
     type(deck_t), intent(out) :: deck
     type(error_t), allocatable, intent(out) :: error
     type(faults_t), intent(out), optional :: found   !! what `error` says, fault by fault
+    logical, intent(in), optional :: alone
     type(faults_t) :: faults
-    integer :: line_of(word_count(group_names))
-    logical :: plain
+    type(namelist_t) :: list
+    integer :: line_of(word_count(group_names)), i
+    logical :: is_whole
 
-    call take_text(text, name, settings, deck, line_of, plain, faults)
-    if (plain) then
+    deck%name = name
+    deck%text = text
+    do i = 1, key_count
+      call set_default(schema(i), deck%value(i))
+    end do
+    call scan_namelist(text, list)
+    faults = list%faults
+    if (list%plain) then
+      call take_groups(list, deck, line_of, faults)
+      do i = 1, size(settings)
+        call take_setting(trim(settings(i)), i, deck, faults)
+      end do
+    end if
+    is_whole = list%plain
+    if (present(alone)) is_whole = is_whole .and. .not. alone
+    if (is_whole) then
       call check_keys(deck, faults)
       call check_missing(deck, line_of, last_line(text), faults)
       call check_contact(deck, faults)
@@ -102,48 +112,6 @@ contains
     if (faults%count > 0) call raise_lines(error, deck_error, faults%report(name))
     if (present(found)) found = faults
   end subroutine parse_deck
-
-  !> As `parse_deck`, but each value is held against its own key only: a part of a deck is not refused for what it lacks, or
-  !> for what does not go together.
-  subroutine parse_values(text, name, settings, deck, error, found)
-    character(*), intent(in) :: text, name
-    character(*), intent(in) :: settings(:)
-    type(deck_t), intent(out) :: deck
-    type(error_t), allocatable, intent(out) :: error
-    type(faults_t), intent(out), optional :: found   !! what `error` says, fault by fault
-    type(faults_t) :: faults
-    integer :: line_of(word_count(group_names))
-    logical :: plain
-
-    call take_text(text, name, settings, deck, line_of, plain, faults)
-    if (faults%count > 0) call raise_lines(error, deck_error, faults%report(name))
-    if (present(found)) found = faults
-  end subroutine parse_values
-
-  !> The values of a deck and of the settings that win over it. `line_of` is the line of each known group, 0 if it is absent;
-  !> `plain` tells whether the deck is a text at all.
-  subroutine take_text(text, name, settings, deck, line_of, plain, faults)
-    character(*), intent(in) :: text, name
-    character(*), intent(in) :: settings(:)
-    type(deck_t), intent(inout) :: deck
-    integer, intent(out) :: line_of(:)
-    logical, intent(out) :: plain
-    type(faults_t), intent(inout) :: faults
-    type(namelist_t) :: list
-    integer :: i
-
-    deck%name = name
-    deck%text = text
-    line_of = 0
-    call set_defaults(deck)
-    call scan_namelist(text, list, faults)
-    plain = list%plain
-    if (.not. plain) return
-    call take_groups(list, deck, line_of, faults)
-    do i = 1, size(settings)
-      call take_setting(trim(settings(i)), i, deck, faults)
-    end do
-  end subroutine take_text
 
   !> The groups and assignments of a scanned deck. `line_of` is the line of each known group, 0 if it is absent.
   subroutine take_groups(list, deck, line_of, faults)
@@ -228,15 +196,15 @@ contains
       if (k == 0) then
         if (.not. assignment%bare) call faults%add(assignment%line, unknown_key_text(group, trim(assignment%key)))
         call mark_meant(group, key, deck)
-      else if (deck%value(k)%attempted .and. deck%value(k)%line > 0) then
-        call faults%add(assignment%line, "'"//key//"' given again: it stands in line "//integer_text(deck%value(k)%line)// &
-                        ' already, keep one of them')
+      else if (deck%value(k)%attempted .and. deck%value(k)%place%line > 0) then
+        call faults%add(assignment%line, "'"//key//"' given again: it stands in line "// &
+                        integer_text(deck%value(k)%place%line)//' already, keep one of them')
       else if (assignment%faulty) then
         deck%value(k)%attempted = .true.
         deck%value(k)%valid = .false.
-        deck%value(k)%line = assignment%line
+        deck%value(k)%place%line = assignment%line
       else
-        call take_values(k, list, assignment%first, assignment%last, source_t(line=assignment%line), deck%value(k), faults)
+        call take_values(schema(k), list, assignment%first, assignment%last, place_t(line=assignment%line), deck%value(k), faults)
       end if
     end associate
   end subroutine take_assignment
@@ -295,8 +263,10 @@ contains
     type(deck_t), intent(inout) :: deck
     type(faults_t), intent(inout) :: faults
     character(:), allocatable :: group, key, problem
+    type(place_t) :: place
     integer :: equals, dot, k
 
+    place = place_t(setting=setting, argument=excerpt(text))
     k = 0
     equals = index(text, '=')
     dot = index(text(:max(0, equals - 1)), '.')
@@ -318,132 +288,126 @@ contains
       if (k == 0) problem = unknown_key_text(group, key)
     end if
     if (len(problem) > 0) then
-      call faults%add(0, problem, setting, text)
+      call faults%add(place, problem)
     else
-      call set_value(k, adjustl(text(equals + 1:)), source_t(setting=setting, argument=text), deck%value(k), faults)
+      call set_value(schema(k), adjustl(text(equals + 1:)), place, deck%value(k), faults)
     end if
   end subroutine take_setting
 
   !> The value of a setting: nothing takes back what the deck says. Text needs no quotes there: the shell
   !> has eaten one pair already.
-  subroutine set_value(k, text, source, value, faults)
-    integer, intent(in) :: k
+  subroutine set_value(key, text, place, value, faults)
+    type(key_t), intent(in) :: key
     character(*), intent(in) :: text
-    type(source_t), intent(in) :: source
+    type(place_t), intent(in) :: place
     type(value_t), intent(inout) :: value
     type(faults_t), intent(inout) :: faults
     type(namelist_t) :: list
-    logical :: faulty
+    character(:), allocatable :: problem
 
-    if (value%setting > 0) then
-      call note(faults, source, "'"//trim(schema(k)%name)//"' set again: --set "//integer_text(value%setting)// &
-                ' sets it already, keep one of them')
+    if (value%place%setting > 0) then
+      call faults%add(place, "'"//trim(key%name)//"' set again: --set "//integer_text(value%place%setting)// &
+                      ' sets it already, keep one of them')
       return
     end if
-    if (len_trim(text) == 0) call set_default(schema(k), value)
-    value%setting = source%setting
+    if (len_trim(text) == 0) call set_default(key, value)
+    value%place%setting = place%setting
     if (len_trim(text) == 0) return
-    if (any(schema(k)%kind == [text_kind, choice_kind]) .and. scan(text, '''"') /= 1) then
-      call take_plain_text(schema(k), trim(text), source, value, faults)
-      return
+    if (any(key%kind == [text_kind, choice_kind]) .and. scan(text, '''"') /= 1) then
+      call start_value(place, value)
+      value%texts = [character(longest_text) :: text]
+      problem = text_problem(key, trim(text))
+    else
+      call scan_values(trim(text), trim(key%name), list, problem)
+      if (len(problem) == 0) call take_values(key, list, 1, list%token_count, place, value, faults)
     end if
-    call scan_values(trim(text), trim(schema(k)%name), list, faulty, faults, source%setting, trim(source%argument))
     value%attempted = .true.
-    value%valid = .not. faulty
-    if (.not. faulty) call take_values(k, list, 1, list%token_count, source, value, faults)
+    if (len(problem) == 0) return
+    value%valid = .false.
+    call faults%add(place, problem)
   end subroutine set_value
 
-  subroutine take_plain_text(key, text, source, value, faults)
-    type(key_t), intent(in) :: key
-    character(*), intent(in) :: text
-    type(source_t), intent(in) :: source
-    type(value_t), intent(inout) :: value
-    type(faults_t), intent(inout) :: faults
-
-    call start_value(source, value)
-    value%texts = [character(longest_text) :: text]
-    call check_text(key, text, source, value, faults)
-  end subroutine take_plain_text
-
-  subroutine start_value(source, value)
-    type(source_t), intent(in) :: source
+  subroutine start_value(place, value)
+    type(place_t), intent(in) :: place
     type(value_t), intent(inout) :: value
 
     value%user = .true.
     value%attempted = .true.
     value%valid = .true.
-    value%line = source%line
-    value%setting = source%setting
-    value%argument = source%argument
+    value%place = place
   end subroutine start_value
 
-  !> Convert the words `first` to `last` to the value of key `k`.
-  subroutine take_values(k, list, first, last, source, value, faults)
-    integer, intent(in) :: k, first, last
-    type(namelist_t), intent(in) :: list
-    type(source_t), intent(in) :: source
-    type(value_t), intent(inout) :: value
-    type(faults_t), intent(inout) :: faults
-    type(source_t) :: here
-    integer :: i
-
-    call start_value(source, value)
-    do i = first, last
-      if (has_right_form(schema(k), list%tokens(i), source)) cycle
-      here = source
-      if (source%setting == 0) here%line = list%tokens(i)%line
-      call note(faults, here, wrong_form_text(schema(k), token_text(list, list%tokens(i))))
-      value%valid = .false.
-      return
-    end do
-    call check_count(schema(k), list, first, last, source, value, faults)
-    if (value%valid) call convert(schema(k), list, first, last, source, value, faults)
-  end subroutine take_values
-
-  !> No more values than the key takes; repeat counts are not yet expanded.
-  subroutine check_count(key, list, first, last, source, value, faults)
+  !> Convert the words `first` to `last` to the value of a key. Of words in the wrong form, and of too many, only the first is
+  !> a fault.
+  subroutine take_values(key, list, first, last, place, value, faults)
     type(key_t), intent(in) :: key
     type(namelist_t), intent(in) :: list
     integer, intent(in) :: first, last
-    type(source_t), intent(in) :: source
+    type(place_t), intent(in) :: place
     type(value_t), intent(inout) :: value
     type(faults_t), intent(inout) :: faults
-    type(source_t) :: here
-    integer(int64) :: given
-    integer :: i
+    real(wp), allocatable :: reals(:)
+    character(longest_text), allocatable :: texts(:)
+    character(:), allocatable :: given, problem
+    integer(int64) :: total, most
+    integer :: i, n
+    real(wp) :: number
 
-    given = 0_int64
+    call start_value(place, value)
     do i = first, last
-      given = given + list%tokens(i)%repeat
-      if (given > most_of(key)) exit
+      if (.not. has_right_form(key, list%tokens(i), place)) call refuse(wrong_form_text(key, token_text(list, list%tokens(i))))
+      if (.not. value%valid) return
     end do
-    if (given <= most_of(key)) return
-    value%valid = .false.
-    here = source
-    if (source%setting == 0) here%line = list%tokens(i)%line
-    call note(faults, here, "too many values for '"//trim(key%name)//"', from '"//excerpt(token_text(list, list%tokens(i)))// &
-              "' on: "//integer_text(sum(int(list%tokens(first:last)%repeat, int64)))//' given, at most '// &
-              integer_text(most_of(key))//' allowed')
-  end subroutine check_count
+    total = 0_int64
+    most = merge(most_values, 1, key%kind == reals_kind .or. key%kind == texts_kind)
+    do i = first, last
+      total = total + list%tokens(i)%repeat
+      if (total > most) &
+        call refuse("too many values for '"//trim(key%name)//"', from '"//excerpt(token_text(list, list%tokens(i)))// &
+                    "' on: "//integer_text(sum(int(list%tokens(first:last)%repeat, int64)))//' given, at most '// &
+                    integer_text(most)//' allowed')
+      if (.not. value%valid) return
+    end do
+    allocate (reals(merge(total, 0_int64, any(key%kind == [real_kind, reals_kind]))))
+    allocate (texts(merge(total, 0_int64, is_text(key))))
+    n = 0
+    do i = first, last
+      given = token_text(list, list%tokens(i))
+      associate (end => n + list%tokens(i)%repeat)
+        if (is_text(key)) then
+          call refuse(text_problem(key, given))
+          texts(n + 1:end) = given
+        else
+          call read_number(key, given, number, value%integer, problem)
+          call refuse(problem)
+          if (size(reals) > 0) reals(n + 1:end) = number
+        end if
+        n = end
+      end associate
+    end do
+    if (size(reals) > 0) call move_alloc(reals, value%reals)
+    if (size(texts) > 0) call move_alloc(texts, value%texts)
 
-  pure integer(int64) function most_of(key)
-    type(key_t), intent(in) :: key
+  contains
 
-    most_of = merge(most_values, 1, key%kind == reals_kind .or. key%kind == texts_kind)
-  end function most_of
+    !> Note what is wrong with word `i`.
+    subroutine refuse(problem)
+      character(*), intent(in) :: problem
+
+      if (len(problem) == 0) return
+      value%valid = .false.
+      call faults%add(place_t(list%tokens(i)%line, place%setting, place%argument), problem)
+    end subroutine refuse
+  end subroutine take_values
 
   !> Text in quotes, numbers without.
-  pure logical function has_right_form(key, token, source)
+  pure logical function has_right_form(key, token, place)
     type(key_t), intent(in) :: key
     type(token_t), intent(in) :: token
-    type(source_t), intent(in) :: source
+    type(place_t), intent(in) :: place
 
-    select case (key%kind)
-    case (text_kind, texts_kind, choice_kind)
-      has_right_form = token%quote /= ' ' .or. source%setting > 0
-    case default
-      has_right_form = token%quote == ' '
-    end select
+    has_right_form = token%quote == ' ' .neqv. is_text(key)
+    if (is_text(key)) has_right_form = has_right_form .or. place%setting > 0
   end function has_right_form
 
   function wrong_form_text(key, given) result(text)
@@ -451,96 +415,40 @@ contains
     character(*), intent(in) :: given
     character(:), allocatable :: text
 
-    select case (key%kind)
-    case (text_kind, texts_kind, choice_kind)
+    if (is_text(key)) then
       text = "'"//excerpt(given)//"' is not text: '"//trim(key%name)//"' takes text in quotes"
-    case (integer_kind)
-      text = "'"//excerpt(given)//"' is text: '"//trim(key%name)//"' takes an integer without quotes"
-    case default
-      text = "'"//excerpt(given)//"' is text: '"//trim(key%name)//"' takes a real number without quotes"
-    end select
+    else
+      text = "'"//excerpt(given)//"' is text: '"//trim(key%name)//"' takes "// &
+             trim(merge('an integer   ', 'a real number', key%kind == integer_kind))//' without quotes'
+    end if
   end function wrong_form_text
 
-  subroutine convert(key, list, first, last, source, value, faults)
-    type(key_t), intent(in) :: key
-    type(namelist_t), intent(in) :: list
-    integer, intent(in) :: first, last
-    type(source_t), intent(in) :: source
-    type(value_t), intent(inout) :: value
-    type(faults_t), intent(inout) :: faults
-    type(source_t) :: here
-    real(wp), allocatable :: reals(:)
-    character(longest_text), allocatable :: texts(:)
-    character(:), allocatable :: given
-    integer :: i, n, total
-
-    total = sum(list%tokens(first:last)%repeat)
-    allocate (reals(merge(total, 0, any(key%kind == [real_kind, reals_kind]))))
-    allocate (texts(merge(total, 0, any(key%kind == [text_kind, texts_kind, choice_kind]))))
-    n = 0
-    here = source
-    do i = first, last
-      associate (token => list%tokens(i))
-        if (source%setting == 0) here%line = token%line
-        given = token_text(list, token)
-        select case (key%kind)
-        case (real_kind, reals_kind)
-          call convert_real(key, given, here, reals(n + 1), value, faults)
-          reals(n + 1:n + token%repeat) = reals(n + 1)
-        case (integer_kind)
-          call convert_integer(key, given, here, value, faults)
-        case default
-          call check_text(key, given, here, value, faults)
-          texts(n + 1:n + token%repeat) = given
-        end select
-        n = n + token%repeat
-      end associate
-    end do
-    if (size(reals) > 0) call move_alloc(reals, value%reals)
-    if (size(texts) > 0) call move_alloc(texts, value%texts)
-  end subroutine convert
-
-  subroutine convert_real(key, given, source, number, value, faults)
+  !> A number of a key; `problem` is '' or says what is wrong with the word.
+  subroutine read_number(key, given, number, integer, problem)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
-    type(source_t), intent(in) :: source
     real(wp), intent(out) :: number
-    type(value_t), intent(inout) :: value
-    type(faults_t), intent(inout) :: faults
-    character(:), allocatable :: problem
+    integer(int64), intent(inout) :: integer     !! also the number, of a key that holds integers
+    character(:), allocatable, intent(out) :: problem
+    character(:), allocatable :: kind
     type(value_t) :: alone
 
-    call read_real(given, number, problem)
+    if (key%kind == integer_kind) then
+      kind = 'an integer, like 1000'
+      call read_integer(given, integer, problem)
+      number = real(integer, wp)
+    else
+      kind = 'a finite real number, like 1.0 or 2.5e-3'
+      call read_real(given, number, problem)
+    end if
     if (len(problem) > 0) then
-      call note(faults, source, "'"//excerpt(given)//"' "//problem//": '"//trim(key%name)//"' takes a finite real number, "// &
-                'like 1.0 or 2.5e-3')
-      value%valid = .false.
+      problem = "'"//excerpt(given)//"' "//problem//": '"//trim(key%name)//"' takes "//kind
     else if (.not. in_range(key%range, number)) then
       ! What switches an unused key off may lie outside its range.
       alone%reals = [number]
-      if (key%required .and. is_default(key, alone)) return
-      call note(faults, source, out_of_range_text(key, given))
-      value%valid = .false.
+      if (.not. (key%required .and. is_default(key, alone))) problem = out_of_range_text(key, given)
     end if
-  end subroutine convert_real
-
-  subroutine convert_integer(key, given, source, value, faults)
-    type(key_t), intent(in) :: key
-    character(*), intent(in) :: given
-    type(source_t), intent(in) :: source
-    type(value_t), intent(inout) :: value
-    type(faults_t), intent(inout) :: faults
-    character(:), allocatable :: problem
-
-    call read_integer(given, value%integer, problem)
-    if (len(problem) > 0) then
-      call note(faults, source, "'"//excerpt(given)//"' "//problem//": '"//trim(key%name)//"' takes an integer, like 1000")
-      value%valid = .false.
-    else if (.not. in_range(key%range, real(value%integer, wp))) then
-      call note(faults, source, out_of_range_text(key, given))
-      value%valid = .false.
-    end if
-  end subroutine convert_integer
+  end subroutine read_number
 
   function out_of_range_text(key, given) result(text)
     type(key_t), intent(in) :: key
@@ -551,13 +459,10 @@ contains
     if (key%unit /= '1') text = text//' (in '//trim(key%unit)//')'
   end function out_of_range_text
 
-  !> Length and choice of one text.
-  subroutine check_text(key, given, source, value, faults)
+  !> '' or what is wrong with one text: its length, or that it is none of the choices.
+  function text_problem(key, given) result(problem)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
-    type(source_t), intent(in) :: source
-    type(value_t), intent(inout) :: value
-    type(faults_t), intent(inout) :: faults
     character(:), allocatable :: problem
     integer :: i
 
@@ -574,24 +479,7 @@ contains
       if (iachar(given(i:i)) < 32 .and. given(i:i) /= achar(9)) &
         problem = "control characters in '"//trim(key%name)//"': give plain text"
     end do
-    if (len(problem) == 0) return
-    call note(faults, source, problem)
-    value%valid = .false.
-  end subroutine check_text
-
-  !> '' when the key has this choice.
-  function choice_problem(key, given) result(problem)
-    type(key_t), intent(in) :: key
-    character(*), intent(in) :: given
-    character(:), allocatable :: problem
-
-    problem = ''
-    if (has_word(key%choices, given)) return
-    problem = 'unknown '//trim(key%name)//" '"//excerpt(given)//"': "
-    if (nearest_word(given, trim(key%choices)) /= '') &
-      problem = problem//"the nearest is '"//nearest_word(given, trim(key%choices))//"', "
-    problem = problem//'choose '//alternatives(trim(key%choices))
-  end function choice_problem
+  end function text_problem
 
   !> Keys that the user set though nothing uses them, or to a value that only an unused key may have.
   subroutine check_keys(deck, faults)
@@ -603,11 +491,11 @@ contains
       associate (key => schema(i), value => deck%value(i))
         if (.not. (value%user .and. value%valid)) cycle
         if (usage(deck, i) == unused .and. .not. is_default(key, value)) then
-          call note(faults, source_of(value), "'"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
+          call faults%add(value%place, "'"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
                     ': remove it, it works only with '//condition_text(key))
         else if (usage(deck, i) == used .and. key%kind == real_kind) then
           if (.not. in_range(key%range, value%reals(1))) &
-            call note(faults, source_of(value), out_of_range_text(key, real_text(value%reals(1)))//' with '//condition_text(key))
+            call faults%add(value%place, out_of_range_text(key, real_text(value%reals(1)))//' with '//condition_text(key))
         end if
       end associate
     end do
@@ -652,27 +540,30 @@ contains
     text = text//', the '//trim(key%meaning)
   end function missing_text
 
-  !> The fixed step of rk4 cannot hit the events of the exact contact; moreau_jean knows no other contact; rodas4p none.
+  !> A fixed step cannot hit the events of the exact contact; moreau_jean knows no other contact; rodas4p none.
   subroutine check_contact(deck, faults)
     type(deck_t), intent(in) :: deck
     type(faults_t), intent(inout) :: faults
+    type(method_t) :: method
+    character(:), allocatable :: model, contact
 
-    associate (method => deck%value(find_key('integrator', 'method')), contact => deck%value(find_key('friction', 'contact')), &
-               model => deck%value(find_key('scene', 'model')))
-      if (.not. (method%valid .and. contact%valid .and. model%valid)) return
+    associate (given => deck%value(find_key('integrator', 'method')))
+      if (.not. (given%valid .and. deck%value(find_key('friction', 'contact'))%valid)) return
       if (usage(deck, find_key('integrator', 'method')) /= used) return
-      if (deck%text_of('integrator', 'method') == 'moreau_jean' .and. .not. &
-          has_word('full auto', deck%text_of('scene', 'model'))) &
-        call note(faults, source_of(method), "method 'moreau_jean' works on model 'full' only: choose another method")
-      if (deck%text_of('integrator', 'method') == 'rodas4p' .and. deck%text_of('scene', 'model') /= 'low_frequency') &
-        call note(faults, source_of(method), "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
-      if (deck%text_of('scene', 'model') /= 'full') return
-      if (deck%text_of('integrator', 'method') == 'moreau_jean' .and. deck%text_of('friction', 'contact') == 'smoothed') &
-        call note(faults, source_of(method), "method 'moreau_jean' knows only the exact contact: "// &
-                  "choose contact = 'exact', or method "//alternatives(adaptive_methods//' rk4'))
-      if (deck%text_of('friction', 'contact') /= 'exact' .or. deck%text_of('integrator', 'method') /= 'rk4') return
-      call note(faults, source_of(method), "method 'rk4' cannot follow the exact contact of model 'full': "// &
-                "choose contact = 'smoothed', or method "//alternatives(adaptive_methods//' moreau_jean'))
+      method = method_named(deck%text_of('integrator', 'method'))
+      contact = deck%text_of('friction', 'contact')
+      model = deck%text_of('scene', 'model')
+      if (method%name == 'moreau_jean' .and. .not. has_word('full auto', model)) &
+        call faults%add(given%place, "method 'moreau_jean' works on model 'full' only: choose another method")
+      if (method%name == 'rodas4p' .and. model /= 'low_frequency') &
+        call faults%add(given%place, "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
+      if (model /= 'full') return
+      if (method%name == 'moreau_jean' .and. contact == 'smoothed') &
+        call faults%add(given%place, "method 'moreau_jean' knows only the exact contact: "// &
+                        "choose contact = 'exact', or method "//alternatives(adaptive_methods//' rk4'))
+      if (method%kind == 'fixed_step' .and. contact == 'exact') &
+        call faults%add(given%place, "method '"//trim(method%name)//"' cannot follow the exact contact of model 'full': "// &
+                        "choose contact = 'smoothed', or method "//alternatives(adaptive_methods//' moreau_jean'))
     end associate
   end subroutine check_contact
 
@@ -680,25 +571,26 @@ contains
   subroutine check_drive(deck, faults)
     type(deck_t), intent(in) :: deck
     type(faults_t), intent(inout) :: faults
-    type(source_t) :: source
+    type(place_t) :: place
     integer :: i
 
     associate (time => deck%value(find_key('drive', 'time')), velocity => deck%value(find_key('drive', 'velocity')))
       if (.not. (velocity%user .and. velocity%valid .and. time%valid)) return
-      source = source_of(merge_value(time, velocity))
+      place = velocity%place
+      if (time%user) place = time%place
       if (size(time%reals) /= size(velocity%reals)) then
-        call note(faults, source, integer_text(size(velocity%reals))//" value(s) of 'velocity' but "// &
+        call faults%add(place, integer_text(size(velocity%reals))//" value(s) of 'velocity' but "// &
           integer_text(size(time%reals))//" of 'time': give one velocity for each time, or one velocity alone")
         return
       end if
-      if (abs(time%reals(1)) > 0.0_wp) call note(faults, source, "time(1) = '"//real_text(time%reals(1))// &
+      if (abs(time%reals(1)) > 0.0_wp) call faults%add(place, "time(1) = '"//real_text(time%reals(1))// &
                                                  "' is not the start: the first time must be 0.0 s")
       do i = 2, size(time%reals)
         if (time%reals(i) < time%reals(i - 1)) then
-          call note(faults, source, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))// &
+          call faults%add(place, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))// &
             "' is before the time ahead of it, "//real_text(time%reals(i - 1))//' s: times must not decrease')
         else if (repeats_too_often(time%reals(:i))) then
-          call note(faults, source, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))//"' "// &
+          call faults%add(place, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))//"' "// &
                     'repeats a time once too often: give a time twice for a jump, but not 0.0 s')
         else
           cycle
@@ -718,18 +610,6 @@ contains
     end associate
   end function repeats_too_often
 
-  !> The one of the two that the user set, the first if both.
-  function merge_value(time, velocity) result(value)
-    type(value_t), intent(in) :: time, velocity
-    type(value_t) :: value
-
-    if (time%user) then
-      value = time
-    else
-      value = velocity
-    end if
-  end function merge_value
-
   !> A column can be asked for once; 'default' stands alone.
   subroutine check_fields(deck, faults)
     type(deck_t), intent(in) :: deck
@@ -743,24 +623,10 @@ contains
       do i = 1, word_count(schema(k)%choices)
         choice = word(schema(k)%choices, i)
         if (count(value%texts == choice) > 1) &
-          call note(faults, source_of(value), "'"//choice//"' more than once in 'fields': name each column once")
+          call faults%add(value%place, "'"//choice//"' more than once in 'fields': name each column once")
       end do
       if (size(value%texts) > 1 .and. any(value%texts == 'default')) &
-        call note(faults, source_of(value), "'default' among other 'fields': give 'default' alone, or the columns by name")
+        call faults%add(value%place, "'default' among other 'fields': give 'default' alone, or the columns by name")
     end associate
   end subroutine check_fields
-
-  type(source_t) function source_of(value)
-    type(value_t), intent(in) :: value
-
-    source_of = source_t(line=value%line, setting=value%setting, argument=value%argument)
-  end function source_of
-
-  subroutine note(faults, source, text)
-    type(faults_t), intent(inout) :: faults
-    type(source_t), intent(in) :: source
-    character(*), intent(in) :: text
-
-    call faults%add(source%line, text, source%setting, trim(source%argument))
-  end subroutine note
 end module dst_deck

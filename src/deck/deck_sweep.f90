@@ -2,7 +2,7 @@
 module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dst_kinds, only: wp
-  use dst_deck_values, only: deck_t, usage, failing_condition, unused
+  use dst_deck_values, only: deck_t, usage, failing_condition, element_count, unused
   use dst_faults, only: faults_t
   use dst_schema, only: schema, sweep_group, find_key, in_range, range_text, real_kind, reals_kind, integer_kind, longest_text
   use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word
@@ -122,23 +122,15 @@ contains
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: n
     type(faults_t), intent(inout) :: faults
+    character(7), parameter :: keys(4) = [character(7) :: 'first', 'last', 'count', 'spacing']
+    integer :: i, given
 
-    call check_length('first', size(deck%reals_of(sweep_group, 'first')))
-    call check_length('last', size(deck%reals_of(sweep_group, 'last')))
-    call check_length('count', size(deck%reals_of(sweep_group, 'count')))
-    associate (given => size(deck%texts_of(sweep_group, 'spacing')))
-      if (given /= 1) call check_length('spacing', given)
-    end associate
-
-  contains
-
-    subroutine check_length(key, given)
-      character(*), intent(in) :: key
-      integer, intent(in) :: given
-
-      if (given /= n .and. is_known(deck, key)) call note(faults, deck, sweep_group, key, &
-        integer_text(given)//" value(s) of '"//key//"' but "//integer_text(n)//" of 'parameter': give one for each")
-    end subroutine check_length
+    do i = 1, size(keys)
+      given = element_count(deck%value(find_key(sweep_group, keys(i))))
+      if (given == n .or. (given == 1 .and. keys(i) == 'spacing') .or. .not. is_known(deck, keys(i))) cycle
+      call note(faults, deck, sweep_group, keys(i), integer_text(given)//" value(s) of '"//trim(keys(i))//"' but "// &
+        integer_text(n)//" of 'parameter': give one for each")
+    end do
   end subroutine check_lengths
 
   !> One parameter and its values.
@@ -268,8 +260,6 @@ contains
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: group, key, text
 
-    associate (value => deck%value(find_key(group, key)))
-      call faults%add(value%line, text, value%setting, trim(value%argument))
-    end associate
+    call faults%add(deck%value(find_key(group, key))%place, text)
   end subroutine note
 end module dst_deck_sweep

@@ -1,11 +1,10 @@
 !> Decks as text: the resolved deck (every key as used) and the template (every key explained).
 module dst_deck_text
   use dst_errors, only: error_t, raise, usage_error
-  use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, nearest_word, alternatives
-  use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, range_text, &
-                        real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind, condition_count, condition_key, &
-                        condition_choices, condition_text
-  use dst_deck_values, only: deck_t, value_t, usage, used
+  use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, alternatives
+  use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, is_text, range_text, choice_problem, &
+                        real_kind, reals_kind, integer_kind, texts_kind, choice_kind, condition_count, condition_text
+  use dst_deck_values, only: deck_t, value_t, usage, element_count, used
   implicit none
   private
 
@@ -30,7 +29,7 @@ contains
       if (group == sweep_group .and. .not. deck%is_sweep()) cycle
       call builder%line('&'//group)
       do i = 1, key_count
-        if (schema(i)%group /= group .or. usage(deck, i) /= used .or. element_count(schema(i), deck%value(i)) == 0) cycle
+        if (schema(i)%group /= group .or. usage(deck, i) /= used .or. element_count(deck%value(i)) == 0) cycle
         call add_entry(builder, schema(i), deck%value(i), trim(merge('user   ', 'default', deck%value(i)%user))// &
                        unit_text(schema(i))//'; '//trim(schema(i)%meaning))
       end do
@@ -50,7 +49,7 @@ contains
     integer :: i
 
     line = '  '//trim(key%name)//' = '
-    do i = 1, element_count(key, value)
+    do i = 1, element_count(value)
       next = element_text(key, value, i)
       if (i > 1) line = line//','
       if (i > 1 .and. len(line) + len(next) > widest) then
@@ -62,20 +61,6 @@ contains
     end do
     call builder%line(line//repeat(' ', max(0, comment_column - len(line)))//' ! '//comment)
   end subroutine add_entry
-
-  pure integer function element_count(key, value)
-    type(key_t), intent(in) :: key
-    type(value_t), intent(in) :: value
-
-    select case (key%kind)
-    case (real_kind, reals_kind)
-      element_count = size(value%reals)
-    case (integer_kind)
-      element_count = 1
-    case default
-      element_count = size(value%texts)
-    end select
-  end function element_count
 
   function element_text(key, value, i) result(text)
     type(key_t), intent(in) :: key
@@ -107,11 +92,14 @@ contains
     character(:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
     type(text_builder_t) :: builder
-    character(:), allocatable :: group
+    character(:), allocatable :: group, problem
     integer :: g, i
 
-    call check_model(model, error)
-    if (allocated(error)) return
+    problem = choice_problem(schema(find_name('model')), model)
+    if (problem /= '') then
+      call raise(error, usage_error, problem)
+      return
+    end if
     call builder%line('! A deck of dynstiction, model '//model//': every key, with unit, range or choices, default and meaning.')
     call builder%line('! A key with a default may be left out. Values are those of Fig. 3 of Nakano and Popov (2020).')
     call builder%line('! One value a key unless it says list; text in quotes; groups and keys in any order.')
@@ -140,27 +128,12 @@ contains
     do i = 1, key_count
       associate (key => schema(i))
         meaning = trim(key%meaning)
-        if (key%used_by /= '') meaning = meaning//'; only with '//condition_text(key)
+        if (condition_count(key) > 0) meaning = meaning//'; only with '//condition_text(key)
         call builder%line(trim(key%group)//'.'//trim(key%name)//tab//explanation(key)//tab//meaning)
       end associate
     end do
     text = builder%content()
   end function key_table
-
-  subroutine check_model(model, error)
-    character(*), intent(in) :: model
-    type(error_t), allocatable, intent(out) :: error
-
-    associate (key => schema(find_name('model')))
-      if (has_word(key%choices, model)) then
-        return
-      else if (nearest_word(model, key%choices) /= '') then
-        call raise(error, usage_error, "unknown model '"//model//"': the nearest is '"//nearest_word(model, key%choices)//"'")
-      else
-        call raise(error, usage_error, "unknown model '"//model//"': choose "//alternatives(trim(key%choices)))
-      end if
-    end associate
-  end subroutine check_model
 
   !> Whether key `i` can be used with `model`, whatever law, contact and method.
   pure recursive function has_model(i, model) result(answer)
@@ -171,9 +144,9 @@ contains
 
     answer = .true.
     do n = 1, condition_count(schema(i))
-      on = condition_key(schema(i), n)
+      on = find_name(schema(i)%used_by(n)%on)
       answer = answer .and. has_model(on, model)
-      if (schema(on)%name == 'model') answer = answer .and. has_word(condition_choices(schema(i), n), model)
+      if (schema(on)%name == 'model') answer = answer .and. has_word(schema(i)%used_by(n)%choices, model)
     end do
   end function has_model
 
@@ -186,7 +159,7 @@ contains
     shown = trim(key%sample)
     if (shown == '') shown = trim(key%default)
     if (key%name == 'model') shown = model
-    if (any(key%kind == [text_kind, texts_kind, choice_kind])) shown = quoted_text(shown)
+    if (is_text(key)) shown = quoted_text(shown)
     shown = '  '//trim(key%name)//' = '//shown
     meaning = trim(key%meaning)
     ! Conditions on the model say nothing in the template of that model.
@@ -199,7 +172,7 @@ contains
   pure logical function has_other_condition(key)
     type(key_t), intent(in) :: key
 
-    has_other_condition = key%used_by /= '' .and. index(key%used_by, 'model=') == 0
+    has_other_condition = condition_count(key) > 0 .and. all(key%used_by%on /= 'model')
   end function has_other_condition
 
   !> 'real, kg, > 0.0; no default'.
@@ -225,7 +198,7 @@ contains
     if (range_text(key) /= '') text = text//', '//range_text(key)
     if (key%required) then
       text = text//'; no default'
-    else if (any(key%kind == [text_kind, texts_kind, choice_kind])) then
+    else if (is_text(key)) then
       text = text//'; default '//quoted_text(trim(key%default))
     else if (key%default /= '') then
       text = text//'; default '//trim(key%default)

@@ -2,13 +2,14 @@
 module dst_deck_values
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
-  use dst_text, only: read_real, read_integer
-  use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, longest_text, real_kind, reals_kind, integer_kind, &
-                        condition_count, condition_key, holds_with
+  use dst_faults, only: place_t
+  use dst_text, only: read_real, read_integer, has_word
+  use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, find_name, longest_text, real_kind, reals_kind, &
+                        integer_kind, condition_count
   implicit none
   private
 
-  public :: deck_t, value_t, usage, failing_condition, set_defaults, set_default, is_default
+  public :: deck_t, value_t, usage, failing_condition, element_count, set_default, is_default
   public :: used, unused, unknown
 
   !> Whether a key has a meaning in this deck; unknown while the choice it depends on is faulty.
@@ -19,9 +20,7 @@ module dst_deck_values
     logical :: user = .false.        !! set by the deck or by a setting, not the default
     logical :: attempted = .false.   !! the deck means to set it, perhaps under a wrong name
     logical :: valid = .true.        !! what was given could be understood
-    integer :: line = 0              !! line of the deck
-    integer :: setting = 0           !! number of the setting; 0 = the deck
-    character(longest_text) :: argument = ''
+    type(place_t) :: place
     integer(int64) :: integer = 0_int64
     real(wp), allocatable :: reals(:)
     character(longest_text), allocatable :: texts(:)
@@ -49,82 +48,69 @@ contains
   pure real(wp) function real_of(self, group, key)
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
-    integer :: i
 
     real_of = ieee_value(1.0_wp, ieee_quiet_nan)
-    i = find_key(group, key)
-    if (i == 0) return
-    if (.not. allocated(self%value(i)%reals)) return
-    if (size(self%value(i)%reals) > 0) real_of = self%value(i)%reals(1)
+    associate (value => self%value(find_key(group, key)))
+      if (.not. allocated(value%reals)) return
+      if (size(value%reals) > 0) real_of = value%reals(1)
+    end associate
   end function real_of
 
   pure function reals_of(self, group, key) result(list)
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
     real(wp), allocatable :: list(:)
-    integer :: i
 
     allocate (list(0))
-    i = find_key(group, key)
-    if (i == 0) return
-    if (allocated(self%value(i)%reals)) list = self%value(i)%reals
+    associate (value => self%value(find_key(group, key)))
+      if (allocated(value%reals)) list = value%reals
+    end associate
   end function reals_of
 
   pure integer(int64) function integer_of(self, group, key)
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
-    integer :: i
 
-    integer_of = 0_int64
-    i = find_key(group, key)
-    if (i > 0) integer_of = self%value(i)%integer
+    integer_of = self%value(find_key(group, key))%integer
   end function integer_of
 
   pure function text_of(self, group, key) result(text)
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
     character(:), allocatable :: text
-    integer :: i
 
     text = ''
-    i = find_key(group, key)
-    if (i == 0) return
-    if (.not. allocated(self%value(i)%texts)) return
-    if (size(self%value(i)%texts) > 0) text = trim(self%value(i)%texts(1))
+    associate (value => self%value(find_key(group, key)))
+      if (.not. allocated(value%texts)) return
+      if (size(value%texts) > 0) text = trim(value%texts(1))
+    end associate
   end function text_of
 
   pure function texts_of(self, group, key) result(list)
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
     character(longest_text), allocatable :: list(:)
-    integer :: i
 
     allocate (list(0))
-    i = find_key(group, key)
-    if (i == 0) return
-    if (allocated(self%value(i)%texts)) list = self%value(i)%texts
+    associate (value => self%value(find_key(group, key)))
+      if (allocated(value%texts)) list = value%texts
+    end associate
   end function texts_of
 
   !> Whether the user set the key.
   pure logical function is_set(self, group, key)
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
-    integer :: i
 
-    is_set = .false.
-    i = find_key(group, key)
-    if (i > 0) is_set = self%value(i)%user
+    is_set = self%value(find_key(group, key))%user
   end function is_set
 
   !> Whether the key has a meaning with the deck's model, law, contact and method.
   pure logical function is_used(self, group, key)
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
-    integer :: i
 
-    is_used = .false.
-    i = find_key(group, key)
-    if (i > 0) is_used = usage(self, i) == used
+    is_used = usage(self, find_key(group, key)) == used
   end function is_used
 
   !> Whether the deck is a sweep of many cases.
@@ -143,7 +129,7 @@ contains
 
     answer = used
     do n = 1, condition_count(schema(i))
-      on = condition_key(schema(i), n)
+      on = find_name(schema(i)%used_by(n)%on)
       its_usage = usage(deck, on)
       if (its_usage == used .and. .not. deck%value(on)%valid) its_usage = unknown
       if (its_usage == unknown) then
@@ -151,7 +137,7 @@ contains
         cycle
       end if
       if (its_usage == used) then
-        if (holds_with(schema(i), n, trim(deck%value(on)%texts(1)))) cycle
+        if (has_word(schema(i)%used_by(n)%choices, trim(deck%value(on)%texts(1)))) cycle
       end if
       answer = unused
       return
@@ -167,10 +153,10 @@ contains
 
     text = ''
     do n = 1, condition_count(schema(i))
-      on = condition_key(schema(i), n)
+      on = find_name(schema(i)%used_by(n)%on)
       if (usage(deck, on) == unused) then
         text = failing_condition(deck, on)
-      else if (.not. holds_with(schema(i), n, trim(deck%value(on)%texts(1)))) then
+      else if (.not. has_word(schema(i)%used_by(n)%choices, trim(deck%value(on)%texts(1)))) then
         text = trim(schema(on)%name)//' '//trim(deck%value(on)%texts(1))
       else
         cycle
@@ -179,15 +165,14 @@ contains
     end do
   end function failing_condition
 
-  !> Every key as if the deck were empty.
-  subroutine set_defaults(deck)
-    type(deck_t), intent(inout) :: deck
-    integer :: i
+  !> Number of values of a key.
+  pure integer function element_count(value)
+    type(value_t), intent(in) :: value
 
-    do i = 1, key_count
-      call set_default(schema(i), deck%value(i))
-    end do
-  end subroutine set_defaults
+    element_count = 1
+    if (allocated(value%reals)) element_count = size(value%reals)
+    if (allocated(value%texts)) element_count = size(value%texts)
+  end function element_count
 
   !> A key as if nobody had set it.
   pure subroutine set_default(key, value)

@@ -4,20 +4,13 @@
 !> The scanner knows the grammar only; what the groups and keys mean is the deck's matter. It goes through the text
 !> once, from left to right, and keeps positions, not copies.
 module dst_namelist
-  use dst_text, only: excerpt, lower_case
+  use dst_text, only: excerpt, lower_case, utf8_width
   use dst_faults, only: faults_t
   implicit none
   private
 
   public :: namelist_t, group_entry_t, assignment_t, token_t, name_length
   public :: scan_namelist, scan_values, token_text, last_line, is_plain_text
-
-  !> Where a check of UTF-8 stands: how many continuation bytes are to come, and what the next one may be.
-  type :: utf8_t
-    integer :: following = 0
-    integer :: low = 128, high = 191
-    logical :: sound = .true.
-  end type utf8_t
 
   !> A longer name is cut; no valid name is as long.
   integer, parameter :: name_length = 64
@@ -56,6 +49,7 @@ module dst_namelist
     integer :: position = 1, line = 1
     logical :: comments = .true.       !! whether ! begins a comment
     logical :: plain = .true.          !! false when the text holds bytes that no text has
+    type(faults_t) :: faults
   end type namelist_t
 
   character, parameter :: tab = achar(9), newline = achar(10), return = achar(13)
@@ -67,88 +61,87 @@ module dst_namelist
 
 contains
 
-  !> Scan `text`; every fault goes to `faults`, and what could be read stays in `list`.
-  subroutine scan_namelist(text, list, faults)
+  !> Scan `text`; every fault goes to `list%faults`, and what could be read stays in `list`.
+  subroutine scan_namelist(text, list)
     character(*), intent(in) :: text
     type(namelist_t), intent(out) :: list
-    type(faults_t), intent(inout) :: faults
 
-    list%text = text
-    allocate (list%groups(16), list%assignments(64), list%tokens(64))
-    call check_bytes(text, faults, list%plain)
+    call begin(text, list)
+    call check_bytes(text, list%faults, list%plain)
     if (.not. list%plain) return
     if (index(text, byte_order_mark) == 1) list%position = 4
-    do while (.not. faults%full())
+    do while (.not. list%faults%full())
       call skip_blank(list)
       if (at_end(list)) exit
       if (here(list) == '&') then
-        call scan_group(list, faults)
+        call scan_group(list)
       else
-        call skip_stray(list, faults)
+        call skip_stray(list)
       end if
     end do
   end subroutine scan_namelist
 
   !> Scan `text` as the values of one key, as they stand after `=`; all words are in list%tokens.
-  subroutine scan_values(text, key, list, faulty, faults, setting, argument)
+  subroutine scan_values(text, key, list, problem)
     character(*), intent(in) :: text
     character(*), intent(in) :: key         !! for messages
     type(namelist_t), intent(out) :: list
-    logical, intent(out) :: faulty
-    type(faults_t), intent(inout) :: faults
-    integer, intent(in) :: setting
-    character(*), intent(in) :: argument
-    type(faults_t) :: found
+    character(:), allocatable, intent(out) :: problem     !! '' or what is wrong first
+
+    call begin(text, list)
+    list%comments = .false.
+    call begin_assignment(list, key, 1)
+    call read_values(list)
+    if (list%faults%count == 0 .and. .not. at_end(list)) &
+      call list%faults%add(1, "unexpected '"//excerpt(text(list%position:))//"': give only the value")
+    problem = ''
+    if (list%faults%count > 0) problem = trim(list%faults%item(1)%text)
+  end subroutine scan_values
+
+  !> Nothing of `text` has been read. There is room for all that it may hold: a word, or a key with its =, takes two characters.
+  subroutine begin(text, list)
+    character(*), intent(in) :: text
+    type(namelist_t), intent(inout) :: list
+    integer :: i
 
     list%text = text
-    list%comments = .false.
-    allocate (list%groups(1), list%assignments(1), list%tokens(16))
-    call begin_assignment(list, key, 1)
-    call read_values(list, found)
-    if (found%count == 0 .and. .not. at_end(list)) &
-      call found%add(1, "unexpected '"//excerpt(text(list%position:))//"': give only the value")
-    faulty = found%count > 0
-    if (faulty) call faults%add(0, trim(found%item(1)%text), setting, argument)
-  end subroutine scan_values
+    allocate (list%groups(count([(text(i:i) == '&', i=1, len(text))])))
+    allocate (list%assignments(len(text)/2 + 2), list%tokens(len(text)/2 + 2))
+  end subroutine begin
 
   !> A deck is UTF-8 without control characters; `plain` is false when it holds bytes that no text has.
   subroutine check_bytes(text, faults, plain)
     character(*), intent(in) :: text
     type(faults_t), intent(inout) :: faults
     logical, intent(out) :: plain
-    type(utf8_t) :: utf8
-    integer :: i, line, bad_line
+    integer :: i, line, bad_line, width
 
     plain = .true.
     bad_line = 0
     line = 1
-    do i = 1, len(text)
+    i = 1
+    do while (i <= len(text))
       if (.not. is_plain(text, i)) then
         call faults%add(line, trim(merge('NUL bytes         ', 'control characters', iachar(text(i:i)) == 0))// &
                         ' in the deck: a deck is plain UTF-8 text, not a binary file')
         plain = .false.
         return
       end if
-      call follow_utf8(iachar(text(i:i)), utf8)
-      if (bad_line == 0 .and. .not. utf8%sound) bad_line = line
+      width = utf8_width(text(i:min(i + 3, len(text))))
+      if (bad_line == 0 .and. width == 0) bad_line = line
       if (text(i:i) == newline) line = line + 1
+      i = i + max(1, width)
     end do
-    if (bad_line == 0 .and. utf8%following > 0) bad_line = line
     if (bad_line > 0) call faults%add(bad_line, 'a character is not UTF-8: save the deck as UTF-8 text')
   end subroutine check_bytes
 
   !> Whether `text` is UTF-8 without control characters.
   logical function is_plain_text(text)
     character(*), intent(in) :: text
-    type(utf8_t) :: utf8
-    integer :: i
+    type(faults_t) :: faults
 
-    is_plain_text = .true.
-    do i = 1, len(text)
-      call follow_utf8(iachar(text(i:i)), utf8)
-      is_plain_text = is_plain_text .and. is_plain(text, i)
-    end do
-    is_plain_text = is_plain_text .and. utf8%sound .and. utf8%following == 0
+    call check_bytes(text, faults, is_plain_text)
+    is_plain_text = faults%count == 0
   end function is_plain_text
 
   !> Whether byte `i` may stand in a text: no control character but tab and the ends of lines.
@@ -167,88 +160,51 @@ contains
     end select
   end function is_plain
 
-  !> Take one byte; RFC 3629, table in section 4: no code may be longer than it need be, a surrogate, or beyond U+10FFFF.
-  pure subroutine follow_utf8(code, utf8)
-    integer, intent(in) :: code
-    type(utf8_t), intent(inout) :: utf8
-
-    if (utf8%following > 0) then
-      utf8%sound = utf8%sound .and. code >= utf8%low .and. code <= utf8%high
-      utf8%following = utf8%following - 1
-      utf8%low = 128
-      utf8%high = 191
-      return
-    end if
-    select case (code)
-    case (194:223)
-      utf8%following = 1
-    case (224:239)
-      utf8%following = 2
-      if (code == 224) utf8%low = 160
-      if (code == 237) utf8%high = 159
-    case (240:244)
-      utf8%following = 3
-      if (code == 240) utf8%low = 144
-      if (code == 244) utf8%high = 143
-    case (128:193, 245:)
-      utf8%sound = .false.
-    end select
-  end subroutine follow_utf8
-
   !> Everything from `&` to the end of the group.
-  subroutine scan_group(list, faults)
+  subroutine scan_group(list)
     type(namelist_t), intent(inout) :: list
-    type(faults_t), intent(inout) :: faults
     type(group_entry_t) :: group
-    type(group_entry_t), allocatable :: larger(:)
 
     list%position = list%position + 1
     group%line = list%line
     group%name = next_word(list)
     if (group%name == '') then
-      call faults%add(list%line, "'&' without a group name: write the name right after it, as in &scene")
+      call list%faults%add(list%line, "'&' without a group name: write the name right after it, as in &scene")
       call skip_blank(list)
       group%name = next_word(list)
     end if
     if (lower_case(group%name) == 'end') then
-      call faults%add(list%line, "'&end' without a group to end: remove it")
+      call list%faults%add(list%line, "'&end' without a group to end: remove it")
       return
-    end if
-    if (list%group_count == size(list%groups)) then
-      allocate (larger(2*size(list%groups)))
-      larger(:list%group_count) = list%groups
-      call move_alloc(larger, list%groups)
     end if
     list%group_count = list%group_count + 1
     list%groups(list%group_count) = group
-    call scan_assignments(list, faults)
+    call scan_assignments(list)
   end subroutine scan_group
 
-  subroutine scan_assignments(list, faults)
+  subroutine scan_assignments(list)
     type(namelist_t), intent(inout) :: list
-    type(faults_t), intent(inout) :: faults
     logical :: ended
 
-    do while (.not. faults%full())
+    do while (.not. list%faults%full())
       call skip_blank(list)
-      call end_of_group(list, faults, ended)
+      call end_of_group(list, ended)
       if (ended) return
-      call scan_key(list, faults)
-      call read_values(list, faults)
+      call scan_key(list)
+      call read_values(list)
     end do
   end subroutine scan_assignments
 
   !> Whether the group ends here: `/`, `&end`, or a fault: the next group, the end of the text.
-  subroutine end_of_group(list, faults, ended)
+  subroutine end_of_group(list, ended)
     type(namelist_t), intent(inout) :: list
-    type(faults_t), intent(inout) :: faults
     logical, intent(out) :: ended
     integer :: before
 
     ended = .true.
     associate (group => list%groups(list%group_count))
       if (at_end(list)) then
-        call faults%add(last_line(list%text), "missing '/': end the group &"//excerpt(trim(group%name))//" with a '/'")
+        call list%faults%add(last_line(list%text), "missing '/': end the group &"//excerpt(trim(group%name))//" with a '/'")
       else if (here(list) == '/') then
         list%position = list%position + 1
       else if (here(list) == '&') then
@@ -256,7 +212,8 @@ contains
         list%position = before + 1
         if (lower_case(next_word(list)) == 'end') return
         list%position = before
-        call faults%add(list%line, "missing '/': end the group &"//excerpt(trim(group%name))//" with a '/' before this line's '&'")
+        call list%faults%add(list%line, "missing '/': end the group &"//excerpt(trim(group%name))// &
+                             " with a '/' before this line's '&'")
       else
         ended = .false.
       end if
@@ -264,13 +221,12 @@ contains
   end subroutine end_of_group
 
   !> The key and its `=`.
-  subroutine scan_key(list, faults)
+  subroutine scan_key(list)
     type(namelist_t), intent(inout) :: list
-    type(faults_t), intent(inout) :: faults
     character(:), allocatable :: key
 
     if (.not. begins_name(here(list))) then
-      call faults%add(list%line, "'"//excerpt(rest_of_line(list))//"' where a key should be: write KEY = VALUE")
+      call list%faults%add(list%line, "'"//excerpt(rest_of_line(list))//"' where a key should be: write KEY = VALUE")
       call begin_assignment(list, '', list%line)
       list%assignments(list%assignment_count)%faulty = .true.
       return
@@ -278,23 +234,20 @@ contains
     key = next_word(list)
     call begin_assignment(list, key, list%line)
     associate (assignment => list%assignments(list%assignment_count))
-      if (.not. at_end(list)) then
-        if (here(list) == '(' .or. here(list) == '%') then
-          call faults%add(list%line, "'"//excerpt(key//rest_of_line(list))// &
-                          "' sets a part of a key: give all values at once, as in "//excerpt(key)//' = VALUE, VALUE')
-          assignment%faulty = .true.
-          call skip_to_equals(list)
-        end if
+      if (here(list) == '(' .or. here(list) == '%') then
+        call list%faults%add(list%line, "'"//excerpt(key//rest_of_line(list))// &
+                             "' sets a part of a key: give all values at once, as in "//excerpt(key)//' = VALUE, VALUE')
+        assignment%faulty = .true.
+        ! Past the subscript, within its line.
+        list%position = list%position + span_until(list, newline//'=!/&')
       end if
       call skip_blank(list)
-      if (.not. at_end(list)) then
-        if (here(list) == '=') then
-          list%position = list%position + 1
-          return
-        end if
+      if (here(list) == '=') then
+        list%position = list%position + 1
+        return
       end if
       if (.not. assignment%faulty) &
-        call faults%add(assignment%line, "'"//excerpt(key)//"' without '=': write KEY = VALUE")
+        call list%faults%add(assignment%line, "'"//excerpt(key)//"' without '=': write KEY = VALUE")
       assignment%faulty = .true.
       assignment%bare = .true.
     end associate
@@ -304,34 +257,26 @@ contains
     type(namelist_t), intent(inout) :: list
     character(*), intent(in) :: key
     integer, intent(in) :: line
-    type(assignment_t), allocatable :: larger(:)
 
-    if (list%assignment_count == size(list%assignments)) then
-      allocate (larger(2*size(list%assignments)))
-      larger(:list%assignment_count) = list%assignments
-      call move_alloc(larger, list%assignments)
-    end if
     list%assignment_count = list%assignment_count + 1
     list%assignments(list%assignment_count) = assignment_t(group=list%group_count, key=key, line=line, &
                                                            first=list%token_count + 1)
   end subroutine begin_assignment
 
   !> The values of the last assignment, up to the next key or the end of the group.
-  subroutine read_values(list, faults)
+  subroutine read_values(list)
     type(namelist_t), intent(inout) :: list
-    type(faults_t), intent(inout) :: faults
     logical :: after_value, faulty
 
     after_value = .false.
     associate (assignment => list%assignments(list%assignment_count))
       do
         call skip_blank(list)
-        if (at_end(list)) exit
-        if (here(list) == '/' .or. here(list) == '&') exit
+        if (at_end(list) .or. here(list) == '/' .or. here(list) == '&') exit
         if (here(list) == ',') then
           if (.not. (after_value .or. assignment%faulty)) then
-            call faults%add(list%line, "nothing before a ',' in '"//excerpt(trim(assignment%key))// &
-                            "': an empty value is not allowed, give it or remove the ','")
+            call list%faults%add(list%line, "nothing before a ',' in '"//excerpt(trim(assignment%key))// &
+                                 "': an empty value is not allowed, give it or remove the ','")
             assignment%faulty = .true.
           end if
           after_value = .false.
@@ -339,24 +284,23 @@ contains
         else if (next_key_follows(list)) then
           exit
         else
-          call read_token(list, faults, assignment%faulty, faulty)
+          call read_token(list, assignment%faulty, faulty)
           assignment%faulty = assignment%faulty .or. faulty
           after_value = .true.
         end if
       end do
       assignment%last = list%token_count
       if (assignment%last < assignment%first .and. .not. assignment%faulty) then
-        call faults%add(assignment%line, "'"//excerpt(trim(assignment%key))// &
-                        "' has an empty value: give a value or remove the key")
+        call list%faults%add(assignment%line, "'"//excerpt(trim(assignment%key))// &
+                             "' has an empty value: give a value or remove the key")
         assignment%faulty = .true.
       end if
     end associate
   end subroutine read_values
 
   !> One word with its repeat count; a fault is noted unless `silent`.
-  subroutine read_token(list, faults, silent, faulty)
+  subroutine read_token(list, silent, faulty)
     type(namelist_t), intent(inout) :: list
-    type(faults_t), intent(inout) :: faults
     logical, intent(in) :: silent
     logical, intent(out) :: faulty
     type(token_t) :: token
@@ -374,9 +318,10 @@ contains
     end if
     faulty = len(problem) > 0
     if (faulty) then
-      if (.not. silent) call faults%add(token%line, problem)
+      if (.not. silent) call list%faults%add(token%line, problem)
     else
-      call add_token(list, token)
+      list%token_count = list%token_count + 1
+      list%tokens(list%token_count) = token
     end if
   end subroutine read_token
 
@@ -403,9 +348,7 @@ contains
     list%position = list%position + width + 1
     if (times < 1) then
       problem = "repeat count '"//count_text//"*' is not positive: give 1 or more"
-    else if (at_end(list)) then
-      problem = "'"//excerpt(count_text)//"*' repeats an empty value: give the value after the '*'"
-    else if (scan(here(list), word_ends) == 1 .and. scan(here(list), '''"') == 0) then
+    else if (at_end(list) .or. (scan(here(list), word_ends) == 1 .and. scan(here(list), '''"') == 0)) then
       problem = "'"//excerpt(count_text)//"*' repeats an empty value: give the value after the '*'"
     end if
     if (len(problem) > 0) list%position = list%position + span_until(list, word_ends)
@@ -480,20 +423,6 @@ contains
     list%position = list%position + span_until(list, blanks//newline//',/&')
   end subroutine read_bare
 
-  subroutine add_token(list, token)
-    type(namelist_t), intent(inout) :: list
-    type(token_t), intent(in) :: token
-    type(token_t), allocatable :: larger(:)
-
-    if (list%token_count == size(list%tokens)) then
-      allocate (larger(2*size(list%tokens)))
-      larger(:list%token_count) = list%tokens
-      call move_alloc(larger, list%tokens)
-    end if
-    list%token_count = list%token_count + 1
-    list%tokens(list%token_count) = token
-  end subroutine add_token
-
   !> Whether a name and `=`, or a name and a subscript, stand here.
   logical function next_key_follows(list)
     type(namelist_t), intent(inout) :: list
@@ -505,24 +434,20 @@ contains
     position = list%position
     line = list%line
     name = next_word(list)
-    if (.not. at_end(list)) then
-      if (here(list) == '(' .or. here(list) == '%') next_key_follows = .true.
-    end if
+    next_key_follows = here(list) == '(' .or. here(list) == '%'
     call skip_blank(list)
-    if (.not. at_end(list)) next_key_follows = next_key_follows .or. here(list) == '='
+    next_key_follows = next_key_follows .or. here(list) == '='
     list%position = position
     list%line = line
   end function next_key_follows
 
   !> Text between groups: one fault for all of it.
-  subroutine skip_stray(list, faults)
+  subroutine skip_stray(list)
     type(namelist_t), intent(inout) :: list
-    type(faults_t), intent(inout) :: faults
 
-    call faults%add(list%line, "'"//excerpt(rest_of_line(list))// &
-                    "' outside a group: put it between &GROUP and '/', or after a '!'")
-    do while (.not. at_end(list))
-      if (here(list) == '&') exit
+    call list%faults%add(list%line, "'"//excerpt(rest_of_line(list))// &
+                         "' outside a group: put it between &GROUP and '/', or after a '!'")
+    do while (.not. (at_end(list) .or. here(list) == '&'))
       list%position = list%position + span_until(list, blanks//newline//'&!')
       call skip_blank(list)
     end do
@@ -543,13 +468,6 @@ contains
       list%position = list%position + 1
     end do
   end subroutine skip_blank
-
-  !> Past a subscript, within its line.
-  subroutine skip_to_equals(list)
-    type(namelist_t), intent(inout) :: list
-
-    list%position = list%position + span_until(list, newline//'=!/&')
-  end subroutine skip_to_equals
 
   !> The word from here to the next separator; '' if there is none.
   function next_word(list) result(word)
@@ -610,10 +528,12 @@ contains
     at_end = list%position > len(list%text)
   end function at_end
 
+  !> The character here; one that no text has at the end.
   pure character function here(list)
     type(namelist_t), intent(in) :: list
 
-    here = list%text(list%position:list%position)
+    here = achar(0)
+    if (.not. at_end(list)) here = list%text(list%position:list%position)
   end function here
 
   !> Number of the last line that holds text.

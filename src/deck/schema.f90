@@ -4,15 +4,17 @@
 !> page come from it. A key is added by adding its entry here.
 module dst_schema
   use dst_kinds, only: wp, int64
-  use dst_text, only: name_width, unit_width, value_width, meaning_width, real_text, integer_text, has_word, alternatives
+  use dst_methods, only: method_names, adaptive_methods, explicit_methods, fixed_step_methods
+  use dst_text, only: name_width, unit_width, value_width, meaning_width, real_text, integer_text, &
+                      has_word, nearest_word, alternatives, excerpt
   implicit none
   private
 
   public :: key_t, range_t, schema, key_count, group_names, sweep_group
   public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind, kind_names
-  public :: longest_text, most_values, adaptive_methods
-  public :: find_key, find_name, names_file, keys_of, in_range, range_text
-  public :: condition_count, condition_key, condition_choices, condition_text, holds_with
+  public :: longest_text, most_values
+  public :: find_key, find_name, is_text, names_file, keys_of, in_range, range_text, choice_problem, &
+            condition_count, condition_text
 
   integer, parameter :: real_kind = 1, integer_kind = 2, text_kind = 3, choice_kind = 4
   integer, parameter :: reals_kind = 5, texts_kind = 6
@@ -22,11 +24,17 @@ module dst_schema
   !> Bytes of the longest text value; numbers of the longest list.
   integer, parameter :: longest_text = 256, most_values = 10000
 
-  !> An interval; an open end excludes its limit.
+  !> An interval; an open end excludes the limit.
   type :: range_t
     real(wp) :: low = -huge(1.0_wp), high = huge(1.0_wp)
-    logical :: low_open = .false., high_open = .false.
+    logical :: low_open = .false.
   end type range_t
+
+  !> That the key `on` has one of these choices, blank-separated.
+  type :: condition_t
+    character(name_width) :: on = ''
+    character(128) :: choices = ''
+  end type condition_t
 
   type :: key_t
     character(name_width) :: group
@@ -38,7 +46,7 @@ module dst_schema
     character(value_width) :: default   !! as in a deck, text without quotes; of a required key: what is tolerated when it is not used
     character(value_width) :: sample    !! Fig. 3's value, for the template
     character(256) :: choices           !! blank-separated; '' = free
-    character(128) :: used_by           !! conditions 'key=choice choice, key=choice' that must all hold; '' = always used
+    type(condition_t) :: used_by(2)     !! all of them must hold
     character(meaning_width) :: meaning
   end type key_t
 
@@ -60,66 +68,64 @@ module dst_schema
   !> Friction laws that have mu_inf and v_f, and all.
   character(*), parameter :: weakening_laws = 'weakening'
   character(*), parameter :: laws = 'constant '//weakening_laws
-  character(*), parameter :: implicit_methods = 'radau5 radau9 radau13'
-  character(*), parameter :: sweep_methods = 'rodas4p'
-  character(*), parameter :: explicit_methods = 'dopri5 dop853'
-  character(*), parameter :: fixed_step_methods = 'rk4 moreau_jean'
-  character(*), parameter :: adaptive_methods = implicit_methods//' '//explicit_methods//' '//sweep_methods
-  character(*), parameter :: methods = adaptive_methods//' '//fixed_step_methods
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
     'friction theta psi sticking zeta'
 
-  character(*), parameter :: dynamic = 'model='//plane_models//' low_frequency high_frequency auto'
-  character(*), parameter :: elastic = 'model='//plane_models//' high_frequency creep auto'
-  character(*), parameter :: transverse = 'model='//plane_models//' high_frequency auto'
-  character(*), parameter :: contacts = 'model='//plane_models//' auto'
-  character(*), parameter :: asymptotic = 'model=creep_asymptotic'
-  character(*), parameter :: weakens = 'law='//weakening_laws
-  character(*), parameter :: fixed_step = 'method='//fixed_step_methods
-  character(*), parameter :: adaptive = 'method='//adaptive_methods
-  character(*), parameter :: explicit_exact = 'method='//explicit_methods//', contact=exact'
+  type(condition_t), parameter :: none = condition_t(), always(2) = none
+  type(condition_t), parameter :: dynamic(2) = [condition_t('model', plane_models//' low_frequency high_frequency auto'), none]
+  type(condition_t), parameter :: elastic(2) = [condition_t('model', plane_models//' high_frequency creep auto'), none]
+  type(condition_t), parameter :: transverse(2) = [condition_t('model', plane_models//' high_frequency auto'), none]
+  type(condition_t), parameter :: contacts(2) = [condition_t('model', plane_models//' auto'), none]
+  type(condition_t), parameter :: asymptotic(2) = [condition_t('model', 'creep_asymptotic'), none]
+  type(condition_t), parameter :: undecided(2) = [condition_t('model', 'auto'), none]
+  type(condition_t), parameter :: weakens(2) = [condition_t('law', weakening_laws), none]
+  type(condition_t), parameter :: smoothed(2) = [condition_t('contact', 'smoothed'), none]
+  type(condition_t), parameter :: fixed_step(2) = [condition_t('method', fixed_step_methods), none]
+  type(condition_t), parameter :: adaptive(2) = [condition_t('method', adaptive_methods), none]
+  type(condition_t), parameter :: explicit_exact(2) = &
+    [condition_t('method', explicit_methods), condition_t('contact', 'exact')]
 
   logical, parameter :: must = .true., may = .false.
 
   !> group, key, kind, unit, range, required?, default, sample, choices, used_by, meaning
   type(key_t), parameter :: schema(*) = [ &
-    key_t('scene', 'title', text_kind, '', any_real, may, '', 'Fig. 3, Nakano & Popov (2020)', '', '', &
+    key_t('scene', 'title', text_kind, '', any_real, may, '', 'Fig. 3, Nakano & Popov (2020)', '', always, &
           'what the scene shows; kept in the results'), &
-    key_t('scene', 'model', choice_kind, '', any_real, may, 'full', '', models, '', &
+    key_t('scene', 'model', choice_kind, '', any_real, may, 'full', '', models, always, &
           'the equations to integrate'), &
     key_t('scene', 'form', choice_kind, '', any_real, may, 'first_power', '', 'first_power printed third_order', asymptotic, &
           'of Eq. (8): as derived from Eq. (7), as printed in the preprint, or with the next order'), &
     key_t('scene', 'quantities', choice_kind, '', any_real, may, 'stick_slip', '', 'stick_slip creep high_frequency', &
-          'model=auto', 'what the model is chosen for'), &
-    key_t('scene', 'accuracy', real_kind, '1', range_t(low=1.0e-12_wp, high=1.0_wp), may, '1.0e-3', '', '', 'model=auto', &
+          undecided, 'what the model is chosen for'), &
+    key_t('scene', 'accuracy', real_kind, '1', range_t(low=1.0e-12_wp, high=1.0_wp), may, '1.0e-3', '', '', undecided, &
           'error against the full model that is allowed in these quantities'), &
-    key_t('scene', 't_end', real_kind, 's', positive, must, '', '10.0', '', '', &
+    key_t('scene', 't_end', real_kind, 's', positive, must, '', '10.0', '', always, &
           'end of the simulated time'), &
     key_t('system', 'mass', real_kind, 'kg', positive, must, '', '0.25', '', dynamic, &
           'mass of the object'), &
-    key_t('system', 'stiffness_x', real_kind, 'N/m', positive, must, '', '1.0e3', '', '', &
+    key_t('system', 'stiffness_x', real_kind, 'N/m', positive, must, '', '1.0e3', '', always, &
           'stiffness along the soft principal axis'), &
     key_t('system', 'stiffness_y', real_kind, 'N/m', positive, must, '', '1.0e7', '', elastic, &
           'stiffness along the stiff principal axis'), &
-    key_t('system', 'misalignment_deg', real_kind, 'deg', one_turn, must, '', '1.0', '', '', &
+    key_t('system', 'misalignment_deg', real_kind, 'deg', one_turn, must, '', '1.0', '', always, &
           'angle phi from the drive direction to the soft axis'), &
     key_t('friction', 'law', choice_kind, '', any_real, may, 'weakening', '', laws, dynamic, &
           'how friction depends on the slip velocity'), &
-    key_t('friction', 'mu_0', real_kind, '1', non_negative, must, '', '0.20', '', '', &
+    key_t('friction', 'mu_0', real_kind, '1', non_negative, must, '', '0.20', '', always, &
           'friction coefficient at rest'), &
     key_t('friction', 'mu_inf', real_kind, '1', non_negative, must, '', '0.15', '', weakens, &
           'friction coefficient at high slip velocity'), &
     key_t('friction', 'v_f', real_kind, 'm/s', positive, must, '', '0.010', '', weakens, &
           'slip velocity over which friction weakens'), &
-    key_t('friction', 'normal_load', real_kind, 'N', non_negative, must, '', '10.0', '', '', &
+    key_t('friction', 'normal_load', real_kind, 'N', non_negative, must, '', '10.0', '', always, &
           'normal load W'), &
     key_t('friction', 'contact', choice_kind, '', any_real, may, 'exact', '', 'exact smoothed', contacts, &
           'exact: set-valued at rest, with events; smoothed: w/sqrt(|w|^2 + v_smooth^2)'), &
-    key_t('friction', 'v_smooth', real_kind, 'm/s', positive, must, '0.0', '', '', 'contact=smoothed', &
+    key_t('friction', 'v_smooth', real_kind, 'm/s', positive, must, '0.0', '', '', smoothed, &
           'smoothing velocity, to be far below V sin(phi)'), &
-    key_t('drive', 'velocity', reals_kind, 'm/s', any_real, must, '', '1.0e-3', '', '', &
+    key_t('drive', 'velocity', reals_kind, 'm/s', any_real, must, '', '1.0e-3', '', always, &
           'drive velocity: one value, or one for each time; constant after the last'), &
-    key_t('drive', 'time', reals_kind, 's', non_negative, may, '0.0', '', '', '', &
+    key_t('drive', 'time', reals_kind, 's', non_negative, may, '0.0', '', '', always, &
           'corners of a piecewise-linear velocity, from 0 on; a time given twice is a jump'), &
     key_t('initial', 'velocity_ratio', real_kind, '1', any_real, may, '0.0', '1.0e-6', '', dynamic, &
           'initial velocity along the drive over the drive velocity, X''(0)/V'), &
@@ -127,7 +133,7 @@ module dst_schema
           'initial elongation of the spring along the soft axis; high_frequency holds it'), &
     key_t('initial', 'elongation_y', real_kind, 'm', any_real, may, '0.0', '', '', transverse, &
           'initial elongation of the spring along the stiff axis'), &
-    key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau9', '', methods, dynamic, &
+    key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau9', '', method_names, dynamic, &
           'radau*: implicit; dopri5, dop853, rk4: explicit; moreau_jean: nonsmooth; rodas4p: sweeps'), &
     key_t('integrator', 'rtol', real_kind, '1', tolerances, may, '1.0e-8', '', '', adaptive, &
           'relative tolerance of a step'), &
@@ -139,31 +145,31 @@ module dst_schema
           'longest step; 0 = no limit'), &
     key_t('integrator', 'max_steps', integer_kind, '1', non_negative, may, '0', '', '', dynamic, &
           'most steps of a run; 0 = no limit'), &
-    key_t('output', 'file', text_kind, '', any_real, may, '', '', '', '', &
+    key_t('output', 'file', text_kind, '', any_real, may, '', '', '', always, &
           'file of the results; empty = the deck''s name with .h5, in the current directory'), &
-    key_t('output', 'interval', real_kind, 's', non_negative, may, '1.0e-3', '', '', '', &
+    key_t('output', 'interval', real_kind, 's', non_negative, may, '1.0e-3', '', '', always, &
           'time between samples; 0 = every accepted step'), &
-    key_t('output', 'fields', texts_kind, '', any_real, may, 'default', '', columns, '', &
+    key_t('output', 'fields', texts_kind, '', any_real, may, 'default', '', columns, always, &
           'columns of the time series'), &
-    key_t('output', 'flush_seconds', real_kind, 's', non_negative, may, '5.0', '', '', '', &
+    key_t('output', 'flush_seconds', real_kind, 's', non_negative, may, '5.0', '', '', always, &
           'wall time between flushes of the file'), &
-    key_t('output', 'checkpoint_interval', real_kind, 's', non_negative, may, '600.0', '', '', '', &
+    key_t('output', 'checkpoint_interval', real_kind, 's', non_negative, may, '600.0', '', '', always, &
           'wall time between checkpoints; 0 = only when the run is stopped'), &
-    key_t('output', 'wall_limit', real_kind, 's', non_negative, may, '0.0', '', '', '', &
+    key_t('output', 'wall_limit', real_kind, 's', non_negative, may, '0.0', '', '', always, &
           'wall time after which the run stops; 0 = no limit'), &
-    key_t('sweep', 'parameter', texts_kind, '', any_real, may, '', '', '', '', &
+    key_t('sweep', 'parameter', texts_kind, '', any_real, may, '', '', '', always, &
           'keys that are varied, as GROUP.KEY; the last varies fastest'), &
-    key_t('sweep', 'first', reals_kind, '', any_real, may, '', '', '', '', &
+    key_t('sweep', 'first', reals_kind, '', any_real, may, '', '', '', always, &
           'first value of each parameter, in its own unit'), &
-    key_t('sweep', 'last', reals_kind, '', any_real, may, '', '', '', '', &
+    key_t('sweep', 'last', reals_kind, '', any_real, may, '', '', '', always, &
           'last value of each parameter'), &
-    key_t('sweep', 'count', reals_kind, '1', range_t(low=1.0_wp, high=1.0e9_wp), may, '', '', '', '', &
+    key_t('sweep', 'count', reals_kind, '1', range_t(low=1.0_wp, high=1.0e9_wp), may, '', '', '', always, &
           'number of values of each parameter'), &
-    key_t('sweep', 'spacing', texts_kind, '', any_real, may, 'linear', '', 'linear log', '', &
+    key_t('sweep', 'spacing', texts_kind, '', any_real, may, 'linear', '', 'linear log', always, &
           'distance of the values: one for all parameters, or one for each'), &
-    key_t('sweep', 'points', text_kind, '', any_real, may, '', '', '', '', &
+    key_t('sweep', 'points', text_kind, '', any_real, may, '', '', '', always, &
           'CSV or HDF5 file, a column for each GROUP.KEY and a case a row, in place of the above'), &
-    key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series', '', &
+    key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series', always, &
           'what is kept of a case: its summary, or the time series too')]
 
   !> Number of keys.
@@ -174,14 +180,10 @@ contains
   !> Index of a key; 0 if the group has no such key.
   pure integer function find_key(group, name)
     character(*), intent(in) :: group, name
-    integer :: i
 
-    find_key = 0
-    do i = 1, key_count
-      if (schema(i)%name /= name) cycle
-      if (schema(i)%group == group) find_key = i
-      if (find_key > 0) return
-    end do
+    find_key = find_name(name)
+    if (find_key == 0) return
+    if (schema(find_key)%group /= group) find_key = 0
   end function find_key
 
   !> Index of the key of this name in any group; 0 if there is none. Key names are unique.
@@ -195,6 +197,13 @@ contains
       if (find_name > 0) return
     end do
   end function find_name
+
+  !> Whether the values of a key are texts.
+  pure logical function is_text(key)
+    type(key_t), intent(in) :: key
+
+    is_text = any(key%kind == [text_kind, texts_kind, choice_kind])
+  end function is_text
 
   !> Whether the value of a key is the name of a file.
   pure logical function names_file(key)
@@ -223,7 +232,6 @@ contains
 
     in_range = value >= range%low .and. value <= range%high
     if (range%low_open) in_range = in_range .and. value > range%low
-    if (range%high_open) in_range = in_range .and. value < range%high
   end function in_range
 
   !> '> 0.0', '>= 0', '>= a and <= b'; '' when every finite value will do.
@@ -235,7 +243,7 @@ contains
     if (key%range%low > -huge(1.0_wp)) text = trim(merge('> ', '>=', key%range%low_open))//' '//limit_text(key, key%range%low)
     if (key%range%high < huge(1.0_wp)) then
       if (len(text) > 0) text = text//' and '
-      text = text//trim(merge('< ', '<=', key%range%high_open))//' '//limit_text(key, key%range%high)
+      text = text//'<= '//limit_text(key, key%range%high)
     end if
   end function range_text
 
@@ -251,63 +259,26 @@ contains
     end if
   end function limit_text
 
+  !> '' when the key has this choice.
+  function choice_problem(key, given) result(problem)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given
+    character(:), allocatable :: problem
+
+    problem = ''
+    if (has_word(key%choices, given)) return
+    problem = 'unknown '//trim(key%name)//" '"//excerpt(given)//"': "
+    if (nearest_word(given, key%choices) /= '') &
+      problem = problem//"the nearest is '"//nearest_word(given, key%choices)//"', "
+    problem = problem//'choose '//alternatives(key%choices)
+  end function choice_problem
+
   !> Number of conditions under which a key is used.
   pure integer function condition_count(key)
     type(key_t), intent(in) :: key
-    integer :: i
 
-    condition_count = count([(key%used_by(i:i) == '=', i=1, len_trim(key%used_by))])
+    condition_count = count(key%used_by%on /= '')
   end function condition_count
-
-  !> Where in `key%used_by` condition `n` stands, 'key=choice choice', and its equals sign. Nothing is copied: a deck's conditions
-  !> are asked some hundred times.
-  pure subroutine find_condition(key, n, first, equals, last)
-    type(key_t), intent(in) :: key
-    integer, intent(in) :: n
-    integer, intent(out) :: first, equals, last
-    integer :: i
-
-    last = -1
-    do i = 1, n
-      first = last + 2
-      last = scan(key%used_by(first:), ',') + first - 2
-      if (last < first) last = len_trim(key%used_by)
-    end do
-    first = verify(key%used_by(first:), ' ') + first - 1
-    equals = scan(key%used_by(first:), '=') + first - 1
-  end subroutine find_condition
-
-  !> Index of the key on which condition `n` of `key` depends.
-  pure integer function condition_key(key, n)
-    type(key_t), intent(in) :: key
-    integer, intent(in) :: n
-    integer :: first, equals, last
-
-    call find_condition(key, n, first, equals, last)
-    condition_key = find_name(key%used_by(first:equals - 1))
-  end function condition_key
-
-  !> Whether condition `n` of `key` holds with a choice.
-  pure logical function holds_with(key, n, choice)
-    type(key_t), intent(in) :: key
-    integer, intent(in) :: n
-    character(*), intent(in) :: choice
-    integer :: first, equals, last
-
-    call find_condition(key, n, first, equals, last)
-    holds_with = has_word(key%used_by(equals + 1:last), choice)
-  end function holds_with
-
-  !> The choices with which condition `n` of `key` holds, blank-separated.
-  pure function condition_choices(key, n) result(list)
-    type(key_t), intent(in) :: key
-    integer, intent(in) :: n
-    character(:), allocatable :: list
-    integer :: first, equals, last
-
-    call find_condition(key, n, first, equals, last)
-    list = key%used_by(equals + 1:last)
-  end function condition_choices
 
   !> 'law weakening', 'method dopri5 | dop853 and contact exact'; '' when always used.
   pure function condition_text(key) result(text)
@@ -318,7 +289,7 @@ contains
     text = ''
     do n = 1, condition_count(key)
       if (n > 1) text = text//' and '
-      text = text//trim(schema(condition_key(key, n))%name)//' '//alternatives(condition_choices(key, n))
+      text = text//trim(key%used_by(n)%on)//' '//alternatives(key%used_by(n)%choices)
     end do
   end function condition_text
 end module dst_schema

@@ -8,6 +8,7 @@ module dst_assembly
   use dst_full_model, only: new_full_polar, new_full_smoothed
   use dst_implicit_slip, only: implicit_slip_t
   use dst_kinds, only: wp
+  use dst_methods, only: method_t, method_named
   use dst_low_frequency, only: new_low_frequency
   use dst_moreau_jean, only: new_moreau_jean
   use dst_motion, only: motion_t
@@ -158,14 +159,16 @@ contains
     type(drive_t), intent(in) :: drive
     class(slip_system_t), allocatable, intent(in) :: resting, sliding
     type(error_t), allocatable, intent(out) :: error
+    type(method_t) :: method
     logical :: may_rest
 
+    method = method_named(scene%method)
     may_rest = allocated(resting)
     if (may_rest .and. allocated(sliding)) may_rest = any(drive%segment%start < scene%t_end .and. drive%segment%rests)
-    if (scene%method == 'rk4' .and. may_rest) then
-      call raise(error, deck_error, "method 'rk4' cannot follow the exact contact, and here the object may come to rest: "// &
-        'use an adaptive method', 'integrator.method')
-    else if (scene%method == 'rodas4p') then
+    if (method%kind == 'fixed_step' .and. may_rest) then
+      call raise(error, deck_error, "method '"//trim(method%name)// &
+        "' cannot follow the exact contact, and here the object may come to rest: use an adaptive method", 'integrator.method')
+    else if (method%kind == 'rosenbrock') then
       call raise(error, deck_error, "method 'rodas4p' is for the cases of a sweep, and keeps no series: use radau9", &
         'integrator.method')
     end if
@@ -177,15 +180,13 @@ contains
     type(slider_t), intent(in) :: slider
     class(slip_system_t), intent(in) :: system
     class(stepper_t), allocatable, intent(out) :: stepper
+    type(method_t) :: method
 
-    select case (scene%method)
-    case ('radau5')
-      stepper = new_radau(3, system%components, system%unknowns, scene%rtol)
-    case ('radau9')
-      stepper = new_radau(5, system%components, system%unknowns, scene%rtol)
-    case ('radau13')
-      stepper = new_radau(7, system%components, system%unknowns, scene%rtol)
-    case ('moreau_jean')
+    method = method_named(scene%method)
+    select case (method%kind)
+    case ('implicit')
+      stepper = new_radau(method%stages, system%components, system%unknowns, scene%rtol)
+    case ('nonsmooth')
       stepper = new_moreau_jean(slider)
     case default
       stepper = new_runge_kutta(scene%method, system%components, system%unknowns, scene%rtol)

@@ -9,13 +9,14 @@ module dst_model_choice
   use dst_creep, only: creep_t, creep_exact, position_third_order
   use dst_errors, only: error_t
   use dst_memory_writer, only: memory_writer_t
+  use dst_methods, only: fixed_step_methods
   use dst_model_columns, only: column_obstacle, gives_column, holds_column
   use dst_columns, only: columns
   use dst_scene, only: scene_t
   use dst_assembly, only: slider_from_scene
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
-  use dst_text, only: formatted
+  use dst_text, only: formatted, has_word
   use dst_writer, only: outcome_t
   implicit none
   private
@@ -201,7 +202,7 @@ contains
       text = 'the high-frequency motion alone costs as much'
     else if (scene%contact /= 'exact') then
       text = 'the reduced models have the exact contact'
-    else if (scene%method == 'rk4' .or. scene%method == 'moreau_jean') then
+    else if (has_word(fixed_step_methods, scene%method)) then
       text = 'the method has a fixed step, and so no error estimate'
     else if (size(scene%drive_velocity) > 1 .or. .not. abs(scene%drive_velocity(1)) > 0.0_wp) then
       text = 'the errors of the reduced models are known for a constant drive velocity'

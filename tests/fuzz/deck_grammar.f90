@@ -3,7 +3,7 @@ module deck_grammar
   use dst_kinds, only: wp, int64
   use dst_text, only: word, word_count, has_word, real_text, integer_text, quoted_text
   use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_key, in_range, condition_count, &
-                        condition_key, condition_choices, real_kind, reals_kind, integer_kind, texts_kind, choice_kind
+                        find_name, real_kind, reals_kind, integer_kind, texts_kind, choice_kind
   use fuzz_cases, only: case_t, dice_t, mutate, hostile_word, most_settings
   implicit none
   private
@@ -63,10 +63,10 @@ contains
 
     answer = .true.
     do n = 1, condition_count(schema(i))
-      on = condition_key(schema(i), n)
+      on = find_name(schema(i)%used_by(n)%on)
       ! Not in one expression: gfortran keeps the length of the choices where the recursive call would overwrite it.
       answer = answer .and. is_used(on, choice)
-      answer = answer .and. has_word(condition_choices(schema(i), n), trim(choice(on)))
+      answer = answer .and. has_word(schema(i)%used_by(n)%choices, trim(choice(on)))
     end do
   end function is_used
 

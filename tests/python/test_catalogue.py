@@ -101,14 +101,14 @@ def test_results_have_the_columns_and_values_of_the_table(fig3_result: ds.Result
 
 @pytest.fixture(scope="module")
 def modules(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the compiled modules of the room base that tables need."""
+    """Folder with the compiled modules that tables need."""
     if shutil.which("gfortran") is None:
         pytest.skip("gfortran is not installed")
     folder = tmp_path_factory.mktemp("modules")
     precision = (ROOT / "src" / "base" / "precision.f90.in").read_text(encoding="utf-8").replace("@kind@", "real64")
     (folder / "precision.f90").write_text(precision, encoding="utf-8")
-    base = [ROOT / "src" / "base" / f"{name}.f90" for name in ("kinds", "text", "errors", "writer")]
-    for source in (folder / "precision.f90", *base):
+    needed = ("base/kinds", "base/text", "base/errors", "base/writer", "deck/methods")
+    for source in (folder / "precision.f90", *(ROOT / "src" / f"{name}.f90" for name in needed)):
         subprocess.run(["gfortran", "-fsyntax-only", "-J", folder, source], check=True)
     return folder
 

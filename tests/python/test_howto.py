@@ -16,10 +16,11 @@ from pages import DOCS, blocks, run_page
 from programs import ROOT, Program
 
 PAGES = {
-    "friction_law": "src/physics/friction.f90",
-    "method": "src/numerics/runge_kutta_tableaux.f90",
-    "output_column": "src/results/columns.f90",
+    "friction_law": ("src/physics/friction.f90", "src/deck/schema.f90"),
+    "method": ("src/numerics/runge_kutta_tableaux.f90", "src/deck/methods.f90"),
+    "output_column": ("src/results/columns.f90", "src/deck/schema.f90"),
 }
+"""The file, and where the line stands."""
 
 TOUR = ROOT / "tests" / "tour"
 # What can be added, how many files that takes, and the page or the patch that does it.
@@ -42,10 +43,9 @@ def changed_file(patch: str) -> str:
 @pytest.mark.parametrize("page", PAGES)
 def test_one_file_and_one_line(page: str) -> None:
     first, second = patches(page)
-    assert changed_file(first) == PAGES[page]
-    assert changed_file(second) == "src/deck/schema.f90"
-    changes = [line for line in second.splitlines()[2:] if line[0] in "+-"]
-    assert [line[0] for line in changes] == ["-", "+"]
+    assert (changed_file(first), changed_file(second)) == PAGES[page]
+    changes = [line[0] for line in second.splitlines()[2:] if line[0] in "+-"]
+    assert changes in (["-", "+"], ["+"])
 
 
 def test_the_rows_are_those_that_are_followed() -> None:

@@ -6,7 +6,7 @@ program test_deck
   use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
                       has_word, lower_case, alternatives, one_per_line
   use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, &
-                        condition_count, condition_key, condition_choices, condition_text, real_kind, reals_kind, integer_kind, &
+                        condition_count, condition_text, real_kind, reals_kind, integer_kind, &
                         choice_kind
   use dst_deck, only: deck_t, parse_deck, read_deck, resolved, template
   use dst_scene, only: scene_t, scene_from_deck
@@ -180,10 +180,10 @@ contains
           call check('default in range: '//key%name, problem == '' .and. in_range(key%range, x))
         end if
         do j = 1, condition_count(key)
-          call check('condition of '//key%name, condition_key(key, j) > 0)
-          do k = 1, word_count(condition_choices(key, j))
-            call check('choice '//word(condition_choices(key, j), k)//' of '//key%name, &
-                       has_word(schema(condition_key(key, j))%choices, word(condition_choices(key, j), k)))
+          call check('condition of '//key%name, find_name(key%used_by(j)%on) > 0)
+          do k = 1, word_count(key%used_by(j)%choices)
+            call check('choice '//word(key%used_by(j)%choices, k)//' of '//key%name, &
+                       has_word(schema(find_name(key%used_by(j)%on))%choices, word(key%used_by(j)%choices, k)))
           end do
         end do
       end associate

@@ -8,6 +8,7 @@ program test_runge_kutta
   use dst_errors, only: error_t
   use dst_friction, only: new_friction_law
   use dst_full_model, only: new_full_polar, new_full_smoothed
+  use dst_methods, only: methods
   use dst_radau, only: new_radau
   use dst_runge_kutta, only: new_runge_kutta
   use dst_runge_kutta_tableaux, only: tableau_t, tableau_named, dense_weights
@@ -38,6 +39,7 @@ program test_runge_kutta
 
   real(wp), parameter :: at_rest(2) = 0.0_wp, one_speed(1) = [1.0e-3_wp], zero_time(1) = 0.0_wp
 
+  call test_list()
   call test_tableaux()
   call test_orders()
   call test_smoothed()
@@ -49,6 +51,19 @@ program test_runge_kutta
   call finish()
 
 contains
+
+  !> What the list of methods says of those that are tableaux.
+  subroutine test_list()
+    type(tableau_t) :: tableau
+    integer :: i
+
+    do i = 1, size(methods)
+      if (methods(i)%kind /= 'explicit' .and. methods(i)%kind /= 'fixed_step') cycle
+      tableau = tableau_named(trim(methods(i)%name))
+      call check(methods(i)%name//': order and stages of the list', &
+        tableau%order == methods(i)%order .and. tableau%stages == methods(i)%stages)
+    end do
+  end subroutine test_list
 
   subroutine test_tableaux()
     type(tableau_t) :: tableau

@@ -16,9 +16,6 @@ __all__ = ["Candidate", "Subject", "candidates", "is_used"]
 Settings = Mapping[str, Mapping[str, Any]]
 """Values by group and key."""
 
-ORDERS = {"radau9": 9, "radau13": 13, "radau5": 5, "dopri5": 5, "dop853": 8}
-"""The adaptive methods, the most telling first, and their orders."""
-FIXED_STEP_ORDERS = {"rk4": 4, "moreau_jean": 1}
 TOLERANCES = {6: 1, 4: 2, 8: 3, 3: 4, 10: 5, 5: 6, 7: 6, 9: 7, 11: 7}
 """Relative tolerances 10^-n, and their ranks: every second one first."""
 SMOOTHING_SHARES = (0.1, 1.0, 1.0e-2, 1.0e-3)
@@ -59,7 +56,8 @@ class Candidate:
     @property
     def order(self) -> int:
         """Of the method; 0 of a closed form."""
-        return (ORDERS | FIXED_STEP_ORDERS).get(self.method, 0)
+        orders = {method["name"]: int(method["order"]) for method in _native.catalogue()["methods"]}
+        return orders.get(self.method, 0)
 
     def settings(self) -> dict[str, dict[str, Any]]:
         """All that it sets, by group and key."""
@@ -125,6 +123,16 @@ def _keys() -> dict[str, _native.KeyInfo]:
     return {key.name: key for key in _native.schema()}
 
 
+@cache
+def _adaptive_methods() -> list[str]:
+    """The most telling first: the default, the other implicit ones, the explicit ones."""
+    methods, default = _native.catalogue()["methods"], _keys()["method"].default
+    implicit, explicit = (
+        [method["name"] for method in methods if method["kind"] == kind] for kind in ("implicit", "explicit")
+    )
+    return sorted(reversed(implicit), key=lambda name: name != default) + explicit
+
+
 def is_used(key: _native.KeyInfo, values: Mapping[str, object]) -> bool:
     """Whether a key has a meaning with these values by key, and the defaults of the others."""
     return all(
@@ -177,7 +185,7 @@ def _planned(subject: Subject) -> Iterator[Candidate]:
 def _tolerances(model: str, contact: str = "", v_smooth: float = 0.0) -> Iterator[Candidate]:
     """All adaptive methods at all tolerances on one model."""
     for exponent, rank in TOLERANCES.items():
-        for method in ORDERS:
+        for method in _adaptive_methods():
             yield Candidate(model, method, contact, rtol=10.0**-exponent, v_smooth=v_smooth, rank=rank)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from .._native import catalogue
 from .._trade import Trade
 from ..errors import UsageError
 from .samples import Floats
@@ -16,16 +19,8 @@ from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, ORANGE, PURPLE, SKY, VE
 
 __all__ = ["Family", "draw_work_precision", "families"]
 
-COLOURS = {
-    "radau5": ORANGE,
-    "radau9": BLUE,
-    "radau13": SKY,
-    "dopri5": VERMILION,
-    "dop853": PURPLE,
-    "moreau_jean": GREEN,
-    "rk4": BLACK,
-    "": BLACK,
-}
+COLOURS = (ORANGE, BLUE, SKY, VERMILION, PURPLE, "0.4", BLACK, GREEN)
+"""Of the methods, in the order of the core's list."""
 KINDS = {
     "full": ("full model, exact contact", "o", "full"),
     "smoothed": ("full model, smoothed contact", "s", "none"),
@@ -101,7 +96,7 @@ def _draw_panel(axis: Axes, trade: Trade, quantity: str) -> set[str]:
     for family in families(trade, quantity):
         drawn |= {family.kind, family.method}
         _, mark, fill = KINDS[family.kind]
-        colour = COLOURS[family.method]
+        colour = _colours().get(family.method, BLACK)
         style: Any = {"color": colour, "markersize": 3.5, "markeredgewidth": 0.7}
         if family.kind == "full":
             axis.plot(family.error, family.seconds, color=colour, alpha=0.6)
@@ -117,12 +112,19 @@ def _draw_panel(axis: Axes, trade: Trade, quantity: str) -> set[str]:
     return drawn
 
 
+@cache
+def _colours() -> dict[str, str]:
+    return {
+        method["name"]: colour for method, colour in zip(catalogue()["methods"], cycle(COLOURS), strict=False)
+    }
+
+
 def _legend(drawn: set[str]) -> list[Line2D]:
     """Methods by colour, equations by mark."""
     methods = [
         Line2D([], [], color=colour, label=name, linewidth=1.2)
-        for name, colour in COLOURS.items()
-        if name and name in drawn
+        for name, colour in _colours().items()
+        if name in drawn
     ]
     kinds = [
         Line2D([], [], color="0.4", marker=mark, fillstyle=fill, markersize=3.5, linestyle="none", label=text)  # type: ignore[arg-type]

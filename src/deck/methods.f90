@@ -1,0 +1,56 @@
+!> The one list of methods, with their kind, order and stages.
+!>
+!> The choices of `integrator.method` and the conditions of the keys that only some methods use, the assembly of a run, and the
+!> candidates of `trade` come from it.
+module dst_methods
+  implicit none
+  private
+
+  public :: method_t, methods, method_named
+  public :: method_names, adaptive_methods, explicit_methods, fixed_step_methods
+
+  !> Width of a name in the lists of words below, which are padded.
+  integer, parameter :: width = 12
+
+  !> A method.
+  type :: method_t
+    character(width) :: name
+    character(10) :: kind    !! implicit, explicit, rosenbrock (for the cases of a sweep), fixed_step (explicit) or nonsmooth
+    integer :: order
+    integer :: stages        !! of a step, without the slope at its end
+  end type method_t
+
+  !> In the order in which they are offered.
+  type(method_t), parameter :: methods(*) = [ &
+    method_t('radau5', 'implicit', 5, 3), &
+    method_t('radau9', 'implicit', 9, 5), &
+    method_t('radau13', 'implicit', 13, 7), &
+    method_t('dopri5', 'explicit', 5, 6), &
+    method_t('dop853', 'explicit', 8, 12), &
+    method_t('rodas4p', 'rosenbrock', 4, 6), &
+    method_t('rk4', 'fixed_step', 4, 4), &
+    method_t('moreau_jean', 'nonsmooth', 1, 1)]
+
+  logical, parameter :: has_fixed_step(size(methods)) = methods%kind == 'fixed_step' .or. methods%kind == 'nonsmooth'
+
+  ! In two steps: gfortran 12 takes no expression as the source of a constant `transfer`.
+  character(width), parameter :: names(*) = methods%name
+  character(width), parameter :: adaptive(*) = pack(names, .not. has_fixed_step)
+  character(width), parameter :: explicit(*) = pack(names, methods%kind == 'explicit')
+  character(width), parameter :: fixed_step(*) = pack(names, has_fixed_step)
+
+  !> Their names, blank-separated: of all, of those that choose their step, of those of them that are explicit, and of the others.
+  character(width*size(names)), parameter :: method_names = transfer(names, repeat(' ', width*size(names)))
+  character(width*size(adaptive)), parameter :: adaptive_methods = transfer(adaptive, repeat(' ', width*size(adaptive)))
+  character(width*size(explicit)), parameter :: explicit_methods = transfer(explicit, repeat(' ', width*size(explicit)))
+  character(width*size(fixed_step)), parameter :: fixed_step_methods = transfer(fixed_step, repeat(' ', width*size(fixed_step)))
+
+contains
+
+  !> The method of this name, which is in the list.
+  pure type(method_t) function method_named(name)
+    character(*), intent(in) :: name
+
+    method_named = methods(findloc(methods%name, name, dim=1))
+  end function method_named
+end module dst_methods
