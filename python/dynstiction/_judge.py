@@ -62,7 +62,7 @@ TEXT_OBJECT = 100
 SCALES = {"DIMENSION_LIST", "REFERENCE_LIST"}
 
 
-Piece: TypeAlias = tuple[int | None, int, int]
+Piece: TypeAlias = tuple[int, int, int]
 """Place and length of a part of a dataset in the file, and its mask of filters."""
 
 
