@@ -16,7 +16,7 @@ from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info, Table
 from .result import Result
 from .scene import Scene
 
-__all__ = ["StickSlip", "stick_slip_statistics"]
+__all__ = ["StickSlip", "first_release", "stick_slip_statistics"]
 
 THRESHOLD = 0.01
 """Of the static limit mu_0 W: what the load must fall or rise by to count."""
@@ -161,6 +161,19 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     since_turn = 0.0 if turn is None else float(abs(position[-1] - position[turn]))
     settled = _settled(linked, group, travel, values[1], values[3], since_turn)
     return StickSlip(Described(zip(COLUMNS, values, strict=True)), settled)
+
+
+def first_release(force: _Floats) -> int:
+    """Index of the sample where the first stick phase ends: the first peak of the spring force.
+
+    Without a fall by 5 % there is no slip, and the phase ends where the force comes within 1 % of its
+    largest value.
+    """
+    size = np.abs(force)
+    fallen = np.flatnonzero(np.maximum.accumulate(size) - size > 0.05 * size.max())
+    if fallen.size:
+        return int(np.argmax(size[: fallen[0]]))
+    return int(np.argmax(size >= 0.99 * size.max()))
 
 
 @dataclass

@@ -12,7 +12,7 @@ from ..errors import UsageError
 from .measure import Comparison, Point, StoppedEarlyError
 from .plan import Candidate
 from .quantities import QUANTITIES
-from .words import as_in_a_deck, short
+from .report import short
 
 __all__ = ["advice", "advised_settings", "cheapest", "check_quantity"]
 
@@ -128,13 +128,11 @@ def _described(candidate: Candidate) -> str:
     """A candidate in words: low_frequency, radau9, rtol 1.0e-5."""
     words = [" ".join(filter(None, (candidate.model, candidate.form))), candidate.method]
     numbers = (("v_smooth", candidate.v_smooth), ("rtol", candidate.rtol), ("step", candidate.step))
-    words += [f"{name} {as_in_a_deck(value)}" for name, value in numbers if value > 0.0]
+    words += [f"{name} {value!r}" for name, value in numbers if value > 0.0]
     words += [f"{key} {_written(value)}" for keys in candidate.more.values() for key, value in keys.items()]
     return ", ".join(filter(None, words))
 
 
 def _written(value: object, *, quoted: bool = False) -> str:
     """A value as in a deck, or without quotes as on the command line."""
-    if isinstance(value, float):
-        return as_in_a_deck(value)
     return value if isinstance(value, str) and not quoted else setting_value(value)

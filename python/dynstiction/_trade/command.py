@@ -20,7 +20,6 @@ from . import begin
 from .advice import advice, cheapest
 from .measure import Comparison, StoppedEarlyError
 from .report import report
-from .words import duration, plain
 
 __all__ = ["compare"]
 
@@ -85,8 +84,8 @@ def _watch(comparison: Comparison, received: Sequence[str], label: str) -> Error
                 fault = StoppedEarlyError(text)
                 break
             if label and elapsed >= due:
-                done = f"{100.0 * elapsed / budget:6.1f} %, wall time = {plain(elapsed)} of {plain(budget)} s"
-                line = f"{label}:{done}, {duration(budget - elapsed)} left"
+                done = f"{100.0 * elapsed / budget:6.1f} %, wall time = {elapsed:.3g} of {budget:.6g} s"
+                line = f"{label}:{done}, {budget - elapsed:.0f} s left"
                 _put(f"\r{line}\x1b[K" if terminal else f"{line}\n")
                 due = elapsed + interval
     except Error as error:

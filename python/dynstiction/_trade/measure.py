@@ -25,7 +25,6 @@ from ..scene import Scene
 from ..simulation import Simulation
 from .plan import Candidate, Settings, Subject, candidates
 from .quantities import QUANTITIES, Observer, Quantity
-from .words import plain
 
 __all__ = ["RESOLUTION", "Comparison", "Point", "StoppedEarlyError"]
 
@@ -208,7 +207,7 @@ class Comparison:
             yield
             if self.left <= 0.0:
                 raise StoppedEarlyError(
-                    f"the budget of {plain(self.budget)} s does not suffice for the reference: raise --budget, or lower scene.t_end"
+                    f"the budget of {self.budget:.3g} s does not suffice for the reference: raise --budget, or lower scene.t_end"
                 )
         code, text = simulation._outcome or (0, "")
         if code != 0 and loosest:
@@ -251,7 +250,7 @@ class Comparison:
                     if spent > allowance or (spent > PROOF * allowance and spent * pace > 3.0 * allowance):
                         self._note(point, simulation)
                         point.code, point.seconds = STOPPED_EARLY, point.seconds * pace
-                        point.text = f"abandoned after {plain(spent)} s at t = {plain(reached)} s: the budget did not suffice"
+                        point.text = f"abandoned after {spent:.3g} s at t = {reached:.3g} s: the budget did not suffice"
                         return False
                 if repeat == 0:
                     self._note(point, simulation)
@@ -276,7 +275,7 @@ class Comparison:
             left = self.left
             point.text = "skipped: the budget was used up"
             if left > 0.0:
-                point.text = f"skipped: it was expected to take {plain(expected)} s, and {plain(left)} s of the budget were left"
+                point.text = f"skipped: it was expected to take {expected:.3g} s, and {left:.3g} s of the budget were left"
 
     def _expected(self, candidate: Candidate) -> float:
         """What a candidate is expected to cost [s], from the nearest of its family; 0 if nothing is known."""

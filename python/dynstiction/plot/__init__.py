@@ -15,12 +15,13 @@ from matplotlib.figure import Figure
 from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
+from ..stick_slip import first_release
 from .comparison import MOST_RESULTS, draw_comparison
 from .creep import draw_creep
 from .damping import draw_damping
 from .history import draw_history
 from .path import draw_path
-from .samples import first_release, thin
+from .samples import thin
 from .series import draw_series
 from .spectra import draw_spectrogram
 from .style import DOTS_PER_INCH, new_figure, write

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from ..creep import Form, creep_asymptotic
 from ..errors import UsageError
 from ..result import Result
-from .samples import Floats, columns, first_release
+from ..stick_slip import first_release
+from .samples import Floats, columns
 from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, SKY, VERMILION, letter
 from .theory import creep, scaled_time
 

@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..result import Result
-from .samples import Floats, columns, first_release, thin
+from ..stick_slip import first_release
+from .samples import Floats, columns, thin
 from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, PURPLE, VERMILION, degree_ticks, letter
 
 __all__ = ["draw_history"]

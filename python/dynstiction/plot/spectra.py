@@ -10,7 +10,8 @@ from matplotlib.image import AxesImage
 from ..errors import UsageError
 from ..result import Result
 from ..spectrum import Spectrogram, oscillation_frequency, spectrogram
-from .samples import Floats, columns, first_release, thin
+from ..stick_slip import first_release
+from .samples import Floats, columns, thin
 from .style import COLUMN_WIDTH, MM, letter
 from .theory import creep, slider, stiff_frequency
 from .velocities import VELOCITIES
