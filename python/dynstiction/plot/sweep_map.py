@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -130,29 +130,24 @@ def _edges(side: Axis) -> Floats:
     return np.asarray(np.exp(edges) if side.scale == "log" else edges)
 
 
-class _Lines(NamedTuple):
-    """Critical misalignments [deg] over a parameter: of the slow mode, of the fast mode, and of the rigid stiff axis."""
-
-    slow: Floats
-    fast: Floats
-    rigid: Floats
-
-
 def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
     """Lines between which steady sliding is stable, and where k_y matters the crossover tan(phi) = k_x/k_y."""
-    values = np.linspace(right.values.min(), right.values.max(), FINE)
-    if right.scale == "log":
-        values = np.geomspace(right.values.min(), right.values.max(), FINE)
+    spaced = np.geomspace if right.scale == "log" else np.linspace
+    values = spaced(right.values.min(), right.values.max(), FINE)
     shown = right._replace(values=values).shown
-    lines = _stability_lines(table, right, values)
-    if lines is not None:
+    if all(name in table.numbers or name == right.name for name in SLIDER if name != "stiffness_y"):
+        # Without a stiff axis only the limit of a rigid one is drawn, which does not depend on it.
+        given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
+        given |= {name: table.numbers[name] for name in SLIDER if name in table.numbers}
+        critical = critical_misalignment(**(given | {right.name: values}))
+        (slow, fast), rigid = np.degrees(critical.angle).T, np.degrees(critical.limit)
         if table.has("stiffness_y"):
-            axis.plot(shown, lines.slow, color=VERMILION, linewidth=1.2, label="slow mode")
-            axis.plot(shown, lines.fast, color=VERMILION, linewidth=1.2, linestyle="--", label="fast mode")
+            axis.plot(shown, slow, color=VERMILION, linewidth=1.2, label="slow mode")
+            axis.plot(shown, fast, color=VERMILION, linewidth=1.2, linestyle="--", label="fast mode")
             if right.name != "stiffness_y":
-                axis.plot(shown, lines.rigid, color="white", linewidth=0.8, linestyle=":")
+                axis.plot(shown, rigid, color="white", linewidth=0.8, linestyle=":")
         else:
-            axis.plot(shown, lines.rigid, color=VERMILION, linewidth=1.2, label="slow mode")
+            axis.plot(shown, rigid, color=VERMILION, linewidth=1.2, label="slow mode")
     if right.name == "stiffness_y" and table.has("stiffness_x"):
         crossover = np.degrees(np.arctan(table.numbers["stiffness_x"] / values))
         axis.plot(shown, crossover, color=BLACK, linewidth=1.0, linestyle=":", label=r"$\tan\varphi=k_x/k_y$")
@@ -161,16 +156,3 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
         axis.figure.legend(
             loc="outside upper center", ncols=len(handles), handlelength=1.8, columnspacing=1.0
         )
-
-
-def _stability_lines(table: Table, right: Axis, values: Floats) -> _Lines | None:
-    """None if the friction does not weaken or something is missing."""
-    needed = [name for name in SLIDER if name != "stiffness_y"]
-    if not all(name in table.numbers or name == right.name for name in needed):
-        return None
-    # Without a stiff axis only the limit is drawn, which does not depend on it.
-    given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
-    given |= {name: table.numbers[name] for name in SLIDER if name in table.numbers}
-    critical = critical_misalignment(**(given | {right.name: values}))
-    angle = np.degrees(critical.angle)
-    return _Lines(angle[..., 0], angle[..., 1], np.degrees(critical.limit))
