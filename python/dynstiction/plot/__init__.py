@@ -16,18 +16,15 @@ from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
-from .comparison import MOST_RESULTS, draw_comparison
 from .creep import draw_creep
 from .damping import draw_damping
-from .history import draw_history
 from .path import draw_path
 from .samples import thin
-from .series import draw_series
 from .spectra import draw_spectrogram
 from .style import DOTS_PER_INCH, new_figure, write
 from .sweep_lambda import draw_lambda
 from .sweep_map import draw_map
-from .velocities import draw_velocities
+from .time_series import MOST_RESULTS, draw_comparison, draw_history, draw_series, draw_velocities
 from .work_precision import draw_work_precision
 
 if TYPE_CHECKING:

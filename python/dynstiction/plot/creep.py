@@ -10,7 +10,7 @@ from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
 from .samples import Floats, columns
-from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, SKY, VERMILION, letter
+from .style import BLACK, BLUE, GREEN, SKY, VERMILION, panels
 from .theory import creep, scaled_time
 
 __all__ = ["draw_creep", "mean_velocity"]
@@ -32,8 +32,7 @@ def draw_creep(result: Result, figure: Figure) -> None:
     tau, run, smooth = mean_velocity(result)
     exact = creep(result, tau / scaled_time(result, np.ones(1))).X_rate
     phi = np.radians(float(result.parameters["misalignment_deg"]))
-    figure.set_size_inches(COLUMN_WIDTH, 105.0 * MM)
-    axes = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 2.0))
+    axes = panels(figure, 2, 105.0, sharex=True, height_ratios=(3.0, 2.0))
     axes[0].plot(tau, np.where(run > 0.0, run, np.nan), color=SKY, linewidth=4.0, alpha=0.6, label="run")
     axes[0].plot(tau, exact, color=BLACK, zorder=3, label="exact, Eq. (7)")
     axes[1].axhline(0.0, color=BLACK)
@@ -51,9 +50,6 @@ def draw_creep(result: Result, figure: Figure) -> None:
     axes[1].set_ylabel("deviation [%]")
     axes[1].set_xlim(0.0, max(tau[-1], min(1.0, 1.02 * tau[-1])))
     axes[1].set_xlabel(r"$\tau = V t\, k_x/(\mu_0 W)$ [–]")
-    for panel, axis in zip("ab", axes, strict=True):
-        letter(axis, panel)
-    figure.align_ylabels(axes)
 
 
 def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:

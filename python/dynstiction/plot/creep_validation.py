@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from ..creep import creep_exact
 from ..validate import DEGREES, ORDERS, Validation
-from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, VERMILION, letter
+from .style import BLACK, BLUE, GREEN, VERMILION, panels
 
 __all__ = ["draw_creep_validation"]
 
@@ -22,13 +22,9 @@ FORMS = {
 
 def draw_creep_validation(validation: Validation, figure: Figure) -> None:
     """Errors of the forms, and the creep of the full model."""
-    figure.set_size_inches(COLUMN_WIDTH, 100.0 * MM)
-    axes = figure.subplots(2, 1)
+    axes = panels(figure, 2, 100.0)
     _draw_errors(axes[0], validation)
     _draw_means(axes[1], validation)
-    for name, axis in zip("ab", axes, strict=True):
-        letter(axis, name)
-    figure.align_ylabels(axes)
 
 
 def _draw_errors(axis: Axes, validation: Validation) -> None:

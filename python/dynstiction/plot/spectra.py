@@ -11,10 +11,10 @@ from ..errors import UsageError
 from ..result import Result
 from ..spectrum import Spectrogram, oscillation_frequency, spectrogram
 from ..stick_slip import first_release
-from .samples import Floats, columns, thin
-from .style import COLUMN_WIDTH, MM, letter
+from .samples import Floats, columns
+from .style import panels
 from .theory import creep, slider, stiff_frequency
-from .velocities import VELOCITIES
+from .time_series import VELOCITIES, draw_column, show_time
 
 __all__ = ["draw_spectrogram", "predicted_ridge"]
 
@@ -32,20 +32,14 @@ def draw_spectrogram(result: Result, figure: Figure) -> None:
     spectra = {name: spectrogram(result.time, 1e3 * values, WINDOW) for name, values in needed.items()}
     # The slips, which only w_x shows, may exceed the scale.
     top = float(spectra["w_y"].density.max()) or float(spectra["w_x"].density.max()) or 1.0
-    figure.set_size_inches(COLUMN_WIDTH, 140.0 * MM)
-    axes = figure.subplots(4, 1, sharex=True, height_ratios=(2.0, 3.0, 2.0, 3.0))
-    for name, axis in zip("abcd", axes, strict=True):
-        letter(axis, name)
+    axes = panels(figure, 4, 140.0, sharex=True, height_ratios=(2.0, 3.0, 2.0, 3.0))
     highest = HIGHEST_FREQUENCY * (stiff_frequency(result) or np.inf)
-    for i, (name, (label, colour)) in enumerate(VELOCITIES.items()):
-        axes[2 * i].plot(*thin(result.time, 1e3 * needed[name]), color=colour)
-        axes[2 * i].set_ylabel(label)
+    for i, name in enumerate(VELOCITIES):
+        draw_column(axes[2 * i], result, name, 0.05)
         image = _draw_density(axes[2 * i + 1], spectra[name], 10.0 * np.log10(top), highest)
         _draw_ridge(axes[2 * i + 1], result)
         axes[2 * i + 1].set_ylabel(f"$f$ of ${name}$ [kHz]")
-    axes[-1].set_xlim(result.time[0], result.time[-1])
-    axes[-1].set_xlabel("$t$ [s]")
-    figure.align_ylabels(axes)
+    show_time(axes[-1], result)
     figure.colorbar(
         image,
         ax=axes,
