@@ -122,24 +122,32 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     except KeyError as error:
         raise UsageError(f"the result has no parameter {error}: it is none of dynstiction's runs") from None
     drive, pull, cosine = _directions(result)
-    rows: list[_Row] = []
-    turn: int | None = None
-    for first, last in _stretches(drive):
-        side, pulled = int(drive[first]), int(pull[first])
-        inside = slice(first, last + 1)
-        turns = [(i + first, kind) for i, kind in _turns(pulled * force[inside], THRESHOLD * limit)]
-        rows += _rows(turns, pulled, side)
-        turn = (turns[-1][0] if turns else first) if pulled else None
-    n = len(rows)
-    side_of = np.array([row.pull for row in rows], dtype=float)
-    peaks = np.array([row.peak for row in rows], dtype=np.intp)
-    valleys = np.array([row.peak if row.valley is None else row.valley for row in rows], dtype=np.intp)
-    whole = np.array([row.valley is not None for row in rows], dtype=bool)
+    turns: list[tuple[int, int, int]] = []
+    since_turn = 0.0
+    for stretch in np.split(np.arange(drive.size), np.flatnonzero(np.diff(drive)) + 1):
+        if stretch.size and pull[stretch[0]]:
+            first, last = stretch[[0, -1]]
+            inside = slice(first, last + 2)
+            found = _turns(pull[first] * force[inside], THRESHOLD * limit)
+            turns += [(first + i, kind, first) for i, kind in found]
+            since_turn = float(abs(position[-1] - position[first + (found[-1][0] if found else 0)]))
+        else:
+            since_turn = 0.0
+    at, kind, stretch_of = np.array(turns, dtype=np.intp).reshape(-1, 3).T
+    # Peaks and valleys alternate: after a peak of the same stretch comes its valley, and then the next peak.
+    peak = np.flatnonzero(kind > 0)
+
+    def has(turn: NDArray[np.intp]) -> NDArray[np.bool_]:
+        inside = np.minimum(turn, at.size - 1)
+        return np.asarray((turn < at.size) & (stretch_of[inside] == stretch_of[peak]))
+
+    whole, linked = has(peak + 1), has(peak + 2)
+    peaks, valleys = at[peak], at[np.where(whole, peak + 1, peak)]
+    side_of, along = (sides[stretch_of[peak]].astype(float) for sides in (pull, drive))
+    n = peaks.size
     peak_time, peak_force = _vertex(time, force, peaks)
     valley_time, valley_force = (np.where(whole, v, np.nan) for v in _vertex(time, force, valleys))
-    along = np.array([row.drive for row in rows], dtype=float)
     slip_length = np.where(whole, along * (position[valleys] - position[peaks]), np.nan)
-    linked = np.array([row.goes_on for row in rows], dtype=bool)
     travel = np.abs(_padded(np.diff(position[peaks]), n))
     next_peak = np.where(linked, _padded(peak_time[1:], n), np.nan)
     group = _motions(linked, travel, next_peak - peak_time, *_natural_scales(result, limit, cosine))
@@ -158,7 +166,6 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         np.where(linked, _padded(rests, n), np.nan),
         np.where(linked, _padded(rest_time, n), np.nan),
     )
-    since_turn = 0.0 if turn is None else float(abs(position[-1] - position[turn]))
     settled = _settled(linked, group, travel, values[1], values[3], since_turn)
     return StickSlip(Described(zip(COLUMNS, values, strict=True)), settled)
 
@@ -174,29 +181,6 @@ def first_release(force: _Floats) -> int:
     if fallen.size:
         return int(np.argmax(size[: fallen[0]]))
     return int(np.argmax(size >= 0.99 * size.max()))
-
-
-@dataclass
-class _Row:
-    """A peak, the valley that follows it, and whether a peak follows that before the drive stops or reverses."""
-
-    peak: int
-    pull: int
-    drive: int
-    valley: int | None = None
-    goes_on: bool = False
-
-
-def _rows(turns: list[tuple[int, int]], pull: int, drive: int) -> list[_Row]:
-    rows: list[_Row] = []
-    for i, kind in turns:
-        if kind > 0:
-            if rows:
-                rows[-1].goes_on = True
-            rows.append(_Row(i, pull, drive))
-        elif rows:
-            rows[-1].valley = i
-    return rows
 
 
 def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], float]:
@@ -215,14 +199,6 @@ def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], flo
         velocity = np.ones(middle.shape)
     sign = np.sign(velocity).astype(int)
     return sign, sign * int(np.sign(cosine)), cosine
-
-
-def _stretches(side: NDArray[np.int_]) -> list[tuple[int, int]]:
-    """First and last interval of each stretch with one direction."""
-    edges = np.flatnonzero(np.diff(side)) + 1
-    starts = np.concatenate([[0], edges]) if side.size else edges
-    ends = np.concatenate([edges, [side.size]]) if side.size else edges
-    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
 
 
 def _natural_scales(result: Result, limit: float, cosine: float) -> tuple[float, float]:
