@@ -97,20 +97,7 @@ ADDED = Kind((0, 1, 2), texts=True)
 
 
 def judge(file: h5py.File, name: str) -> None:
-    """Refuse a file that would lead its reader beyond what it holds itself.
-
-    Parameters
-    ----------
-    file : h5py.File
-        Just opened.
-    name : str
-        For messages.
-
-    Raises
-    ------
-    FileError
-        That names the object.
-    """
+    """Refuse a file, just opened, that would lead its reader beyond what it holds itself; the `FileError` names the object."""
     judge = _Judge(file, name)
     judge.heaps()
     judge.group(file.id, "")

@@ -186,13 +186,7 @@ def dimensionless(
     mu_0: ArrayLike,
     normal_load: ArrayLike,
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Arguments (tau, phi, kappa) of `creep_exact` for those of `creep_velocity`; an infinite `stiffness_y` is rigid.
-
-    Raises
-    ------
-    UsageError
-        As `creep_velocity`.
-    """
+    """Arguments (tau, phi, kappa) of `creep_exact` for those of `creep_velocity`; an infinite `stiffness_y` is rigid."""
     speed = reals("velocity", velocity, above=0.0, units="m/s")
     soft = reals("stiffness_x", stiffness_x, above=0.0, units="N/m")
     stiff = reals("stiffness_y", stiffness_y, checked=False)

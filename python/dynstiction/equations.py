@@ -157,17 +157,9 @@ def _slider(*values: float | None) -> NDArray[np.float64]:
 
 
 def slider_parameters(*values: ArrayLike | None) -> dict[str, ArrayLike]:
-    """Parameters of sliders by name, in the order of the core; without `mu_inf` and `v_f` friction is constant.
+    """Parameters of sliders by name, from all of them in the order of the core; `mu_inf` and `v_f` belong together.
 
-    Parameters
-    ----------
-    *values : array_like or None
-        All parameters, in that order.
-
-    Raises
-    ------
-    UsageError
-        If only one of `mu_inf` and `v_f` is given.
+    Without these two friction is constant.
     """
     given = dict(zip(_native.slider_parameters(), values, strict=True))
     if (given["mu_inf"] is None) != (given["v_f"] is None):

@@ -41,10 +41,7 @@ def compare(
 ) -> None:
     """Compare, write `output`, print the table and a recommendation for `accuracy`.
 
-    Raises
-    ------
-    Error
-        If anything is refused or fails; a comparison that was stopped, or has no reference, is written nevertheless.
+    A comparison that was stopped, or has no reference, is written before the `Error` is raised.
     """
     if accuracy is not None and accuracy > 1.0:
         raise UsageError("the accuracy is out of range: it must be > 0.0 and <= 1.0")

@@ -99,23 +99,9 @@ class Point:
 
 
 class Comparison:
-    """What is to be tried, what was measured, and on what budget.
+    """What is to be tried, what was measured, and on what budget of wall time from now on [s].
 
-    Parameters
-    ----------
-    scene : Scene
-        As the user gave it.
-    budget : float
-        Wall time from now on [s].
-    quantities : dict of Quantity
-        Of the user.
-    own : iterable of Settings
-        Candidates of the user.
-
-    Raises
-    ------
-    DeckError
-        If the scene is refused.
+    The scene, the quantities and the candidates `own` are the user's; a `DeckError` if the scene is refused.
     """
 
     def __init__(
@@ -154,13 +140,7 @@ class Comparison:
         return self.budget - self.elapsed
 
     def steps(self) -> Iterator[None]:
-        """Compare, in steps of some 50 ms.
-
-        Raises
-        ------
-        Error
-            If there is no reference, or the budget does not suffice for it.
-        """
+        """Compare, in steps of some 50 ms; an `Error` if there is no reference, or the budget does not suffice for it."""
         yield from self._find_reference()
         waiting = yield from self._try_all(range(len(self.points)), SHARE)
         cost = {i: max(self.points[i].seconds, self._expected(self.points[i].candidate)) for i in waiting}

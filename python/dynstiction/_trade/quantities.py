@@ -50,14 +50,8 @@ LEAST_AMPLITUDE = 1.0e-6
 class Observer:
     """When to look at runs of a scene, what to see there, and what errors refer to.
 
-    Parameters
-    ----------
-    subject : Subject
-        The scene.
-    survey : Result
-        A run of it with samples at equal distances.
-    own : dict of Quantity
-        Quantities of the user. For them runs are sampled as the scene asks, too.
+    The survey is a run of the scene with samples at equal distances. For quantities of the user, `own`, runs are sampled as
+    the scene asks, too.
     """
 
     def __init__(self, subject: Subject, survey: Result, own: Mapping[str, Quantity]) -> None:

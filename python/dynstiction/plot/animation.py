@@ -94,24 +94,11 @@ def animate(
 
 
 def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], None]]:
-    """Figure of a run, and a function that sets it to a frame.
+    """Figure of a run, and a function that sets it to a frame: that of one of the rising `times` [s], by its number.
 
     Above the object in the plane of the floor, to scale, with the friction that acts on it; below spring force, angle
     of friction and position against time. What oscillates is drawn as its mean over ten periods of the stiff axis, at
     most since the last frame, and the tip of the friction vector as the line that it has passed in this time.
-
-    Parameters
-    ----------
-    result : Result
-        A run.
-    times : ndarray, shape (n,)
-        Rising times of the frames [s].
-
-    Returns
-    -------
-    figure : Figure
-    show : callable
-        ``show(frame)`` with 0 <= frame < n.
     """
     needed = columns(result, *COLUMNS)
     first, last = np.searchsorted(result.time, [times[0], times[-1]])

@@ -53,19 +53,10 @@ def draw_creep(result: Result, figure: Figure) -> None:
 
 
 def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
-    """Velocity along the drive in the first creep, smoothed.
+    """Times V t k_x/(mu_0 W) [-] of the first creep, X'/V [-] of the run, and that of `creep_exact`, smoothed in the same way.
 
-    A difference of means of X, so the oscillation neither shows nor needs to be resolved by the samples.
-
-    Returns
-    -------
-    tau, run, exact : ndarray, shape (n,)
-        Times V t k_x/(mu_0 W) [-]; X'/V [-] of the run; that of `creep_exact`, smoothed in the same way.
-
-    Raises
-    ------
-    UsageError
-        If the closed form of creep does not apply to the run, or it has no creep.
+    A difference of means of X, so the oscillation neither shows nor needs to be resolved by the samples. A `UsageError` if
+    the closed form of creep does not apply to the run, or it has no creep.
     """
     needed = columns(result, "X", "spring_force_x")
     end = first_release(needed["spring_force_x"]) + 1

@@ -54,13 +54,7 @@ FIGURES: dict[str, PaperFigure] = {
 
 
 def deck(name: str) -> Scene:
-    """A deck of ``inputs/``, as it was installed with the package.
-
-    Raises
-    ------
-    FileError
-        If it is not there.
-    """
+    """A deck of ``inputs/``, as it was installed with the package; a `FileError` if it is not there."""
     file = resources.files("dynstiction") / "inputs" / f"{name}.nml"
     try:
         return Scene(file.read_text(encoding="utf-8"))

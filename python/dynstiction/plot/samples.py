@@ -22,13 +22,7 @@ BINS = 2 * int(COLUMN_WIDTH * DOTS_PER_INCH)
 
 
 def columns(result: Result, *names: str) -> Mapping[str, Floats]:
-    """Columns by name.
-
-    Raises
-    ------
-    ColumnError
-        If the result lacks one; the text says how to get it.
-    """
+    """Columns by name; a `ColumnError` says how to get what the result lacks."""
     missing = [name for name in names if name not in result]
     if missing:
         listed = ", ".join(repr(name) for name in (*(n for n in result if n != "time"), *missing))

@@ -52,13 +52,7 @@ def draw_spectrogram(result: Result, figure: Figure) -> None:
 
 
 def predicted_ridge(result: Result) -> tuple[Floats, Floats]:
-    """Times [s] of the first creep and the frequency [Hz] that `creep_exact` predicts for them.
-
-    Raises
-    ------
-    UsageError
-        If the closed form of creep does not apply to the run.
-    """
+    """Times [s] of the first creep and the frequency [Hz] that `creep_exact` predicts for them, if it applies to the run."""
     system = slider(result)
     end = result.time[first_release(columns(result, "spring_force_x")["spring_force_x"])]
     times = np.linspace(0.0, end, 500)

@@ -88,13 +88,7 @@ def rendering() -> Iterator[None]:
 
 
 def write(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure; the suffix names the format.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
+    """Write a figure; the suffix names the format. A `FileError` says why it cannot be written."""
     known = figure.canvas.get_supported_filetypes()
     suffix = os.path.splitext(path)[1].lstrip(".").lower()
     if suffix and suffix not in known:

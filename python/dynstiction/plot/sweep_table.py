@@ -82,13 +82,7 @@ class Table(NamedTuple):
         return name in self.numbers or name in map(_name_of, self.data.coords)
 
     def parameter(self, name: str) -> Floats:
-        """Values of a key in every case, in the unit of the deck.
-
-        Raises
-        ------
-        UsageError
-            If the deck has no such number.
-        """
+        """Values of a key in every case, in the unit of the deck; a `UsageError` if it has no such number."""
         codes = self.data["result_code"]
         for key, values in self.data.coords.items():
             if _name_of(key) == name:
@@ -98,13 +92,7 @@ class Table(NamedTuple):
         return np.full(codes.shape, self.numbers[name])
 
     def quantity(self, name: str) -> Floats:
-        """Values of a quantity in every case; NaN where a case failed or has none.
-
-        Raises
-        ------
-        UsageError
-            If the sweep has no such quantity.
-        """
+        """Values of a quantity in every case, NaN where a case failed; a `UsageError` if there is no such quantity."""
         if name not in self.data or self.data[name].dtype.kind != "f":
             known = sorted(n for n, values in self.data.data_vars.items() if values.dtype.kind == "f")  # type: ignore[type-var]
             raise UsageError(f"no quantity '{name}', only {', '.join(map(str, known))}")
