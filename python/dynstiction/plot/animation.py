@@ -153,11 +153,8 @@ class _Scene:
         left, right = left - 1.25 * unit, right + 0.5 * unit
         height = max(2.0 * unit, (right - left) / PANEL_RATIO)
         spare = max(0.0, PANEL_RATIO * height - (right - left))
-        axis.set_aspect("equal")
+        axis.set(aspect="equal", xlabel="$X$ [mm]", ylabel="$Y$ [mm]", ylim=(-0.6 * height, 0.4 * height))
         axis.set_xlim(left - 0.5 * spare, right + 0.5 * spare)
-        axis.set_ylim(-0.6 * height, 0.4 * height)
-        axis.set_xlabel("$X$ [mm]")
-        axis.set_ylabel("$Y$ [mm]")
         self.half = 0.13 * unit
         self.limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
         axis.add_patch(self.limit)

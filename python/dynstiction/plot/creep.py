@@ -43,13 +43,10 @@ def draw_creep(result: Result, figure: Figure) -> None:
             tau, np.where(values > 0.0, values, np.nan), dashes, color=colour, linewidth=1.0, label=label
         )
         axes[1].plot(tau, _percent(values, exact), dashes, color=colour, linewidth=1.0)
-    axes[0].set_yscale("log")
-    axes[0].set_ylabel("$X'/V$ [–]")
+    axes[0].set(yscale="log", ylabel="$X'/V$ [–]")
     axes[0].legend(loc="upper left", handlelength=2.4)
-    axes[1].set_ylim(-12.0, 12.0)
-    axes[1].set_ylabel("deviation [%]")
+    axes[1].set(ylim=(-12.0, 12.0), ylabel="deviation [%]", xlabel=r"$\tau = V t\, k_x/(\mu_0 W)$ [–]")
     axes[1].set_xlim(0.0, max(tau[-1], min(1.0, 1.02 * tau[-1])))
-    axes[1].set_xlabel(r"$\tau = V t\, k_x/(\mu_0 W)$ [–]")
 
 
 def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:

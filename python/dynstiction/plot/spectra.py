@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -40,15 +42,8 @@ def draw_spectrogram(result: Result, figure: Figure) -> None:
         _draw_ridge(axes[2 * i + 1], result)
         axes[2 * i + 1].set_ylabel(f"$f$ of ${name}$ [kHz]")
     show_time(axes[-1], result)
-    figure.colorbar(
-        image,
-        ax=axes,
-        location="top",
-        aspect=40,
-        pad=0.01,
-        extend="both",
-        label="power density [dB re 1 (mm/s)$^2$/Hz]",
-    )
+    label = "power density [dB re 1 (mm/s)$^2$/Hz]"
+    figure.colorbar(image, ax=axes, location="top", aspect=40, pad=0.01, extend="both", label=label)
 
 
 def predicted_ridge(result: Result) -> tuple[Floats, Floats]:
@@ -95,14 +90,8 @@ def _draw_ridge(axis: Axes, result: Result) -> None:
     # Wide gaps: the ridge below must be seen.
     axis.plot(times, 1e-3 * frequency, color="white", linewidth=0.9, linestyle=(0, (4, 6)), label="predicted")
     # Framed: a whole history has lines everywhere.
-    axis.legend(
-        loc="upper left",
-        labelcolor="white",
-        handlelength=2.6,
-        frameon=True,
-        facecolor="black",
-        edgecolor="none",
-    )
+    framed: Any = {"frameon": True, "facecolor": "black", "edgecolor": "none"}
+    axis.legend(loc="upper left", labelcolor="white", handlelength=2.6, **framed)
 
 
 def _refuse_aliases(result: Result) -> None:

@@ -73,17 +73,14 @@ def _finish(axes: NDArray[Any], table: Table, number: Floats, angles: Floats) ->
     for panel in axes[[0, 2, 3]]:
         panel.set_xlabel(r"$\Lambda$ [1]")
     for panel in axes[:2]:
-        panel.set_yscale("log")
-        panel.set_ylabel(r"$\theta$ at first slip [deg]")
+        panel.set(yscale="log", ylabel=r"$\theta$ at first slip [deg]")
     axes[1].set_xlabel(r"$\Lambda^2\tan\varphi$ [1]")
     large, small = np.geomspace(1.0, 1e7), np.geomspace(1e-5, 1.0)
     axes[1].plot(large, np.degrees(slip_angle_of_creep(large)), color=BLACK, linestyle="--")
     axes[1].plot(small, np.degrees(np.arctan2(1.0, 2.0 * small)), color=BLACK, linestyle=":")
     axes[2].axhline(FREE_OSCILLATION, color=BLACK, linestyle=":")
-    axes[2].set_ylim(-0.03, 1.03)
-    axes[2].set_ylabel(r"creep share [1]")
-    axes[3].set_yscale("log")
-    axes[3].set_ylabel(r"first peak / $F_0$ [1]")
+    axes[2].set(ylim=(-0.03, 1.03), ylabel=r"creep share [1]")
+    axes[3].set(yscale="log", ylabel=r"first peak / $F_0$ [1]")
     for i, angle in enumerate(angles):
         if angle > 0.0:
             inertia = 1.0 / (2.0 * ends * np.sin(np.radians(angle)))

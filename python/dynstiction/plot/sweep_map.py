@@ -78,9 +78,7 @@ def _draw_line(axis: Axes, table: Table, values: Floats, label: str) -> None:
     (side,) = table.axes
     order = np.argsort(side.values)
     axis.plot(side.shown[order], values[order], ".-", color=BLUE, markersize=3.0)
-    axis.set_xscale(side.scale)
-    axis.set_xlabel(side.label)
-    axis.set_ylabel(label)
+    axis.set(xscale=side.scale, xlabel=side.label, ylabel=label)
 
 
 def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label: str) -> None:
@@ -89,9 +87,7 @@ def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label:
     norm = LogNorm() if second.scale == "log" else Normalize()
     marks = axis.scatter(first.shown, values, c=second.shown, s=6.0, cmap=COLOURS, norm=norm)
     figure.colorbar(marks, ax=axis, label=second.label)
-    axis.set_xscale(first.scale)
-    axis.set_xlabel(first.label)
-    axis.set_ylabel(label)
+    axis.set(xscale=first.scale, xlabel=first.label, ylabel=label)
 
 
 def _draw_colours(figure: Figure, axis: Axes, table: Table, values: Floats, label: str) -> None:
@@ -108,13 +104,8 @@ def _draw_colours(figure: Figure, axis: Axes, table: Table, values: Floats, labe
     figure.colorbar(picture, ax=axis, label=label)
     if up.name == "misalignment_deg":
         _draw_stability(axis, table, up, right)
-    for side, set_scale, set_limits, set_label in (
-        (right, axis.set_xscale, axis.set_xlim, axis.set_xlabel),
-        (up, axis.set_yscale, axis.set_ylim, axis.set_ylabel),
-    ):
-        set_scale(side.scale)
-        set_limits(*_edges(side)[[0, -1]])
-        set_label(side.label)
+    axis.set(xscale=right.scale, xlim=_edges(right)[[0, -1]], xlabel=right.label)
+    axis.set(yscale=up.scale, ylim=_edges(up)[[0, -1]], ylabel=up.label)
     # Ticks inside would be lost in the colours.
     axis.tick_params(which="both", direction="out", top=False, right=False)
 
@@ -122,11 +113,10 @@ def _draw_colours(figure: Figure, axis: Axes, table: Table, values: Floats, labe
 def _edges(side: Axis) -> Floats:
     """Borders of the cells around the values, in the unit of the figure."""
     values = np.log(side.shown) if side.scale == "log" else side.shown
-    if values.size == 1:
-        edges = values[0] + np.array([-0.5, 0.5])
-    else:
-        middle = 0.5 * (values[1:] + values[:-1])
-        edges = np.concatenate(([2.0 * values[0] - middle[0]], middle, [2.0 * values[-1] - middle[-1]]))
+    half = 0.5 * np.diff(values) if values.size > 1 else np.array([0.5])
+    edges = np.concatenate(
+        ([values[0] - half[0]], values[:-1] + half[: values.size - 1], [values[-1] + half[-1]])
+    )
     return np.asarray(np.exp(edges) if side.scale == "log" else edges)
 
 

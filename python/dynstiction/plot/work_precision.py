@@ -106,12 +106,9 @@ def _draw_panel(axis: Axes, trade: Trade, quantity: str) -> set[str]:
         known = family.known
         axis.plot(family.error[known], family.seconds[known], mark, fillstyle=fill, **style)
         axis.plot(family.error[~known], family.seconds[~known], "<", fillstyle="none", **style)
-    axis.set_xscale("log")
-    axis.set_yscale("log")
+    axis.set(xscale="log", yscale="log", xlabel=LABELS[quantity], ylabel="wall time [s]")
     axis.axvspan(axis.get_xlim()[0], trade.floor(quantity), color="0.9", linewidth=0.0)
     axis.set_xlim(left=0.3 * trade.floor(quantity))
-    axis.set_xlabel(LABELS[quantity])
-    axis.set_ylabel("wall time [s]")
     return drawn
 
 

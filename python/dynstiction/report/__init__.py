@@ -19,7 +19,7 @@ from .. import plot
 from ..errors import FileError, UsageError
 from ..html import table
 from ..plot.style import rendering
-from ..record import Described, Info
+from ..record import Described, rows_of
 from ..result import Result
 from ..stick_slip import stick_slip_statistics
 
@@ -117,13 +117,7 @@ def _heading(result: Result) -> str:
 
 
 def _described(values: Described[float] | Described[float | str]) -> str:
-    rows = [_row(info, value) for info, value in values.info()]
-    return table(("", "value", "unit", ""), rows) if rows else "<p>None.</p>"
-
-
-def _row(info: Info, value: float | str) -> tuple[str, str, str, str]:
-    shown = f"{value:.8g}" if isinstance(value, float) else str(value)
-    return info.name, shown, "" if info.units == "1" else info.units, info.long_name
+    return table(("", "value", "unit", ""), rows_of(values)) if values else "<p>None.</p>"
 
 
 def _figures(result: Result) -> Iterator[str]:
