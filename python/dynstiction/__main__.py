@@ -187,17 +187,7 @@ def _add_trade(commands: argparse._SubParsersAction[_Parser]) -> None:
 def _trade(options: argparse.Namespace) -> None:
     from ._trade.command import compare  # noqa: PLC0415
 
-    compare(
-        options.deck,
-        options.set,
-        options.output or f"{Path(options.deck).stem}_trade.h5",
-        accuracy=options.accuracy,
-        quantity=options.quantity,
-        budget=options.budget,
-        overwrite=options.overwrite,
-        quiet=options.quiet,
-        say=partial(_say, end=""),
-    )
+    compare(options, partial(_say, end=""))
 
 
 def _paper(options: argparse.Namespace) -> None:
