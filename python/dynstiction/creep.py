@@ -6,7 +6,7 @@ Constant friction ``F_0 = mu_0 W``, ``l_x = F_0/k_x``, ``kappa = k_x/k_y``, ``ta
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,16 +75,7 @@ def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep
     All are good to 2e-14 of themselves for 1e-6 deg <= phi <= 89 deg, X'/V and X to 2e-15, up to where 1 - X'/V = 1e-12.
     With kappa > 0, X just after the release at tau_1 keeps about 2e-16 tau_1/(tau - tau_1) only: the rounding of phi shifts tau_1.
     """
-    given = {
-        name: reals(name, value, checked=False)
-        for name, value in zip(("tau", "phi", "kappa"), (tau, phi, kappa), strict=True)
-    }
-    shape = shape_of(**given)
-    taus, phis, kappas = (
-        _flat(given["tau"], shape),
-        _one_or_flat(given["phi"], shape),
-        _one_or_flat(given["kappa"], shape),
-    )
+    shape, taus, phis, kappas = _points(tau=tau, phi=phi, kappa=kappa)
     if taus.size == 0:
         return Creep(*(np.empty(shape) for _ in Creep._fields))
     values = _native.creep_exact(taus, phis, kappas)
@@ -118,9 +109,7 @@ def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power")
     """
     if not isinstance(form, str) or form not in FORMS:
         raise UsageError(f"form = {shown(form)}: one of {', '.join(map(repr, FORMS))}")
-    given = {"tau": reals("tau", tau, checked=False), "phi": reals("phi", phi, checked=False)}
-    shape = shape_of(**given)
-    taus, phis = _flat(given["tau"], shape), _one_or_flat(given["phi"], shape)
+    shape, taus, phis = _points(tau=tau, phi=phi)
     if taus.size == 0:
         return np.empty(shape)
     return finite("X'/V", _native.creep_asymptotic(form, taus, phis).reshape(shape))
@@ -187,24 +176,16 @@ def dimensionless(
     normal_load: ArrayLike,
 ) -> tuple[_Floats, _Floats, _Floats]:
     """Arguments (tau, phi, kappa) of `creep_exact` for those of `creep_velocity`; an infinite `stiffness_y` is rigid."""
-    speed = reals("velocity", velocity, above=0.0, units="m/s")
-    soft = reals("stiffness_x", stiffness_x, above=0.0, units="N/m")
+    positive = (("velocity", velocity, "m/s"), ("stiffness_x", stiffness_x, "N/m"), ("mu_0", mu_0, "1"),
+                ("normal_load", normal_load, "N"))  # fmt: skip
+    given = {name: reals(name, value, above=0.0, units=units) for name, value, units in positive}
     stiff = reals("stiffness_y", stiffness_y, checked=False)
     # Infinity is a rigid axis.
     reals("stiffness_y", np.minimum(stiff, LARGEST), above=0.0, units="N/m")
-    friction_coefficient = reals("mu_0", mu_0, above=0.0)
-    load = reals("normal_load", normal_load, above=0.0, units="N")
     times = reals("t", t, least=0.0, units="s")
     phi = reals("misalignment", misalignment, checked=False)
-    shape_of(
-        t=times,
-        velocity=speed,
-        misalignment=phi,
-        stiffness_x=soft,
-        stiffness_y=stiff,
-        mu_0=friction_coefficient,
-        normal_load=load,
-    )
+    shape_of(t=times, misalignment=phi, stiffness_y=stiff, **given)
+    speed, soft, friction_coefficient, load = given.values()
     with np.errstate(all="ignore"):
         friction = reals("mu_0 normal_load", friction_coefficient * load, least=SMALLEST, units="N")
         loading = reals("velocity stiffness_x", speed * soft, least=SMALLEST, units="N/s")
@@ -215,10 +196,14 @@ def dimensionless(
         return times * rate, phi, kappa
 
 
-def _flat(array: _Floats, shape: tuple[int, ...]) -> _Floats:
-    return np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
-
-
-def _one_or_flat(array: _Floats, shape: tuple[int, ...]) -> _Floats:
-    """A single value stays single: the core then need not look at it again."""
-    return array.reshape(1) if array.size == 1 else _flat(array, shape)
+def _points(**arguments: ArrayLike) -> tuple[Any, ...]:
+    """Broadcast shape, and the arguments for the core: tau of every point; a single value of another stays single."""
+    arrays = {name: reals(name, value, checked=False) for name, value in arguments.items()}
+    shape = shape_of(**arrays)
+    flat = (
+        array.reshape(1)
+        if array.size == 1 and name != "tau"
+        else np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
+        for name, array in arrays.items()
+    )
+    return shape, *flat

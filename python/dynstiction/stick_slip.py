@@ -309,14 +309,12 @@ def _rests(events: NDArray[np.void], edges: _Floats) -> tuple[_Floats, _Floats]:
     # A slip that begins before any rest ends none.
     ends = ends[ends >= begins[0]] if begins.size else ends[:0]
     counts = np.diff(np.searchsorted(begins, edges)).astype(np.float64)
-
-    def at_rest_until(edge: _Floats) -> _Floats:
-        begun, ended = np.searchsorted(begins, edge), np.searchsorted(ends, edge)
-        whole = np.concatenate([[0.0], np.cumsum(ends - begins[: ends.size])])
-        still = np.where(begun > ended, edge - begins[np.maximum(begun, 1) - 1] if begins.size else 0.0, 0.0)
-        return np.asarray(whole[ended] + still)
-
-    return counts, np.diff(at_rest_until(edges))
+    if begins.size > ends.size:
+        ends = np.append(ends, max(begins[-1], edges.max(initial=0.0)))
+    # The time at rest so far grows from the beginning of a rest to its end, and stays until the next.
+    knots = np.column_stack([begins, ends]).ravel()
+    rested = np.cumsum(np.column_stack([np.zeros(begins.size), ends - begins]))
+    return counts, np.diff(np.interp(edges, knots, rested)) if knots.size else np.zeros(counts.size)
 
 
 def _padded(values: _Floats, n: int) -> _Floats:

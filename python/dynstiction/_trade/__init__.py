@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any, Unpack
@@ -223,34 +223,21 @@ def begin(
     if not isinstance(own, Mapping):
         raise UsageError(f"quantities={shown(own)}: give functions of a Result by name")
     for name, function in own.items():
-        if not (
-            isinstance(name, str)
-            and name.isidentifier()
-            and name not in (*QUANTITIES, "all")
-            and callable(function)
-        ):
+        known = (*QUANTITIES, "all")
+        if not (isinstance(name, str) and name.isidentifier() and name not in known and callable(function)):
             raise UsageError(
                 f"quantities: {shown(name)}: give functions of a Result, each by a name that is an identifier and not taken"
             )
     tried = list(candidates) if isinstance(candidates, Iterable) else [candidates]
     for settings in tried:
-        if not (
-            isinstance(settings, Mapping) and all(isinstance(keys, Mapping) for keys in settings.values())
-        ):
+        groups = settings.values() if isinstance(settings, Mapping) else [settings]
+        if not all(isinstance(keys, Mapping) for keys in groups):
             raise UsageError(
                 f"candidates: {shown(settings)}: give settings by group, like {{'integrator': {{'rtol': 1e-5}}}}"
             )
     if accuracy is not None:
         check_quantity(quantity, own)
     return Comparison(scene, budget, own, tried)
-
-
-def _array(info: Info, values: NDArray[np.float64] | Sequence[str]) -> Column:
-    if info.name.startswith("error_"):
-        errors = np.array(values, dtype=np.float64)
-        errors[errors < 0.0] = np.nan
-        return errors
-    return np.asarray(values)
 
 
 def open_trade(path: str | os.PathLike[str]) -> Trade:
@@ -277,6 +264,9 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
         entries = []
         for name, dataset in file["trade"].items():
             info = Info(name, dataset.attrs["units"], dataset.attrs["long_name"])
-            text = h5py.check_string_dtype(dataset.dtype) is not None
-            entries.append((info, _array(info, list(dataset.asstr()[:]) if text else dataset[:])))
+            is_text = h5py.check_string_dtype(dataset.dtype) is not None
+            values = np.array(list(dataset.asstr()[:])) if is_text else dataset[:]
+            if name.startswith("error_"):
+                values = np.where(values < 0.0, np.nan, values)
+            entries.append((info, values))
     return Trade(Described(entries))

@@ -108,7 +108,8 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
     scene = _Scene(axes["above"], result, needed, part)
     traces = _draw_traces([axes[name] for name in TRACES], result.time, needed, part)
     ends = np.clip(np.searchsorted(result.time, times, side="right"), 1, result.time.size)
-    begins = np.minimum(np.searchsorted(result.time, times - _averaging_time(result, times)), ends - 1)
+    averaged = min(times[1] - times[0], AVERAGED_PERIODS / (stiff_frequency(result) or np.inf))
+    begins = np.minimum(np.searchsorted(result.time, times - averaged), ends - 1)
 
     def show(frame: int) -> None:
         now = slice(int(begins[frame]), int(ends[frame]))
@@ -120,12 +121,6 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure, show
-
-
-def _averaging_time(result: Result, times: Floats) -> float:
-    stiff = stiff_frequency(result)
-    between_frames = float(times[1] - times[0])
-    return 0.0 if stiff is None else min(between_frames, AVERAGED_PERIODS / stiff)
 
 
 class _Scene:
