@@ -150,8 +150,10 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     slip_length = np.where(whole, along * (position[valleys] - position[peaks]), np.nan)
     travel = np.abs(_padded(np.diff(position[peaks]), n))
     next_peak = np.where(linked, _padded(peak_time[1:], n), np.nan)
-    group = _motions(linked, travel, next_peak - peak_time, *_natural_scales(result, limit, cosine))
-    linked &= group >= 0
+    cycles, slides = _last_motion(
+        linked, travel, next_peak - peak_time, *_natural_scales(result, limit, cosine)
+    )
+    linked[slides] = False
     next_peak = np.where(linked, next_peak, np.nan)
     rests, rest_time = _rests(result.events, peak_time)
     values = (
@@ -166,7 +168,8 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         np.where(linked, _padded(rests, n), np.nan),
         np.where(linked, _padded(rest_time, n), np.nan),
     )
-    settled = _settled(linked, group, travel, values[1], values[3], since_turn)
+    settled = np.zeros(n, dtype=bool)
+    settled[_settled(cycles, travel, values[1], values[3], since_turn)] = True
     return StickSlip(Described(zip(COLUMNS, values, strict=True)), settled)
 
 
@@ -211,56 +214,40 @@ def _natural_scales(result: Result, limit: float, cosine: float) -> tuple[float,
     return length, 2.0 * np.pi * float(np.sqrt(mass / stiffness))
 
 
-def _motions(
+def _last_motion(
     linked: NDArray[np.bool_], travel: _Floats, period: _Floats, length: float, time: float
-) -> NDArray[np.int_]:
-    """Of each row the number of the motion that its cycle belongs to: a long steady slide parts two; -1 for the slide itself."""
-    group = np.zeros(linked.size, dtype=int)
-    current, lengths = 0, list[float]()
-    for i in range(linked.size):
-        group[i] = current
-        if not linked[i]:
-            continue
-        if travel[i] > LONG * length and period[i] > LONG * time:
-            count = len(lengths)
-            if count == 0 or travel[i] > LONG * max(lengths[-_later_half(count) :]):
-                current, lengths = current + 1, []
-                group[i] = -1
-                continue
-        lengths.append(float(travel[i]))
-    return group
+) -> tuple[list[int], list[int]]:
+    """Rows of the cycles since the last long steady slide, and of the slides: each ends one motion and begins another."""
+    cycles, slides = list[int](), list[int]()
+    for i in np.flatnonzero(linked).tolist():
+        is_long = travel[i] > LONG * length and period[i] > LONG * time
+        if is_long and (not cycles or travel[i] > LONG * travel[_later_half(cycles)].max()):
+            slides.append(i)
+            cycles = []
+        else:
+            cycles.append(i)
+    return cycles, slides
 
 
-def _later_half(count: int) -> int:
-    return min(KEPT, max(min(2, count), count // 2))
+def _later_half(cycles: list[int]) -> list[int]:
+    """At least two if there are two, at most `KEPT`."""
+    return cycles[-min(KEPT, max(2, len(cycles) // 2)) :]
 
 
 def _settled(
-    linked: NDArray[np.bool_],
-    group: NDArray[np.int_],
-    travel: _Floats,
-    peak: _Floats,
-    valley: _Floats,
-    since_turn: float,
-) -> NDArray[np.bool_]:
+    cycles: list[int], travel: _Floats, peak: _Floats, valley: _Floats, since_turn: float
+) -> list[int]:
     """The rows that means are taken over."""
-    settled = np.zeros(linked.size, dtype=bool)
-    cycles = np.flatnonzero(linked & (group == group.max(initial=0)))
-    if cycles.size == 0:
-        return settled
-    later = cycles[-_later_half(cycles.size) :]
-    if since_turn > PATIENCE * travel[later].max():
-        return settled
+    later = _later_half(cycles)
+    if not later or since_turn > PATIENCE * travel[later].max():
+        return []
     # Of these the last without a break between: falls and rises in turn.
-    breaks = np.flatnonzero(np.diff(cycles) > 1)
-    row = cycles.size - (breaks[-1] + 1 if breaks.size else 0)
-    chain = cycles[-min(row, max(TELLING, later.size)) :]
+    row = np.split(cycles, np.flatnonzero(np.diff(cycles) > 1) + 1)[-1]
+    chain = row[-max(TELLING, len(later)) :]
     swing = np.column_stack([peak[chain] - valley[chain], peak[chain + 1] - valley[chain]]).ravel()
     share = RING_DOWN_OF_ONE if chain.size == 1 else RING_DOWN
-    if np.all(swing[1:] <= (1.0 + RIPPLE) * swing[:-1]) and swing[-1] < share * swing[0]:
-        return settled
-    settled[later] = True
-    return settled
+    rings_down = np.all(swing[1:] <= (1.0 + RIPPLE) * swing[:-1]) and swing[-1] < share * swing[0]
+    return [] if rings_down else later
 
 
 def _turns(load: _Floats, least: float) -> list[tuple[int, int]]:
