@@ -234,23 +234,7 @@ class Validation:
 
 
 def validate_creep(forms: Mapping[str, Form] = LIBRARY_FORMS) -> Validation:
-    """Measure what tells Eq. (8)'s exponent; about a second.
-
-    Parameters
-    ----------
-    forms : mapping
-        The three forms of Eq. (8) by name, functions of tau and phi [rad].
-
-    Returns
-    -------
-    Validation
-        The numbers. Nothing is raised where a check fails: see `Validation.checks`.
-
-    Raises
-    ------
-    SolverError
-        If the full model could not be integrated.
-    """
+    """Measure what tells Eq. (8)'s exponent, with its three forms; a check that fails is no exception: see `Validation.checks`."""
     return Validation(forms, mean_creep(TIMES))
 
 
@@ -265,26 +249,8 @@ def mean_creep(
     """X' of the full model with constant friction, averaged over whole high-frequency cycles.
 
     A cycle begins where u_y rises through its value in the exact creep. There X, which oscillates opposite to u_y,
-    is on its mean, so that a decaying oscillation leaves no trace in the average.
-
-    Parameters
-    ----------
-    times : sequence of float
-        Middles of the windows [s]; none may come within `HALF_WIDTH` of 0.
-    degrees, velocity, mass, stiffness_y : float
-        Misalignment [deg], V [m/s], m [kg], k_y [N/m]; the rest is Fig. 3's.
-
-    Returns
-    -------
-    tuple of Mean
-        One for each time.
-
-    Raises
-    ------
-    UsageError
-        If the oscillation has died out at one of the times.
-    SolverError
-        If the full model could not be integrated.
+    is on its mean, so that a decaying oscillation leaves no trace in the average. The times [s] are the middles of the
+    windows; a `UsageError` if the oscillation has died out at one of them. What is not given, in SI units, is Fig. 3's.
     """
     cycle = 2.0 * math.pi * math.sqrt(mass / stiffness_y)
     # Late cycles are longer than `cycle`, by 1/sqrt(1 - tau^2).
