@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .samples import Floats
 from .style import BLACK, panels
-from .sweep_table import Table, table_of
+from .sweep_table import table_of
 
 if TYPE_CHECKING:
     import xarray
@@ -63,11 +63,11 @@ def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
                     markeredgewidth=0.6,
                 )  # fmt: skip
         panel.set_xscale("log")
-    _finish(axes, table, number, angles)
+    _finish(axes, number, angles)
     figure.legend(handles=_legend(angles, bool(slow.all())), loc="outside lower center", ncols=4)
 
 
-def _finish(axes: NDArray[Any], table: Table, number: Floats, angles: Floats) -> None:
+def _finish(axes: NDArray[Any], number: Floats, angles: Floats) -> None:
     """Labels, scales, and the lines of theory."""
     ends = np.geomspace(np.nanmin(number), np.nanmax(number[np.isfinite(number)]), 50)
     for panel in axes[[0, 2, 3]]:
