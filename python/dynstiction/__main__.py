@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from ._native import catalogue
 from ._open import groups_in
@@ -40,7 +40,7 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message}: see {self.prog} --help")
 
-    def _print_message(self, message: str, file: IO[str] | None = None) -> None:
+    def _print_message(self, message: str, file: Any = None) -> None:
         if file is sys.stderr:
             super()._print_message(message, file)
         else:
@@ -187,17 +187,7 @@ def _add_trade(commands: argparse._SubParsersAction[_Parser]) -> None:
 def _trade(options: argparse.Namespace) -> None:
     from ._trade.command import compare  # noqa: PLC0415
 
-    compare(
-        options.deck,
-        options.set,
-        options.output or f"{Path(options.deck).stem}_trade.h5",
-        accuracy=options.accuracy,
-        quantity=options.quantity,
-        budget=options.budget,
-        overwrite=options.overwrite,
-        quiet=options.quiet,
-        say=partial(_say, end=""),
-    )
+    compare(options, partial(_say, end=""))
 
 
 def _paper(options: argparse.Namespace) -> None:
@@ -233,8 +223,7 @@ def _validate_creep(options: argparse.Namespace) -> int:
     from .plot.creep_validation import draw_creep_validation  # noqa: PLC0415
     from .plot.style import new_figure, write  # noqa: PLC0415
 
-    with _progress("runs of the full model", validate.RUNS) as advance:
-        validation = validate.validate_creep(advance=advance)
+    validation = validate.validate_creep()
     _say(validation.report())
     table = options.output / "creep_validation.csv"
     try:
@@ -246,30 +235,6 @@ def _validate_creep(options: argparse.Namespace) -> int:
     figure = new_figure(lambda empty: draw_creep_validation(validation, empty))
     write(figure, options.output / "creep_validation.png")
     return 0 if validation.holds else 1
-
-
-@contextmanager
-def _progress(what: str, total: int) -> Iterator[Callable[[], None]]:
-    """Count on stderr: a bar where tqdm is installed, otherwise a plain line now and then."""
-    done = 0
-
-    def count() -> None:
-        nonlocal done
-        done += 1
-        if done % 10 == 0 or done == total:
-            print(f"{done} of {total} {what}", file=sys.stderr, flush=True)
-
-    try:
-        from tqdm import tqdm  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
-    except ImportError:
-        yield count
-        return
-    with tqdm(total=total, desc=what) as bar:
-
-        def update() -> None:
-            bar.update()
-
-        yield update
 
 
 def _open(file: Path) -> Result:

@@ -9,6 +9,7 @@ which ``h5repack`` may have added; it is undone under a limit first.
 from __future__ import annotations
 
 import os
+import struct
 import zlib
 from math import ceil, prod
 from typing import NamedTuple, NoReturn, TypeAlias
@@ -62,7 +63,7 @@ TEXT_OBJECT = 100
 SCALES = {"DIMENSION_LIST", "REFERENCE_LIST"}
 
 
-Piece: TypeAlias = tuple[int | None, int, int]
+Piece: TypeAlias = tuple[int, int, int]
 """Place and length of a part of a dataset in the file, and its mask of filters."""
 
 
@@ -97,20 +98,7 @@ ADDED = Kind((0, 1, 2), texts=True)
 
 
 def judge(file: h5py.File, name: str) -> None:
-    """Refuse a file that would lead its reader beyond what it holds itself.
-
-    Parameters
-    ----------
-    file : h5py.File
-        Just opened.
-    name : str
-        For messages.
-
-    Raises
-    ------
-    FileError
-        That names the object.
-    """
+    """Refuse a file, just opened, that would lead its reader beyond what it holds itself; the `FileError` names the object."""
     judge = _Judge(file, name)
     judge.heaps()
     judge.group(file.id, "")
@@ -153,10 +141,7 @@ class _Judge:
             self.refuse("", "holds a list of texts that is longer than the file")
         data, place = os.pread(self.descriptor, size, start), HEAP_HEAD
         while place + HEAP_HEAD <= len(data):
-            number, length = (
-                int.from_bytes(data[place : place + 2], "little"),
-                int.from_bytes(data[place + 8 : place + 16], "little"),
-            )
+            number, length = struct.unpack_from("<H6xQ", data, place)
             place += HEAP_HEAD + -(-length // 8) * 8 if number else length
             if place > size or (not number and length < HEAP_HEAD):
                 self.refuse("", "holds a list of texts with a damaged length")

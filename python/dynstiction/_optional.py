@@ -10,20 +10,7 @@ __all__ = ["needed"]
 
 
 def needed(package: str, user: str) -> None:
-    """Make sure of a package; a function that needs one asks for it before it does anything else.
-
-    Parameters
-    ----------
-    package : str
-        The module that is imported: a package, or one in it.
-    user : str
-        What needs it, for the message.
-
-    Raises
-    ------
-    PackageError
-        If it cannot be imported.
-    """
+    """Make sure of a package, or a module in one, before anything else is done; the `PackageError` names what needs it."""
     try:
         import_module(package)
     except ImportError as error:

@@ -19,21 +19,9 @@ DELAY = 1.0
 
 @contextmanager
 def progress_bar(wanted: bool | None, total: float, form: str) -> Iterator[Callable[[float], None]]:
-    """Give a function that is told how much of `total` is done.
+    """Give a function that is told how much of `total` is done; `form` is tqdm's ``bar_format``.
 
-    Parameters
-    ----------
-    wanted : bool or None
-        None: only on a terminal or in a notebook, after a second, and if tqdm is installed.
-    total : float
-        All there is to do.
-    form : str
-        The bar, as tqdm's ``bar_format``.
-
-    Raises
-    ------
-    PackageError
-        If a bar is wanted and tqdm is not installed.
+    If it is None whether a bar is wanted: only on a terminal or in a notebook, after a second, and if tqdm is installed.
     """
     if wanted is not None and flag("progress", wanted):
         needed("tqdm.auto", "progress=True")

@@ -16,13 +16,7 @@ _of_thread = threading.local()
 
 
 def check_stack() -> None:
-    """Refuse a thread whose stack is too small for the core: it would end the interpreter.
-
-    Raises
-    ------
-    UsageError
-        If it is.
-    """
+    """Refuse a thread whose stack is too small for the core: it would end the interpreter."""
     if not hasattr(_of_thread, "size"):
         _of_thread.size = _stack_size()
     if _of_thread.size < LEAST:

@@ -168,31 +168,17 @@ def dimensionless(
     mu_0: ArrayLike,
     normal_load: ArrayLike,
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Arguments (tau, phi, kappa) of `creep_exact` for those of `creep_velocity`; an infinite `stiffness_y` is rigid.
-
-    Raises
-    ------
-    UsageError
-        As `creep_velocity`.
-    """
-    speed = reals("velocity", velocity, above=0.0, units="m/s")
-    soft = reals("stiffness_x", stiffness_x, above=0.0, units="N/m")
+    """Arguments (tau, phi, kappa) of `creep_exact` for those of `creep_velocity`; an infinite `stiffness_y` is rigid."""
+    positive = (("velocity", velocity, "m/s"), ("stiffness_x", stiffness_x, "N/m"), ("mu_0", mu_0, "1"),
+                ("normal_load", normal_load, "N"))  # fmt: skip
+    given = {name: reals(name, value, above=0.0, units=units) for name, value, units in positive}
     stiff = reals("stiffness_y", stiffness_y, checked=False)
     # Infinity is a rigid axis.
     reals("stiffness_y", np.minimum(stiff, LARGEST), above=0.0, units="N/m")
-    friction_coefficient = reals("mu_0", mu_0, above=0.0)
-    load = reals("normal_load", normal_load, above=0.0, units="N")
     times = reals("t", t, least=0.0, units="s")
     phi = reals("misalignment", misalignment, checked=False)
-    shape_of(
-        t=times,
-        velocity=speed,
-        misalignment=phi,
-        stiffness_x=soft,
-        stiffness_y=stiff,
-        mu_0=friction_coefficient,
-        normal_load=load,
-    )
+    shape_of(t=times, misalignment=phi, stiffness_y=stiff, **given)
+    speed, soft, friction_coefficient, load = given.values()
     with np.errstate(all="ignore"):
         friction = reals("mu_0 normal_load", friction_coefficient * load, least=SMALLEST, units="N")
         loading = reals("velocity stiffness_x", speed * soft, least=SMALLEST, units="N/s")

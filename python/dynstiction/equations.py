@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -81,13 +82,10 @@ def rhs(
         mu_0, mu_inf, W, v_smooth >= 0), or only one of `mu_inf` and `v_f` is given. If a rate is not a number: with the exact
         law (`v_smooth` = 0) friction has no direction at ``w = 0``.
     """
-    states = _states(state)
     slider = _slider(
         mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
     )
-    if states.size == 0:
-        return np.empty(states.shape)
-    return _finite(_native.rhs(slider, states.reshape(-1, 4)).reshape(states.shape), states)
+    return _evaluated(_native.rhs, slider, state)
 
 
 def jacobian(
@@ -124,24 +122,22 @@ def jacobian(
     UsageError
         As for `rhs`.
     """
-    states = _states(state)
     slider = _slider(
         mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
     )
-    shape = (*states.shape, 4)
-    if states.size == 0:
-        return np.empty(shape)
-    return _finite(_native.jacobian(slider, states.reshape(-1, 4)).reshape(shape), states)
+    return _evaluated(_native.jacobian, slider, state, 4)
 
 
-def _states(state: ArrayLike) -> NDArray[np.float64]:
+def _evaluated(
+    core: Callable[..., NDArray[np.float64]], slider: NDArray[np.float64], state: ArrayLike, *more: int
+) -> NDArray[np.float64]:
+    """What a function of the core gives at each state, with `more` dimensions."""
     states = np.ascontiguousarray(reals("state", state))
     if np.ndim(state) == 0 or states.shape[-1] != 4:
         raise UsageError(f"state of shape {np.shape(state)}: the last dimension is 4, for u_x, u_y, w_x, w_y")
-    return states
-
-
-def _finite(rates: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
+    if states.size == 0:
+        return np.empty((*states.shape, *more))
+    rates = core(slider, states.reshape(-1, 4)).reshape(*states.shape, *more)
     if not np.all(np.isfinite(rates)) and np.any(np.all(states[..., 2:] == 0.0, axis=-1)):
         raise UsageError(
             "w = 0, where friction has no direction with the exact law: give v_smooth > 0, or take such states out"
@@ -157,17 +153,9 @@ def _slider(*values: float | None) -> NDArray[np.float64]:
 
 
 def slider_parameters(*values: ArrayLike | None) -> dict[str, ArrayLike]:
-    """Parameters of sliders by name, in the order of the core; without `mu_inf` and `v_f` friction is constant.
+    """Parameters of sliders by name, from all of them in the order of the core; `mu_inf` and `v_f` belong together.
 
-    Parameters
-    ----------
-    *values : array_like or None
-        All parameters, in that order.
-
-    Raises
-    ------
-    UsageError
-        If only one of `mu_inf` and `v_f` is given.
+    Without these two friction is constant.
     """
     given = dict(zip(_native.slider_parameters(), values, strict=True))
     if (given["mu_inf"] is None) != (given["v_f"] is None):

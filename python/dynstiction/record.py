@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ __all__ = [
     "Record",
     "Table",
     "frame_of",
+    "rows_of",
 ]
 
 STICK_BEGINS = 1
@@ -154,10 +155,7 @@ class Table(Generic[C]):
 
     def _repr_html_(self) -> str:
         title, head, values = self._values()
-        rows = [
-            (i.name, f"{v:.6g}", "" if i.units == "1" else i.units, i.long_name) for i, v in values.info()
-        ]
-        return page_table(title, (head, "value", "unit", ""), rows)
+        return page_table(title, (head, "value", "unit", ""), rows_of(values))
 
 
 def frame_of(columns: Described[C]) -> pandas.DataFrame:
@@ -168,6 +166,19 @@ def frame_of(columns: Described[C]) -> pandas.DataFrame:
     frame = pandas.DataFrame(dict(columns))
     frame.attrs["units"] = columns.units
     return frame
+
+
+def rows_of(values: Described[Any]) -> list[tuple[str, str, str, str]]:
+    """Name, value, unit and meaning of each scalar as texts, for a table."""
+    return [
+        (
+            i.name,
+            f"{v:.8g}" if isinstance(v, float) else str(v),
+            "" if i.units == "1" else i.units,
+            i.long_name,
+        )
+        for i, v in values.info()
+    ]
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -55,22 +55,9 @@ def steady_sliding_eigenvalues(
 
     Parameters
     ----------
-    mass : array_like
-        m [kg], > 0.
-    stiffness_x, stiffness_y : array_like
-        k_x, k_y [N/m], > 0.
-    misalignment : array_like
-        phi [rad], from the drive direction to the soft axis.
-    mu_0, mu_inf : array_like
-        Friction coefficients at rest and at high speed [-], >= 0. Without `mu_inf` friction is constant.
-    v_f : array_like
-        Velocity over which friction weakens [m/s], > 0, with `mu_inf`.
-    normal_load : array_like
-        W [N], >= 0.
-    velocity : array_like
-        V [m/s] of the drive, not 0.
-    v_smooth : array_like
-        Smoothing velocity [m/s] of the direction of friction; 0 for the exact law.
+    mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
+        As for `rhs`: m [kg], k_x, k_y [N/m], phi [rad], friction coefficients, v_f [m/s], W [N], V [m/s], which is not 0,
+        and the smoothing velocity [m/s].
 
     Returns
     -------

@@ -16,7 +16,7 @@ from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info, Table
 from .result import Result
 from .scene import Scene
 
-__all__ = ["StickSlip", "stick_slip_statistics"]
+__all__ = ["StickSlip", "first_release", "stick_slip_statistics"]
 
 THRESHOLD = 0.01
 """Of the static limit mu_0 W: what the load must fall or rise by to count."""
@@ -122,28 +122,38 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     except KeyError as error:
         raise UsageError(f"the result has no parameter {error}: it is none of dynstiction's runs") from None
     drive, pull, cosine = _directions(result)
-    rows: list[_Row] = []
-    turn: int | None = None
-    for first, last in _stretches(drive):
-        side, pulled = int(drive[first]), int(pull[first])
-        inside = slice(first, last + 1)
-        turns = [(i + first, kind) for i, kind in _turns(pulled * force[inside], THRESHOLD * limit)]
-        rows += _rows(turns, pulled, side)
-        turn = (turns[-1][0] if turns else first) if pulled else None
-    n = len(rows)
-    side_of = np.array([row.pull for row in rows], dtype=float)
-    peaks = np.array([row.peak for row in rows], dtype=np.intp)
-    valleys = np.array([row.peak if row.valley is None else row.valley for row in rows], dtype=np.intp)
-    whole = np.array([row.valley is not None for row in rows], dtype=bool)
+    turns: list[tuple[int, int, int]] = []
+    since_turn = 0.0
+    for stretch in np.split(np.arange(drive.size), np.flatnonzero(np.diff(drive)) + 1):
+        if stretch.size and pull[stretch[0]]:
+            first, last = stretch[[0, -1]]
+            inside = slice(first, last + 2)
+            found = _turns(pull[first] * force[inside], THRESHOLD * limit)
+            turns += [(first + i, kind, first) for i, kind in found]
+            since_turn = float(abs(position[-1] - position[first + (found[-1][0] if found else 0)]))
+        else:
+            since_turn = 0.0
+    at, kind, stretch_of = np.array(turns, dtype=np.intp).reshape(-1, 3).T
+    # Peaks and valleys alternate: after a peak of the same stretch comes its valley, and then the next peak.
+    peak = np.flatnonzero(kind > 0)
+
+    def has(turn: NDArray[np.intp]) -> NDArray[np.bool_]:
+        inside = np.minimum(turn, at.size - 1)
+        return np.asarray((turn < at.size) & (stretch_of[inside] == stretch_of[peak]))
+
+    whole, linked = has(peak + 1), has(peak + 2)
+    peaks, valleys = at[peak], at[np.where(whole, peak + 1, peak)]
+    side_of, along = (sides[stretch_of[peak]].astype(float) for sides in (pull, drive))
+    n = peaks.size
     peak_time, peak_force = _vertex(time, force, peaks)
     valley_time, valley_force = (np.where(whole, v, np.nan) for v in _vertex(time, force, valleys))
-    along = np.array([row.drive for row in rows], dtype=float)
     slip_length = np.where(whole, along * (position[valleys] - position[peaks]), np.nan)
-    linked = np.array([row.goes_on for row in rows], dtype=bool)
     travel = np.abs(_padded(np.diff(position[peaks]), n))
     next_peak = np.where(linked, _padded(peak_time[1:], n), np.nan)
-    group = _motions(linked, travel, next_peak - peak_time, *_natural_scales(result, limit, cosine))
-    linked &= group >= 0
+    cycles, slides = _last_motion(
+        linked, travel, next_peak - peak_time, *_natural_scales(result, limit, cosine)
+    )
+    linked[slides] = False
     next_peak = np.where(linked, next_peak, np.nan)
     rests, rest_time = _rests(result.events, peak_time)
     values = (
@@ -158,32 +168,22 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         np.where(linked, _padded(rests, n), np.nan),
         np.where(linked, _padded(rest_time, n), np.nan),
     )
-    since_turn = 0.0 if turn is None else float(abs(position[-1] - position[turn]))
-    settled = _settled(linked, group, travel, values[1], values[3], since_turn)
+    settled = np.zeros(n, dtype=bool)
+    settled[_settled(cycles, travel, values[1], values[3], since_turn)] = True
     return StickSlip(Described(zip(COLUMNS, values, strict=True)), settled)
 
 
-@dataclass
-class _Row:
-    """A peak, the valley that follows it, and whether a peak follows that before the drive stops or reverses."""
+def first_release(force: _Floats) -> int:
+    """Index of the sample where the first stick phase ends: the first peak of the spring force.
 
-    peak: int
-    pull: int
-    drive: int
-    valley: int | None = None
-    goes_on: bool = False
-
-
-def _rows(turns: list[tuple[int, int]], pull: int, drive: int) -> list[_Row]:
-    rows: list[_Row] = []
-    for i, kind in turns:
-        if kind > 0:
-            if rows:
-                rows[-1].goes_on = True
-            rows.append(_Row(i, pull, drive))
-        elif rows:
-            rows[-1].valley = i
-    return rows
+    Without a fall by 5 % there is no slip, and the phase ends where the force comes within 1 % of its
+    largest value.
+    """
+    size = np.abs(force)
+    fallen = np.flatnonzero(np.maximum.accumulate(size) - size > 0.05 * size.max())
+    if fallen.size:
+        return int(np.argmax(size[: fallen[0]]))
+    return int(np.argmax(size >= 0.99 * size.max()))
 
 
 def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], float]:
@@ -204,14 +204,6 @@ def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], flo
     return sign, sign * int(np.sign(cosine)), cosine
 
 
-def _stretches(side: NDArray[np.int_]) -> list[tuple[int, int]]:
-    """First and last interval of each stretch with one direction."""
-    edges = np.flatnonzero(np.diff(side)) + 1
-    starts = np.concatenate([[0], edges]) if side.size else edges
-    ends = np.concatenate([edges, [side.size]]) if side.size else edges
-    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
-
-
 def _natural_scales(result: Result, limit: float, cosine: float) -> tuple[float, float]:
     """Advance and time of the drive in which a cycle is due: what loads the spring to the limit, and the free period."""
     try:
@@ -222,56 +214,40 @@ def _natural_scales(result: Result, limit: float, cosine: float) -> tuple[float,
     return length, 2.0 * np.pi * float(np.sqrt(mass / stiffness))
 
 
-def _motions(
+def _last_motion(
     linked: NDArray[np.bool_], travel: _Floats, period: _Floats, length: float, time: float
-) -> NDArray[np.int_]:
-    """Of each row the number of the motion that its cycle belongs to: a long steady slide parts two; -1 for the slide itself."""
-    group = np.zeros(linked.size, dtype=int)
-    current, lengths = 0, list[float]()
-    for i in range(linked.size):
-        group[i] = current
-        if not linked[i]:
-            continue
-        if travel[i] > LONG * length and period[i] > LONG * time:
-            count = len(lengths)
-            if count == 0 or travel[i] > LONG * max(lengths[-_later_half(count) :]):
-                current, lengths = current + 1, []
-                group[i] = -1
-                continue
-        lengths.append(float(travel[i]))
-    return group
+) -> tuple[list[int], list[int]]:
+    """Rows of the cycles since the last long steady slide, and of the slides: each ends one motion and begins another."""
+    cycles, slides = list[int](), list[int]()
+    for i in np.flatnonzero(linked).tolist():
+        is_long = travel[i] > LONG * length and period[i] > LONG * time
+        if is_long and (not cycles or travel[i] > LONG * travel[_later_half(cycles)].max()):
+            slides.append(i)
+            cycles = []
+        else:
+            cycles.append(i)
+    return cycles, slides
 
 
-def _later_half(count: int) -> int:
-    return min(KEPT, max(min(2, count), count // 2))
+def _later_half(cycles: list[int]) -> list[int]:
+    """At least two if there are two, at most `KEPT`."""
+    return cycles[-min(KEPT, max(2, len(cycles) // 2)) :]
 
 
 def _settled(
-    linked: NDArray[np.bool_],
-    group: NDArray[np.int_],
-    travel: _Floats,
-    peak: _Floats,
-    valley: _Floats,
-    since_turn: float,
-) -> NDArray[np.bool_]:
+    cycles: list[int], travel: _Floats, peak: _Floats, valley: _Floats, since_turn: float
+) -> list[int]:
     """The rows that means are taken over."""
-    settled = np.zeros(linked.size, dtype=bool)
-    cycles = np.flatnonzero(linked & (group == group.max(initial=0)))
-    if cycles.size == 0:
-        return settled
-    later = cycles[-_later_half(cycles.size) :]
-    if since_turn > PATIENCE * travel[later].max():
-        return settled
+    later = _later_half(cycles)
+    if not later or since_turn > PATIENCE * travel[later].max():
+        return []
     # Of these the last without a break between: falls and rises in turn.
-    breaks = np.flatnonzero(np.diff(cycles) > 1)
-    row = cycles.size - (breaks[-1] + 1 if breaks.size else 0)
-    chain = cycles[-min(row, max(TELLING, later.size)) :]
+    row = np.split(cycles, np.flatnonzero(np.diff(cycles) > 1) + 1)[-1]
+    chain = row[-max(TELLING, len(later)) :]
     swing = np.column_stack([peak[chain] - valley[chain], peak[chain + 1] - valley[chain]]).ravel()
     share = RING_DOWN_OF_ONE if chain.size == 1 else RING_DOWN
-    if np.all(swing[1:] <= (1.0 + RIPPLE) * swing[:-1]) and swing[-1] < share * swing[0]:
-        return settled
-    settled[later] = True
-    return settled
+    rings_down = np.all(swing[1:] <= (1.0 + RIPPLE) * swing[:-1]) and swing[-1] < share * swing[0]
+    return [] if rings_down else later
 
 
 def _turns(load: _Floats, least: float) -> list[tuple[int, int]]:
@@ -320,14 +296,12 @@ def _rests(events: NDArray[np.void], edges: _Floats) -> tuple[_Floats, _Floats]:
     # A slip that begins before any rest ends none.
     ends = ends[ends >= begins[0]] if begins.size else ends[:0]
     counts = np.diff(np.searchsorted(begins, edges)).astype(np.float64)
-
-    def at_rest_until(edge: _Floats) -> _Floats:
-        begun, ended = np.searchsorted(begins, edge), np.searchsorted(ends, edge)
-        whole = np.concatenate([[0.0], np.cumsum(ends - begins[: ends.size])])
-        still = np.where(begun > ended, edge - begins[np.maximum(begun, 1) - 1] if begins.size else 0.0, 0.0)
-        return np.asarray(whole[ended] + still)
-
-    return counts, np.diff(at_rest_until(edges))
+    if begins.size > ends.size:
+        ends = np.append(ends, max(begins[-1], edges.max(initial=0.0)))
+    # The time at rest so far grows from the beginning of a rest to its end, and stays until the next.
+    knots = np.column_stack([begins, ends]).ravel()
+    rested = np.cumsum(np.column_stack([np.zeros(begins.size), ends - begins]))
+    return counts, np.diff(np.interp(edges, knots, rested)) if knots.size else np.zeros(counts.size)
 
 
 def _padded(values: _Floats, n: int) -> _Floats:

@@ -13,19 +13,8 @@ def extremes(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Smallest and largest value of each stretch of time, in their order.
 
-    The drawn line covers the same dots as that of all samples, however fast they oscillate.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (n,)
-        Rising times and a value at each.
-    bins : int
-        Number of stretches of equal length.
-
-    Returns
-    -------
-    time, values : ndarray, shape (at most 2*bins + 2,)
-        The kept samples, the first and the last among them.
+    The drawn line covers the same dots as that of all samples, however fast they oscillate. There are `bins` stretches of
+    equal length; the first and the last sample are kept too.
     """
     if time.size <= 2 * bins:
         return time, values

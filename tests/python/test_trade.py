@@ -18,8 +18,8 @@ import xarray
 from dynstiction import plot
 from dynstiction.__main__ import main
 from dynstiction.plot.paper import deck as paper_deck
-from dynstiction.plot.samples import first_release
 from dynstiction.plot.work_precision import families
+from dynstiction.stick_slip import first_release
 
 # Half a second of the creep of Fig. 3, and its first stick-slips.
 CREEP = {"scene": {"t_end": 0.3}}

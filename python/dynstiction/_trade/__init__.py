@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._arguments import number, path_name, shown, text
 from .._open import info_of, open_file
-from .._optional import needed
 from .._progress import progress_bar
 from ..errors import Error, FileError, UsageError, printable
 from ..groups import Groups
 from ..html import table
-from ..record import Described, Info
+from ..record import Described, Info, Table
 from ..scene import DeckLike, Scene
 from .advice import advice, advised_settings, cheapest, check_quantity
 from .measure import RESOLUTION, Comparison
@@ -27,7 +26,6 @@ from .quantities import QUANTITIES, Quantity
 from .report import report
 
 if TYPE_CHECKING:
-    import pandas  # type: ignore[import-untyped]
     import xarray
 
 __all__ = ["Trade", "open_trade", "trade"]
@@ -38,7 +36,7 @@ Column = NDArray[np.float64] | NDArray[np.str_]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Trade:
+class Trade(Table[Any]):
     """What `trade` has measured: a table with one row a point.
 
     Row 0 is the reference, row 1 the run whose difference from it is the reference's error, the others are
@@ -65,15 +63,6 @@ class Trade:
     recommendation: str = ""
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     shortfall: str = ""
-
-    def __getitem__(self, name: str) -> Column:
-        try:
-            return self.columns[name]
-        except (KeyError, TypeError):
-            raise UsageError(f"no column {shown(name)}, only {', '.join(self.columns)}") from None
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns)
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -126,40 +115,18 @@ class Trade:
 
     def to_xarray(self) -> xarray.Dataset:
         """The table as an `xarray.Dataset` over ``point``."""
-        needed("xarray", "to_xarray")
-        import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
-
-        variables = {
-            info.name: ("point", values, {"units": info.units, "long_name": info.long_name})
-            for info, values in self.columns.info()
-        }
-        return xarray.Dataset(
-            {name: variable for name, variable in variables.items() if name != "point"},
-            coords={"point": variables["point"]},
-        )
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """The table as a `pandas.DataFrame`, one row a point; ``frame.attrs["units"]`` has the units."""
-        needed("pandas", "to_pandas")
-        import pandas  # noqa: PLC0415  (optional)
-
-        frame = pandas.DataFrame(dict(self.columns))
-        frame.attrs["units"] = dict(self.columns.units)
-        return frame
+        return self._dataset("point", {})
 
     def _repr_html_(self) -> str:
-        title, advice = repr(self).partition("\n")[0].strip("<>"), self.recommendation or self.shortfall
-        rows = [
-            [str(self[name][i]) for name in ("role", "model", "method", "contact")]
-            + [f"{self.number(name)[i]:.3g}" for name in ("rtol", "step", "v_smooth", "seconds")]
-            + [f"{self.error(name)[i]:.2e}" for name in self.quantities]
-            for i in range(len(self["role"]))
+        title, shown = repr(self).partition("\n")[0].strip("<>"), [name for name in self if name != "text"]
+        columns = [
+            [f"{value:.3g}" if isinstance(value, float) else str(value) for value in self[name].tolist()]
+            for name in shown
         ]
-        heads = ("role", "model", "method", "contact", "rtol", "step [s]", "v_smooth [m/s]", "time [s]")
-        points = table((*heads, *(f"error of {name}" for name in self.quantities)), rows)
+        points = table(shown, zip(*columns, strict=True))
         return (
-            f"<div><b>{escape(title)}</b><pre>{escape(advice)}</pre>"
-            f"<details><summary>{len(rows)} points</summary>{points}</details></div>"
+            f"<div><b>{escape(title)}</b><pre>{escape(self.recommendation or self.shortfall)}</pre>"
+            f"<details><summary>{len(columns[0])} points</summary>{points}</details></div>"
         )
 
     def __repr__(self) -> str:
@@ -256,34 +223,21 @@ def begin(
     if not isinstance(own, Mapping):
         raise UsageError(f"quantities={shown(own)}: give functions of a Result by name")
     for name, function in own.items():
-        if not (
-            isinstance(name, str)
-            and name.isidentifier()
-            and name not in (*QUANTITIES, "all")
-            and callable(function)
-        ):
+        known = (*QUANTITIES, "all")
+        if not (isinstance(name, str) and name.isidentifier() and name not in known and callable(function)):
             raise UsageError(
                 f"quantities: {shown(name)}: give functions of a Result, each by a name that is an identifier and not taken"
             )
     tried = list(candidates) if isinstance(candidates, Iterable) else [candidates]
     for settings in tried:
-        if not (
-            isinstance(settings, Mapping) and all(isinstance(keys, Mapping) for keys in settings.values())
-        ):
+        groups = settings.values() if isinstance(settings, Mapping) else [settings]
+        if not all(isinstance(keys, Mapping) for keys in groups):
             raise UsageError(
                 f"candidates: {shown(settings)}: give settings by group, like {{'integrator': {{'rtol': 1e-5}}}}"
             )
     if accuracy is not None:
         check_quantity(quantity, own)
     return Comparison(scene, budget, own, tried)
-
-
-def _array(info: Info, values: NDArray[np.float64] | Sequence[str]) -> Column:
-    if info.name.startswith("error_"):
-        errors = np.array(values, dtype=np.float64)
-        errors[errors < 0.0] = np.nan
-        return errors
-    return np.asarray(values)
 
 
 def open_trade(path: str | os.PathLike[str]) -> Trade:
@@ -310,6 +264,9 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
         entries = []
         for name, dataset in file["trade"].items():
             info = info_of(name, dataset)
-            text = h5py.check_string_dtype(dataset.dtype) is not None
-            entries.append((info, _array(info, list(dataset.asstr()[:]) if text else dataset[:])))
+            is_text = h5py.check_string_dtype(dataset.dtype) is not None
+            values = np.array(list(dataset.asstr()[:])) if is_text else dataset[:]
+            if name.startswith("error_"):
+                values = np.where(values < 0.0, np.nan, values)
+            entries.append((info, values))
     return Trade(Described(entries))

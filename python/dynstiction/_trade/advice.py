@@ -7,12 +7,12 @@ from difflib import get_close_matches
 from typing import Any
 
 from .. import _native
-from ..deck_text import setting_value
+from ..deck_text import deck_from, setting_value
 from ..errors import UsageError
 from .measure import Comparison, Point, StoppedEarlyError
 from .plan import Candidate
 from .quantities import QUANTITIES
-from .words import as_in_a_deck, short
+from .report import short
 
 __all__ = ["advice", "advised_settings", "cheapest", "check_quantity"]
 
@@ -32,15 +32,7 @@ def check_quantity(quantity: str, own: Collection[str]) -> None:
 
 
 def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
-    """The cheapest point whose errors stay below `accuracy` with the margin.
-
-    Raises
-    ------
-    UsageError
-        If the scene does not have the quantity.
-    Error
-        If there is no such point.
-    """
+    """The cheapest point whose errors stay below `accuracy` with the margin; an `Error` if there is none."""
     own = comparison.second.errors
     usual = {*USUAL_QUANTITIES, *(own.keys() - QUANTITIES.keys())}
     wanted = [name for name in own if quantity in ("all", name) or (quantity == "" and name in usual)]
@@ -84,12 +76,7 @@ def advice(comparison: Comparison, best: Point) -> str:
         if name in best.errors
     )
     lines = [f"! {_described(best.candidate)}: {short(best.seconds)} s, errors {errors}"]
-    for group, keys in best.candidate.settings().items():
-        lines += [
-            f"&{group}",
-            *(f"  {key} = {_written(value, quoted=True)}" for key, value in keys.items()),
-            "/",
-        ]
+    lines += deck_from(best.candidate.settings(), "").text.splitlines()
     command = ""
     for group, settings in advised_settings(comparison, best).items():
         for key, setting in settings.items():
@@ -128,13 +115,11 @@ def _described(candidate: Candidate) -> str:
     """A candidate in words: low_frequency, radau9, rtol 1.0e-5."""
     words = [" ".join(filter(None, (candidate.model, candidate.form))), candidate.method]
     numbers = (("v_smooth", candidate.v_smooth), ("rtol", candidate.rtol), ("step", candidate.step))
-    words += [f"{name} {as_in_a_deck(value)}" for name, value in numbers if value > 0.0]
+    words += [f"{name} {value!r}" for name, value in numbers if value > 0.0]
     words += [f"{key} {_written(value)}" for keys in candidate.more.values() for key, value in keys.items()]
     return ", ".join(filter(None, words))
 
 
-def _written(value: object, *, quoted: bool = False) -> str:
-    """A value as in a deck, or without quotes as on the command line."""
-    if isinstance(value, float):
-        return as_in_a_deck(value)
-    return value if isinstance(value, str) and not quoted else setting_value(value)
+def _written(value: object) -> str:
+    """A value as on the command line: as in a deck, but a text without quotes."""
+    return value if isinstance(value, str) else setting_value(value)

@@ -9,8 +9,10 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 
 from .._native import Lock
@@ -20,7 +22,6 @@ from . import begin
 from .advice import advice, cheapest
 from .measure import Comparison, StoppedEarlyError
 from .report import report
-from .words import duration, plain
 
 __all__ = ["compare"]
 
@@ -28,35 +29,23 @@ TERMINAL_INTERVAL, PLAIN_INTERVAL = 0.2, 10.0
 """Wall time between two lines of progress [s]."""
 
 
-def compare(
-    deck: str,
-    settings: Sequence[str],
-    output: str,
-    *,
-    accuracy: float | None,
-    quantity: str,
-    budget: float,
-    overwrite: bool,
-    quiet: bool,
-    say: Callable[[str], None],
-) -> None:
-    """Compare, write `output`, print the table and a recommendation for `accuracy`.
+def compare(options: Namespace, say: Callable[[str], None]) -> None:
+    """Compare as the command line asks, write the file, print the table and a recommendation for an accuracy.
 
-    Raises
-    ------
-    Error
-        If anything is refused or fails; a comparison that was stopped, or has no reference, is written nevertheless.
+    A comparison that was stopped, or has no reference, is written before the `Error` is raised.
     """
+    accuracy, quantity, overwrite = options.accuracy, options.quantity, options.overwrite
+    output = options.output or f"{Path(options.deck).stem}_trade.h5"
     if accuracy is not None and accuracy > 1.0:
         raise UsageError("the accuracy is out of range: it must be > 0.0 and <= 1.0")
     with _listening() as received:
         from .. import _save  # noqa: PLC0415  (h5py is slow to import)
 
-        comparison = begin(Scene.of_command(deck, settings), accuracy, budget, quantity)
+        comparison = begin(Scene.of_command(options.deck, options.set), accuracy, options.budget, quantity)
         place = os.path.realpath(output) if os.path.islink(output) else output
         with Lock(place):
             _save.refuse_to_replace(place, overwrite=overwrite)
-            fault = _watch(comparison, received, "" if quiet else printable(deck))
+            fault = _watch(comparison, received, "" if options.quiet else printable(options.deck))
             table = comparison.table() if comparison.has_reference else None
             try:
                 _save.write(comparison.record(fault), place, overwrite=overwrite, trade=table)
@@ -64,7 +53,7 @@ def compare(
                 fault = fault or error
     if fault is not None:
         raise fault
-    if not quiet:
+    if not options.quiet:
         say(report(comparison))
     if accuracy is not None:
         text = advice(comparison, cheapest(comparison, accuracy, quantity))
@@ -85,8 +74,8 @@ def _watch(comparison: Comparison, received: Sequence[str], label: str) -> Error
                 fault = StoppedEarlyError(text)
                 break
             if label and elapsed >= due:
-                done = f"{100.0 * elapsed / budget:6.1f} %, wall time = {plain(elapsed)} of {plain(budget)} s"
-                line = f"{label}:{done}, {duration(budget - elapsed)} left"
+                done = f"{100.0 * elapsed / budget:6.1f} %, wall time = {elapsed:.3g} of {budget:.6g} s"
+                line = f"{label}:{done}, {budget - elapsed:.0f} s left"
                 _put(f"\r{line}\x1b[K" if terminal else f"{line}\n")
                 due = elapsed + interval
     except Error as error:

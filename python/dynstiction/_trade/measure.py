@@ -25,7 +25,6 @@ from ..scene import Scene
 from ..simulation import Simulation
 from .plan import Candidate, Settings, Subject, candidates
 from .quantities import QUANTITIES, Observer, Quantity
-from .words import plain
 
 __all__ = ["RESOLUTION", "Comparison", "Point", "StoppedEarlyError"]
 
@@ -100,23 +99,9 @@ class Point:
 
 
 class Comparison:
-    """What is to be tried, what was measured, and on what budget.
+    """What is to be tried, what was measured, and on what budget of wall time from now on [s].
 
-    Parameters
-    ----------
-    scene : Scene
-        As the user gave it.
-    budget : float
-        Wall time from now on [s].
-    quantities : dict of Quantity
-        Of the user.
-    own : iterable of Settings
-        Candidates of the user.
-
-    Raises
-    ------
-    DeckError
-        If the scene is refused.
+    The scene, the quantities and the candidates `own` are the user's; a `DeckError` if the scene is refused.
     """
 
     def __init__(
@@ -155,13 +140,7 @@ class Comparison:
         return self.budget - self.elapsed
 
     def steps(self) -> Iterator[None]:
-        """Compare, in steps of some 50 ms.
-
-        Raises
-        ------
-        Error
-            If there is no reference, or the budget does not suffice for it.
-        """
+        """Compare, in steps of some 50 ms; an `Error` if there is no reference, or the budget does not suffice for it."""
         yield from self._find_reference()
         waiting = yield from self._try_all(range(len(self.points)), SHARE)
         cost = {i: max(self.points[i].seconds, self._expected(self.points[i].candidate)) for i in waiting}
@@ -208,7 +187,7 @@ class Comparison:
             yield
             if self.left <= 0.0:
                 raise StoppedEarlyError(
-                    f"the budget of {plain(self.budget)} s does not suffice for the reference: raise --budget, or lower scene.t_end"
+                    f"the budget of {self.budget:.3g} s does not suffice for the reference: raise --budget, or lower scene.t_end"
                 )
         code, text = simulation._outcome or (0, "")
         if code != 0 and loosest:
@@ -251,7 +230,7 @@ class Comparison:
                     if spent > allowance or (spent > PROOF * allowance and spent * pace > 3.0 * allowance):
                         self._note(point, simulation)
                         point.code, point.seconds = STOPPED_EARLY, point.seconds * pace
-                        point.text = f"abandoned after {plain(spent)} s at t = {plain(reached)} s: the budget did not suffice"
+                        point.text = f"abandoned after {spent:.3g} s at t = {reached:.3g} s: the budget did not suffice"
                         return False
                 if repeat == 0:
                     self._note(point, simulation)
@@ -276,7 +255,7 @@ class Comparison:
             left = self.left
             point.text = "skipped: the budget was used up"
             if left > 0.0:
-                point.text = f"skipped: it was expected to take {plain(expected)} s, and {plain(left)} s of the budget were left"
+                point.text = f"skipped: it was expected to take {expected:.3g} s, and {left:.3g} s of the budget were left"
 
     def _expected(self, candidate: Candidate) -> float:
         """What a candidate is expected to cost [s], from the nearest of its family; 0 if nothing is known."""

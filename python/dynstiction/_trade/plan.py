@@ -71,18 +71,7 @@ class Candidate:
 
 
 class Subject:
-    """The scene that is compared on, and what candidates make of it.
-
-    Parameters
-    ----------
-    scene : Scene
-        As the user gave it.
-
-    Raises
-    ------
-    DeckError
-        If a key or a value is refused.
-    """
+    """The scene that is compared on, as the user gave it, and what candidates make of it."""
 
     def __init__(self, scene: Scene) -> None:
         self.name, self.given = scene.name, scene.groups()

@@ -17,6 +17,7 @@ from ..errors import Error
 from ..record import Described
 from ..result import Result
 from ..simulation import Simulation
+from ..stick_slip import first_release
 from .plan import Subject
 
 __all__ = ["QUANTITIES", "Observer", "Quantity"]
@@ -40,16 +41,6 @@ QUANTITIES = {
     "sticks": "times that the object came to rest",
     "first_peak_force": "first peak of the load",
 }
-OF_SUMMARY = (
-    "period",
-    "peak_force",
-    "valley_force",
-    "slip_length",
-    "max_X_rate",
-    "sticks",
-    "first_peak_force",
-)
-
 PERIODS, SAMPLES_PER_PERIOD = 8, 24
 """Length of the window in which the fast oscillation is seen."""
 LEAST_AMPLITUDE = 1.0e-6
@@ -59,26 +50,20 @@ LEAST_AMPLITUDE = 1.0e-6
 class Observer:
     """When to look at runs of a scene, what to see there, and what errors refer to.
 
-    Parameters
-    ----------
-    subject : Subject
-        The scene.
-    survey : Result
-        A run of it with samples at equal distances.
-    own : dict of Quantity
-        Quantities of the user. For them runs are sampled as the scene asks, too.
+    The survey is a run of the scene with samples at equal distances. For quantities of the user, `own`, runs are sampled as
+    the scene asks, too.
     """
 
     def __init__(self, subject: Subject, survey: Result, own: Mapping[str, Quantity]) -> None:
         self._own = own
-        time, load = survey.time, np.abs(subject.number("stiffness_x") * survey["u_x"])
+        time, load = survey.time, subject.number("stiffness_x") * survey["u_x"]
         self._static_limit = subject.number("mu_0") * subject.number("normal_load")
         self._scales = {
             "final_elongation": float(np.hypot(survey["u_x"], survey["u_y"]).max()),
             "final_velocity": float(np.hypot(survey["w_x"], survey["w_y"]).max()),
             "fast_phase": math.pi,
         }
-        end = _first_stick_phase(time, load)
+        end = float(time[first_release(load) or -1])  # of the first stick phase
         # The frequency of a creep in which friction points along theta.
         theta = survey["theta"][np.abs(time - 0.5 * end) <= max(0.02 * end, time[1])]
         stiffness = np.array([subject.number("stiffness_x"), subject.number("stiffness_y")])
@@ -125,7 +110,7 @@ class Observer:
         """Quantities of a finished run that was sampled at `instants`, as far as it has them."""
         result = simulation.result
         columns = {name: values[self._looks] for name, values in result.columns.items()}
-        seen = {name: [result.summary[name]] for name in OF_SUMMARY if name in result.summary}
+        seen = {name: [result.summary[name]] for name in QUANTITIES if name in result.summary}
         for name, x, y in (("final_elongation", "u_x", "u_y"), ("final_velocity", "w_x", "w_y")):
             if x in columns and y in columns:
                 seen[name] = [columns[x][-1], columns[y][-1]]
@@ -169,16 +154,6 @@ class Observer:
 def _distance(name: str, difference: Any) -> float:
     distance = float(np.linalg.norm(difference))
     return min(distance, 2.0 * math.pi - distance) if name == "fast_phase" else distance
-
-
-def _first_stick_phase(time: Floats, load: Floats) -> float:
-    """End of the first stick phase [s].
-
-    It is the first peak of the load that is followed by a fall of 5 %, else where the load comes within 1 % of its largest value.
-    """
-    falls = np.maximum.accumulate(load) - load > 0.05 * load.max()
-    peak = int(np.argmax(load[: np.argmax(falls)]) if falls.any() else np.argmax(load >= 0.99 * load.max()))
-    return float(time[peak if peak > 0 else -1])
 
 
 def _series(interval: float, time: Floats) -> Floats:

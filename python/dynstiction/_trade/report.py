@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .measure import RESOLUTION, Comparison, Point
 from .quantities import QUANTITIES
-from .words import EPSILON, short
 
-__all__ = ["report"]
+__all__ = ["report", "short"]
+
+EPSILON = float(np.finfo(float).eps)
 
 SHOWN = {"final_elongation": "final u", "final_velocity": "final w", "period": "period", "peak_force": "peak",
          "creep_velocity": "creep"}  # fmt: skip
 """Quantities that get a column, and its heading."""
 HEAD = "model                method      rtol      step s    v_smooth"
 NAME_WIDTH, ROLE_PLACE = 63, 53
+
+
+def short(value: float) -> str:
+    """A number of two digits: 1.0E-03."""
+    return f"{value:.1E}"
 
 
 def report(comparison: Comparison) -> str:

@@ -6,7 +6,8 @@ A kind of figure is a function of a result and an empty figure, in a file of its
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -15,18 +16,16 @@ from matplotlib.figure import Figure
 from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
-from .comparison import MOST_RESULTS, draw_comparison
+from ..stick_slip import first_release
 from .creep import draw_creep
 from .damping import draw_damping
-from .history import draw_history
 from .path import draw_path
-from .samples import first_release, thin
-from .series import draw_series
+from .samples import thin
 from .spectra import draw_spectrogram
 from .style import DOTS_PER_INCH, new_figure, write
 from .sweep_lambda import draw_lambda
 from .sweep_map import draw_map
-from .velocities import draw_velocities
+from .time_series import MOST_RESULTS, draw_comparison, draw_history, draw_series, draw_velocities
 from .work_precision import draw_work_precision
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ __all__ = [
     "thin",
 ]
 
-KINDS: dict[str, Callable[[Result, Figure], None]] = {
+KINDS: dict[str, Callable[..., None]] = {
     "history": draw_history,
     "velocities": draw_velocities,
     "spectrogram": draw_spectrogram,
@@ -56,7 +55,7 @@ KINDS: dict[str, Callable[[Result, Figure], None]] = {
 }
 """Kinds of figure of a run by name."""
 
-SWEEP_KINDS: dict[str, Callable[[xarray.Dataset, Figure], None]] = {
+SWEEP_KINDS: dict[str, Callable[..., None]] = {
     "map": draw_map,
     "lambda": draw_lambda,
 }
@@ -101,31 +100,30 @@ def draw(result: Drawable, kind: str | None = None, quantity: str | None = None)
         If there is no such kind, the result lacks a column (a `ColumnError`) or has no samples, or is not what the kind
         can show; the text says what would be right.
     """
-    if quantity is not None:
-        if isinstance(result, Result | Trade) or kind not in (None, "map"):
-            raise UsageError("a quantity can be chosen for the map of a sweep only")
-        return new_figure(lambda figure: draw_map(result, figure, quantity))
-    if isinstance(result, Trade):
-        if kind not in (None, WORK_PRECISION):
-            raise UsageError(f"a comparison has no figure '{kind}': its kind is {WORK_PRECISION}")
-        comparison = result
-        return new_figure(lambda figure: draw_work_precision(comparison, figure))
+    kinds, usual = _kinds_of(result)
+    if quantity is not None and (kinds is not SWEEP_KINDS or kind not in (None, "map")):
+        raise UsageError("a quantity can be chosen for the map of a sweep only")
+    if kind is not None and kind not in kinds:
+        raise UsageError(f"no kind of figure '{kind}': the kinds are {', '.join(kinds)}")
+    chosen = {} if quantity is None else {"quantity": quantity}
     if not isinstance(result, Result):
-        sweep, draw_sweep = result, SWEEP_KINDS[_known(kind or "map", SWEEP_KINDS)]
-        return new_figure(lambda figure: draw_sweep(sweep, figure))
-    if kind is not None:
-        kind = _known(kind, KINDS)
+        return new_figure(partial(kinds[kind or usual], result, **chosen))
     _refuse_undrawable(result)
-    if kind is not None:
-        return _draw_run(result, kind)
     try:
-        return _draw_run(result, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history"))
+        return new_figure(partial(kinds[kind or usual], result))
     except UsageError:
-        return _draw_run(result, "columns")
+        if kind is not None:
+            raise
+        return new_figure(partial(draw_series, result))
 
 
-def _draw_run(result: Result, kind: str) -> Figure:
-    return new_figure(lambda figure: KINDS[kind](result, figure))
+def _kinds_of(result: Drawable) -> tuple[dict[str, Callable[..., None]], str]:
+    """Kinds of figure of what is given, and the usual one."""
+    if isinstance(result, Trade):
+        return {WORK_PRECISION: draw_work_precision}, WORK_PRECISION
+    if isinstance(result, Result):
+        return KINDS, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history")
+    return SWEEP_KINDS, "map"
 
 
 def _refuse_undrawable(result: Result) -> None:
@@ -160,13 +158,7 @@ def compare(results: Mapping[str, Result]) -> Figure:
         raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
     for result in results.values():
         _refuse_undrawable(result)
-    return new_figure(lambda figure: draw_comparison(results, figure))
-
-
-def _known(kind: str, kinds: Iterable[str]) -> str:
-    if kind not in kinds:
-        raise UsageError(f"no kind of figure '{kind}': the kinds are {', '.join(kinds)}")
-    return kind
+    return new_figure(partial(draw_comparison, results))
 
 
 def save(

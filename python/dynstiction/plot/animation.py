@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
@@ -21,6 +20,7 @@ from .samples import Floats, columns, thin
 from .schematics import coil, principal_axes
 from .style import BLACK, BLUE, GREEN, PURPLE, STYLE, VERMILION
 from .theory import stiff_frequency
+from .time_series import COLUMNS as KNOWN
 
 __all__ = ["animate", "view_from_above"]
 
@@ -30,7 +30,9 @@ DOTS_PER_INCH = 125
 PANEL_RATIO = 2.35
 """Width of the view from above over its height."""
 AVERAGED_PERIODS = 10.0
+TRACES = ("spring_force_x", "theta", "X")
 COLUMNS = ("X", "Y", "u_x", "u_y", "spring_force_x", "friction", "theta", "psi")
+WRITERS: dict[str, type[FFMpegWriter | PillowWriter]] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
 MM = 1e3
 """Millimetres in a metre."""
 
@@ -70,7 +72,7 @@ def animate(
         If the film cannot be written, or the folder holds frames already.
     """
     times = _frame_times(result, start, end, frames_per_second, seconds)
-    save = _saver(output, frames_per_second)
+    writer = _writer(output, frames_per_second)
     with rc_context(STYLE):
         figure, show = view_from_above(result, times)
 
@@ -80,7 +82,11 @@ def animate(
                 progress(frame + 1, times.size)
 
         try:
-            save(figure, shown, times.size)
+            if writer is None:
+                _save_frames(output, figure, shown, times.size)
+            else:
+                film = FuncAnimation(figure, shown, times.size, init_func=lambda: None)
+                film.save(output, writer, dpi=DOTS_PER_INCH)
         except subprocess.CalledProcessError as error:
             raise FileError(f"{output}: ffmpeg failed: write a GIF or a folder of frames instead") from error
         except OSError as error:
@@ -88,34 +94,22 @@ def animate(
 
 
 def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], None]]:
-    """Figure of a run, and a function that sets it to a frame.
+    """Figure of a run, and a function that sets it to a frame: that of one of the rising `times` [s], by its number.
 
     Above the object in the plane of the floor, to scale, with the friction that acts on it; below spring force, angle
     of friction and position against time. What oscillates is drawn as its mean over ten periods of the stiff axis, at
     most since the last frame, and the tip of the friction vector as the line that it has passed in this time.
-
-    Parameters
-    ----------
-    result : Result
-        A run.
-    times : ndarray, shape (n,)
-        Rising times of the frames [s].
-
-    Returns
-    -------
-    figure : Figure
-    show : callable
-        ``show(frame)`` with 0 <= frame < n.
     """
     needed = columns(result, *COLUMNS)
     first, last = np.searchsorted(result.time, [times[0], times[-1]])
     part = slice(int(first), int(last) + 1)
     figure = Figure(figsize=SIZE, dpi=DOTS_PER_INCH, layout="constrained")
-    axes = figure.subplot_mosaic([["above"] * 3, ["force", "angle", "position"]], height_ratios=(2.3, 1.0))
+    axes = figure.subplot_mosaic([["above"] * 3, [*TRACES]], height_ratios=(2.3, 1.0))
     scene = _Scene(axes["above"], result, needed, part)
-    traces = _draw_traces([axes[name] for name in ("force", "angle", "position")], result.time, needed, part)
+    traces = _draw_traces([axes[name] for name in TRACES], result.time, needed, part)
     ends = np.clip(np.searchsorted(result.time, times, side="right"), 1, result.time.size)
-    begins = np.minimum(np.searchsorted(result.time, times - _averaging_time(result, times)), ends - 1)
+    averaged = min(times[1] - times[0], AVERAGED_PERIODS / (stiff_frequency(result) or np.inf))
+    begins = np.minimum(np.searchsorted(result.time, times - averaged), ends - 1)
 
     def show(frame: int) -> None:
         now = slice(int(begins[frame]), int(ends[frame]))
@@ -127,12 +121,6 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure, show
-
-
-def _averaging_time(result: Result, times: Floats) -> float:
-    stiff = stiff_frequency(result)
-    between_frames = float(times[1] - times[0])
-    return 0.0 if stiff is None else min(between_frames, AVERAGED_PERIODS / stiff)
 
 
 class _Scene:
@@ -160,11 +148,8 @@ class _Scene:
         left, right = left - 1.25 * unit, right + 0.5 * unit
         height = max(2.0 * unit, (right - left) / PANEL_RATIO)
         spare = max(0.0, PANEL_RATIO * height - (right - left))
-        axis.set_aspect("equal")
+        axis.set(aspect="equal", xlabel="$X$ [mm]", ylabel="$Y$ [mm]", ylim=(-0.6 * height, 0.4 * height))
         axis.set_xlim(left - 0.5 * spare, right + 0.5 * spare)
-        axis.set_ylim(-0.6 * height, 0.4 * height)
-        axis.set_xlabel("$X$ [mm]")
-        axis.set_ylabel("$Y$ [mm]")
         self.half = 0.13 * unit
         self.limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
         axis.add_patch(self.limit)
@@ -210,13 +195,10 @@ def _draw_traces(
     axes: Sequence[Axes], time: Floats, needed: Mapping[str, Floats], part: slice
 ) -> Callable[[slice], None]:
     """Spring force, angle and position against time; the function moves the dots that mark a frame."""
-    panels = {
-        "$k_x u_x$ [N]": (needed["spring_force_x"], BLUE),
-        r"$\theta$ [deg]": (np.degrees(needed["theta"]), PURPLE),
-        "$X$ [mm]": (MM * needed["X"], BLACK),
-    }
     dots = []
-    for axis, (label, (values, colour)) in zip(axes, panels.items(), strict=True):
+    for axis, name in zip(axes, TRACES, strict=True):
+        label, scale, colour = KNOWN[name]
+        values = scale * needed[name]
         axis.plot(*thin(time[part], values[part]), color=colour)
         dots.append((axis.plot([], [], "o", color=VERMILION, markersize=4.5)[0], values))
         axis.set_xlim(time[part][0], time[part][-1])
@@ -251,33 +233,22 @@ def _frame_times(
     return np.linspace(begin, finish, count)
 
 
-def _saver(output: Path, frames_per_second: int) -> Callable[[Figure, Callable[[int], None], int], None]:
-    """What writes the frames, by the suffix of the output; refuses before anything is computed."""
+def _writer(output: Path, frames_per_second: int) -> AbstractMovieWriter | None:
+    """What writes the film, by the suffix of the output, None for a folder; refuses before anything is computed."""
     suffix = output.suffix.lower()
     if suffix == "" or output.is_dir():
         if next(output.glob("frame_*.png"), None) is not None:
             raise FileError(f"{output}: holds frames already: name another folder, or remove them")
-        return partial(_save_frames, output)
-    if suffix == ".gif":
-        return partial(_save_film, PillowWriter(fps=frames_per_second), output)
-    if suffix != ".mp4":
+        return None
+    if suffix not in WRITERS:
         raise UsageError(f"{output}: a film is X.gif, X.mp4, or a folder for PNG frames")
-    if not FFMpegWriter.isAvailable():
+    if not WRITERS[suffix].isAvailable():
         raise UsageError(
             f"{output}: needs ffmpeg, which is not there: install it, or write a GIF or a folder of frames"
         )
-    return partial(_save_film, FFMpegWriter(fps=frames_per_second), output)
-
-
-def _save_film(
-    writer: AbstractMovieWriter, output: Path, figure: Figure, show: Callable[[int], None], count: int
-) -> None:
     if not output.parent.is_dir():
         raise FileError(f"{output}: cannot be written: the folder {output.parent} does not exist: create it")
-    with writer.saving(figure, output, dpi=DOTS_PER_INCH):
-        for frame in range(count):
-            show(frame)
-            writer.grab_frame()
+    return WRITERS[suffix](fps=frames_per_second)
 
 
 def _save_frames(output: Path, figure: Figure, show: Callable[[int], None], count: int) -> None:

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from ..creep import Form, creep_asymptotic
 from ..errors import UsageError
 from ..result import Result
-from .samples import Floats, columns, first_release
-from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, SKY, VERMILION, letter
+from ..stick_slip import first_release
+from .samples import Floats, columns
+from .style import BLACK, BLUE, GREEN, SKY, VERMILION, panels
 from .theory import creep, scaled_time
 
 __all__ = ["draw_creep", "mean_velocity"]
@@ -31,8 +32,7 @@ def draw_creep(result: Result, figure: Figure) -> None:
     tau, run, smooth = mean_velocity(result)
     exact = creep(result, tau / scaled_time(result, np.ones(1))).X_rate
     phi = np.radians(float(result.parameters["misalignment_deg"]))
-    figure.set_size_inches(COLUMN_WIDTH, 105.0 * MM)
-    axes = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 2.0))
+    axes = panels(figure, 2, 105.0, sharex=True, height_ratios=(3.0, 2.0))
     axes[0].plot(tau, np.where(run > 0.0, run, np.nan), color=SKY, linewidth=4.0, alpha=0.6, label="run")
     axes[0].plot(tau, exact, color=BLACK, zorder=3, label="exact, Eq. (7)")
     axes[1].axhline(0.0, color=BLACK)
@@ -43,32 +43,17 @@ def draw_creep(result: Result, figure: Figure) -> None:
             tau, np.where(values > 0.0, values, np.nan), dashes, color=colour, linewidth=1.0, label=label
         )
         axes[1].plot(tau, _percent(values, exact), dashes, color=colour, linewidth=1.0)
-    axes[0].set_yscale("log")
-    axes[0].set_ylabel("$X'/V$ [–]")
+    axes[0].set(yscale="log", ylabel="$X'/V$ [–]")
     axes[0].legend(loc="upper left", handlelength=2.4)
-    axes[1].set_ylim(-12.0, 12.0)
-    axes[1].set_ylabel("deviation [%]")
+    axes[1].set(ylim=(-12.0, 12.0), ylabel="deviation [%]", xlabel=r"$\tau = V t\, k_x/(\mu_0 W)$ [–]")
     axes[1].set_xlim(0.0, max(tau[-1], min(1.0, 1.02 * tau[-1])))
-    axes[1].set_xlabel(r"$\tau = V t\, k_x/(\mu_0 W)$ [–]")
-    for panel, axis in zip("ab", axes, strict=True):
-        letter(axis, panel)
-    figure.align_ylabels(axes)
 
 
 def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
-    """Velocity along the drive in the first creep, smoothed.
+    """Times V t k_x/(mu_0 W) [-] of the first creep, X'/V [-] of the run, and that of `creep_exact`, smoothed in the same way.
 
-    A difference of means of X, so the oscillation neither shows nor needs to be resolved by the samples.
-
-    Returns
-    -------
-    tau, run, exact : ndarray, shape (n,)
-        Times V t k_x/(mu_0 W) [-]; X'/V [-] of the run; that of `creep_exact`, smoothed in the same way.
-
-    Raises
-    ------
-    UsageError
-        If the closed form of creep does not apply to the run, or it has no creep.
+    A difference of means of X, so the oscillation neither shows nor needs to be resolved by the samples. A `UsageError` if
+    the closed form of creep does not apply to the run, or it has no creep.
     """
     needed = columns(result, "X", "spring_force_x")
     end = first_release(needed["spring_force_x"]) + 1

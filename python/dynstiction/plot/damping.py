@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 
 from ..errors import UsageError
 from ..result import Result
@@ -37,16 +38,16 @@ def draw_damping_of(results: Sequence[Result], figure: Figure) -> None:
     sliders = [_slider(result) for result in results]
     figure.set_size_inches(COLUMN_WIDTH, 72.0 * MM)
     axis = figure.subplots()
-    axis.set_xscale("log")
-    axis.set_yscale("log")
+    axis.set(xscale="log", yscale="log")
     for result, parameters, colour in zip(results, sliders, COLOURS, strict=False):
         _draw_path(axis, result, parameters, colour)
     lowest = min(abs(np.sin(parameters["misalignment"])) for parameters in sliders)
     axis.set_xlim(max(0.05, 0.5 * np.degrees(np.arcsin(lowest))), 100.0)
     _mark_regions(axis)
     _label_degrees(axis)
-    axis.set_xlabel(r"angle of friction to the soft axis, $\theta$ [deg]")
-    axis.set_ylabel(r"damping ratio $\zeta$ [–]")
+    axis.set(
+        xlabel=r"angle of friction to the soft axis, $\theta$ [deg]", ylabel=r"damping ratio $\zeta$ [–]"
+    )
     if any("v_f" in parameters for parameters in sliders):
         axis.plot([], [], "--", color="0.3", label="with weakening")
     axis.plot([], [], color="0.3", linewidth=2.6, alpha=0.35, label="run, up to its first slip")
@@ -102,14 +103,8 @@ def _draw_visited(axis: Axes, result: Result, constant: dict[str, float], colour
         return
     sine = np.abs(np.sin(needed["theta"][before][loaded]))
     theta = np.arcsin(np.geomspace(sine.max(), max(float(sine.min()), 1e-6), 400).clip(max=1.0))
-    axis.plot(
-        np.degrees(theta),
-        damping_ratio(theta, **constant),
-        color=colour,
-        linewidth=2.6,
-        alpha=0.35,
-        solid_capstyle="butt",
-    )
+    (visited,) = axis.plot(np.degrees(theta), damping_ratio(theta, **constant), color=colour)
+    visited.set(linewidth=2.6, alpha=0.35, solid_capstyle="butt")
 
 
 def _cross(axis: Axes, theta: float, parameters: dict[str, float], end: float, colour: str) -> None:
@@ -126,22 +121,14 @@ def _mark_regions(axis: Axes) -> None:
     ]
     axis.set_ylim(LOWEST_RATIO, 3.0 * max([1.0, *tops]))
     axis.axhspan(1.0, axis.get_ylim()[1], color="0.94", zorder=0)
-    for height, word, side in ((1.25, "overdamped: creep", "bottom"), (0.8, "underdamped: slip", "top")):
-        axis.text(
-            0.98,
-            height,
-            word,
-            transform=axis.get_yaxis_transform(),
-            ha="right",
-            va=side,
-            fontsize=7.5,
-            color="0.3",
-        )
+    style: Any = {"transform": axis.get_yaxis_transform(), "ha": "right", "fontsize": 7.5, "color": "0.3"}
+    axis.text(0.98, 1.25, "overdamped: creep", va="bottom", **style)
+    axis.text(0.98, 0.8, "underdamped: slip", va="top", **style)
 
 
 def _label_degrees(axis: Axes) -> None:
-    low, high = axis.get_xlim()
-    ticks = [tick for tick in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 90) if low <= tick <= high]
-    axis.xaxis.set_major_locator(FixedLocator(ticks))
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    limits = axis.get_xlim()
+    axis.set_xticks([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 90])
+    axis.set_xlim(limits)
+    axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())

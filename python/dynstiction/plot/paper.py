@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
@@ -54,13 +55,7 @@ FIGURES: dict[str, PaperFigure] = {
 
 
 def deck(name: str) -> Scene:
-    """A deck of ``inputs/``, as it was installed with the package.
-
-    Raises
-    ------
-    FileError
-        If it is not there.
-    """
+    """A deck of ``inputs/``, as it was installed with the package; a `FileError` if it is not there."""
     file = resources.files("dynstiction") / "inputs" / f"{name}.nml"
     try:
         return Scene(file.read_text(encoding="utf-8"))
@@ -111,9 +106,5 @@ def draw_paper(
     for i, (name, figure) in enumerate(wanted.items(), 1):
         progress(f"figure {i}/{len(wanted)}: {name}, {figure.title}")
         files.append(folder / f"{name}.{suffix}")
-        write(_drawn(figure, [results[deck_name] for deck_name in figure.decks]), files[-1])
+        write(new_figure(partial(figure.draw, [results[name] for name in figure.decks])), files[-1])
     return files
-
-
-def _drawn(figure: PaperFigure, results: Sequence[Result]) -> Figure:
-    return new_figure(lambda empty: figure.draw(results, empty))

@@ -39,11 +39,7 @@ def draw_path(result: Result, figure: Figure) -> None:
     axis.add_collection(lines)
     view = _view(tip)
     axis.plot(*_arc(float(force.max()), view), color="0.6", linewidth=0.6, linestyle=":")
-    axis.set_xlim(*view[:, 0])
-    axis.set_ylim(*view[:, 1])
-    axis.set_aspect("equal")
-    axis.set_xlabel("$F_x$ [N]")
-    axis.set_ylabel("$F_y$ [N]")
+    axis.set(xlim=view[:, 0], ylim=view[:, 1], aspect="equal", xlabel="$F_x$ [N]", ylabel="$F_y$ [N]")
     figure.colorbar(lines, ax=axis, label="$t$ [s]", pad=0.02)
 
 

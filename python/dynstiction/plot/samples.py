@@ -13,7 +13,7 @@ from ..result import Result
 from ..thinning import extremes
 from .style import COLUMN_WIDTH, DOTS_PER_INCH
 
-__all__ = ["BINS", "Floats", "columns", "first_release", "thin"]
+__all__ = ["BINS", "Floats", "columns", "thin"]
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -22,13 +22,7 @@ BINS = 2 * int(COLUMN_WIDTH * DOTS_PER_INCH)
 
 
 def columns(result: Result, *names: str) -> Mapping[str, Floats]:
-    """Columns by name.
-
-    Raises
-    ------
-    ColumnError
-        If the result lacks one; the text says how to get it.
-    """
+    """Columns by name; a `ColumnError` says how to get what the result lacks."""
     missing = [name for name in names if name not in result]
     if missing:
         listed = ", ".join(repr(name) for name in (*(n for n in result if n != "time"), *missing))
@@ -41,16 +35,3 @@ def columns(result: Result, *names: str) -> Mapping[str, Floats]:
 def thin(time: Floats, values: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
     """Smallest and largest value of each stretch of time that is drawn as one dot: see `extremes`."""
     return extremes(time, values, bins)
-
-
-def first_release(force: Floats) -> int:
-    """Index of the sample where the first stick phase ends: the first peak of the spring force.
-
-    Without a fall by 5 % there is no slip, and the phase ends where the force comes within 1 % of its
-    largest value.
-    """
-    size = np.abs(force)
-    fallen = np.flatnonzero(np.maximum.accumulate(size) - size > 0.05 * size.max())
-    if fallen.size:
-        return int(np.argmax(size[: fallen[0]]))
-    return int(np.argmax(size >= 0.99 * size.max()))

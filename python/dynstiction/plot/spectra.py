@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,10 +12,11 @@ from matplotlib.image import AxesImage
 from ..errors import UsageError
 from ..result import Result
 from ..spectrum import Spectrogram, oscillation_frequency, spectrogram
-from .samples import Floats, columns, first_release, thin
-from .style import COLUMN_WIDTH, MM, letter
+from ..stick_slip import first_release
+from .samples import Floats, columns
+from .style import panels
 from .theory import creep, slider, stiff_frequency
-from .velocities import VELOCITIES
+from .time_series import VELOCITIES, draw_column, show_time
 
 __all__ = ["draw_spectrogram", "predicted_ridge"]
 
@@ -31,39 +34,20 @@ def draw_spectrogram(result: Result, figure: Figure) -> None:
     spectra = {name: spectrogram(result.time, 1e3 * values, WINDOW) for name, values in needed.items()}
     # The slips, which only w_x shows, may exceed the scale.
     top = float(spectra["w_y"].density.max()) or float(spectra["w_x"].density.max()) or 1.0
-    figure.set_size_inches(COLUMN_WIDTH, 140.0 * MM)
-    axes = figure.subplots(4, 1, sharex=True, height_ratios=(2.0, 3.0, 2.0, 3.0))
-    for name, axis in zip("abcd", axes, strict=True):
-        letter(axis, name)
+    axes = panels(figure, 4, 140.0, sharex=True, height_ratios=(2.0, 3.0, 2.0, 3.0))
     highest = HIGHEST_FREQUENCY * (stiff_frequency(result) or np.inf)
-    for i, (name, (label, colour)) in enumerate(VELOCITIES.items()):
-        axes[2 * i].plot(*thin(result.time, 1e3 * needed[name]), color=colour)
-        axes[2 * i].set_ylabel(label)
+    for i, name in enumerate(VELOCITIES):
+        draw_column(axes[2 * i], result, name, 0.05)
         image = _draw_density(axes[2 * i + 1], spectra[name], 10.0 * np.log10(top), highest)
         _draw_ridge(axes[2 * i + 1], result)
         axes[2 * i + 1].set_ylabel(f"$f$ of ${name}$ [kHz]")
-    axes[-1].set_xlim(result.time[0], result.time[-1])
-    axes[-1].set_xlabel("$t$ [s]")
-    figure.align_ylabels(axes)
-    figure.colorbar(
-        image,
-        ax=axes,
-        location="top",
-        aspect=40,
-        pad=0.01,
-        extend="both",
-        label="power density [dB re 1 (mm/s)$^2$/Hz]",
-    )
+    show_time(axes[-1], result)
+    label = "power density [dB re 1 (mm/s)$^2$/Hz]"
+    figure.colorbar(image, ax=axes, location="top", aspect=40, pad=0.01, extend="both", label=label)
 
 
 def predicted_ridge(result: Result) -> tuple[Floats, Floats]:
-    """Times [s] of the first creep and the frequency [Hz] that `creep_exact` predicts for them.
-
-    Raises
-    ------
-    UsageError
-        If the closed form of creep does not apply to the run.
-    """
+    """Times [s] of the first creep and the frequency [Hz] that `creep_exact` predicts for them, if it applies to the run."""
     system = slider(result)
     end = result.time[first_release(columns(result, "spring_force_x")["spring_force_x"])]
     times = np.linspace(0.0, end, 500)
@@ -106,14 +90,8 @@ def _draw_ridge(axis: Axes, result: Result) -> None:
     # Wide gaps: the ridge below must be seen.
     axis.plot(times, 1e-3 * frequency, color="white", linewidth=0.9, linestyle=(0, (4, 6)), label="predicted")
     # Framed: a whole history has lines everywhere.
-    axis.legend(
-        loc="upper left",
-        labelcolor="white",
-        handlelength=2.6,
-        frameon=True,
-        facecolor="black",
-        edgecolor="none",
-    )
+    framed: Any = {"frameon": True, "facecolor": "black", "edgecolor": "none"}
+    axis.legend(loc="upper left", labelcolor="white", handlelength=2.6, **framed)
 
 
 def _refuse_aliases(result: Result) -> None:

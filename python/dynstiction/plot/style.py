@@ -11,6 +11,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
+from numpy.typing import NDArray
 
 from ..errors import Error, FileError, UsageError
 
@@ -27,8 +28,8 @@ __all__ = [
     "STYLE",
     "VERMILION",
     "degree_ticks",
-    "letter",
     "new_figure",
+    "panels",
     "rendering",
     "write",
 ]
@@ -87,13 +88,7 @@ def rendering() -> Iterator[None]:
 
 
 def write(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure; the suffix names the format.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
+    """Write a figure; the suffix names the format. A `FileError` says why it cannot be written."""
     known = figure.canvas.get_supported_filetypes()
     suffix = os.path.splitext(path)[1].lstrip(".").lower()
     if suffix and suffix not in known:
@@ -116,6 +111,11 @@ def degree_ticks(axis: Axes) -> None:
         axis.yaxis.set_major_locator(MultipleLocator(30.0))
 
 
-def letter(axis: Axes, name: str) -> None:
-    """Name a panel in its upper left corner, outside."""
-    axis.text(-0.19, 1.0, f"({name})", transform=axis.transAxes, va="top", fontweight="bold")
+def panels(figure: Figure, count: int, height: float, letters: str = "abcde", **how: Any) -> NDArray[Any]:
+    """Axes one above the other in a column `height` mm high, named by letters; `how` as `Figure.subplots` takes it."""
+    figure.set_size_inches(COLUMN_WIDTH, height * MM)
+    axes: NDArray[Any] = figure.subplots(count, 1, squeeze=False, **how)[:, 0]
+    for axis, name in zip(axes, letters, strict=False):
+        axis.text(-0.19, 1.0, f"({name})", transform=axis.transAxes, va="top", fontweight="bold")
+    figure.align_ylabels(axes)
+    return axes

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.typing import ColorType, FillStyleType
+from numpy.typing import NDArray
 
 from .samples import Floats
-from .style import BLACK, COLUMN_WIDTH, MM, letter
-from .sweep_table import Table, table_of
+from .style import BLACK, panels
+from .sweep_table import table_of
 
 if TYPE_CHECKING:
     import xarray
@@ -44,8 +45,7 @@ def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
     creep, peak = table.quantity("creep_share").reshape(-1), table.quantity("first_peak_force").reshape(-1)
     slip = np.degrees(table.quantity("slip_angle").reshape(-1))
 
-    figure.set_size_inches(COLUMN_WIDTH, 190.0 * MM)
-    panels = figure.subplots(4, 1)
+    axes = panels(figure, 4, 190.0)
     angles = np.unique(degrees)
     shown = (
         (number, slip, np.isfinite(slip)),
@@ -53,7 +53,7 @@ def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
         (number, creep, visible),
         (number, peak / (mu_0 * load), visible),
     )
-    for name, panel, (x, y, chosen) in zip("abcd", panels, shown, strict=True):
+    for panel, (x, y, chosen) in zip(axes, shown, strict=True):
         for i, angle in enumerate(angles):
             for filled in (True, False):
                 here = chosen & (degrees == angle) & (slow == filled) & np.isfinite(x)
@@ -63,34 +63,28 @@ def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
                     markeredgewidth=0.6,
                 )  # fmt: skip
         panel.set_xscale("log")
-        letter(panel, name)
-    _finish(panels, table, number, angles)
+    _finish(axes, number, angles)
     figure.legend(handles=_legend(angles, bool(slow.all())), loc="outside lower center", ncols=4)
 
 
-def _finish(
-    panels: np.ndarray[tuple[int], np.dtype[np.object_]], table: Table, number: Floats, angles: Floats
-) -> None:
+def _finish(axes: NDArray[Any], number: Floats, angles: Floats) -> None:
     """Labels, scales, and the lines of theory."""
     ends = np.geomspace(np.nanmin(number), np.nanmax(number[np.isfinite(number)]), 50)
-    for panel in (panels[0], panels[2], panels[3]):
+    for panel in axes[[0, 2, 3]]:
         panel.set_xlabel(r"$\Lambda$ [1]")
-    for panel in panels[:2]:
-        panel.set_yscale("log")
-        panel.set_ylabel(r"$\theta$ at first slip [deg]")
-    panels[1].set_xlabel(r"$\Lambda^2\tan\varphi$ [1]")
+    for panel in axes[:2]:
+        panel.set(yscale="log", ylabel=r"$\theta$ at first slip [deg]")
+    axes[1].set_xlabel(r"$\Lambda^2\tan\varphi$ [1]")
     large, small = np.geomspace(1.0, 1e7), np.geomspace(1e-5, 1.0)
-    panels[1].plot(large, np.degrees(slip_angle_of_creep(large)), color=BLACK, linestyle="--")
-    panels[1].plot(small, np.degrees(np.arctan2(1.0, 2.0 * small)), color=BLACK, linestyle=":")
-    panels[2].axhline(FREE_OSCILLATION, color=BLACK, linestyle=":")
-    panels[2].set_ylim(-0.03, 1.03)
-    panels[2].set_ylabel(r"creep share [1]")
-    panels[3].set_yscale("log")
-    panels[3].set_ylabel(r"first peak / $F_0$ [1]")
+    axes[1].plot(large, np.degrees(slip_angle_of_creep(large)), color=BLACK, linestyle="--")
+    axes[1].plot(small, np.degrees(np.arctan2(1.0, 2.0 * small)), color=BLACK, linestyle=":")
+    axes[2].axhline(FREE_OSCILLATION, color=BLACK, linestyle=":")
+    axes[2].set(ylim=(-0.03, 1.03), ylabel=r"creep share [1]")
+    axes[3].set(yscale="log", ylabel=r"first peak / $F_0$ [1]")
     for i, angle in enumerate(angles):
         if angle > 0.0:
             inertia = 1.0 / (2.0 * ends * np.sin(np.radians(angle)))
-            panels[3].plot(ends, 1.0 + inertia, color=_colour(i, angles), linewidth=0.5)
+            axes[3].plot(ends, 1.0 + inertia, color=_colour(i, angles), linewidth=0.5)
 
 
 def _colour(i: int, angles: Floats) -> tuple[float, float, float, float]:

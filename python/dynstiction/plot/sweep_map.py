@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -78,9 +78,7 @@ def _draw_line(axis: Axes, table: Table, values: Floats, label: str) -> None:
     (side,) = table.axes
     order = np.argsort(side.values)
     axis.plot(side.shown[order], values[order], ".-", color=BLUE, markersize=3.0)
-    axis.set_xscale(side.scale)
-    axis.set_xlabel(side.label)
-    axis.set_ylabel(label)
+    axis.set(xscale=side.scale, xlabel=side.label, ylabel=label)
 
 
 def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label: str) -> None:
@@ -89,9 +87,7 @@ def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label:
     norm = LogNorm() if second.scale == "log" else Normalize()
     marks = axis.scatter(first.shown, values, c=second.shown, s=6.0, cmap=COLOURS, norm=norm)
     figure.colorbar(marks, ax=axis, label=second.label)
-    axis.set_xscale(first.scale)
-    axis.set_xlabel(first.label)
-    axis.set_ylabel(label)
+    axis.set(xscale=first.scale, xlabel=first.label, ylabel=label)
 
 
 def _draw_colours(figure: Figure, axis: Axes, table: Table, values: Floats, label: str) -> None:
@@ -108,13 +104,8 @@ def _draw_colours(figure: Figure, axis: Axes, table: Table, values: Floats, labe
     figure.colorbar(picture, ax=axis, label=label)
     if up.name == "misalignment_deg":
         _draw_stability(axis, table, up, right)
-    for side, set_scale, set_limits, set_label in (
-        (right, axis.set_xscale, axis.set_xlim, axis.set_xlabel),
-        (up, axis.set_yscale, axis.set_ylim, axis.set_ylabel),
-    ):
-        set_scale(side.scale)
-        set_limits(*_edges(side)[[0, -1]])
-        set_label(side.label)
+    axis.set(xscale=right.scale, xlim=_edges(right)[[0, -1]], xlabel=right.label)
+    axis.set(yscale=up.scale, ylim=_edges(up)[[0, -1]], ylabel=up.label)
     # Ticks inside would be lost in the colours.
     axis.tick_params(which="both", direction="out", top=False, right=False)
 
@@ -122,37 +113,31 @@ def _draw_colours(figure: Figure, axis: Axes, table: Table, values: Floats, labe
 def _edges(side: Axis) -> Floats:
     """Borders of the cells around the values, in the unit of the figure."""
     values = np.log(side.shown) if side.scale == "log" else side.shown
-    if values.size == 1:
-        edges = values[0] + np.array([-0.5, 0.5])
-    else:
-        middle = 0.5 * (values[1:] + values[:-1])
-        edges = np.concatenate(([2.0 * values[0] - middle[0]], middle, [2.0 * values[-1] - middle[-1]]))
+    half = 0.5 * np.diff(values) if values.size > 1 else np.array([0.5])
+    edges = np.concatenate(
+        ([values[0] - half[0]], values[:-1] + half[: values.size - 1], [values[-1] + half[-1]])
+    )
     return np.asarray(np.exp(edges) if side.scale == "log" else edges)
-
-
-class _Lines(NamedTuple):
-    """Critical misalignments [deg] over a parameter: of the slow mode, of the fast mode, and of the rigid stiff axis."""
-
-    slow: Floats
-    fast: Floats
-    rigid: Floats
 
 
 def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
     """Lines between which steady sliding is stable, and where k_y matters the crossover tan(phi) = k_x/k_y."""
-    values = np.linspace(right.values.min(), right.values.max(), FINE)
-    if right.scale == "log":
-        values = np.geomspace(right.values.min(), right.values.max(), FINE)
+    spaced = np.geomspace if right.scale == "log" else np.linspace
+    values = spaced(right.values.min(), right.values.max(), FINE)
     shown = right._replace(values=values).shown
-    lines = _stability_lines(table, right, values)
-    if lines is not None:
+    if all(name in table.numbers or name == right.name for name in SLIDER if name != "stiffness_y"):
+        # Without a stiff axis only the limit of a rigid one is drawn, which does not depend on it.
+        given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
+        given |= {name: table.numbers[name] for name in SLIDER if name in table.numbers}
+        critical = critical_misalignment(**(given | {right.name: values}))
+        (slow, fast), rigid = np.degrees(critical.angle).T, np.degrees(critical.limit)
         if table.has("stiffness_y"):
-            axis.plot(shown, lines.slow, color=VERMILION, linewidth=1.2, label="slow mode")
-            axis.plot(shown, lines.fast, color=VERMILION, linewidth=1.2, linestyle="--", label="fast mode")
+            axis.plot(shown, slow, color=VERMILION, linewidth=1.2, label="slow mode")
+            axis.plot(shown, fast, color=VERMILION, linewidth=1.2, linestyle="--", label="fast mode")
             if right.name != "stiffness_y":
-                axis.plot(shown, lines.rigid, color="white", linewidth=0.8, linestyle=":")
+                axis.plot(shown, rigid, color="white", linewidth=0.8, linestyle=":")
         else:
-            axis.plot(shown, lines.rigid, color=VERMILION, linewidth=1.2, label="slow mode")
+            axis.plot(shown, rigid, color=VERMILION, linewidth=1.2, label="slow mode")
     if right.name == "stiffness_y" and table.has("stiffness_x"):
         crossover = np.degrees(np.arctan(table.numbers["stiffness_x"] / values))
         axis.plot(shown, crossover, color=BLACK, linewidth=1.0, linestyle=":", label=r"$\tan\varphi=k_x/k_y$")
@@ -161,16 +146,3 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
         axis.figure.legend(
             loc="outside upper center", ncols=len(handles), handlelength=1.8, columnspacing=1.0
         )
-
-
-def _stability_lines(table: Table, right: Axis, values: Floats) -> _Lines | None:
-    """None if the friction does not weaken or something is missing."""
-    needed = [name for name in SLIDER if name != "stiffness_y"]
-    if not all(name in table.numbers or name == right.name for name in needed):
-        return None
-    # Without a stiff axis only the limit is drawn, which does not depend on it.
-    given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
-    given |= {name: table.numbers[name] for name in SLIDER if name in table.numbers}
-    critical = critical_misalignment(**(given | {right.name: values}))
-    angle = np.degrees(critical.angle)
-    return _Lines(angle[..., 0], angle[..., 1], np.degrees(critical.limit))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import UsageError
 from ..scene import Scene
@@ -31,6 +30,11 @@ SYMBOLS = {
 }
 
 
+def _name_of(key: object) -> str:
+    """Name of a key without its group."""
+    return str(key).partition(".")[2]
+
+
 class Axis(NamedTuple):
     """A parameter that is varied."""
 
@@ -41,7 +45,7 @@ class Axis(NamedTuple):
     @property
     def name(self) -> str:
         """Name of the key without its group."""
-        return self.key.partition(".")[2]
+        return _name_of(self.key)
 
     @property
     def shown(self) -> Floats:
@@ -65,68 +69,34 @@ class Axis(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A sweep as arrays of one shape: that of its grid, or (cases,) of a list."""
+    """A sweep over its grid, or over the cases of a list."""
 
     data: xarray.Dataset
     axes: tuple[Axis, ...]
     is_grid: bool
-    order: NDArray[np.intp]
-    """Places of the cases in the order of a grid; their own order in a list."""
-    shape: tuple[int, ...]
     numbers: dict[str, float]
     """Numbers of the deck by name of the key."""
 
     def has(self, name: str) -> bool:
         """Whether every case has this parameter."""
-        return name in self.numbers or any(axis.name == name for axis in self._columns())
+        return name in self.numbers or name in map(_name_of, self.data.coords)
 
     def parameter(self, name: str) -> Floats:
-        """Values of a key in every case, in the unit of the deck.
-
-        Raises
-        ------
-        UsageError
-            If the deck has no such number.
-        """
-        for axis in self._columns():
-            if axis.name == name:
-                return axis.values
+        """Values of a key in every case, in the unit of the deck; a `UsageError` if it has no such number."""
+        codes = self.data["result_code"]
+        for key, values in self.data.coords.items():
+            if _name_of(key) == name:
+                return np.asarray(values.broadcast_like(codes).transpose(*codes.dims), dtype=float)
         if name not in self.numbers:
             raise UsageError(f"the sweep lacks a number '{name}', which this figure needs")
-        return np.full(self.shape, self.numbers[name])
+        return np.full(codes.shape, self.numbers[name])
 
     def quantity(self, name: str) -> Floats:
-        """Values of a quantity in every case; NaN where a case failed or has none.
-
-        Raises
-        ------
-        UsageError
-            If the sweep has no such quantity.
-        """
+        """Values of a quantity in every case, NaN where a case failed; a `UsageError` if there is no such quantity."""
         if name not in self.data or self.data[name].dtype.kind != "f":
             known = sorted(n for n, values in self.data.data_vars.items() if values.dtype.kind == "f")  # type: ignore[type-var]
             raise UsageError(f"no quantity '{name}', only {', '.join(map(str, known))}")
-        return self._arranged(np.asarray(self.data[name].values))
-
-    def _arranged(self, values: Floats) -> Floats:
-        return values.reshape(-1)[self.order].reshape(self.shape)
-
-    def _columns(self) -> list[Axis]:
-        """Every varied parameter, with its value in every case."""
-        columns = []
-        for key, values in self.data.coords.items():
-            broadcast, _ = self._broadcast(values)
-            columns.append(Axis(str(key), self._arranged(broadcast), str(values.attrs["units"])))
-        return columns
-
-    def _broadcast(self, values: xarray.DataArray) -> tuple[Floats, tuple[str, ...]]:
-        dims = tuple(map(str, self.data["result_code"].dims))
-        if dims == ("case",):
-            return np.asarray(values.values, dtype=float), dims
-        shape = [1] * len(dims)
-        shape[dims.index(str(values.name))] = values.size
-        whole = self.data["result_code"].shape
-        return np.broadcast_to(np.asarray(values.values, dtype=float).reshape(shape), whole), dims
+        return np.asarray(self.data[name].values)
 
 
 def table_of(data: xarray.Dataset) -> Table:
@@ -135,30 +105,24 @@ def table_of(data: xarray.Dataset) -> Table:
     A list whose first two parameters run over all pairs of their values is taken as that grid: what else varies in it
     is a consequence of the two.
     """
+    units = {key: str(values.attrs["units"]) for key, values in data.coords.items()}
+    if data["result_code"].dims == ("case",):
+        first_two = list(data.coords)[:2]
+        levels = [np.unique(data[key]).size for key in first_two]
+        pairs = np.unique([data[key] for key in first_two], axis=1).shape[1]
+        if len(first_two) == 2 and min(levels) > 1 and pairs == np.prod(levels) == data.sizes["case"]:
+            data = data.set_index(case=first_two).unstack("case")
+    dims = data["result_code"].dims
+    is_grid = dims != ("case",)
     axes = tuple(
-        Axis(str(key), np.asarray(values.values, dtype=float), str(values.attrs["units"]))
-        for key, values in data.coords.items()
+        Axis(str(key), np.asarray(data[key].values, dtype=float), units[key])
+        for key in (dims if is_grid else data.coords)
     )
-    codes = data["result_code"]
-    numbers = numbers_of(str(data.attrs.get("deck", "")))
-    own_order = np.arange(codes.size)
-    if codes.dims != ("case",):
-        return Table(data, axes, True, own_order, codes.shape, numbers)
-    sides = [np.unique(axis.values, return_inverse=True) for axis in axes[:2]]
-    if len(sides) == 2:
-        shape = (sides[0][0].size, sides[1][0].size)
-        places = np.ravel_multi_index((sides[0][1].reshape(-1), sides[1][1].reshape(-1)), shape)
-        if min(shape) > 1 and np.array_equal(np.sort(places), np.arange(np.prod(shape))):
-            grid = tuple(axis._replace(values=side[0]) for axis, side in zip(axes[:2], sides, strict=True))
-            return Table(data, grid, True, np.argsort(places), shape, numbers)
-    return Table(data, axes, False, own_order, codes.shape, numbers)
+    return Table(data, axes, is_grid, numbers_of(str(data.attrs.get("deck", ""))))
 
 
 def numbers_of(deck: str) -> dict[str, float]:
     """Values of the deck's keys that have one number."""
-    values = (
-        {name: value for group in Scene(deck).groups().values() for name, value in group.items()}
-        if deck
-        else {}
-    )
+    groups = Scene(deck).groups().values() if deck else ()
+    values = {name: value for group in groups for name, value in group.items()}
     return {name: float(value) for name, value in values.items() if isinstance(value, (int, float))}

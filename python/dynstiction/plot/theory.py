@@ -20,13 +20,7 @@ WEAKENING = ("mu_inf", "v_f")
 
 
 def slider(result: Result) -> dict[str, float]:
-    """Keywords of `damping_ratio`, `creep_frequency` and their like [SI]; those of the friction law as the deck has it.
-
-    Raises
-    ------
-    UsageError
-        If a parameter is missing: the drive has a profile, or the model has no such parameter.
-    """
+    """Keywords of `damping_ratio` and its like [SI], of the friction law as the deck has it; a `UsageError` if one is missing."""
     parameters = _numbers(result, *ALWAYS, "misalignment_deg")
     parameters["misalignment"] = np.radians(parameters.pop("misalignment_deg"))
     if all(name in result.parameters for name in WEAKENING):
@@ -44,13 +38,7 @@ def stiff_frequency(result: Result) -> float | None:
 
 
 def scaled_time(result: Result, time: Floats) -> Floats:
-    """``tau = V t k_x/(mu_0 W)`` at some times [s].
-
-    Raises
-    ------
-    UsageError
-        If the run is no creep from a relaxed spring under a constant drive.
-    """
+    """``tau = V t k_x/(mu_0 W)`` at some times [s]; a `UsageError` if the run is no creep from a relaxed spring."""
     given = _numbers(result, "velocity", "stiffness_x", "mu_0", "normal_load")
     elongation = [float(result.parameters.get(name, 0.0)) for name in ("elongation_x", "elongation_y")]
     friction = given["mu_0"] * given["normal_load"]
@@ -63,13 +51,7 @@ def scaled_time(result: Result, time: Floats) -> Floats:
 
 
 def creep(result: Result, time: Floats) -> Creep:
-    """Exact slow creep with the parameters of a run, at some times [s].
-
-    Raises
-    ------
-    UsageError
-        As `scaled_time` and `creep_exact`.
-    """
+    """Exact slow creep with the parameters of a run, at some times [s]; refused as by `scaled_time` and `creep_exact`."""
     system = _numbers(result, "misalignment_deg", "stiffness_x", "stiffness_y")
     kappa = system["stiffness_x"] / system["stiffness_y"]
     return creep_exact(scaled_time(result, time), np.radians(system["misalignment_deg"]), kappa)

@@ -15,7 +15,7 @@ from .._native import catalogue
 from .._trade import Trade
 from ..errors import UsageError
 from .samples import Floats
-from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, MM, ORANGE, PURPLE, SKY, VERMILION, letter
+from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, panels
 
 __all__ = ["Family", "draw_work_precision", "families"]
 
@@ -79,12 +79,10 @@ def draw_work_precision(trade: Trade, figure: Figure) -> None:
     shown = [name for name in PANELS if name in trade.quantities][:3]
     if not shown or not trade.done.any():
         raise UsageError("nothing to draw: no point was measured: give dynstiction trade a larger --budget")
-    figure.set_size_inches(COLUMN_WIDTH, (25.0 + 55.0 * len(shown)) * MM)
-    axes = figure.subplots(len(shown), 1, squeeze=False, sharey=True)[:, 0]
+    axes = panels(figure, len(shown), 25.0 + 55.0 * len(shown), sharey=True)
     drawn: set[str] = set()
-    for name, axis, quantity in zip("abc", axes, shown, strict=False):
+    for axis, quantity in zip(axes, shown, strict=True):
         drawn |= _draw_panel(axis, trade, quantity)
-        letter(axis, name)
     figure.legend(
         handles=_legend(drawn), loc="outside lower center", ncols=2, handletextpad=0.3, columnspacing=1.0
     )
@@ -103,12 +101,9 @@ def _draw_panel(axis: Axes, trade: Trade, quantity: str) -> set[str]:
         known = family.known
         axis.plot(family.error[known], family.seconds[known], mark, fillstyle=fill, **style)
         axis.plot(family.error[~known], family.seconds[~known], "<", fillstyle="none", **style)
-    axis.set_xscale("log")
-    axis.set_yscale("log")
+    axis.set(xscale="log", yscale="log", xlabel=LABELS[quantity], ylabel="wall time [s]")
     axis.axvspan(axis.get_xlim()[0], trade.floor(quantity), color="0.9", linewidth=0.0)
     axis.set_xlim(left=0.3 * trade.floor(quantity))
-    axis.set_xlabel(LABELS[quantity])
-    axis.set_ylabel("wall time [s]")
     return drawn
 
 

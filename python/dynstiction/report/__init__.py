@@ -19,7 +19,7 @@ from .. import plot
 from ..errors import FileError, UsageError
 from ..html import table
 from ..plot.style import rendering
-from ..record import Described, Info
+from ..record import Described, rows_of
 from ..result import Result
 from ..stick_slip import stick_slip_statistics
 
@@ -48,17 +48,7 @@ CAPTIONS = {
 def report(result: Result, name: str) -> str:
     """HTML page of a run: summary, figures, animation of the friction vector, parameters, statistics, provenance.
 
-    Parameters
-    ----------
-    result : Result
-        A run.
-    name : str
-        What it is called, its file for example.
-
-    Returns
-    -------
-    str
-        The page. It loads nothing, and its security policy forbids it to.
+    The name is what the run is called, its file for example. The page loads nothing, and its security policy forbids it to.
     """
     pieces = files(__name__)
     title = str(result.parameters.get("title", "")) or name
@@ -82,22 +72,7 @@ def report(result: Result, name: str) -> str:
 
 
 def write_report(result: Result, path: str | os.PathLike[str], name: str, *, overwrite: bool = False) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    result, name
-        As for `report`.
-    path : str or PathLike
-        The HTML file.
-    overwrite : bool
-        Whether it may replace a file that is there.
-
-    Raises
-    ------
-    FileError
-        If the file exists or cannot be written.
-    """
+    """Write the page of `report`; a `FileError` if the file exists, unless it may be overwritten, or cannot be written."""
     text = report(result, name)
     try:
         with Path(path).open("w" if overwrite else "x", encoding="utf-8") as file:
@@ -117,13 +92,7 @@ def _heading(result: Result) -> str:
 
 
 def _described(values: Described[float] | Described[float | str]) -> str:
-    rows = [_row(info, value) for info, value in values.info()]
-    return table(("", "value", "unit", ""), rows) if rows else "<p>None.</p>"
-
-
-def _row(info: Info, value: float | str) -> tuple[str, str, str, str]:
-    shown = f"{value:.8g}" if isinstance(value, float) else str(value)
-    return info.name, shown, "" if info.units == "1" else info.units, info.long_name
+    return table(("", "value", "unit", ""), rows_of(values)) if values else "<p>None.</p>"
 
 
 def _figures(result: Result) -> Iterator[str]:
