@@ -21,6 +21,7 @@ module dst_explicit_slip
   public :: explicit_slip_t
 
   !> A step in which v reaches zero is repeated up to this share of the way there, shortened by this factor at most.
+  !> Conventions. Fig. 3 and its like have no such step, as stops end in closed form; twice and half: no change.
   real(wp), parameter :: share_before_stop = 0.95_wp, least_factor = 0.1_wp
 
   !> Motion by an explicit method.

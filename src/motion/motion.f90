@@ -22,6 +22,7 @@ module dst_motion
 
   public :: motion_t, next_piece, change_over, exchange_motion, at_time
 
+  !> Events, and pieces, at one time after which the motion is given up. Conventions. Twice: no change.
   integer, parameter :: max_events_at_once = 100, max_pieces_at_once = 10000
 
   !> A motion in progress.

@@ -20,12 +20,12 @@ module dst_slip_stick
   ! What the types that extend it call of their parent's.
   public :: set_off, settle, exchange_slip_stick
 
-  !> Slip slower than this share of what counts as slow does not matter, whatever its direction.
+  !> Slip slower than this share of what counts as slow does not matter, whatever its direction. Convention; twice: no change.
   real(wp), parameter :: negligible_share = 1.0e-6_wp
 
-  !> How many times its own roundoff a load must have grown by before it moves anything.
+  !> How many times its own roundoff a load must have grown by before it moves anything. Convention; twice: no change.
   real(wp), parameter :: noise_allowance = 10.0_wp
-  !> Slip slower than this share of the speed with which it began is over.
+  !> Slip slower than this share of the speed with which it began is over: its square would soon underflow. Twice: no change.
   real(wp), parameter :: faded_share = epsilon(1.0_wp)**2
 
   !> Motion with rest.

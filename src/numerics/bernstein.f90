@@ -11,9 +11,10 @@ module dst_bernstein
 
   public :: first_zero, first_minimum, bernstein_value
 
-  !> Halvings of the interval at most: 60 in double precision, when it has no digits left.
+  !> Halvings of the interval at most: 60 in double precision, when it has no digits left. Twice and half: no change.
   integer, parameter :: max_depth = digits(1.0_wp) + 7
-  !> False positions at most, and the width of the bracket, relative to its place, that is roundoff.
+  !> False positions at most, and the width of the bracket, relative to its place, that is roundoff. Twice: no change; the last
+  !> digit.
   integer, parameter :: max_iterations = 200
   real(wp), parameter :: width_roundoff = 2.0_wp*epsilon(1.0_wp)
 

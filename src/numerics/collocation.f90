@@ -16,7 +16,7 @@ module dst_collocation
   !> Stages of the largest method.
   integer, parameter :: max_stages = max_degree
   !> Newton iterations at most; a change of the root, relative to it, that is roundoff; and where the search for the pole begins,
-  !> over the number of stages.
+  !> over the number of stages (a little above the pole). Twice: the last digit of gamma at most.
   integer, parameter :: max_iterations = 200
   real(wp), parameter :: root_roundoff = 2.0_wp*epsilon(1.0_wp), pole_roundoff = 4.0_wp*epsilon(1.0_wp)
   real(wp), parameter :: pole_start = 1.3_wp

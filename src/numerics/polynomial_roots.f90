@@ -6,8 +6,9 @@ module dst_polynomial_roots
 
   public :: polynomial_roots
 
+  !> Convention: Laguerre's method converges in a few. Twice and half: no change.
   integer, parameter :: max_iterations = 80
-  !> Roundoff of a value over the bound on it that Horner's scheme gives.
+  !> Roundoff of a value over the bound on it that Horner's scheme gives, with a margin. Twice: no change.
   real(wp), parameter :: value_roundoff = 4.0_wp*epsilon(1.0_wp)
 
 contains

@@ -6,7 +6,7 @@ module dst_drive
 
   public :: drive_t, drive_segment_t, new_drive
 
-  !> Roundoff of a velocity between two knots, relative to the largest.
+  !> Roundoff of a velocity between two knots, relative to the largest, with a margin. Twice: no change.
   real(wp), parameter :: velocity_roundoff = 4.0_wp*epsilon(1.0_wp)
 
   !> One stretch of the drive on which V is linear in time.

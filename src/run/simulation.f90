@@ -21,10 +21,11 @@ module dst_simulation
 
   public :: simulation_t
 
+  !> Rows that are written together. Convention: 4 KiB a column; no number depends on it.
   integer, parameter :: buffer_rows = 512
-  !> The clock is read once every so many pieces.
+  !> The clock is read once every so many pieces. Convention: a piece takes some microseconds; no number depends on it.
   integer, parameter :: pieces_between_looks = 16
-  !> Roundoff of a multiple of the interval, relative to it.
+  !> Roundoff of a multiple of the interval, relative to it, with a margin. Twice: no change.
   real(wp), parameter :: time_roundoff = 4.0_wp*epsilon(1.0_wp)
 
   !> One run: what is integrated, with what, and what is recorded.
