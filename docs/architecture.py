@@ -52,9 +52,13 @@ def complaints(source: Path) -> list[str]:
                 if other not in room_of:
                     found.append(f"{room}/{module} uses {other}, which is in no room")
                 elif room_of[other] not in {room, *promised(folder)[1]}:
-                    found.append(f"{room}/{module} uses {room_of[other]}/{other}, a room that {room} does not name")
+                    found.append(
+                        f"{room}/{module} uses {room_of[other]}/{other}, a room that {room} does not name"
+                    )
                 used.add(room_of.get(other))
-        found += [f"{room} names {other}, but does not use it" for other in sorted(promised(folder)[1] - used)]
+        found += [
+            f"{room} names {other}, but does not use it" for other in sorted(promised(folder)[1] - used)
+        ]
     return found or ([] if floors(rooms) else ["rooms use each other in a circle"])
 
 
@@ -86,7 +90,9 @@ def text(content: str, x: float, y: float, size: float, style: str = "") -> str:
     return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" {style}>{escape(content)}</text>'
 
 
-def draw_room(name: str, folder: Path, x: float, y: float, width: float, height: float, tone: str) -> list[str]:
+def draw_room(
+    name: str, folder: Path, x: float, y: float, width: float, height: float, tone: str
+) -> list[str]:
     what, uses = promised(folder)
     parts = [
         f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="8" fill="{tone}" stroke="#888">'
@@ -98,7 +104,9 @@ def draw_room(name: str, folder: Path, x: float, y: float, width: float, height:
         left = x + GAP
         for module, wide in line:
             top = y + 27 + row * (CHIP + 4)
-            parts.append(f'<rect x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{CHIP}" rx="4" fill="white" stroke="#999"/>')
+            parts.append(
+                f'<rect x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{CHIP}" rx="4" fill="white" stroke="#999"/>'
+            )
             parts.append(text(module, left + wide / 2, top + 16, 11.5, 'text-anchor="middle"'))
             left += wide + GAP
     return parts
@@ -119,7 +127,9 @@ def picture(source: Path) -> str:
     y = 56.0
     for number, floor in reversed(list(enumerate(floors(rooms)))):
         widths = share_out(floor, rooms)
-        lines = max(len(wrapped(list(modules_of(rooms[r])), w - 2 * GAP)) for r, w in zip(floor, widths, strict=True))
+        lines = max(
+            len(wrapped(list(modules_of(rooms[r])), w - 2 * GAP)) for r, w in zip(floor, widths, strict=True)
+        )
         height = 27 + lines * (CHIP + 4) + 20
         x = float(MARGIN)
         for room, width in zip(floor, widths, strict=True):
@@ -131,7 +141,13 @@ def picture(source: Path) -> str:
         'font-family="DejaVu Sans, Helvetica, Arial, sans-serif">'
     )
     title = text("The rooms of src/, floor above floor", MARGIN, 26, 17, 'font-weight="bold"')
-    below = text("A room uses only rooms on lower floors, and of these only those that it names.", MARGIN, 44, 11.5, 'fill="#444"')
+    below = text(
+        "A room uses only rooms on lower floors, and of these only those that it names.",
+        MARGIN,
+        44,
+        11.5,
+        'fill="#444"',
+    )
     ground = f'<rect width="{WIDTH}" height="{y:.0f}" fill="white"/>'
     return "\n".join([head, ground, title, below, *parts, "</svg>", ""])
 

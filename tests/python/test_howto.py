@@ -1,14 +1,16 @@
-"""The pages "Add a …" are followed to the letter: their patches go into a copy of the source, which is built and run.
-
-A law, a method and a column must take one file and one line; a model with one more state four files.
+"""What docs/architecture.md says of adding something is followed to the letter: the patches of the how-to pages and of tests/tour go
+into a copy of the source, which is built and run, and the files that they change are counted.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 from pages import DOCS, blocks, run_page
 from programs import ROOT, Program
@@ -19,11 +21,18 @@ PAGES = {
     "output_column": "src/results/columns.f90",
 }
 
-MODEL = ("src/physics/full_memory.f90", "src/physics/meson.build", "src/run/assembly.f90", "src/deck/schema.f90")
+TOUR = ROOT / "tests" / "tour"
+# What can be added, how many files that takes, and the page or the patch that does it.
+ROW = re.compile(r"^\| [^|]+ \| \[(?P<files>\d+)\]\((?P<change>[\w./]+)\) \|", re.MULTILINE)
+ROWS = {Path(row["change"]).stem: row for row in ROW.finditer((DOCS / "architecture.md").read_text(encoding="utf-8"))}
 
 
-def patches(page: str) -> list[str]:
-    return [block.text for block in blocks(DOCS / "howto" / f"{page}.md") if block.kind == "diff"]
+def patches(name: str) -> list[str]:
+    """The changes of a how-to page, or of a file in tests/tour."""
+    if (TOUR / f"{name}.diff").exists():
+        text = (TOUR / f"{name}.diff").read_text(encoding="utf-8")
+        return re.split(r"^(?=--- )", text, flags=re.MULTILINE)[1:]
+    return [block.text for block in blocks(DOCS / "howto" / f"{name}.md") if block.kind == "diff"]
 
 
 def changed_file(patch: str) -> str:
@@ -39,29 +48,49 @@ def test_one_file_and_one_line(page: str) -> None:
     assert [line[0] for line in changes] == ["-", "+"]
 
 
-def test_a_model_takes_four_files() -> None:
-    assert tuple(map(changed_file, patches("model"))) == MODEL
+def test_the_rows_are_those_that_are_followed() -> None:
+    followed = {*PAGES, "model", *(path.stem for path in TOUR.glob("*.diff"))}
+    assert set(ROWS) == followed
+    assert all((DOCS / row["change"]).exists() for row in ROWS.values())
 
 
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The program with the law, the method, the column and the model of the pages."""
+@pytest.mark.parametrize("name", ROWS)
+def test_so_many_files_are_touched(name: str) -> None:
+    assert len({changed_file(patch) for patch in patches(name)}) == int(ROWS[name]["files"])
+
+
+def test_the_tour_takes_two_screens() -> None:
+    lines = (DOCS / "architecture.md").read_text(encoding="utf-8").splitlines()
+    assert sum(max(1, -(-len(line) // 132)) for line in lines) <= 100
+
+
+def changed_program(source: Path, names: list[str]) -> Path:
+    """The folder of the program with these changes, built in `source`."""
     for tool in ("patch", "meson", "ninja", "gfortran"):
         if shutil.which(tool) is None:
             pytest.skip(f"{tool} is not installed")
-    source = tmp_path_factory.mktemp("source")
     for part in ("meson.build", "meson.options"):
         shutil.copy(ROOT / part, source)
     for part in ("src", "bench", "inputs", "tools"):
         shutil.copytree(ROOT / part, source / part)
-    for page in (*PAGES, "model"):
-        for patch in patches(page):
+    for name in names:
+        for patch in patches(name):
             done = Program(("patch", "-p1"), source)(input=patch)
-            assert done.returncode == 0, f"howto/{page}.md: {done.stdout}{done.stderr}"
+            assert done.returncode == 0, f"{name}: {done.stdout}{done.stderr}"
     build = source / "build"
     for command in (("meson", "setup", build, "-Dpython=false", "-Dtests=false"), ("ninja", "-C", build)):
         Program(command, source)(timeout=None, status=0)
     return build / "src"
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return changed_program(tmp_path_factory.mktemp("pages"), [*PAGES, "model"])
+
+
+@pytest.fixture(scope="module")
+def toured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return changed_program(tmp_path_factory.mktemp("tour"), sorted(path.stem for path in TOUR.glob("*.diff")))
 
 
 @pytest.mark.full
@@ -70,3 +99,37 @@ def test_the_page_works(page: str, program: Path, tmp_path: Path) -> None:
     shutil.copy(ROOT / "inputs" / "fig3.nml", tmp_path)
     path = f"{program}:{os.environ['PATH']}"
     assert run_page(DOCS / "howto" / f"{page}.md", tmp_path, {"PATH": path}) >= 2
+
+
+def values(program: Path, folder: Path, *settings: str) -> dict[str, float]:
+    """Summary and first position of a short run of Fig. 3."""
+    result = folder / "result.h5"
+    words = [word for setting in settings for word in ("--set", setting)]
+    Program((program / "dynstiction",), folder)(
+        "run", ROOT / "inputs" / "fig3.nml", "-o", result, "--quiet", "--overwrite", *words, status=0
+    )
+    with h5py.File(result) as file:
+        found = {name: float(number[()]) for name, number in file["summary"].items()}
+        return {**found, "start": float(file["time_series/X"][0]), "end": float(file["time_series/X"][-1])}
+
+
+@pytest.mark.full
+def test_the_tour_works(toured: Path, tmp_path: Path) -> None:
+    short = ("scene.t_end=2.5", "integrator.rtol=1e-5")
+    plain = values(toured, tmp_path, *short)
+    same = values(toured, tmp_path, *short, "friction.law=stretched", "friction.power=1")
+    other = values(toured, tmp_path, *short, "friction.law=stretched", "friction.power=2", "initial.position=1.5")
+    assert same["swing"] == pytest.approx(plain["swing"], rel=1e-9)
+    assert other["swing"] != pytest.approx(plain["swing"], rel=0.01)
+    assert other["start"] == 1.5 and plain["start"] == 0
+    assert 0 < plain["longest_rest"] < plain["sticking_time"]
+
+    smoothed = ("friction.contact=smoothed", "friction.v_smooth=1e-5", "scene.t_end=0.2")
+    reference = values(toured, tmp_path, *smoothed)
+    first = values(toured, tmp_path, *smoothed, "integrator.method=symplectic_euler", "integrator.step=2e-6")
+    second = values(toured, tmp_path, *smoothed, "integrator.method=symplectic_euler", "integrator.step=1e-6")
+    order = np.log2((first["end"] - reference["end"]) / (second["end"] - reference["end"]))
+    assert order == pytest.approx(1, abs=0.1)
+
+    done = Program((toured / "dynstiction",), tmp_path)("limits", ROOT / "inputs" / "fig3.nml", status=0)
+    assert "static limit 2.0 N" in done.stdout

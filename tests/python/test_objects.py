@@ -121,7 +121,7 @@ def test_closed_handles_say_so(fig3: ds.Scene) -> None:
                 lambda: run.sample_at(np.zeros(1)),
                 run.time,
             ],
-        ),  # fmt: skip
+        ),
         (values, [values.given]),
         (sweep, [lambda: sweep.run(0, 1), sweep.stop]),
     ]
