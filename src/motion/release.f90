@@ -13,7 +13,8 @@ module dst_release
 
   ! What "twice" does was measured with dopri5 and dop853 on Fig. 3 (rtol 1e-6 and 1e-8) and on a drive that reverses.
   !
-  !> Order of the power series of a release. Convention.
+  !> Order of the power series of a release. Convention. Twice: the series reaches further, 16 % (dopri5) to 28 % (dop853) less work
+  !> and 1.0 to 1.2 times the error, but a series itself costs four times as much.
   integer, parameter :: series_order = 10
   !> Longest series, in units; and the most attempts at its length, with what is left of it in each: at least and at most, this
   !> much of what the error asks for, which counts as no less than the last. Conventions. Twice: 1 % more work for the least and the
