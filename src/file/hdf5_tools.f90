@@ -89,8 +89,8 @@ module dst_hdf5_tools
 
 contains
 
-  !> Make HDF5 ready: silent on errors, also on those of a limit of file sizes, and without its clean-up at exit, which loops when the
-  !> disk is full.
+  !> Make HDF5 ready: silent on errors, also on those of a limit of file sizes, and without its clean-up at exit, which loops
+  !> when the disk is full.
   subroutine start_hdf5(h5)
     type(hdf5_t), intent(out) :: h5
     integer :: ignored
