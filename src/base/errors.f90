@@ -78,11 +78,6 @@ contains
   pure integer function exit_status(code)
     integer, intent(in) :: code
 
-    select case (code)
-    case (40:49)
-      exit_status = 4
-    case default
-      exit_status = code
-    end select
+    exit_status = merge(4, code, code >= 40 .and. code <= 49)
   end function exit_status
 end module dst_errors

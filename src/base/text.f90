@@ -85,8 +85,7 @@ contains
   pure logical function starts_with(text, beginning)
     character(*), intent(in) :: text, beginning
 
-    starts_with = .false.
-    if (len(text) >= len(beginning)) starts_with = text(:len(beginning)) == beginning
+    starts_with = index(text, beginning) == 1
   end function starts_with
 
   !> The rest of the first line of `text` but its very first that begins with `name` and a blank; '' if none does.

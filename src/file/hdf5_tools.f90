@@ -92,8 +92,8 @@ module dst_hdf5_tools
 
 contains
 
-  !> Make HDF5 ready: silent on errors, also on those of a limit of file sizes, and without its clean-up at exit, which loops when the
-  !> disk is full.
+  !> Make HDF5 ready: silent on errors, also on those of a limit of file sizes, and without its clean-up at exit, which loops
+  !> when the disk is full.
   subroutine start_hdf5(h5)
     type(hdf5_t), intent(out) :: h5
     integer :: ignored
@@ -407,10 +407,10 @@ contains
     address = c_null_ptr
     buffer = c_loc(address)
     call open_own(object, name, dataset, h5)
-    call check_size(name, dataset, h5)
     if (h5%status >= 0) call h5dget_space_f(dataset, space, h5%status)
     if (h5%status >= 0) call h5dget_type_f(dataset, text_type, h5%status)
     call check_single(name, space, text_type, h5t_string_f, 'is no text', h5)
+    call check_size(name, dataset, 1_hsize_t, h5)
     if (h5%status >= 0) call h5dread_f(dataset, text_type, buffer, h5%status)
     call release([text_type, dataset], h5)
     text = fortran_text(address)
@@ -587,13 +587,14 @@ contains
     end do
   end subroutine check_filters
 
-  !> Refuse a dataset that claims more than it has, or more than the file.
-  subroutine check_size(name, dataset, h5)
+  !> Refuse a dataset that claims more values than it has, or more than the file.
+  subroutine check_size(name, dataset, points, h5)
     character(*), intent(in) :: name
     integer(hid_t), intent(in) :: dataset
+    integer(hsize_t), intent(in) :: points   !! that it claims
     type(hdf5_t), intent(inout) :: h5
-    integer(hid_t) :: file, stored_as, space
-    integer(hsize_t) :: points, stored
+    integer(hid_t) :: file, stored_as
+    integer(hsize_t) :: stored
     integer(size_t) :: value_bytes, file_bytes
     integer :: no_storage
 
@@ -601,12 +602,10 @@ contains
     if (h5%status >= 0) call h5fget_filesize_f(file, file_bytes, h5%status)
     if (h5%status >= 0) call h5dget_type_f(dataset, stored_as, h5%status)
     if (h5%status >= 0) call h5tget_size_f(stored_as, value_bytes, h5%status)
-    if (h5%status >= 0) call h5dget_space_f(dataset, space, h5%status)
-    if (h5%status >= 0) call h5sget_simple_extent_npoints_f(space, points, h5%status)
     if (h5%status < 0) return
     call h5dget_storage_size_f(dataset, stored, no_storage)
     if (no_storage < 0) stored = 0
-    call release([space, stored_as, file], h5)
+    call release([stored_as, file], h5)
     if (points > min(stored, int(file_bytes, hsize_t))/value_bytes) call h5%refuse(name, 'claims more than it has')
   end subroutine check_size
 
@@ -758,7 +757,7 @@ contains
     integer :: class
 
     call open_dataset(group, name, 1, dataset, h5)
-    call check_size(name, dataset%id, h5)
+    call check_size(name, dataset%id, dataset%rows, h5)
     if (h5%status >= 0) call h5dget_type_f(dataset%id, stored_as, h5%status)
     if (h5%status >= 0) call h5tget_class_f(stored_as, class, h5%status)
     if (h5%status >= 0 .and. class /= h5t_integer_f .and. class /= h5t_float_f) call h5%refuse(name, 'holds no numbers')

@@ -79,17 +79,13 @@ contains
 
     call read_list(file, name, axis%values, h5)
     problem = ''
-    if (h5%status < 0) problem = 'is no sound one-dimensional dataset of numbers: give one value a case'
-    if (allocated(h5%refusal)) then
-      call raise(error, file_error, path//': '//h5%refusal// &
-        ': give plain one-dimensional datasets of numbers, one value a case')
-      return
-    end if
+    if (h5%status < 0) problem = "'"//name//"' is no sound one-dimensional dataset of numbers: give one value a case"
+    if (allocated(h5%refusal)) problem = h5%refusal//': give plain one-dimensional datasets of numbers, one value a case'
     do i = 1, size(axis%values)
       if (problem /= '') exit
       problem = range_problem(axis%key, axis%values(i))
-      if (problem /= '') problem = 'value '//integer_text(i)//': '//problem
+      if (problem /= '') problem = "'"//name//"' value "//integer_text(i)//': '//problem
     end do
-    if (problem /= '') call raise(error, file_error, path//": '"//name//"' "//problem)
+    if (problem /= '') call raise(error, file_error, path//': '//problem)
   end subroutine take_values
 end module dst_sweep_list

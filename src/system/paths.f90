@@ -44,14 +44,8 @@ contains
     integer :: slash
 
     slash = scan(file_name, '/', back=.true.)
-    select case (slash)
-    case (0)
-      folder = '.'
-    case (1)
-      folder = '/'
-    case default
-      folder = file_name(:slash - 1)
-    end select
+    folder = '.'
+    if (slash > 0) folder = file_name(:max(1, slash - 1))
   end function folder_of
 
   !> The file behind symbolic links; the name itself when there is no such file.

@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.f90")}
 POSIX_C, POSIX_F90 = ROOT / "src" / "system" / "posix.c", "src/system/posix.f90"
 # Of the C library itself: their arguments are int, size_t and texts everywhere.
-PLAIN = {"exit", "flock", "free", "getpid", "gethostname", "kill", "link", "realpath", "rename", "strlen", "unlink"}
+PLAIN = {"exit", "flock", "free", "getpid", "gethostname", "kill", "link", "realpath", "rename", "unlink"}
 # Imports of posix.c by which no file and no process is reached: no fault of theirs is looked for.
 HARMLESS = {
     "_exit", "abort", "calloc", "dup2", "execvp", "free", "getpid", "getppid", "getrlimit", "glob", "globfree",
