@@ -87,7 +87,7 @@ def rhs(
     )
     if states.size == 0:
         return np.empty(states.shape)
-    return _finite(_native.rhs(slider, states.reshape(-1, 4)).reshape(states.shape), states)
+    return _finite(_native.equations(slider, states.reshape(-1, 4), 1).reshape(states.shape), states)
 
 
 def jacobian(
@@ -131,7 +131,7 @@ def jacobian(
     shape = (*states.shape, 4)
     if states.size == 0:
         return np.empty(shape)
-    return _finite(_native.jacobian(slider, states.reshape(-1, 4)).reshape(shape), states)
+    return _finite(_native.equations(slider, states.reshape(-1, 4), 4).reshape(shape), states)
 
 
 def _states(state: ArrayLike) -> NDArray[np.float64]:
