@@ -14,7 +14,7 @@ module dst_python_api
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_deck_values, only: element_count
   use dst_errors, only: error_t, raise, file_error, usage_error
-  use dst_faults, only: faults_t, not_all_faults
+  use dst_faults, only: not_all_faults
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
   use dst_lock, only: lock_t
@@ -37,7 +37,7 @@ module dst_python_api
 
   public :: library_open, deck_open, lock_open, run_open, sweep_open, table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
-  public :: rhs, jacobian, creep, steady_sliding
+  public :: equations, creep, steady_sliding
 
   !> No text in a table is longer.
   integer, parameter :: longest_cell = 512
@@ -55,7 +55,6 @@ module dst_python_api
   !> What lives under a handle: the library itself, or one of the types below.
   type :: session_t
     type(error_t), allocatable :: error
-    type(faults_t) :: faults
     type(deck_t), allocatable :: deck
     type(table_t) :: table                   !! the last one that was asked for
     character(:), allocatable :: text        !! the last one that was asked for
@@ -233,7 +232,7 @@ contains
     logical, intent(in) :: alone
 
     allocate (session%deck)
-    call parse_deck(text, name, lines_of(settings), session%deck, session%error, session%faults, alone)
+    call parse_deck(text, name, lines_of(settings), session%deck, session%error, alone)
   end subroutine read_deck
 
   integer(c_int) function status_of(session)
@@ -345,14 +344,14 @@ contains
       call new_table(self%table, size(slider_parameters), 1, 0)
       self%table%text(1, :) = slider_parameters
     case ('faults')
-      call new_table(self%table, self%faults%count + merge(1, 0, self%faults%full()), 1, 2)
-      if (self%faults%full()) self%table%text(1, self%faults%count + 1) = not_all_faults
-      do i = 1, self%faults%count
-        associate (fault => self%faults%item(i))
-          self%table%text(1, i) = printable(trim(fault%text))
-          self%table%number(:, i) = real([fault%place%line, fault%place%setting], wp)
-        end associate
-      end do
+      associate (faults => self%deck%faults)
+        call new_table(self%table, faults%count + merge(1, 0, faults%full()), 1, 2)
+        if (faults%full()) self%table%text(1, faults%count + 1) = not_all_faults
+        do i = 1, faults%count
+          self%table%text(1, i) = printable(trim(faults%item(i)%text))
+          self%table%number(:, i) = real([faults%item(i)%place%line, faults%item(i)%place%setting], wp)
+        end do
+      end associate
     case ('values')
       call make_table_of_values(self%deck, self%table)
     case default
@@ -677,12 +676,13 @@ contains
     asked_to_stop = self%session%stop
   end function asked_to_stop
 
-  !> Right-hand side of Eqs. (1)-(5) for n states (u_x, u_y, w_x, w_y) [m, m/s]: their time derivatives.
-  !> `slider` as `slider_parameters`. Without smoothing the friction has no value at w = 0; the caller excludes it.
-  subroutine rhs(slider, n, state, derivative)
-    integer(c_int), intent(in) :: n
+  !> Equations (1)-(5) at n states (u_x, u_y, w_x, w_y) [m, m/s]; `slider` as `slider_parameters`. With one column: the right-hand
+  !> side, their time derivatives. With four: its Jacobian, of equation i by unknown j at (i, j). Without smoothing the friction has
+  !> no value at w = 0; the caller excludes it.
+  subroutine equations(slider, n, state, n_columns, values)
+    integer(c_int), intent(in) :: n, n_columns
     real(c_double), intent(in) :: slider(10), state(4, n)
-    real(c_double), intent(out) :: derivative(4, n)
+    real(c_double), intent(out) :: values(4, n_columns, n)
     !f2py threadsafe
     type(full_smoothed_t) :: model
     type(stage_terms_t) :: terms
@@ -694,40 +694,25 @@ contains
     do i = 1, n
       call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
       call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
-      derivative(1:2, i) = slider(9)*model%drive_coupling - w(1, :)
-      derivative(3:4, i) = terms%force(1, :)
+      if (n_columns == 1) then
+        values(1:2, 1, i) = slider(9)*model%drive_coupling - w(1, :)
+        values(3:4, 1, i) = terms%force(1, :)
+      else
+        values(1:2, 1:2, i) = 0.0_c_double
+        values(1:2, 3:4, i) = -gradient(1, :, :)
+        values(3:4, 1:2, i) = terms%force_u(1, :, :)
+        values(3:4, 3:4, i) = terms%force_y(1, :, :)
+      end if
     end do
-  end subroutine rhs
+  end subroutine equations
 
-  !> Jacobian of `rhs`: jacobian(i, j, :) = derivative of equation i by unknown j.
-  subroutine jacobian(slider, n, state, matrix)
-    integer(c_int), intent(in) :: n
-    real(c_double), intent(in) :: slider(10), state(4, n)
-    real(c_double), intent(out) :: matrix(4, 4, n)
-    !f2py threadsafe
-    type(full_smoothed_t) :: model
-    type(stage_terms_t) :: terms
-    real(wp) :: w(1, 2), gradient(1, 2, 2)
-    integer :: i
-
-    model = new_full_smoothed(slider_from(real(slider, wp)))
-    terms = new_terms(1, 2, 2)
-    do i = 1, n
-      call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
-      call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
-      matrix(1:2, 1:2, i) = 0.0_c_double
-      matrix(1:2, 3:4, i) = -gradient(1, :, :)
-      matrix(3:4, 1:2, i) = terms%force_u(1, :, :)
-      matrix(3:4, 3:4, i) = terms%force_y(1, :, :)
-    end do
-  end subroutine jacobian
-
-  !> Creep at n points; phi [rad] and kappa have one value each point or one for all. Form 0 is the exact one:
-  !> values(:, k): alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. Others are X'/V after Eq. (8): 1 first power,
-  !> 2 as printed, 3 third order. fault: 0, or what the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
+  !> Creep at n points; phi [rad] and kappa have one value each point or one for all. Of the form 'exact' values(:, k) are alpha,
+  !> theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. Others are X'/V after Eq. (8): 'first_power', 'printed', 'third_order'.
+  !> fault: 0, or what the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
   !> 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0, 5 0 <= tau < 1 after Eq. (8).
   subroutine creep(form, n, tau, n_phi, phi, n_kappa, kappa, n_values, values, point, fault)
-    integer(c_int), intent(in) :: form, n, n_phi, n_kappa, n_values
+    character(len=*), intent(in) :: form
+    integer(c_int), intent(in) :: n, n_phi, n_kappa, n_values
     real(c_double), intent(in) :: tau(n), phi(n_phi), kappa(n_kappa)
     real(c_double), intent(out) :: values(n, n_values)
     integer(c_int), intent(out) :: point, fault
@@ -751,11 +736,11 @@ contains
         if (.not. abs(angle) < 0.5_wp*pi) fault = 2
         if (.not. (ratio >= 0.0_wp .and. ratio < 1.0_wp)) fault = 3
         if (fault > 0) return
-        if (form == 0) path = new_creep_path(abs(angle), ratio)
+        if (form == 'exact') path = new_creep_path(abs(angle), ratio)
         side = merge(-1.0_wp, 1.0_wp, angle < 0.0_wp)
       end if
       time = real(tau(i), wp)
-      if (form > 0) then
+      if (form /= 'exact') then
         if (.not. (time >= 0.0_wp .and. time < 1.0_wp)) fault = 5
       else if (.not. (time >= 0.0_wp .and. time <= huge(tau))) then
         fault = 1
@@ -764,13 +749,13 @@ contains
       end if
       if (fault > 0) return
       select case (form)
-      case (0)
+      case ('exact')
         here = creep_at(path, time)
         values(i, :) = real([here%alpha, side*(here%psi + path%phi), side*here%psi, here%speed, here%x_rate, side*here%y_rate, &
                              here%position, here%deficit], c_double)
-      case (1)
+      case ('first_power')
         values(i, 1) = real(first_power(abs(angle), time), c_double)
-      case (2)
+      case ('printed')
         values(i, 1) = real(printed(abs(angle), time), c_double)
       case default
         values(i, 1) = real(third_order(abs(angle), time), c_double)
@@ -778,9 +763,9 @@ contains
     end do
   end subroutine creep
 
-  !> Linear theory for n sliders as in `rhs`: values (value, slider), as `what` asks.
+  !> Linear theory for n sliders as in `equations`: values (value, slider), as `what` asks.
   !> 'eigenvalues' of steady sliding [1/s]: four real parts, four imaginary parts, by falling real part.
-  !> 'critical' misalignment, whatever a slider's own: whether there is one (0/1), two angles [rad] and frequencies [rad/s] of the low
+  !> 'critical' misalignment, whatever a slider's own: whether there is one (0/1), two angles [rad], frequencies [rad/s] of the low
   !> and the fast branch, stable window [rad], rigid limit of the low branch [rad].
   !> 'damping' ratio of the slow motion at the angles `theta` [rad]: Eq. (10), with friction held at mu_0 W; 'weakening': with the
   !> law's own friction.

@@ -30,10 +30,9 @@ __all__ = [
     "Value",
     "catalogue",
     "creep",
-    "jacobian",
+    "equations",
     "key_info",
     "origin",
-    "rhs",
     "schema",
     "steady_sliding",
     "text_from",
@@ -44,9 +43,6 @@ CHUNK_SECONDS = 0.05
 
 NOT_RUN, GOING_ON, STOPPED_EARLY = -1, -1, 75
 """Result codes of a case that has not been run, of a run that goes on, and of one that stopped early; others are errors."""
-
-FORMS = {"exact": 0, "first_power": 1, "printed": 2, "third_order": 3}
-"""Forms of creep, the exact one and those of Eq. (8), with the core's numbers for them."""
 
 RANGES = {
     1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
@@ -396,26 +392,23 @@ def key_info(group: str, name: str) -> KeyInfo:
 
 @cache
 def slider_parameters() -> tuple[str, ...]:
-    """Names of the parameters of a slider, in the order of the vectors that `rhs` and its like take."""
+    """Names of the parameters of a slider, in the order of the vectors that `equations` and its like take."""
     ((cells, _),) = _ask_library(_table, "slider")
     return tuple(name for (name,) in cells)
 
 
-def rhs(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Right-hand sides (n, 4) of the states (n, 4), C-contiguous."""
-    return _core.rhs(slider, states.T).T
-
-
-def jacobian(slider: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Jacobians (n, 4, 4) of the states (n, 4), C-contiguous: row = equation, column = unknown."""
-    return np.ascontiguousarray(_core.jacobian(slider, states.T).transpose(2, 0, 1))
+def equations(
+    slider: NDArray[np.float64], states: NDArray[np.float64], n_columns: int
+) -> NDArray[np.float64]:
+    """At the states (n, 4), C-contiguous (n, 4, n_columns): the right-hand sides as one column, or as four the Jacobians."""
+    return np.ascontiguousarray(_core.equations(slider, states.T, n_columns).transpose(2, 0, 1))
 
 
 def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Creep (n_values, n) at the points, as the routine of the core says; `phi` and `kappa` may have one value for all."""
-    values, point, fault = _core.creep(FORMS[form], tau, phi, kappa, n_values)
+    values, point, fault = _core.creep(form, tau, phi, kappa, n_values)
     if fault != 0:
         points = {"tau": tau, "phi": phi, "kappa": kappa}
         here = {name: float(array[min(point, array.size) - 1]) for name, array in points.items()}

@@ -85,7 +85,7 @@ def rhs(
     slider = _slider(
         mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
     )
-    return _evaluated(_native.rhs, slider, state)
+    return _evaluated(slider, state, 1)[..., 0]
 
 
 def jacobian(
@@ -125,19 +125,17 @@ def jacobian(
     slider = _slider(
         mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
     )
-    return _evaluated(_native.jacobian, slider, state, 4)
+    return _evaluated(slider, state, 4)
 
 
-def _evaluated(
-    core: Callable[..., NDArray[np.float64]], slider: NDArray[np.float64], state: ArrayLike, *more: int
-) -> NDArray[np.float64]:
-    """What a function of the core gives at each state, with `more` dimensions."""
+def _evaluated(slider: NDArray[np.float64], state: ArrayLike, n_columns: int) -> NDArray[np.float64]:
+    """The equations of the core at each state, with a last dimension for the columns."""
     states = np.ascontiguousarray(reals("state", state))
     if np.ndim(state) == 0 or states.shape[-1] != 4:
         raise UsageError(f"state of shape {np.shape(state)}: the last dimension is 4, for u_x, u_y, w_x, w_y")
     if states.size == 0:
-        return np.empty((*states.shape, *more))
-    rates = core(slider, states.reshape(-1, 4)).reshape(*states.shape, *more)
+        return np.empty((*states.shape, n_columns))
+    rates = _native.equations(slider, states.reshape(-1, 4), n_columns).reshape(*states.shape, n_columns)
     if not np.all(np.isfinite(rates)) and np.any(np.all(states[..., 2:] == 0.0, axis=-1)):
         raise UsageError(
             "w = 0, where friction has no direction with the exact law: give v_smooth > 0, or take such states out"

@@ -6,7 +6,7 @@ module dst_deck
                       read_real, read_integer
   use dst_faults, only: faults_t, place_t
   use dst_methods, only: method_t, method_named, adaptive_methods
-  use dst_namelist, only: namelist_t, token_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
+  use dst_namelist, only: namelist_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
   use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, is_text, names_file, keys_of, in_range, &
                         range_text, choice_problem, condition_text, sweep_group, longest_text, most_values, real_kind, &
                         reals_kind, integer_kind, text_kind, texts_kind, choice_kind
@@ -74,14 +74,12 @@ contains
 
   !> Read a deck from memory; `name` stands for the file's name in messages. With `alone` each value is checked against its own key
   !> only: a part of a deck is not refused for what it lacks, or for what does not go together.
-  subroutine parse_deck(text, name, settings, deck, error, found, alone)
+  subroutine parse_deck(text, name, settings, deck, error, alone)
     character(*), intent(in) :: text, name
     character(*), intent(in) :: settings(:)
     type(deck_t), intent(out) :: deck
     type(error_t), allocatable, intent(out) :: error
-    type(faults_t), intent(out), optional :: found   !! what `error` says, fault by fault
     logical, intent(in), optional :: alone
-    type(faults_t) :: faults
     type(namelist_t) :: list
     integer :: line_of(word_count(group_names)), i
     logical :: is_whole
@@ -92,34 +90,32 @@ contains
       call set_default(schema(i), deck%value(i))
     end do
     call scan_namelist(text, list)
-    faults = list%faults
+    deck%faults = list%faults
     if (list%plain) then
-      call take_groups(list, deck, line_of, faults)
+      call take_groups(list, deck, line_of)
       do i = 1, size(settings)
-        call take_setting(trim(settings(i)), i, deck, faults)
+        call take_setting(trim(settings(i)), i, deck)
       end do
     end if
     is_whole = list%plain
     if (present(alone)) is_whole = is_whole .and. .not. alone
     if (is_whole) then
-      call check_keys(deck, faults)
-      call check_missing(deck, line_of, last_line(text), faults)
-      call check_contact(deck, faults)
-      call check_drive(deck, faults)
-      call check_fields(deck, faults)
-      call check_sweep(deck, line_of(group_number(sweep_group)), faults)
+      call check_keys(deck)
+      call check_missing(deck, line_of, last_line(text))
+      call check_contact(deck)
+      call check_drive(deck)
+      call check_fields(deck)
+      call check_sweep(deck, line_of(group_number(sweep_group)))
     end if
-    if (faults%count > 0) call raise_lines(error, deck_error, faults%report(name))
-    if (present(found)) found = faults
+    if (deck%faults%count > 0) call raise_lines(error, deck_error, deck%faults%report(name))
   end subroutine parse_deck
 
   !> The groups and assignments of a scanned deck. `line_of` is the line of each known group, 0 if it is absent.
-  subroutine take_groups(list, deck, line_of, faults)
+  subroutine take_groups(list, deck, line_of)
     type(namelist_t), intent(in) :: list
     type(deck_t), intent(inout) :: deck
     integer, intent(out) :: line_of(:)
-    type(faults_t), intent(inout) :: faults
-    character(:), allocatable :: group
+    character(:), allocatable :: group, nearest
     integer :: i, g
 
     line_of = 0
@@ -128,19 +124,22 @@ contains
       if (group == '') cycle
       g = group_number(group)
       if (g == 0) then
-        call note_unknown_group(list%groups(i)%line, trim(list%groups(i)%name), deck, faults)
+        call deck%faults%add(list%groups(i)%line, unknown_group_text(trim(list%groups(i)%name)))
+        ! Its keys are not missing: they stand in the group with the wrong name.
+        nearest = nearest_word(group, group_names)
+        if (nearest /= '') where (schema%group == nearest) deck%value%attempted = .true.
       else if (line_of(g) > 0) then
-        call faults%add(list%groups(i)%line, 'group &'//group//' given again: it began in line '// &
+        call deck%faults%add(list%groups(i)%line, 'group &'//group//' given again: it began in line '// &
                         integer_text(line_of(g))//', put all its keys there')
       else
         line_of(g) = list%groups(i)%line
       end if
     end do
-    if (list%group_count == 0 .and. faults%count == 0) &
-      call faults%add(1, 'no group in the deck: it needs at least &scene, see dynstiction template')
+    if (list%group_count == 0 .and. deck%faults%count == 0) &
+      call deck%faults%add(1, 'no group in the deck: it needs at least &scene, see dynstiction template')
     do i = 1, list%assignment_count
-      if (faults%full()) exit
-      call take_assignment(list, i, deck, faults)
+      if (deck%faults%full()) exit
+      call take_assignment(list, i, deck)
     end do
   end subroutine take_groups
 
@@ -155,20 +154,6 @@ contains
     end do
   end function group_number
 
-  subroutine note_unknown_group(line, group, deck, faults)
-    integer, intent(in) :: line
-    character(*), intent(in) :: group
-    type(deck_t), intent(inout) :: deck
-    type(faults_t), intent(inout) :: faults
-    character(:), allocatable :: nearest
-
-    if (faults%full()) return
-    nearest = nearest_word(group, group_names)
-    call faults%add(line, unknown_group_text(group))
-    ! Its keys are not missing: they stand in the group with the wrong name.
-    if (nearest /= '') where (schema%group == nearest) deck%value%attempted = .true.
-  end subroutine note_unknown_group
-
   function unknown_group_text(group) result(text)
     character(*), intent(in) :: group
     character(:), allocatable :: text
@@ -180,11 +165,10 @@ contains
     end if
   end function unknown_group_text
 
-  subroutine take_assignment(list, i, deck, faults)
+  subroutine take_assignment(list, i, deck)
     type(namelist_t), intent(in) :: list
     integer, intent(in) :: i
     type(deck_t), intent(inout) :: deck
-    type(faults_t), intent(inout) :: faults
     character(:), allocatable :: group, key
     integer :: k
 
@@ -194,17 +178,21 @@ contains
       if (group_number(group) == 0 .or. key == '') return
       k = find_key(group, key)
       if (k == 0) then
-        if (.not. assignment%bare) call faults%add(assignment%line, unknown_key_text(group, trim(assignment%key)))
-        call mark_meant(group, key, deck)
+        if (.not. assignment%bare) call deck%faults%add(assignment%line, unknown_key_text(group, trim(assignment%key)))
+        ! What it means is not missing as well.
+        k = find_name(key)
+        if (k == 0) k = meant_key(group, key)
+        if (k > 0) deck%value(k)%attempted = .true.
       else if (deck%value(k)%attempted .and. deck%value(k)%place%line > 0) then
-        call faults%add(assignment%line, "'"//key//"' given again: it stands in line "// &
+        call deck%faults%add(assignment%line, "'"//key//"' given again: it stands in line "// &
                         integer_text(deck%value(k)%place%line)//' already, keep one of them')
       else if (assignment%faulty) then
         deck%value(k)%attempted = .true.
         deck%value(k)%valid = .false.
         deck%value(k)%place%line = assignment%line
       else
-        call take_values(schema(k), list, assignment%first, assignment%last, place_t(line=assignment%line), deck%value(k), faults)
+        call take_values(schema(k), list, assignment%first, assignment%last, place_t(line=assignment%line), deck%value(k), &
+                         deck%faults)
       end if
     end associate
   end subroutine take_assignment
@@ -245,23 +233,11 @@ contains
     if (nearest /= '') meant_key = find_name(nearest)
   end function meant_key
 
-  !> A key given under a wrong name or in a wrong group is not missing as well.
-  subroutine mark_meant(group, key, deck)
-    character(*), intent(in) :: group, key
-    type(deck_t), intent(inout) :: deck
-    integer :: k
-
-    k = find_name(key)
-    if (k == 0) k = meant_key(group, key)
-    if (k > 0) deck%value(k)%attempted = .true.
-  end subroutine mark_meant
-
   !> 'group.key=value' from the command line.
-  subroutine take_setting(text, setting, deck, faults)
+  subroutine take_setting(text, setting, deck)
     character(*), intent(in) :: text
     integer, intent(in) :: setting
     type(deck_t), intent(inout) :: deck
-    type(faults_t), intent(inout) :: faults
     character(:), allocatable :: group, key, problem
     type(place_t) :: place
     integer :: equals, dot, k
@@ -288,9 +264,9 @@ contains
       if (k == 0) problem = unknown_key_text(group, key)
     end if
     if (len(problem) > 0) then
-      call faults%add(place, problem)
+      call deck%faults%add(place, problem)
     else
-      call set_value(schema(k), adjustl(text(equals + 1:)), place, deck%value(k), faults)
+      call set_value(schema(k), adjustl(text(equals + 1:)), place, deck%value(k), deck%faults)
     end if
   end subroutine take_setting
 
@@ -355,7 +331,9 @@ contains
 
     call start_value(place, value)
     do i = first, last
-      if (.not. has_right_form(key, list%tokens(i), place)) call refuse(wrong_form_text(key, token_text(list, list%tokens(i))))
+      ! Text of a setting needs no quotes.
+      call refuse(form_problem(key, list%tokens(i)%quote /= ' ' .or. (place%setting > 0 .and. is_text(key)), &
+                               token_text(list, list%tokens(i))))
       if (.not. value%valid) return
     end do
     total = 0_int64
@@ -400,28 +378,22 @@ contains
     end subroutine refuse
   end subroutine take_values
 
-  !> Text in quotes, numbers without.
-  pure logical function has_right_form(key, token, place)
+  !> '' or that one word is no text in quotes, or no number without.
+  function form_problem(key, is_quoted, given) result(problem)
     type(key_t), intent(in) :: key
-    type(token_t), intent(in) :: token
-    type(place_t), intent(in) :: place
-
-    has_right_form = token%quote == ' ' .neqv. is_text(key)
-    if (is_text(key)) has_right_form = has_right_form .or. place%setting > 0
-  end function has_right_form
-
-  function wrong_form_text(key, given) result(text)
-    type(key_t), intent(in) :: key
+    logical, intent(in) :: is_quoted
     character(*), intent(in) :: given
-    character(:), allocatable :: text
+    character(:), allocatable :: problem
 
+    problem = ''
+    if (is_quoted .eqv. is_text(key)) return
     if (is_text(key)) then
-      text = "'"//excerpt(given)//"' is not text: '"//trim(key%name)//"' takes text in quotes"
+      problem = "'"//excerpt(given)//"' is not text: '"//trim(key%name)//"' takes text in quotes"
     else
-      text = "'"//excerpt(given)//"' is text: '"//trim(key%name)//"' takes "// &
-             trim(merge('an integer   ', 'a real number', key%kind == integer_kind))//' without quotes'
+      problem = "'"//excerpt(given)//"' is text: '"//trim(key%name)//"' takes "// &
+                trim(merge('an integer   ', 'a real number', key%kind == integer_kind))//' without quotes'
     end if
-  end function wrong_form_text
+  end function form_problem
 
   !> A number of a key; `problem` is '' or says what is wrong with the word.
   subroutine read_number(key, given, number, integer, problem)
@@ -464,7 +436,6 @@ contains
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
     character(:), allocatable :: problem
-    integer :: i
 
     problem = ''
     if (len(given) > longest_text) then
@@ -475,37 +446,32 @@ contains
     else if (names_file(key) .and. len_trim(given) < len(given)) then
       problem = "file name '"//excerpt(given)//"' of '"//trim(key%name)//"' ends with a blank: remove the blank"
     end if
-    do i = 1, len(given)
-      if (iachar(given(i:i)) < 32 .and. given(i:i) /= achar(9)) &
-        problem = "control characters in '"//trim(key%name)//"': give plain text"
-    end do
+    if (scan(given, achar(10)//achar(13)) > 0) problem = "control characters in '"//trim(key%name)//"': give plain text"
   end function text_problem
 
   !> Keys that the user set though nothing uses them, or to a value that only an unused key may have.
-  subroutine check_keys(deck, faults)
-    type(deck_t), intent(in) :: deck
-    type(faults_t), intent(inout) :: faults
+  subroutine check_keys(deck)
+    type(deck_t), intent(inout) :: deck
     integer :: i
 
     do i = 1, key_count
       associate (key => schema(i), value => deck%value(i))
         if (.not. (value%user .and. value%valid)) cycle
         if (usage(deck, i) == unused .and. .not. is_default(key, value)) then
-          call faults%add(value%place, "'"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
+          call deck%faults%add(value%place, "'"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
                     ': remove it, it works only with '//condition_text(key))
         else if (usage(deck, i) == used .and. key%kind == real_kind) then
           if (.not. in_range(key%range, value%reals(1))) &
-            call faults%add(value%place, out_of_range_text(key, real_text(value%reals(1)))//' with '//condition_text(key))
+            call deck%faults%add(value%place, out_of_range_text(key, real_text(value%reals(1)))//' with '//condition_text(key))
         end if
       end associate
     end do
   end subroutine check_keys
 
   !> Keys without default that the deck needs and lacks.
-  subroutine check_missing(deck, line_of, end_line, faults)
-    type(deck_t), intent(in) :: deck
+  subroutine check_missing(deck, line_of, end_line)
+    type(deck_t), intent(inout) :: deck
     integer, intent(in) :: line_of(:), end_line
-    type(faults_t), intent(inout) :: faults
     character(:), allocatable :: group, missing
     integer :: g, i
 
@@ -513,21 +479,15 @@ contains
       group = word(group_names, g)
       missing = ''
       do i = 1, key_count
-        if (schema(i)%group /= group .or. .not. is_missing(deck, i)) cycle
-        if (line_of(g) > 0) call faults%add(line_of(g), missing_text(schema(i)))
+        if (schema(i)%group /= group .or. .not. schema(i)%required) cycle
+        if (deck%value(i)%attempted .or. usage(deck, i) /= used) cycle
+        if (line_of(g) > 0) call deck%faults%add(line_of(g), missing_text(schema(i)))
         missing = missing//' '//trim(schema(i)%name)
       end do
       if (line_of(g) == 0 .and. missing /= '') &
-        call faults%add(end_line, 'group &'//group//' is missing: add it with'//missing)
+        call deck%faults%add(end_line, 'group &'//group//' is missing: add it with'//missing)
     end do
   end subroutine check_missing
-
-  logical function is_missing(deck, i)
-    type(deck_t), intent(in) :: deck
-    integer, intent(in) :: i
-
-    is_missing = schema(i)%required .and. .not. deck%value(i)%attempted .and. usage(deck, i) == used
-  end function is_missing
 
   function missing_text(key) result(text)
     type(key_t), intent(in) :: key
@@ -541,9 +501,8 @@ contains
   end function missing_text
 
   !> A fixed step cannot hit the events of the exact contact; moreau_jean knows no other contact; rodas4p none.
-  subroutine check_contact(deck, faults)
-    type(deck_t), intent(in) :: deck
-    type(faults_t), intent(inout) :: faults
+  subroutine check_contact(deck)
+    type(deck_t), intent(inout) :: deck
     type(method_t) :: method
     character(:), allocatable :: model, contact
 
@@ -554,23 +513,22 @@ contains
       contact = deck%text_of('friction', 'contact')
       model = deck%text_of('scene', 'model')
       if (method%name == 'moreau_jean' .and. .not. has_word('full auto', model)) &
-        call faults%add(given%place, "method 'moreau_jean' works on model 'full' only: choose another method")
+        call deck%faults%add(given%place, "method 'moreau_jean' works on model 'full' only: choose another method")
       if (method%name == 'rodas4p' .and. model /= 'low_frequency') &
-        call faults%add(given%place, "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
+        call deck%faults%add(given%place, "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
       if (model /= 'full') return
       if (method%name == 'moreau_jean' .and. contact == 'smoothed') &
-        call faults%add(given%place, "method 'moreau_jean' knows only the exact contact: "// &
+        call deck%faults%add(given%place, "method 'moreau_jean' knows only the exact contact: "// &
                         "choose contact = 'exact', or method "//alternatives(adaptive_methods//' rk4'))
       if (method%kind == 'fixed_step' .and. contact == 'exact') &
-        call faults%add(given%place, "method '"//trim(method%name)//"' cannot follow the exact contact of model 'full': "// &
+        call deck%faults%add(given%place, "method '"//trim(method%name)//"' cannot follow the exact contact of model 'full': "// &
                         "choose contact = 'smoothed', or method "//alternatives(adaptive_methods//' moreau_jean'))
     end associate
   end subroutine check_contact
 
   !> The corners of the drive: as many times as velocities, from 0 on, never back, a jump between two velocities.
-  subroutine check_drive(deck, faults)
-    type(deck_t), intent(in) :: deck
-    type(faults_t), intent(inout) :: faults
+  subroutine check_drive(deck)
+    type(deck_t), intent(inout) :: deck
     type(place_t) :: place
     integer :: i
 
@@ -579,18 +537,18 @@ contains
       place = velocity%place
       if (time%user) place = time%place
       if (size(time%reals) /= size(velocity%reals)) then
-        call faults%add(place, integer_text(size(velocity%reals))//" value(s) of 'velocity' but "// &
+        call deck%faults%add(place, integer_text(size(velocity%reals))//" value(s) of 'velocity' but "// &
           integer_text(size(time%reals))//" of 'time': give one velocity for each time, or one velocity alone")
         return
       end if
-      if (abs(time%reals(1)) > 0.0_wp) call faults%add(place, "time(1) = '"//real_text(time%reals(1))// &
+      if (abs(time%reals(1)) > 0.0_wp) call deck%faults%add(place, "time(1) = '"//real_text(time%reals(1))// &
                                                  "' is not the start: the first time must be 0.0 s")
       do i = 2, size(time%reals)
         if (time%reals(i) < time%reals(i - 1)) then
-          call faults%add(place, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))// &
+          call deck%faults%add(place, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))// &
             "' is before the time ahead of it, "//real_text(time%reals(i - 1))//' s: times must not decrease')
         else if (repeats_too_often(time%reals(:i))) then
-          call faults%add(place, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))//"' "// &
+          call deck%faults%add(place, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))//"' "// &
                     'repeats a time once too often: give a time twice for a jump, but not 0.0 s')
         else
           cycle
@@ -611,9 +569,8 @@ contains
   end function repeats_too_often
 
   !> A column can be asked for once; 'default' stands alone.
-  subroutine check_fields(deck, faults)
-    type(deck_t), intent(in) :: deck
-    type(faults_t), intent(inout) :: faults
+  subroutine check_fields(deck)
+    type(deck_t), intent(inout) :: deck
     integer :: i, k
     character(:), allocatable :: choice
 
@@ -623,10 +580,10 @@ contains
       do i = 1, word_count(schema(k)%choices)
         choice = word(schema(k)%choices, i)
         if (count(value%texts == choice) > 1) &
-          call faults%add(value%place, "'"//choice//"' more than once in 'fields': name each column once")
+          call deck%faults%add(value%place, "'"//choice//"' more than once in 'fields': name each column once")
       end do
       if (size(value%texts) > 1 .and. any(value%texts == 'default')) &
-        call faults%add(value%place, "'default' among other 'fields': give 'default' alone, or the columns by name")
+        call deck%faults%add(value%place, "'default' among other 'fields': give 'default' alone, or the columns by name")
     end associate
   end subroutine check_fields
 end module dst_deck

@@ -2,8 +2,7 @@
 module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dst_kinds, only: wp
-  use dst_deck_values, only: deck_t, usage, failing_condition, element_count, unused
-  use dst_faults, only: faults_t
+  use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, unused
   use dst_schema, only: schema, sweep_group, find_key, in_range, range_text, real_kind, reals_kind, integer_kind, longest_text
   use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word
   implicit none
@@ -19,42 +18,41 @@ module dst_deck_sweep
 contains
 
   !> All faults of the group; `line` is its line in the deck, 0 if it is absent. What follows from another fault is not one.
-  subroutine check_sweep(deck, line, faults)
-    type(deck_t), intent(in) :: deck
+  subroutine check_sweep(deck, line)
+    type(deck_t), intent(inout) :: deck
     integer, intent(in) :: line
-    type(faults_t), intent(inout) :: faults
     character(longest_text), allocatable :: names(:)
     integer :: i, n
     logical :: keeps_series
 
     if (line == 0 .and. .not. deck%is_sweep()) return
     keeps_series = deck%text_of(sweep_group, 'keep') == 'series' .and. is_known(deck, 'keep')
-    if (deck%text_of('scene', 'model') == 'auto') call note(faults, deck, 'scene', 'model', &
+    if (deck%text_of('scene', 'model') == 'auto') call note(deck, 'scene', 'model', &
       "model 'auto' in a sweep would mix models in one map: name the model")
     if (keeps_series .and. .not. deck%real_of('output', 'interval') > 0.0_wp) &
-      call note(faults, deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
+      call note(deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
     if (keeps_series .and. deck%text_of('integrator', 'method') == 'rodas4p') &
-      call note(faults, deck, 'integrator', 'method', "method 'rodas4p' keeps no series: use radau9, or keep = 'summary'")
+      call note(deck, 'integrator', 'method', "method 'rodas4p' keeps no series: use radau9, or keep = 'summary'")
     allocate (names, source=deck%texts_of(sweep_group, 'parameter'))
     n = size(names)
     if (keeps_series .and. any(lower_case_of(names) == 'scene.t_end')) &
-      call note(faults, deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: do not vary scene.t_end")
+      call note(deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: do not vary scene.t_end")
     if (.not. (is_known(deck, 'parameter') .and. is_known(deck, 'points'))) return
     if (deck%text_of(sweep_group, 'points') /= '') then
-      call check_no_grid(deck, faults)
+      call check_no_grid(deck)
       return
     else if (names(1) == '') then
-      call note_nothing_varied(deck, line, faults)
+      call note_nothing_varied(deck, line)
       return
     end if
-    call check_lengths(deck, n, faults)
+    call check_lengths(deck, n)
     do i = 1, n
-      call check_axis(deck, trim(names(i)), i, faults)
+      call check_axis(deck, trim(names(i)), i)
       if (any(lower_case_of(names(:i - 1)) == lower_case(trim(names(i))))) &
-        call note(faults, deck, sweep_group, 'parameter', "'"//trim(names(i))//"' is varied twice: name it once")
+        call note(deck, sweep_group, 'parameter', "'"//trim(names(i))//"' is varied twice: name it once")
     end do
     if (is_known(deck, 'count') .and. grid_cases(deck) > many_cases) &
-      call note(faults, deck, sweep_group, 'count', 'more than '//real_text(many_cases)//' cases: use smaller counts')
+      call note(deck, sweep_group, 'count', 'more than '//real_text(many_cases)//' cases: use smaller counts')
   end subroutine check_sweep
 
   !> Whether the value of a key of the group is as the deck means it: neither faulty, nor given under a wrong name.
@@ -83,74 +81,69 @@ contains
   end function grid_cases
 
   !> At the group, or at the first of its keys where only a setting gives some.
-  subroutine note_nothing_varied(deck, line, faults)
-    type(deck_t), intent(in) :: deck
+  subroutine note_nothing_varied(deck, line)
+    type(deck_t), intent(inout) :: deck
     integer, intent(in) :: line
-    type(faults_t), intent(inout) :: faults
     character(*), parameter :: text = "&sweep varies nothing: name parameter = 'GROUP.KEY', or points = 'FILE'"
     integer :: k
 
     if (line > 0) then
-      call faults%add(line, text)
+      call deck%faults%add(line, text)
       return
     end if
     do k = 1, size(schema)
       if (schema(k)%group /= sweep_group .or. .not. deck%value(k)%user) cycle
-      call note(faults, deck, sweep_group, trim(schema(k)%name), text)
+      call note(deck, sweep_group, trim(schema(k)%name), text)
       return
     end do
   end subroutine note_nothing_varied
 
   !> A list of points stands alone.
-  subroutine check_no_grid(deck, faults)
-    type(deck_t), intent(in) :: deck
-    type(faults_t), intent(inout) :: faults
+  subroutine check_no_grid(deck)
+    type(deck_t), intent(inout) :: deck
     character(9), parameter :: keys(5) = [character(9) :: 'parameter', 'first', 'last', 'count', 'spacing']
-    integer :: i
+    integer :: i, k
 
     do i = 1, size(keys)
-      if (deck%text_of(sweep_group, trim(keys(i))) == 'linear') cycle
-      if (deck%is_set(sweep_group, trim(keys(i))) .and. .not. &
-          (keys(i) == 'parameter' .and. deck%text_of(sweep_group, 'parameter') == '')) &
-        call note(faults, deck, sweep_group, trim(keys(i)), &
-          "'"//trim(keys(i))//"' beside 'points': give a grid or a list of points")
+      k = find_key(sweep_group, keys(i))
+      if (deck%value(k)%user .and. .not. is_default(schema(k), deck%value(k))) &
+        call note(deck, sweep_group, keys(i), "'"//trim(keys(i))//"' beside 'points': give a grid or a list of points")
     end do
   end subroutine check_no_grid
 
   !> As many limits and counts as parameters; one spacing or as many.
-  subroutine check_lengths(deck, n, faults)
-    type(deck_t), intent(in) :: deck
+  subroutine check_lengths(deck, n)
+    type(deck_t), intent(inout) :: deck
     integer, intent(in) :: n
-    type(faults_t), intent(inout) :: faults
     character(7), parameter :: keys(4) = [character(7) :: 'first', 'last', 'count', 'spacing']
     integer :: i, given
 
     do i = 1, size(keys)
       given = element_count(deck%value(find_key(sweep_group, keys(i))))
       if (given == n .or. (given == 1 .and. keys(i) == 'spacing') .or. .not. is_known(deck, keys(i))) cycle
-      call note(faults, deck, sweep_group, keys(i), integer_text(given)//" value(s) of '"//trim(keys(i))//"' but "// &
+      call note(deck, sweep_group, keys(i), integer_text(given)//" value(s) of '"//trim(keys(i))//"' but "// &
         integer_text(n)//" of 'parameter': give one for each")
     end do
   end subroutine check_lengths
 
   !> One parameter and its values.
-  subroutine check_axis(deck, name, i, faults)
-    type(deck_t), intent(in) :: deck
+  subroutine check_axis(deck, name, i)
+    type(deck_t), intent(inout) :: deck
     character(*), intent(in) :: name
     integer, intent(in) :: i
-    type(faults_t), intent(inout) :: faults
     character(:), allocatable :: problem
     real(wp), allocatable :: first(:), last(:), counts(:)
+    character(longest_text), allocatable :: spacing(:)
     logical :: is_log
 
     allocate (counts, source=element('count'))
     if (size(counts) > 0) then
-      if (abs(counts(1) - anint(counts(1))) > 0.0_wp) call note(faults, deck, sweep_group, 'count', &
+      if (abs(counts(1) - anint(counts(1))) > 0.0_wp) call note(deck, sweep_group, 'count', &
         real_text(counts(1))//' is no whole number: count says how many values '//name//' has')
     end if
     problem = variation_problem(deck, name)
     if (problem /= '') then
-      call note(faults, deck, sweep_group, 'parameter', problem)
+      call note(deck, sweep_group, 'parameter', problem)
       return
     end if
     first = element('first')
@@ -158,9 +151,11 @@ contains
     if (size(first) > 0) call check_limit('first', first(1))
     if (size(last) > 0) call check_limit('last', last(1))
     if (size(first) == 0 .or. size(last) == 0 .or. .not. is_known(deck, 'spacing')) return
-    is_log = spacing_of(deck%texts_of(sweep_group, 'spacing'), i) == 'log'
+    ! Of all parameters, or of each.
+    spacing = deck%texts_of(sweep_group, 'spacing')
+    is_log = spacing(min(i, size(spacing))) == 'log'
     if (is_log .and. .not. (min(first(1), last(1)) > 0.0_wp .or. max(first(1), last(1)) < 0.0_wp)) &
-      call note(faults, deck, sweep_group, 'spacing', "spacing 'log' of "//name//' from '//real_text(first(1))// &
+      call note(deck, sweep_group, 'spacing', "spacing 'log' of "//name//' from '//real_text(first(1))// &
       ' to '//real_text(last(1))//': both must have the same sign, and not be 0')
 
   contains
@@ -183,7 +178,7 @@ contains
       real(wp), intent(in) :: value
 
       problem = range_problem(varied_key(name), value)
-      if (problem /= '') call note(faults, deck, sweep_group, key, problem)
+      if (problem /= '') call note(deck, sweep_group, key, problem)
     end subroutine check_limit
   end subroutine check_axis
 
@@ -197,15 +192,6 @@ contains
       lower(i) = lower_case(names(i))
     end do
   end function lower_case_of
-
-  !> Of all, or of each.
-  pure function spacing_of(list, i) result(spacing)
-    character(*), intent(in) :: list(:)
-    integer, intent(in) :: i
-    character(len(list)) :: spacing
-
-    spacing = list(min(i, size(list)))
-  end function spacing_of
 
   !> Index of the key 'group.name' in the schema; 0 if there is none.
   pure integer function varied_key(name)
@@ -255,11 +241,10 @@ contains
     end if
   end function range_problem
 
-  subroutine note(faults, deck, group, key, text)
-    type(faults_t), intent(inout) :: faults
-    type(deck_t), intent(in) :: deck
+  subroutine note(deck, group, key, text)
+    type(deck_t), intent(inout) :: deck
     character(*), intent(in) :: group, key, text
 
-    call faults%add(deck%value(find_key(group, key))%place, text)
+    call deck%faults%add(deck%value(find_key(group, key))%place, text)
   end subroutine note
 end module dst_deck_sweep

@@ -2,7 +2,7 @@
 module dst_deck_values
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
-  use dst_faults, only: place_t
+  use dst_faults, only: faults_t, place_t
   use dst_text, only: read_real, read_integer, has_word
   use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, find_name, longest_text, real_kind, reals_kind, &
                         integer_kind, condition_count
@@ -31,6 +31,7 @@ module dst_deck_values
     character(:), allocatable :: name    !! the file's name as given
     character(:), allocatable :: text    !! the file's text as read
     type(value_t) :: value(key_count)
+    type(faults_t) :: faults             !! what is wrong with it
   contains
     procedure :: real_of
     procedure :: reals_of

@@ -360,6 +360,7 @@ contains
     type(token_t), intent(inout) :: token
     character(:), allocatable, intent(inout) :: problem
     integer :: i
+    logical :: is_closed
 
     token%quote = here(list)
     token%first = list%position + 1
@@ -375,12 +376,13 @@ contains
       i = i + 1
     end do
     token%last = i - 1
-    list%position = min(i + 1, len(list%text) + 1)
-    if (i > len(list%text)) then
-      problem = unclosed()
-    else if (list%text(i:i) == newline) then
-      problem = unclosed()
-      list%position = i
+    is_closed = i <= len(list%text)
+    if (is_closed) is_closed = list%text(i:i) /= newline
+    list%position = i + merge(1, 0, is_closed)
+    if (.not. is_closed) then
+      if (list%text(i - 1:i - 1) == return) i = i - 1
+      problem = 'unclosed quote '//token%quote//excerpt(list%text(token%first:i - 1))// &
+                ': close it with '//token%quote//' in the same line'
     else if (.not. at_end(list)) then
       if (scan(here(list), blanks//newline//',/!&') == 0) then
         problem = "'"//excerpt(rest_of_line(list))//"' directly after a closing quote: "// &
@@ -388,23 +390,7 @@ contains
         list%position = list%position + max(1, span_until(list, blanks//newline//',/!&'))
       end if
     end if
-
-  contains
-
-    function unclosed() result(text)
-      character(:), allocatable :: text
-
-      text = 'unclosed quote '//token%quote//excerpt(without_return(list%text(token%first:token%last)))// &
-             ': close it with '//token%quote//' in the same line'
-    end function unclosed
   end subroutine read_string
-
-  pure function without_return(text) result(cut)
-    character(*), intent(in) :: text
-    character(:), allocatable :: cut
-
-    cut = text(:len(text) - merge(1, 0, index(text, return, back=.true.) == len(text) .and. len(text) > 0))
-  end function without_return
 
   !> A word without quotes.
   subroutine read_bare(list, token, problem)

@@ -44,10 +44,7 @@ contains
         end if
       end associate
     end do
-    allocate (parameters(n))
-    do i = 1, n
-      parameters(i) = found(i)
-    end do
+    allocate (parameters, source=found(:n))
   end subroutine parameters_of
 
   !> The texts of a key, one after the other.

@@ -69,6 +69,7 @@ contains
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(out) :: scene
     character(longest_text), allocatable :: fields(:)
+    integer :: i
 
     scene%title = deck%text_of('scene', 'title')
     scene%model = deck%text_of('scene', 'model')
@@ -83,15 +84,7 @@ contains
     allocate (scene%fields(size(fields)))
     scene%fields = fields(:)(:len(scene%fields))
     scene%output_file = deck%text_of('output', 'file')
-    call take_numbers(deck, scene)
-  end subroutine scene_from_deck
-
-  !> Every key with one number. Of a physical one that is not used the scene keeps what switches it off.
-  subroutine take_numbers(deck, scene)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(inout) :: scene
-    integer :: i
-
+    ! Every key with one number. Of a physical one that is not used the scene keeps what switches it off.
     do i = 1, key_count
       associate (key => schema(i))
         if (key%required .and. .not. deck%is_used(trim(key%group), trim(key%name))) cycle
@@ -103,7 +96,7 @@ contains
         end select
       end associate
     end do
-  end subroutine take_numbers
+  end subroutine scene_from_deck
 
   !> Set what the key `name` stands for, in its unit. Safe in threads: no text of deferred length is used.
   subroutine set_number(scene, name, value)
