@@ -101,8 +101,8 @@ module dst_python_api
 
 contains
 
-  !> What does not depend on a deck: the table 'slider', the texts 'catalogue' (commands, options, keys, columns, ... as JSON), 'version',
-  !> 'git_revision', 'compiler', 'build_flags', 'host' and 'job'.
+  !> What does not depend on a deck: the table 'slider', the texts 'catalogue' (commands, options, keys, columns, ... as JSON),
+  !> 'version', 'git_revision', 'compiler', 'build_flags', 'host' and 'job'.
   subroutine library_open(handle)
     integer(c_long_long), intent(out) :: handle
     type(holder_t), pointer :: holder

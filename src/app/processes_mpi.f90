@@ -188,16 +188,16 @@ contains
   subroutine finish(self, request)
     class(processes_t), intent(in) :: self
     type(mpi_request), intent(inout) :: request
-    real(wp) :: pause, told_at
+    real(wp) :: idle, told_at
     logical :: done
 
-    pause = shortest_pause
+    idle = shortest_pause
     told_at = -1.0_wp
     do
       call mpi_test(request, done, mpi_status_ignore)
       if (done) return
-      call self%wait(pause, told_at)
-      pause = min(2.0_wp*pause, longest_pause)
+      call self%wait(idle, told_at)
+      idle = min(2.0_wp*idle, longest_pause)
     end do
   end subroutine finish
 

@@ -239,8 +239,8 @@ contains
     end do
   end function printable
 
-  !> Bytes of the UTF-8 character with which `text` begins; 0 if it is none. RFC 3629, table in section 4: no code may be longer than
-  !> it need be, a surrogate, or beyond U+10FFFF.
+  !> Bytes of the UTF-8 character with which `text` begins; 0 if it is none. RFC 3629, table in section 4: no code may be longer
+  !> than it need be, a surrogate, or beyond U+10FFFF.
   pure integer function utf8_width(text) result(width)
     character(*), intent(in) :: text
     integer :: first, low, high, i

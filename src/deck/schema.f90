@@ -43,7 +43,7 @@ module dst_schema
     character(unit_width) :: unit
     type(range_t) :: range
     logical :: required                 !! the user must give it when it is used
-    character(value_width) :: default   !! as in a deck, text without quotes; of a required key: what is tolerated when it is not used
+    character(value_width) :: default   !! as in a deck, text without quotes; of a required key: tolerated when it is not used
     character(value_width) :: sample    !! Fig. 3's value, for the template
     character(256) :: choices           !! blank-separated; '' = free
     type(condition_t) :: used_by(2)     !! all of them must hold

@@ -38,7 +38,9 @@ contains
     integer :: io_status
 
     self%value = 0
-    if (present(before)) read (before, '(z8)', iostat=io_status) self%value
+    if (.not. present(before)) return
+    read (before, '(z8)', iostat=io_status) self%value
+    if (io_status /= 0) self%value = 0
   end subroutine start
 
   !> Take in 8 bytes a word, the lowest first, of at most 2^28 words.

@@ -376,8 +376,9 @@ contains
     if (allocated(self%window)) then
       if (size(self%window) < length) deallocate (self%window)
     end if
+    no_memory = 0
     if (.not. allocated(self%window)) allocate (self%window(length), stat=no_memory)
-    if (.not. allocated(self%window)) then
+    if (no_memory /= 0) then
       call raise(error, out_of_memory, 'no memory for the record of a case: keep fewer samples or use fewer threads')
       return
     end if
@@ -601,7 +602,10 @@ contains
     self%block = block
     blocks = 0
     if (block > 0) blocks = (cases - 1)/block + 1
-    allocate (self%state(cases), self%first(blocks), self%last(blocks), self%stretches(blocks), stat=status)
+    allocate (self%state(cases), stat=status)
+    if (status == 0) allocate (self%first(blocks), stat=status)
+    if (status == 0) allocate (self%last(blocks), stat=status)
+    if (status == 0) allocate (self%stretches(blocks), stat=status)
     if (status /= 0) return
     self%state = missing
     self%first = 0

@@ -1,7 +1,7 @@
 !> The signals that ask a run to stop: it then writes a checkpoint and ends.
 !>
-!> A handler can do nothing but set a variable, which stands in posix.c. The run loop of the executable reads it; nothing that Python
-!> uses does.
+!> A handler can do nothing but set a variable, which stands in posix.c. The run loop of the executable reads it; nothing that
+!> Python uses does.
 module dst_signals
   use dst_posix, only: c_listen, c_stop_listening, stop_signal, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
   implicit none

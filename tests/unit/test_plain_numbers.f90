@@ -36,21 +36,21 @@ contains
   subroutine everywhere()
     real(wp) :: value, again
     character(:), allocatable :: text, problem
-    logical :: close, short, plain
+    logical :: near, short, plain
     integer :: i
 
-    close = .true.
+    near = .true.
     short = .true.
     plain = .true.
     do i = -3000, 3000
       value = 10.0_wp**(0.1_wp*i)*(1.0_wp + 1.0e-3_wp*modulo(i, 7))
       text = number_text(value)
       call read_real(text, again, problem)
-      close = close .and. problem == '' .and. abs(again - value) <= 5.01e-3_wp*value
+      near = near .and. problem == '' .and. abs(again - value) <= 5.01e-3_wp*value
       short = short .and. len(text) <= 9
       plain = plain .and. scan(text(1:1), '0123456789') == 1 .and. scan(text(len(text):), '0123456789') == 1
     end do
-    call check('close to the value', close)
+    call check('near to the value', near)
     call check('short', short)
     call check('begins and ends with a digit', plain)
   end subroutine everywhere

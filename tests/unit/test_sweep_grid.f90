@@ -8,10 +8,10 @@ program test_sweep_grid
   implicit none
 
   character, parameter :: n = new_line('a')
-  character(*), parameter :: scene = "&scene"//n//" model = 'low_frequency', t_end = 1.0"//n//"/"//n// &
-    "&system"//n//" mass = 0.25, stiffness_x = 1e3, misalignment_deg = 1.0"//n//"/"//n// &
-    "&friction"//n//" mu_0 = 0.2, mu_inf = 0.15, v_f = 0.01, normal_load = 10.0"//n//"/"//n// &
-    "&drive"//n//" velocity = 1e-3"//n//"/"//n
+  character(*), parameter :: scene = '&scene'//n//" model = 'low_frequency', t_end = 1.0"//n//'/'//n// &
+    '&system'//n//' mass = 0.25, stiffness_x = 1e3, misalignment_deg = 1.0'//n//'/'//n// &
+    '&friction'//n//' mu_0 = 0.2, mu_inf = 0.15, v_f = 0.01, normal_load = 10.0'//n//'/'//n// &
+    '&drive'//n//' velocity = 1e-3'//n//'/'//n
 
   call check_values('ratio beyond the numbers', 'friction.v_f', '1e-300', '1e300', 'log')
   call check_values('negative, ratio beyond the numbers', 'initial.elongation_x', '-1e300', '-1e-300', 'log')
@@ -32,8 +32,8 @@ contains
     real(wp) :: ends(2)
 
     allocate (deck, sweep)
-    call parse_deck(scene//"&sweep"//n//" parameter = '"//key//"', count = 9"//n//" first = "//first//", last = "//last//n// &
-      " spacing = '"//spacing//"'"//n//"/"//n, 'deck', no_settings, deck, error)
+    call parse_deck(scene//'&sweep'//n//" parameter = '"//key//"', count = 9"//n//' first = '//first//', last = '//last//n// &
+      " spacing = '"//spacing//"'"//n//'/'//n, 'deck', no_settings, deck, error)
     call check(what//': is read', .not. allocated(error))
     if (allocated(error)) return
     call new_sweep(deck, sweep, error)
