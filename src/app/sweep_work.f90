@@ -57,6 +57,8 @@ module dst_sweep_work
 
   !> A process looks around once in so many seconds: messages, signals, limits.
   real(wp), parameter :: look = 5.0e-4_wp
+  !> A thread without a case looks for one after so many seconds. Convention: short beside a case, long beside a look.
+  real(wp), parameter :: idle = 2.0e-4_wp
 
 contains
 
@@ -128,7 +130,7 @@ contains
       end do
       if (worker%is_idle()) then
         if (none_left) exit
-        call wait_seconds(2.0e-4_wp)
+        call wait_seconds(idle)
         cycle
       end if
       call worker%next_result(watch, case, done)
