@@ -337,8 +337,8 @@ contains
 
     call run%writer%set_bookmark(durable, bookmark, error)
     if (allocated(error)) return
-    call bookmark%exchange(archive)
-    call run%simulation%exchange(archive)
+    call bookmark%serialise(archive)
+    call run%simulation%serialise(archive)
     run%checkpoint%words = archive%words()
     run%checkpoint%result_checksum = '-'
     call run%file%save_checkpoint(run%checkpoint, durable, error)
@@ -353,8 +353,8 @@ contains
 
     bookmark = empty_bookmark(size(run%simulation%output_columns()))
     call archive_of(run%checkpoint%words, archive)
-    call bookmark%exchange(archive)
-    call run%simulation%exchange(archive)
+    call bookmark%serialise(archive)
+    call run%simulation%serialise(archive)
     if (.not. archive%given_back()) call raise(error, file_error, run%file%name//': cannot resume: the checkpoint holds '// &
       'another state than this program has: go on with the program that began the run, or run the deck again')
   end subroutine load

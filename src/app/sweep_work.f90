@@ -57,7 +57,7 @@ module dst_sweep_work
 
   !> A process looks around once in so many seconds: messages, signals, limits.
   real(wp), parameter :: look = 5.0e-4_wp
-  !> A thread without a case looks for one after so many seconds. Convention: short beside a case, long beside a look.
+  !> A thread without a case looks for one after so many seconds. Convention: short beside a look.
   real(wp), parameter :: idle = 2.0e-4_wp
 
 contains

@@ -1,6 +1,6 @@
 !> The state of a run as a row of 64-bit words: what a checkpoint keeps.
 !>
-!> A type that has a state has one procedure `exchange(archive)`, which names each field once. The archive either takes
+!> A type that has a state has one procedure `serialise(archive)`, which names each field once. The archive either takes
 !> the fields' values or gives them back, so that saving and loading cannot differ in their order. Before each item
 !> stands a word with its kind and length; a row that was saved from other fields is noticed.
 module dst_archive
@@ -10,7 +10,7 @@ module dst_archive
 
   public :: archive_t, archive_of
 
-  !> The state of a run as a list of 64-bit words; each type puts its fields in or takes them out with one procedure `exchange`.
+  !> The state of a run as a list of 64-bit words; each type puts its fields in or takes them out with one procedure `serialise`.
   type :: archive_t
     private
     logical :: loading = .false.
@@ -19,13 +19,13 @@ module dst_archive
     integer :: used = 0                         !! words saved, or given back, so far
   contains
     !> Save a value or array, or give it back; if it is not there, nothing changes.
-    generic :: exchange => exchange_real, exchange_reals, exchange_matrix, exchange_integer, exchange_long, exchange_longs, &
-      exchange_logical
+    generic :: serialise => serialise_real, serialise_reals, serialise_matrix, serialise_integer, serialise_long, serialise_longs, &
+      serialise_logical
     procedure :: words
     procedure :: is_loading
     procedure :: given_back
-    procedure, private :: exchange_real, exchange_reals, exchange_matrix, exchange_integer, exchange_long, exchange_longs, &
-      exchange_logical, exchange_words
+    procedure, private :: serialise_real, serialise_reals, serialise_matrix, serialise_integer, serialise_long, serialise_longs, &
+      serialise_logical, serialise_words
   end type archive_t
 
   integer, parameter :: real_kind = 1, integer_kind = 2, logical_kind = 3
@@ -63,75 +63,75 @@ contains
     given_back = self%loading .and. self%fits .and. self%used == size(self%kept)
   end function given_back
 
-  subroutine exchange_real(self, value)
+  subroutine serialise_real(self, value)
     class(archive_t), intent(inout) :: self
     real(wp), intent(inout) :: value
     integer(int64) :: item(words_per_real)
 
     item = transfer(value, item)
-    call self%exchange_words(real_kind, item)
+    call self%serialise_words(real_kind, item)
     value = transfer(item, value)
-  end subroutine exchange_real
+  end subroutine serialise_real
 
-  subroutine exchange_reals(self, values)
+  subroutine serialise_reals(self, values)
     class(archive_t), intent(inout) :: self
     real(wp), intent(inout) :: values(:)
     integer(int64) :: items(words_per_real*size(values))
 
     items = transfer(values, items)
-    call self%exchange_words(real_kind, items)
+    call self%serialise_words(real_kind, items)
     values = transfer(items, values)
-  end subroutine exchange_reals
+  end subroutine serialise_reals
 
-  subroutine exchange_matrix(self, values)
+  subroutine serialise_matrix(self, values)
     class(archive_t), intent(inout) :: self
     real(wp), intent(inout) :: values(:, :)
     integer :: j
 
     do j = 1, size(values, 2)
-      call self%exchange_reals(values(:, j))
+      call self%serialise_reals(values(:, j))
     end do
-  end subroutine exchange_matrix
+  end subroutine serialise_matrix
 
-  subroutine exchange_integer(self, value)
+  subroutine serialise_integer(self, value)
     class(archive_t), intent(inout) :: self
     integer, intent(inout) :: value
     integer(int64) :: item(1)
 
     item = int(value, int64)
-    call self%exchange_words(integer_kind, item)
+    call self%serialise_words(integer_kind, item)
     if (abs(item(1)) <= int(huge(value), int64)) value = int(item(1))
-  end subroutine exchange_integer
+  end subroutine serialise_integer
 
-  subroutine exchange_long(self, value)
+  subroutine serialise_long(self, value)
     class(archive_t), intent(inout) :: self
     integer(int64), intent(inout) :: value
     integer(int64) :: item(1)
 
     item = value
-    call self%exchange_words(integer_kind, item)
+    call self%serialise_words(integer_kind, item)
     value = item(1)
-  end subroutine exchange_long
+  end subroutine serialise_long
 
-  subroutine exchange_longs(self, values)
+  subroutine serialise_longs(self, values)
     class(archive_t), intent(inout) :: self
     integer(int64), intent(inout) :: values(:)
 
-    call self%exchange_words(integer_kind, values)
-  end subroutine exchange_longs
+    call self%serialise_words(integer_kind, values)
+  end subroutine serialise_longs
 
-  subroutine exchange_logical(self, value)
+  subroutine serialise_logical(self, value)
     class(archive_t), intent(inout) :: self
     logical, intent(inout) :: value
     integer(int64) :: item(1)
 
     item = merge(1_int64, 0_int64, value)
-    call self%exchange_words(logical_kind, item)
+    call self%serialise_words(logical_kind, item)
     value = item(1) /= 0
-  end subroutine exchange_logical
+  end subroutine serialise_logical
 
   !> One item behind the word that describes it.
-  subroutine exchange_words(self, kind, item)
+  subroutine serialise_words(self, kind, item)
     class(archive_t), intent(inout) :: self
     integer, intent(in) :: kind
     integer(int64), intent(inout) :: item(:)
@@ -158,5 +158,5 @@ contains
       self%kept(first:last) = item
     end if
     self%used = last
-  end subroutine exchange_words
+  end subroutine serialise_words
 end module dst_archive

@@ -30,7 +30,7 @@ module dst_checkpoint
   end type checkpoint_t
 
   character(*), parameter :: signature = 'dynstiction checkpoint, format '
-  !> Version of this format and of the fields that the types of a run exchange with an archive.
+  !> Version of this format and of the fields that the types of a run put into an archive.
   character(*), parameter :: format_version = '6'
   character, parameter :: n = achar(10)
   integer, parameter :: word_bytes = 8, most_bytes = 2**24, digest_length = 64

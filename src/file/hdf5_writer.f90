@@ -71,7 +71,7 @@ module dst_hdf5_writer
     integer(int64) :: rows(2) = 0                    !! samples, events
     character(8), allocatable :: checksums(:)        !! CRC-32 of each column up to there
   contains
-    procedure :: exchange => exchange_bookmark
+    procedure :: serialise => serialise_bookmark
   end type bookmark_t
 
   !> The result file of one run, open for writing.
@@ -371,16 +371,16 @@ contains
   end function empty_bookmark
 
   !> Save or load. A checksum's text has the length of a word.
-  subroutine exchange_bookmark(self, archive)
+  subroutine serialise_bookmark(self, archive)
     class(bookmark_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
     integer(int64) :: words(size(self%checksums))
 
     words = transfer(self%checksums, words)
-    call archive%exchange(self%rows)
-    call archive%exchange(words)
+    call archive%serialise(self%rows)
+    call archive%serialise(words)
     self%checksums = transfer(words, self%checksums)
-  end subroutine exchange_bookmark
+  end subroutine serialise_bookmark
 
   subroutine write_samples(self, samples, error)
     class(hdf5_writer_t), intent(inout) :: self

@@ -24,7 +24,7 @@ module dst_dense_output
     procedure :: take
     procedure :: speed_coefficients
     procedure :: end_slope
-    procedure :: exchange_dense
+    procedure :: serialise_dense
   end type dense_output_t
 
 contains
@@ -78,12 +78,12 @@ contains
   end subroutine end_slope
 
   !> Save or load.
-  subroutine exchange_dense(self, archive)
+  subroutine serialise_dense(self, archive)
     class(dense_output_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%grid%exchange(archive)
-    call archive%exchange(self%step)
-    call archive%exchange(self%nodal)
-  end subroutine exchange_dense
+    call self%grid%serialise(archive)
+    call archive%serialise(self%step)
+    call archive%serialise(self%nodal)
+  end subroutine serialise_dense
 end module dst_dense_output

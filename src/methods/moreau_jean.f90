@@ -29,7 +29,7 @@ module dst_moreau_jean
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
   use dst_state, only: state_t
-  use dst_stepper, only: stepper_t, attempt_t, exchange_stepper
+  use dst_stepper, only: stepper_t, attempt_t, serialise_stepper
   implicit none
   private
 
@@ -44,7 +44,7 @@ module dst_moreau_jean
     procedure :: restart
     procedure :: attempt
     procedure :: accept
-    procedure :: exchange
+    procedure :: serialise
   end type moreau_jean_t
 
 contains
@@ -259,10 +259,10 @@ contains
   end subroutine accept
 
   !> Save or load: the slider is of the scene.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(moreau_jean_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call exchange_stepper(self, archive)
-  end subroutine exchange
+    call serialise_stepper(self, archive)
+  end subroutine serialise
 end module dst_moreau_jean

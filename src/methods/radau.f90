@@ -26,7 +26,7 @@ module dst_radau
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
   use dst_state, only: state_t
   use dst_step_control, only: step_control_t, new_step_control, shortened
-  use dst_stepper, only: stepper_t, attempt_t, work_count_t, exchange_stepper
+  use dst_stepper, only: stepper_t, attempt_t, work_count_t, serialise_stepper
   implicit none
   private
 
@@ -106,7 +106,7 @@ module dst_radau
     procedure :: restart
     procedure :: attempt
     procedure :: accept
-    procedure :: exchange
+    procedure :: serialise
   end type radau_t
 
 contains
@@ -545,20 +545,20 @@ contains
   end subroutine accept
 
   !> Save or load. Stage values and terms are scratch: each attempt makes them anew.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(radau_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call exchange_stepper(self, archive)
-    call archive%exchange(self%restarted)
-    call archive%exchange(self%retry)
-    call archive%exchange(self%attempted_step)
-    call archive%exchange(self%rate)
-    call archive%exchange(self%curvature)
-    call archive%exchange(self%control%last_step)
-    call archive%exchange(self%last_nodal)
-    call archive%exchange(self%control%error)
-    call archive%exchange(self%control%last_error)
-    call archive%exchange(self%repeated)
-  end subroutine exchange
+    call serialise_stepper(self, archive)
+    call archive%serialise(self%restarted)
+    call archive%serialise(self%retry)
+    call archive%serialise(self%attempted_step)
+    call archive%serialise(self%rate)
+    call archive%serialise(self%curvature)
+    call archive%serialise(self%control%last_step)
+    call archive%serialise(self%last_nodal)
+    call archive%serialise(self%control%error)
+    call archive%serialise(self%control%last_error)
+    call archive%serialise(self%repeated)
+  end subroutine serialise
 end module dst_radau

@@ -22,7 +22,7 @@ module dst_runge_kutta
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
   use dst_state, only: state_t
   use dst_step_control, only: step_control_t, new_step_control, factor_for, unsolved_factor
-  use dst_stepper, only: stepper_t, attempt_t, exchange_stepper
+  use dst_stepper, only: stepper_t, attempt_t, serialise_stepper
   implicit none
   private
 
@@ -82,7 +82,7 @@ module dst_runge_kutta
     procedure :: restart
     procedure :: attempt
     procedure :: accept
-    procedure :: exchange
+    procedure :: serialise
   end type runge_kutta_t
 
 contains
@@ -447,20 +447,20 @@ contains
   end subroutine accept
 
   !> Save or load. Terms and dw/dy are scratch: each attempt makes them anew.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(runge_kutta_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call exchange_stepper(self, archive)
-    call archive%exchange(self%slope)
-    call archive%exchange(self%drive_power)
-    call archive%exchange(self%friction_power)
-    call archive%exchange(self%start)
-    call archive%exchange(self%end)
-    call archive%exchange(self%start_known)
-    call archive%exchange(self%end_known)
-    call archive%exchange(self%repeated)
-    call archive%exchange(self%control%error)
-    call archive%exchange(self%control%last_error)
-  end subroutine exchange
+    call serialise_stepper(self, archive)
+    call archive%serialise(self%slope)
+    call archive%serialise(self%drive_power)
+    call archive%serialise(self%friction_power)
+    call archive%serialise(self%start)
+    call archive%serialise(self%end)
+    call archive%serialise(self%start_known)
+    call archive%serialise(self%end_known)
+    call archive%serialise(self%repeated)
+    call archive%serialise(self%control%error)
+    call archive%serialise(self%control%last_error)
+  end subroutine serialise
 end module dst_runge_kutta

@@ -12,7 +12,7 @@ module dst_stepper
   implicit none
   private
 
-  public :: exchange_stepper
+  public :: serialise_stepper
   public :: stepper_t, attempt_t, work_count_t
 
   !> What came of an attempted step.
@@ -34,7 +34,7 @@ module dst_stepper
     integer(int64) :: newton = 0
     integer(int64) :: events = 0
   contains
-    procedure :: exchange => exchange_count
+    procedure :: serialise => serialise_count
   end type work_count_t
 
   !> A method, known by its last attempt: with its length and its polynomials, on nodes of its own.
@@ -67,8 +67,8 @@ module dst_stepper
     procedure(attempt), deferred :: attempt
     !> The last attempt has been accepted.
     procedure(accept), deferred :: accept
-    !> Save or load all that a later attempt depends on: `exchange_stepper` and the method's own.
-    procedure(exchange), deferred :: exchange
+    !> Save or load all that a later attempt depends on: `serialise_stepper` and the method's own.
+    procedure(serialise), deferred :: serialise
     !> Take in the slip speed of the accepted step.
     procedure :: note_speed
     !> What the last attempt may have missed where the slip turns back, over tolerance.
@@ -105,11 +105,11 @@ module dst_stepper
       class(stepper_t), intent(inout) :: self
     end subroutine accept
 
-    subroutine exchange(self, archive)
+    subroutine serialise(self, archive)
       import :: stepper_t, archive_t
       class(stepper_t), intent(inout) :: self
       type(archive_t), intent(inout) :: archive
-    end subroutine exchange
+    end subroutine serialise
   end interface
 
 contains
@@ -302,27 +302,27 @@ contains
   end function is_undecided
 
   !> Save or load what every method has.
-  subroutine exchange_stepper(self, archive)
+  subroutine serialise_stepper(self, archive)
     class(stepper_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%count%exchange(archive)
-    call archive%exchange(self%speed_scale)
-    call archive%exchange(self%start_speed)
-    call archive%exchange(self%peak_speed)
-    call archive%exchange(self%unseen)
-  end subroutine exchange_stepper
+    call self%count%serialise(archive)
+    call archive%serialise(self%speed_scale)
+    call archive%serialise(self%start_speed)
+    call archive%serialise(self%peak_speed)
+    call archive%serialise(self%unseen)
+  end subroutine serialise_stepper
 
-  subroutine exchange_count(self, archive)
+  subroutine serialise_count(self, archive)
     class(work_count_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%steps)
-    call archive%exchange(self%rejected)
-    call archive%exchange(self%rhs)
-    call archive%exchange(self%jacobians)
-    call archive%exchange(self%factorisations)
-    call archive%exchange(self%newton)
-    call archive%exchange(self%events)
-  end subroutine exchange_count
+    call archive%serialise(self%steps)
+    call archive%serialise(self%rejected)
+    call archive%serialise(self%rhs)
+    call archive%serialise(self%jacobians)
+    call archive%serialise(self%factorisations)
+    call archive%serialise(self%newton)
+    call archive%serialise(self%events)
+  end subroutine serialise_count
 end module dst_stepper

@@ -11,7 +11,7 @@ module dst_explicit_slip
   use dst_piece, only: slips
   use dst_release, only: release_t, release_series
   use dst_rest, only: holds, slip_start_t, spring_force_size
-  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, exchange_slip_stick, negligible_share
+  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, serialise_slip_stick, negligible_share
   use dst_state, only: state_t
   use dst_stepper, only: attempt_t
   use dst_stepping, only: slide
@@ -34,7 +34,7 @@ module dst_explicit_slip
     procedure :: go_on
     procedure :: set_off
     procedure :: examine
-    procedure :: exchange
+    procedure :: serialise
   end type explicit_slip_t
 
 contains
@@ -155,11 +155,11 @@ contains
   end subroutine examine
 
   !> Save or load.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(explicit_slip_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call exchange_slip_stick(self, archive)
-    call archive%exchange(self%release_rate)
-  end subroutine exchange
+    call serialise_slip_stick(self, archive)
+    call archive%serialise(self%release_rate)
+  end subroutine serialise
 end module dst_explicit_slip

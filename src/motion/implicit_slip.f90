@@ -9,7 +9,7 @@ module dst_implicit_slip
   use dst_kinds, only: wp
   use dst_piece, only: slips
   use dst_rest, only: holds, slip_start_t
-  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, settle_slip => settle, exchange_slip_stick, &
+  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, settle_slip => settle, serialise_slip_stick, &
     negligible_share, noise_allowance
   use dst_state, only: state_t
   use dst_stepper, only: attempt_t
@@ -49,7 +49,7 @@ module dst_implicit_slip
     procedure :: set_off
     procedure :: examine
     procedure :: settle
-    procedure :: exchange
+    procedure :: serialise
   end type implicit_slip_t
 
 contains
@@ -266,11 +266,11 @@ contains
   end function moves_off
 
   !> Save or load.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(implicit_slip_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call exchange_slip_stick(self, archive)
-    call archive%exchange(self%from_dip)
-  end subroutine exchange
+    call serialise_slip_stick(self, archive)
+    call archive%serialise(self%from_dip)
+  end subroutine serialise
 end module dst_implicit_slip

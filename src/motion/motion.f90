@@ -20,7 +20,7 @@ module dst_motion
   implicit none
   private
 
-  public :: motion_t, next_piece, change_over, exchange_motion, at_time
+  public :: motion_t, next_piece, change_over, serialise_motion, at_time
 
   !> Events, and pieces, at one time after which the motion is given up. Conventions. Twice: no change.
   integer, parameter :: max_events_at_once = 100, max_pieces_at_once = 10000
@@ -55,7 +55,7 @@ module dst_motion
     procedure :: work
     procedure :: is_undecided
     procedure :: velocity
-    procedure :: exchange => exchange_motion
+    procedure :: serialise => serialise_motion
     procedure :: finished
     procedure :: velocity_now
     procedure :: advance
@@ -225,15 +225,15 @@ contains
   end function at_time
 
   !> Save or load what every motion has, to which a type adds its own; the rest follows from the scene.
-  subroutine exchange_motion(self, archive)
+  subroutine serialise_motion(self, archive)
     class(motion_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%piece%exchange(archive)
-    call archive%exchange(self%contact)
-    call archive%exchange(self%segment)
-    call archive%exchange(self%events_at_once)
-    call archive%exchange(self%pieces_at_once)
+    call self%piece%serialise(archive)
+    call archive%serialise(self%contact)
+    call archive%serialise(self%segment)
+    call archive%serialise(self%events_at_once)
+    call archive%serialise(self%pieces_at_once)
     self%piece%drive = self%drive%segment(self%segment)
-  end subroutine exchange_motion
+  end subroutine serialise_motion
 end module dst_motion

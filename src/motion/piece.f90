@@ -31,7 +31,7 @@ module dst_piece
     procedure :: at
     procedure :: inside
     procedure :: obey
-    procedure :: exchange
+    procedure :: serialise
   end type piece_t
 
 contains
@@ -86,14 +86,14 @@ contains
   end subroutine obey
 
   !> Save or load; the drive and the system follow from the scene.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(piece_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%from%exchange(archive)
-    call self%to%exchange(archive)
-    call archive%exchange(self%contact)
-    call archive%exchange(self%event)
-    call self%path%exchange_dense(archive)
-  end subroutine exchange
+    call self%from%serialise(archive)
+    call self%to%serialise(archive)
+    call archive%serialise(self%contact)
+    call archive%serialise(self%event)
+    call self%path%serialise_dense(archive)
+  end subroutine serialise
 end module dst_piece

@@ -11,14 +11,14 @@ module dst_slip_stick
   use dst_rest, only: holds, release_delay, slip_start_t, start_of_slip, touch_time
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
-  use dst_stepping, only: stepping_t, first_phase, start_stepping => start, exchange_stepping
+  use dst_stepping, only: stepping_t, first_phase, start_stepping => start, serialise_stepping
   use dst_straight_slip, only: on_line
   implicit none
   private
 
   public :: slip_stick_t, negligible_share, noise_allowance
   ! What the types that extend it call of their parent's.
-  public :: set_off, settle, exchange_slip_stick
+  public :: set_off, settle, serialise_slip_stick
 
   !> Slip slower than this share of what counts as slow does not matter, whatever its direction. Convention; twice: no change.
   real(wp), parameter :: negligible_share = 1.0e-6_wp
@@ -51,7 +51,7 @@ module dst_slip_stick
     procedure :: set_off
     procedure :: settle
     procedure :: friction_in
-    procedure :: exchange => exchange_slip_stick
+    procedure :: serialise => serialise_slip_stick
   end type slip_stick_t
 
 contains
@@ -256,12 +256,12 @@ contains
   end subroutine friction_in
 
   !> Save or load what every motion with rest has.
-  subroutine exchange_slip_stick(self, archive)
+  subroutine serialise_slip_stick(self, archive)
     class(slip_stick_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call exchange_stepping(self, archive)
-    call archive%exchange(self%release_step)
-    call archive%exchange(self%just_released)
-  end subroutine exchange_slip_stick
+    call serialise_stepping(self, archive)
+    call archive%serialise(self%release_step)
+    call archive%serialise(self%just_released)
+  end subroutine serialise_slip_stick
 end module dst_slip_stick

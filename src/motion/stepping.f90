@@ -4,7 +4,7 @@ module dst_stepping
   use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, step_underflow, too_many_rejections
   use dst_kinds, only: wp
-  use dst_motion, only: motion_t, exchange_motion, at_time
+  use dst_motion, only: motion_t, serialise_motion, at_time
   use dst_piece, only: slips, sticks
   use dst_slider, only: slider_t, direction_of
   use dst_slip_system, only: slip_system_t
@@ -15,7 +15,7 @@ module dst_stepping
 
   public :: stepping_t
   ! What the types that extend it call of their parent's: by name, so that what these call in turn is the type's own.
-  public :: start, slide, exchange_stepping
+  public :: start, slide, serialise_stepping
   public :: first_phase
 
   ! What "twice" does was measured with radau9, dopri5 and dop853 on Fig. 3 (rtol 1e-6 and 1e-8) and on drives that reverse or stop.
@@ -56,7 +56,7 @@ module dst_stepping
     procedure :: energy
     procedure :: work
     procedure :: is_undecided
-    procedure :: exchange => exchange_stepping
+    procedure :: serialise => serialise_stepping
   end type stepping_t
 
 contains
@@ -303,13 +303,13 @@ contains
   end function is_undecided
 
   !> Save or load what every motion by steps has; the method only if it is not with the motion that takes turns with this one.
-  subroutine exchange_stepping(self, archive)
+  subroutine serialise_stepping(self, archive)
     class(stepping_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call exchange_motion(self, archive)
-    call self%system%exchange(archive)
-    if (allocated(self%stepper)) call self%stepper%exchange(archive)
-    call archive%exchange(self%next_step)
-  end subroutine exchange_stepping
+    call serialise_motion(self, archive)
+    call self%system%serialise(archive)
+    if (allocated(self%stepper)) call self%stepper%serialise(archive)
+    call archive%serialise(self%next_step)
+  end subroutine serialise_stepping
 end module dst_stepping

@@ -27,7 +27,7 @@ module dst_interpolation
     procedure :: lagrange
     procedure :: values_at
     procedure :: bernstein_coefficients
-    procedure :: exchange
+    procedure :: serialise
   end type grid_t
 
 contains
@@ -162,14 +162,14 @@ contains
   end subroutine bernstein_coefficients
 
   !> Save or load.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(grid_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%degree)
-    call archive%exchange(self%node)
-    call archive%exchange(self%barycentric)
-    call archive%exchange(self%derivative)
-    call archive%exchange(self%bernstein)
-  end subroutine exchange
+    call archive%serialise(self%degree)
+    call archive%serialise(self%node)
+    call archive%serialise(self%barycentric)
+    call archive%serialise(self%derivative)
+    call archive%serialise(self%bernstein)
+  end subroutine serialise
 end module dst_interpolation

@@ -77,7 +77,7 @@ module dst_slip_system
     !> Slip begins, with friction at this angle to the x-axis [rad].
     procedure :: set_slip_direction
     !> Save or load what `set_slip_direction` sets.
-    procedure :: exchange
+    procedure :: serialise
   end type slip_system_t
 
   abstract interface
@@ -170,10 +170,10 @@ contains
     end associate
   end subroutine set_slip_direction
 
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(slip_system_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%advance_by_slip)
-  end subroutine exchange
+    call archive%serialise(self%advance_by_slip)
+  end subroutine serialise
 end module dst_slip_system

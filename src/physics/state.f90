@@ -22,7 +22,7 @@ module dst_state
     procedure :: later
     procedure :: until
     procedure :: arrive
-    procedure :: exchange
+    procedure :: serialise
   end type state_t
 
   !> State in plain quantities, whatever the model.
@@ -69,16 +69,16 @@ contains
   end subroutine arrive
 
   !> Save or load.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(state_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%time)
-    call archive%exchange(self%time_rest)
-    call archive%exchange(self%u)
-    call archive%exchange(self%y)
-    call archive%exchange(self%position)
-    call archive%exchange(self%drive_work)
-    call archive%exchange(self%friction_work)
-  end subroutine exchange
+    call archive%serialise(self%time)
+    call archive%serialise(self%time_rest)
+    call archive%serialise(self%u)
+    call archive%serialise(self%y)
+    call archive%serialise(self%position)
+    call archive%serialise(self%drive_work)
+    call archive%serialise(self%friction_work)
+  end subroutine serialise
 end module dst_state

@@ -33,7 +33,7 @@ module dst_straight_slip
     procedure :: slip_velocity
     procedure :: decay_polynomial
     procedure :: set_slip_direction
-    procedure :: exchange
+    procedure :: serialise
   end type straight_slip_t
 
 contains
@@ -147,12 +147,12 @@ contains
     coefficient = [self%slider%stiffness(self%axis)*self%direction(self%axis)**2, slope(1), self%slider%mass]/self%slider%mass
   end subroutine decay_polynomial
 
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(straight_slip_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%direction)
-    call archive%exchange(self%held_force)
-    call archive%exchange(self%advance_by_slip)
-  end subroutine exchange
+    call archive%serialise(self%direction)
+    call archive%serialise(self%held_force)
+    call archive%serialise(self%advance_by_slip)
+  end subroutine serialise
 end module dst_straight_slip

@@ -45,7 +45,7 @@ module dst_cycles
   type :: extremum_t
     real(wp) :: load = 0.0_wp, time = 0.0_wp, position = 0.0_wp
   contains
-    procedure :: exchange => exchange_extremum
+    procedure :: serialise => serialise_extremum
   end type extremum_t
 
   !> The cycles so far.
@@ -81,7 +81,7 @@ module dst_cycles
     procedure :: may_be_extremum
     procedure :: means
     procedure :: mean_swing
-    procedure :: exchange
+    procedure :: serialise
   end type cycles_t
 
 contains
@@ -317,36 +317,36 @@ contains
   end function mean_swing
 
   !> Save or load.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(cycles_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%count)
-    call archive%exchange(self%has_peaked)
-    call archive%exchange(self%first_peak)
-    call archive%exchange(self%drive_side)
-    call archive%exchange(self%side)
-    call archive%exchange(self%heading)
-    call self%candidate%exchange(archive)
-    call self%other_candidate%exchange(archive)
-    call archive%exchange(self%has_peak)
-    call archive%exchange(self%has_valley)
-    call self%last_peak%exchange(archive)
-    call self%last_valley%exchange(archive)
-    call archive%exchange(self%extremum_position)
-    call archive%exchange(self%position)
-    call archive%exchange(self%recent)
-    call archive%exchange(self%row)
-    call archive%exchange(self%follows_break)
-    call archive%exchange(self%cycle)
-  end subroutine exchange
+    call archive%serialise(self%count)
+    call archive%serialise(self%has_peaked)
+    call archive%serialise(self%first_peak)
+    call archive%serialise(self%drive_side)
+    call archive%serialise(self%side)
+    call archive%serialise(self%heading)
+    call self%candidate%serialise(archive)
+    call self%other_candidate%serialise(archive)
+    call archive%serialise(self%has_peak)
+    call archive%serialise(self%has_valley)
+    call self%last_peak%serialise(archive)
+    call self%last_valley%serialise(archive)
+    call archive%serialise(self%extremum_position)
+    call archive%serialise(self%position)
+    call archive%serialise(self%recent)
+    call archive%serialise(self%row)
+    call archive%serialise(self%follows_break)
+    call archive%serialise(self%cycle)
+  end subroutine serialise
 
-  subroutine exchange_extremum(self, archive)
+  subroutine serialise_extremum(self, archive)
     class(extremum_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%load)
-    call archive%exchange(self%time)
-    call archive%exchange(self%position)
-  end subroutine exchange_extremum
+    call archive%serialise(self%load)
+    call archive%serialise(self%time)
+    call archive%serialise(self%position)
+  end subroutine serialise_extremum
 end module dst_cycles

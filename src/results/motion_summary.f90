@@ -34,7 +34,7 @@ module dst_motion_summary
     procedure :: see
     procedure :: values
     procedure :: describe
-    procedure :: exchange
+    procedure :: serialise
   end type motion_summary_t
 
   !> The last piece of a motion.
@@ -172,11 +172,11 @@ contains
   end subroutine describe
 
   !> Save or load.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(motion_summary_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%summary_t%exchange(archive)
-    call archive%exchange(self%velocity)
-  end subroutine exchange
+    call self%summary_t%serialise(archive)
+    call archive%serialise(self%velocity)
+  end subroutine serialise
 end module dst_motion_summary

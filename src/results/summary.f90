@@ -84,7 +84,7 @@ module dst_summary
   contains
     procedure :: begin
     procedure :: take_in
-    procedure :: exchange
+    procedure :: serialise
   end type summary_t
 
   !> The motion at one instant, as far as the summary looks at it.
@@ -490,22 +490,22 @@ contains
   end subroutine summary_values
 
   !> Save or load.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(summary_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%cycles%exchange(archive)
-    call archive%exchange(self%largest_rate)
-    call archive%exchange(self%sticks)
-    call archive%exchange(self%sticking_time)
-    call archive%exchange(self%first_energy)
-    call archive%exchange(self%exchanged)
-    call archive%exchange(self%late_highest)
-    call archive%exchange(self%late_lowest)
-    call archive%exchange(self%late_time)
-    call archive%exchange(self%creep_time)
-    call archive%exchange(self%has_slipped)
-    call archive%exchange(self%slip_angle)
-    call archive%exchange(self%undecided_from)
-  end subroutine exchange
+    call self%cycles%serialise(archive)
+    call archive%serialise(self%largest_rate)
+    call archive%serialise(self%sticks)
+    call archive%serialise(self%sticking_time)
+    call archive%serialise(self%first_energy)
+    call archive%serialise(self%exchanged)
+    call archive%serialise(self%late_highest)
+    call archive%serialise(self%late_lowest)
+    call archive%serialise(self%late_time)
+    call archive%serialise(self%creep_time)
+    call archive%serialise(self%has_slipped)
+    call archive%serialise(self%slip_angle)
+    call archive%serialise(self%undecided_from)
+  end subroutine serialise
 end module dst_summary

@@ -57,7 +57,7 @@ module dst_simulation
     procedure :: outcome
     procedure :: output_columns
     procedure :: state_text
-    procedure :: exchange
+    procedure :: serialise
   end type simulation_t
 
 contains
@@ -340,23 +340,23 @@ contains
   end function state_text
 
   !> Save or load, between two calls of `proceed`. A simulation is loaded after it has been started.
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(simulation_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
     logical :: may_rest
 
     if (allocated(self%other)) then
       may_rest = self%motion%may_rest
-      call archive%exchange(may_rest)
+      call archive%serialise(may_rest)
       if (may_rest .neqv. self%motion%may_rest) call change_over(self%motion, self%other)
-      call self%other%exchange(archive)
+      call self%other%serialise(archive)
     end if
-    call self%motion%exchange(archive)
-    call self%summary%exchange(archive)
-    call archive%exchange(self%elapsed)
-    call archive%exchange(self%pieces)
-    call archive%exchange(self%recorded)
-    call archive%exchange(self%samples)
+    call self%motion%serialise(archive)
+    call self%summary%serialise(archive)
+    call archive%serialise(self%elapsed)
+    call archive%serialise(self%pieces)
+    call archive%serialise(self%recorded)
+    call archive%serialise(self%samples)
     if (archive%is_loading()) self%elapsed_before = self%elapsed
-  end subroutine exchange
+  end subroutine serialise
 end module dst_simulation

@@ -5,7 +5,7 @@
 module dst_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
-  use dst_lanes, only: lanes_t, lane_count
+  use dst_simd_batch, only: simd_batch_t, lane_count
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: varied_key, variation_problem, range_problem, many_cases
   use dst_errors, only: error_t, raise, result_done, deck_error, out_of_memory
@@ -78,7 +78,7 @@ module dst_sweep
     !> Cases under way, 0 where there is room for one; and when they began, by the wall clock [s].
     integer, allocatable :: number(:)
     real(wp), allocatable :: begun(:)
-    type(lanes_t), allocatable :: lanes
+    type(simd_batch_t), allocatable :: lanes
     integer :: kept = 0                   !! columns of the series beside time; the others are for the last state
   contains
     procedure :: has_room
@@ -394,7 +394,7 @@ contains
 
   !> Go on in all lanes until one is done; `place` is the first of these.
   subroutine run_lanes(lanes, watch, place, done)
-    type(lanes_t), intent(inout) :: lanes
+    type(simd_batch_t), intent(inout) :: lanes
     class(watch_t), intent(inout) :: watch
     integer, intent(out) :: place
     logical, intent(out) :: done
@@ -413,7 +413,7 @@ contains
 
   !> What the case in a lane came to.
   subroutine take_lane(lanes, place, values, error)
-    type(lanes_t), intent(inout) :: lanes
+    type(simd_batch_t), intent(inout) :: lanes
     integer, intent(in) :: place
     real(wp), intent(inout) :: values(:)
     type(error_t), allocatable, intent(out) :: error

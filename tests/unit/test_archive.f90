@@ -19,29 +19,29 @@ program test_archive
 
 contains
 
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     type(state_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%x)
-    call archive%exchange(self%y)
-    call archive%exchange(self%z)
-    call archive%exchange(self%i)
-    call archive%exchange(self%j)
-    call archive%exchange(self%k)
-    call archive%exchange(self%l)
-  end subroutine exchange
+    call archive%serialise(self%x)
+    call archive%serialise(self%y)
+    call archive%serialise(self%z)
+    call archive%serialise(self%i)
+    call archive%serialise(self%j)
+    call archive%serialise(self%k)
+    call archive%serialise(self%l)
+  end subroutine serialise
 
   subroutine test_given_back()
     type(archive_t) :: saved, loaded
     type(state_t) :: before, after
 
     before = state()
-    call exchange(before, saved)
+    call serialise(before, saved)
     call check('saving changes nothing', same(before, state()))
     call check('what has been saved is not loaded', .not. saved%given_back())
     call archive_of(saved%words(), loaded)
-    call exchange(after, loaded)
+    call serialise(after, loaded)
     call check('all given back', loaded%given_back())
     call check('bit for bit', same(after, before))
   end subroutine test_given_back
@@ -54,26 +54,26 @@ contains
     logical :: l
 
     before = state()
-    call exchange(before, saved)
+    call serialise(before, saved)
     words = saved%words()
     call archive_of(words(:size(words) - 1), loaded)
-    call exchange(after, loaded)
+    call serialise(after, loaded)
     call check('a word too few', .not. loaded%given_back())
     call check('the last field is as it was', .not. after%l)
     call archive_of([words, 0_int64], loaded)
-    call exchange(after, loaded)
+    call serialise(after, loaded)
     call check('a word too many', .not. loaded%given_back())
 
     call archive_of(words, loaded)
     x = 5.0_wp
-    call loaded%exchange(x)
+    call loaded%serialise(x)
     call check('another length', .not. loaded%given_back() .and. all(abs(x - 5.0_wp) <= 0.0_wp))
     call archive_of(words, loaded)
     l = .true.
-    call loaded%exchange(l)
+    call loaded%serialise(l)
     call check('another kind', .not. loaded%given_back() .and. l)
     call archive_of(words(:0), loaded)
-    call exchange(after, loaded)
+    call serialise(after, loaded)
     call check('nothing there', .not. loaded%given_back())
   end subroutine test_misfits
 

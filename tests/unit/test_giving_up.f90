@@ -20,7 +20,7 @@ module failing_method
     procedure :: restart
     procedure :: attempt
     procedure :: accept
-    procedure :: exchange
+    procedure :: serialise
   end type failing_t
 
 contains
@@ -77,12 +77,12 @@ contains
     self%good_steps = self%good_steps - 1
   end subroutine accept
 
-  subroutine exchange(self, archive)
+  subroutine serialise(self, archive)
     class(failing_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
 
-    call archive%exchange(self%good_steps)
-  end subroutine exchange
+    call archive%serialise(self%good_steps)
+  end subroutine serialise
 end module failing_method
 
 !> Every way in which the solver gives up: its own result code, the time and the state, a remedy and the page that

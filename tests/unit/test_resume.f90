@@ -149,10 +149,10 @@ contains
     type(simulation_t) :: other
     type(archive_t) :: saved, loaded
 
-    call simulation%exchange(saved)
+    call simulation%serialise(saved)
     call archive_of(saved%words(), loaded)
     call begin(scene, other)
-    call other%exchange(loaded)
+    call other%serialise(loaded)
     if (.not. loaded%given_back()) call check(name//': all given back', .false.)
     if (abs(other%elapsed - simulation%elapsed) > 0.0_wp) call check(name//': the wall time so far', .false.)
     simulation = other

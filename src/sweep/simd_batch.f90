@@ -15,7 +15,7 @@
 !> A lane's result does not depend on its neighbours.
 !>
 !> Source: Steinebach (1995), Preprint 1741, TH Darmstadt; Hairer & Wanner II, Sec. IV.7.
-module dst_lanes
+module dst_simd_batch
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, deck_error, step_underflow, too_many_steps, too_many_rejections
   use dst_friction, only: exponential_form
@@ -30,7 +30,7 @@ module dst_lanes
   implicit none
   private
 
-  public :: lanes_t, lane_count
+  public :: simd_batch_t, lane_count
 
   !> Cases side by side.
   integer, parameter :: lane_count = 8
@@ -61,7 +61,7 @@ module dst_lanes
   end type step_start_t
 
   !> The cases side by side: `put_case` puts one in a lane, `advance` goes on with all, `values` takes out what is `done`.
-  type :: lanes_t
+  type :: simd_batch_t
     private
     !> Which lanes have a case, and which of these are done.
     logical :: busy(lane_count) = .false.
@@ -88,11 +88,11 @@ module dst_lanes
     procedure :: put_case
     procedure :: advance
     procedure :: values
-  end type lanes_t
+  end type simd_batch_t
 
   !> The last step of a lane, as the summary sees it.
   type, extends(stretch_t) :: lane_step_t
-    class(lanes_t), pointer :: lanes => null()
+    class(simd_batch_t), pointer :: lanes => null()
     integer :: lane = 1
   contains
     procedure :: at
@@ -103,7 +103,7 @@ contains
 
   !> Put a scene into a free lane. What does not slide all the time is done at once.
   subroutine put_case(self, lane, scene)
-    class(lanes_t), intent(inout) :: self
+    class(simd_batch_t), intent(inout) :: self
     integer, intent(in) :: lane
     type(scene_t), intent(in) :: scene
     type(slider_t) :: slider
@@ -148,7 +148,7 @@ contains
   end subroutine put_case
 
   pure real(wp) function rate_along(self, lane, w)
-    class(lanes_t), intent(in) :: self
+    class(simd_batch_t), intent(in) :: self
     integer, intent(in) :: lane
     real(wp), intent(in) :: w
 
@@ -157,7 +157,7 @@ contains
 
   !> X, from what the drive moved and the spring did not follow.
   pure real(wp) function position_of(self, lane, time, u)
-    class(lanes_t), intent(in) :: self
+    class(simd_batch_t), intent(in) :: self
     integer, intent(in) :: lane
     real(wp), intent(in) :: time, u
 
@@ -166,7 +166,7 @@ contains
 
   !> Kinetic and elastic energy of the motion along the soft axis [J].
   pure real(wp) function energy(self, lane)
-    class(lanes_t), intent(in) :: self
+    class(simd_batch_t), intent(in) :: self
     integer, intent(in) :: lane
 
     energy = 0.5_wp*(self%mass(lane)*self%now%w(lane)**2 + self%stiffness(lane)*self%now%u(lane)**2)
@@ -174,7 +174,7 @@ contains
 
   !> One attempted step in every lane, unless a lane has just come to its end: then that is `done`.
   subroutine advance(self)
-    class(lanes_t), intent(inout) :: self
+    class(simd_batch_t), intent(inout) :: self
 
     call evaluate_start(self)
     call take_in(self)
@@ -184,7 +184,7 @@ contains
 
   !> Everything that is known at the points where the lanes are.
   subroutine evaluate_start(self)
-    class(lanes_t), intent(inout) :: self
+    class(simd_batch_t), intent(inout) :: self
     real(wp), dimension(lane_count) :: pull, speed, friction, slope, force, damping, dissipation_w, supply, supply_w
     real(wp) :: part
     integer :: i
@@ -213,7 +213,7 @@ contains
 
   !> Works, extremes and ends, in the lanes that have moved.
   subroutine take_in(self)
-    class(lanes_t), intent(inout), target :: self
+    class(simd_batch_t), intent(inout), target :: self
     type(lane_step_t) :: step
     integer :: i
 
@@ -235,7 +235,7 @@ contains
 
   !> Powers integrated with the trapezium's rule and its correction from the slopes at both ends, of order 4.
   pure subroutine take_works(self, i)
-    class(lanes_t), intent(inout) :: self
+    class(simd_batch_t), intent(inout) :: self
     integer, intent(in) :: i
     real(wp) :: h, drive_work, friction_work
 
@@ -252,7 +252,7 @@ contains
 
   !> Where a lane is.
   pure type(moment_t) function moment_of(self, i) result(moment)
-    class(lanes_t), intent(in) :: self
+    class(simd_batch_t), intent(in) :: self
     integer, intent(in) :: i
 
     associate (now => self%now)
@@ -341,7 +341,7 @@ contains
 
   !> One attempt in all lanes. Idle lanes go through the motions.
   subroutine attempt(self)
-    class(lanes_t), intent(inout) :: self
+    class(simd_batch_t), intent(inout) :: self
     real(wp), dimension(lane_count, stages) :: k_u, k_w
     real(wp), dimension(lane_count) :: h, u, w, sum_u, sum_w, speed, friction, fastest, pivot, error
     integer :: i, j, l
@@ -396,7 +396,7 @@ contains
 
   !> Accept or reject the attempt of a lane, and choose its next step.
   pure subroutine decide(self, l, h, u, w, estimate)
-    class(lanes_t), intent(inout) :: self
+    class(simd_batch_t), intent(inout) :: self
     integer, intent(in) :: l
     real(wp), intent(in) :: h, u, w, estimate
     real(wp) :: error, factor, growth, angle, largest_angle
@@ -437,7 +437,7 @@ contains
   !> What a lane that is done came to, which is free then: the summary's values, whether they exist, u_x, u_y, X and X' at
   !> the end, and the number of steps; or why it did not get there.
   subroutine values(self, lane, summary, given, final, steps, error)
-    class(lanes_t), intent(inout) :: self
+    class(simd_batch_t), intent(inout) :: self
     integer, intent(in) :: lane
     real(wp), intent(out) :: summary(size(summary_quantities)), final(4)
     logical, intent(out) :: given(size(summary_quantities))
@@ -457,7 +457,7 @@ contains
 
   !> Why a lane has stopped before its end.
   subroutine explain(self, lane, error)
-    class(lanes_t), intent(in) :: self
+    class(simd_batch_t), intent(in) :: self
     integer, intent(in) :: lane
     type(error_t), allocatable, intent(out) :: error
     character(24) :: place
@@ -476,4 +476,4 @@ contains
       call raise(error, step_underflow, 'the step vanishes at '//trim(place)//': use another method or a larger rtol')
     end if
   end subroutine explain
-end module dst_lanes
+end module dst_simd_batch
