@@ -712,16 +712,17 @@ contains
     if (h5%status >= 0) call h5dsset_scale_f(dataset%id, h5%status, name)
   end subroutine make_scale
 
-  !> Let `scale` be the coordinate of a dataset along its side `side`, or along the one that grows.
-  subroutine attach_scale(dataset, scale, h5, side)
+  !> Let `scale` be the coordinate of a dataset along the side that grows, or along the rows.
+  subroutine attach_scale(dataset, scale, h5, along_rows)
     type(dataset_t), intent(in) :: dataset, scale
     type(hdf5_t), intent(inout) :: h5
-    integer, intent(in), optional :: side
-    integer :: which
+    logical, intent(in), optional :: along_rows
+    integer :: side
 
-    which = size(extent(dataset, 0_hsize_t))
-    if (present(side)) which = side
-    if (h5%status >= 0) call h5dsattach_scale_f(dataset%id, scale%id, which, h5%status)
+    ! HDF5 counts from 1, but in C's order.
+    side = 1
+    if (present(along_rows)) side = merge(2, 1, along_rows)
+    if (h5%status >= 0) call h5dsattach_scale_f(dataset%id, scale%id, side, h5%status)
   end subroutine attach_scale
 
   !> The names of all that a file or group holds, in alphabetical order; of many the first.

@@ -223,7 +223,7 @@ contains
     do i = 1, size(columns)
       call create_dataset(series, columns(i), max(1, usual_chunk/rows), output%series(i), h5, h5t_ieee_f64le, row_length=rows)
       call attach_scale(output%series(i), output%columns(1), h5)
-      call attach_scale(output%series(i), time, h5, side=1)
+      call attach_scale(output%series(i), time, h5, along_rows=.true.)
     end do
   end subroutine create_series
 

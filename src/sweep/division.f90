@@ -175,7 +175,7 @@ contains
     if (wish%shares /= 0) given = given//'/'//integer_text(max(0, wish%shares))
     shares = integer_text(last%shares)
     if (division%shares == 0) then
-      call raise(error, usage_error, given//': of how many shares is not said yet: write --shard I/N, like --shard 3/16')
+      call raise(error, usage_error, given//': of how many shards is not said yet: write --shard I/N, like --shard 3/16')
     else if (last%shares > 0 .and. .not. any(kept%shares == division%shares)) then
       right = 'I/'//shares//' with 1 <= I <= '//shares
       if (wish%share >= 1 .and. wish%share <= last%shares) right = integer_text(wish%share)//'/'//shares
