@@ -31,12 +31,13 @@ module dst_methods
     method_t('rk4', 'fixed_step', 4, 4), &
     method_t('moreau_jean', 'nonsmooth', 1, 1)]
 
-  logical, parameter :: has_fixed_step(size(methods)) = methods%kind == 'fixed_step' .or. methods%kind == 'nonsmooth'
-
-  ! In two steps: gfortran 12 takes no expression as the source of a constant `transfer`.
-  character(width), parameter :: names(*) = methods%name
+  ! In steps: flang 19 takes no component of a constant array as a constant, gfortran 12 no expression as the source of `transfer`.
+  integer :: i
+  character(width), parameter :: names(*) = [(methods(i)%name, i=1, size(methods))]
+  character(10), parameter :: kinds(*) = [(methods(i)%kind, i=1, size(methods))]
+  logical, parameter :: has_fixed_step(*) = kinds == 'fixed_step' .or. kinds == 'nonsmooth'
   character(width), parameter :: adaptive(*) = pack(names, .not. has_fixed_step)
-  character(width), parameter :: explicit(*) = pack(names, methods%kind == 'explicit')
+  character(width), parameter :: explicit(*) = pack(names, kinds == 'explicit')
   character(width), parameter :: fixed_step(*) = pack(names, has_fixed_step)
 
   !> Their names, blank-separated: of all, of those that choose their step, of those of them that are explicit, and of the others.
