@@ -364,6 +364,8 @@ contains
     associate (now => simulation%motion%piece%to)
       call next_event(simulation, stick_begins, name//', along a line, stop')
       call check_close(name//', along a line: stop', now%time, stop_time, 1.0e-9_wp*stop_time)
+      call check(name//', along a line: the step that finds the stop ends in it', &
+        now%time - simulation%motion%piece%from%time > 1.0e-9_wp*stop_time)
       call check_close(name//', along a line: elongation there', now%u(1), u, 1.0e-10_wp*abs(u))
       call check_close(name//', along a line: position there', now%position, v*stop_time - u, 1.0e-10_wp*abs(u))
       call next_event(simulation, slip_begins, name//', along a line, release')
