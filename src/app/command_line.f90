@@ -86,7 +86,7 @@ contains
         else if (command%name == '' .and. len(text) > 0) then
           command%name = text
         else
-          command%operands = [command%operands, arguments(i)]
+          call append(command%operands, text)
         end if
       end associate
       i = i + 1
@@ -97,6 +97,21 @@ contains
     if (command%has('--help') .and. command%name == '') command%name = 'help'
     call check_command(command, error)
   end subroutine parse_arguments
+
+  !> Append a word. An array constructor would do it, but with gfortran 12 loses the memory of the copies.
+  pure subroutine append(words, text)
+    type(argument_t), allocatable, intent(inout) :: words(:)
+    character(*), intent(in) :: text
+    type(argument_t), allocatable :: longer(:)
+    integer :: i
+
+    allocate (longer(size(words) + 1))
+    do i = 1, size(words)
+      call move_alloc(words(i)%text, longer(i)%text)
+    end do
+    longer(size(longer))%text = text
+    call move_alloc(longer, words)
+  end subroutine append
 
   !> Whether an option is given.
   pure logical function has(self, option)
@@ -138,7 +153,7 @@ contains
       command%output = value
     case ('--set')
       call check_named_file(value, error)
-      command%settings = [command%settings, argument_t(value)]
+      call append(command%settings, value)
     case ('--shard')
       call take_share_wish(value, command%share, error)
     case ('--quantity')

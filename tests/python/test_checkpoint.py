@@ -376,7 +376,13 @@ def writes(program, shim, tmp_path_factory) -> dict[str, int]:
 def test_killed_in_the_middle_of_a_write(program, shim, writes, references, tmp_path, share):
     """A write to the file is the last thing that the process does."""
     file = tmp_path / "x.h5"
-    done = run_with_shim(program, shim, file, f"kill:parent:pwrite@{round(share * writes['parent'])}")
+    write = round(share * writes["parent"])
+    done = run_with_shim(program, shim, file, f"kill:parent:pwrite@{write}")
+    # A machine that is slower than a moment ago writes less often: then an earlier write.
+    while done.returncode == 0 and write > 0.3 * writes["parent"]:
+        file.unlink()
+        write = round(0.8 * write)
+        done = run_with_shim(program, shim, file, f"kill:parent:pwrite@{write}")
     assert done.returncode == -signal.SIGKILL, done.stderr
     # The first writes are to a file that has not got its name; how many there are in all depends on the machine's pace.
     if share <= 0.01 or share >= 0.3:

@@ -1,9 +1,10 @@
 """What a deck can bring about in the executable and no other test of it does: why 'auto' is the full model, scenes that are
-refused when they are set up, faults of &sweep, a sweep that keeps its series.
+refused when they are set up, faults of &sweep, a sweep that keeps its series, cases side by side.
 """
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import h5py
@@ -139,3 +140,27 @@ def test_moreau_jean_sticks_only_where_friction_can_hold(program, tmp_path):
     assert (at_rest & (load > 2.0)).any()
     assert sticking.any()
     assert (load[sticking] <= 2.0 * (1 + 1e-9)).all()
+
+
+def test_cases_side_by_side_are_as_those_one_by_one(program, tmp_path):
+    grid = "&sweep parameter = 'system.misalignment_deg' first = 1.0 last = 6.0 count = 11 /\n"
+    (tmp_path / "map.nml").write_text((INPUTS / "low_frequency.nml").read_text() + grid)
+    found = {}
+    for method in ("rodas4p", "radau9"):
+        settings = (f"integrator.method={method}", "integrator.rtol=1e-6", "scene.t_end=4")
+        program("run", "map.nml", "-o", f"{method}.h5", "--keep-shards", "--quiet", settings=settings, status=0)
+        with h5py.File(tmp_path / f"{method}.h5") as file:
+            found[method] = {name: file["sweep/summary"][name][()] for name in ("cycles", "peak_force", "swing")}
+    assert np.array_equal(found["rodas4p"]["cycles"], found["radau9"]["cycles"])
+    for name in ("peak_force", "swing"):
+        assert found["rodas4p"][name] == pytest.approx(found["radau9"][name], rel=1e-4)
+    shown = program("show", "rodas4p.h5", status=0).stdout
+    assert "11" in shown
+    (tmp_path / "rodas4p.h5").unlink()
+    assert "11" in program("show", "rodas4p.h5", status=0).stdout
+
+
+def test_the_catalogue_has_every_table(program):
+    catalogue = json.loads(program("keys", "--json", status=0).stdout)
+    assert {"commands", "options", "keys", "methods"} <= set(catalogue)
+    assert {method["name"]: method["order"] for method in catalogue["methods"]}["radau13"] == 13
