@@ -1,4 +1,4 @@
-"""What docs/architecture.md says of adding something is followed to the letter: the patches of the how-to pages and of tests/tour go
+"""What docs/architecture.md says of adding something is followed to the letter: the patches of the how-to pages and of docs/tour go
 into a copy of the source, which is built and run, and the files that they change are counted.
 """
 
@@ -22,14 +22,14 @@ PAGES = {
 }
 """The file, and where the line stands."""
 
-TOUR = ROOT / "tests" / "tour"
+TOUR = DOCS / "tour"
 # What can be added, how many files that takes, and the page or the patch that does it.
 ROW = re.compile(r"^\| [^|]+ \| \[(?P<files>\d+)\]\((?P<change>[\w./]+)\) \|", re.MULTILINE)
 ROWS = {Path(row["change"]).stem: row for row in ROW.finditer((DOCS / "architecture.md").read_text(encoding="utf-8"))}
 
 
 def patches(name: str) -> list[str]:
-    """The changes of a how-to page, or of a file in tests/tour."""
+    """The changes of a how-to page, or of a file in docs/tour."""
     if (TOUR / f"{name}.diff").exists():
         text = (TOUR / f"{name}.diff").read_text(encoding="utf-8")
         return re.split(r"^(?=--- )", text, flags=re.MULTILINE)[1:]
