@@ -712,16 +712,13 @@ contains
     if (h5%status >= 0) call h5dsset_scale_f(dataset%id, h5%status, name)
   end subroutine make_scale
 
-  !> Let `scale` be the coordinate of a dataset along the side that grows, or along the rows.
-  subroutine attach_scale(dataset, scale, h5, along_rows)
+  !> Let `scale` be the coordinate of a dataset along a side: 1, the one that grows, or 2, along the rows. HDF5 counts from
+  !> 1, but in C's order.
+  subroutine attach_scale(dataset, scale, side, h5)
     type(dataset_t), intent(in) :: dataset, scale
+    integer, intent(in) :: side
     type(hdf5_t), intent(inout) :: h5
-    logical, intent(in), optional :: along_rows
-    integer :: side
 
-    ! HDF5 counts from 1, but in C's order.
-    side = 1
-    if (present(along_rows)) side = merge(2, 1, along_rows)
     if (h5%status >= 0) call h5dsattach_scale_f(dataset%id, scale%id, side, h5%status)
   end subroutine attach_scale
 

@@ -192,7 +192,7 @@ contains
           call make_scale(column%dataset, 'time', h5)
           first(column%group) = column
         else
-          call attach_scale(column%dataset, first(column%group)%dataset, h5)
+          call attach_scale(column%dataset, first(column%group)%dataset, 1, h5)
         end if
       end associate
     end do

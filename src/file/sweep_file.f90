@@ -182,13 +182,13 @@ contains
     do i = 1, size(columns)
       call create_dataset(places(i), columns(i), block_of(sweep), output%columns(i), h5, stored_as(i), whole_chunks=.true.)
       if (i == 1) call make_scale(output%columns(1), 'case', h5)
-      if (i > 1) call attach_scale(output%columns(i), output%columns(1), h5)
+      if (i > 1) call attach_scale(output%columns(i), output%columns(1), 1, h5)
     end do
     call create_group(group, 'failures', failures, h5)
     call create_dataset(failures, quantity_t('case', '1', 'number of a case that failed'), 1024, output%failed, h5, h5t_std_i32le)
     call make_scale(output%failed, 'case', h5)
     call create_dataset(failures, quantity_t('result_text', '1', 'why it failed'), 1024, output%failure, h5)
-    call attach_scale(output%failure, output%failed, h5)
+    call attach_scale(output%failure, output%failed, 1, h5)
     if (sweep%keeps_series) call create_series(output, sweep, group, h5)
   end subroutine create_columns
 
@@ -222,8 +222,8 @@ contains
     call append(time, rows, real(sweep%series_times(), real64), h5)
     do i = 1, size(columns)
       call create_dataset(series, columns(i), max(1, usual_chunk/rows), output%series(i), h5, h5t_ieee_f64le, row_length=rows)
-      call attach_scale(output%series(i), output%columns(1), h5)
-      call attach_scale(output%series(i), time, h5, along_rows=.true.)
+      call attach_scale(output%series(i), output%columns(1), 1, h5)
+      call attach_scale(output%series(i), time, 2, h5)
     end do
   end subroutine create_series
 
