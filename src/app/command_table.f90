@@ -149,8 +149,8 @@ module dst_command_table
       'print as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics', ''), &
     option_t('--help', '', '', '?', 'the help on the program, or on a command', ''), &
     option_t('--version', '', '', '?', 'the version of the program, and how it was built', ''), &
-    option_t('--kind', 'KIND', 'plot', '?', 'of a run history, velocities, spectrogram, damping, creep, path or columns; by '// &
-      'default what its model is for; of a sweep map (the default) or lambda; of dynstiction trade work_precision', ''), &
+    option_t('--kind', 'KIND', 'plot', '?', 'of a run history, velocities, spectrogram, damping, creep, path, columns or '// &
+      'cycle_map; default: what its model is for; of a sweep map (default) or lambda; of dynstiction trade work_precision', ''), &
     option_t('--quantity', 'NAME', 'plot', '?', 'what a map of a sweep shows, like period (swing)', ''), &
     option_t('-o', 'PNG', 'plot', '?', 'default: FILE.png, of several files comparison.png; also .pdf, .svg', ''), &
     option_t('-o', 'HTML', 'report', '?', 'default: FILE.html', ''), &

@@ -45,9 +45,11 @@ contains
   !> What has been saved.
   pure function words(self)
     class(archive_t), intent(in) :: self
-    integer(int64) :: words(self%used)
+    ! Allocatable: there may be more of them than a stack holds.
+    integer(int64), allocatable :: words(:)
 
-    if (self%used > 0) words = self%kept(:self%used)
+    allocate (words(self%used))
+    if (self%used > 0) words(:) = self%kept(:self%used)
   end function words
 
   pure logical function is_loading(self)

@@ -15,6 +15,8 @@ module dst_writer
     character(name_width) :: name = ''
     character(unit_width) :: units = ''   !! 'm', 'N', 's', 'm s-1', 'rad', '1'
     character(meaning_width) :: long_name = ''
+    !> Whether it counts something, and is stored as an integer.
+    logical :: counts = .false.
   end type quantity_t
 
   !> How a run ended.

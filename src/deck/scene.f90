@@ -12,11 +12,13 @@ module dst_scene
   type :: scene_t
     character(:), allocatable :: title
     character(:), allocatable :: model, law, contact, method
+    character(:), allocatable :: cycle_map               !! 'auto' or 'off'
     character(:), allocatable :: form                    !! of Eq. (8)
     character(:), allocatable :: quantities              !! for which model 'auto' is settled, with this accuracy:
     real(wp) :: accuracy = 0.0_wp
     character(:), allocatable :: output_file             !! '' = after the deck's name
     real(wp) :: t_end = 0.0_wp                           !! s
+    real(wp) :: settle = 0.0_wp                          !! what two cycles agree to at the end of the run; 0 = not asked
     real(wp) :: mass = 0.0_wp                            !! kg; 0 where the model has none
     real(wp) :: stiffness_x = 0.0_wp                     !! N/m
     real(wp) :: stiffness_y = 0.0_wp                     !! N/m; 0 where the model has none
@@ -80,6 +82,7 @@ contains
     scene%drive_time = deck%reals_of('drive', 'time')
     scene%drive_velocity = deck%reals_of('drive', 'velocity')
     scene%method = deck%text_of('integrator', 'method')
+    scene%cycle_map = deck%text_of('integrator', 'cycle_map')
     allocate (fields, source=deck%texts_of('output', 'fields'))
     allocate (scene%fields(size(fields)))
     scene%fields = fields(:)(:len(scene%fields))
@@ -109,6 +112,8 @@ contains
       scene%accuracy = value
     case ('t_end')
       scene%t_end = value
+    case ('settle')
+      scene%settle = value
     case ('mass')
       scene%mass = value
     case ('stiffness_x')

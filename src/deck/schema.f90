@@ -85,6 +85,8 @@ module dst_schema
   type(condition_t), parameter :: explicit_exact(2) = &
     [condition_t('method', explicit_methods), condition_t('contact', 'exact')]
 
+  type(condition_t), parameter :: leaping(2) = [condition_t('method', adaptive_methods), condition_t('contact', 'exact')]
+
   logical, parameter :: must = .true., may = .false.
 
   !> group, key, kind, unit, range, required?, default, sample, choices, used_by, meaning
@@ -101,6 +103,8 @@ module dst_schema
           'error against the full model that is allowed in these quantities'), &
     key_t('scene', 't_end', real_kind, 's', positive, must, '', '10.0', '', always, &
           'end of the simulated time'), &
+    key_t('scene', 'settle', real_kind, '1', range_t(low=0.0_wp, high=1.0_wp), may, '0.0', '', '', dynamic, &
+          'the run ends when two successive stick-slip cycles agree to this; 0 = at t_end'), &
     key_t('system', 'mass', real_kind, 'kg', positive, must, '', '0.25', '', dynamic, &
           'mass of the object'), &
     key_t('system', 'stiffness_x', real_kind, 'N/m', positive, must, '', '1.0e3', '', always, &
@@ -143,6 +147,8 @@ module dst_schema
           'slip velocity below which a stop is finished in closed form; 0 = chosen from rtol and V'), &
     key_t('integrator', 'step_max', real_kind, 's', non_negative, may, '0.0', '', '', adaptive, &
           'longest step; 0 = no limit'), &
+    key_t('integrator', 'cycle_map', choice_kind, '', any_real, may, 'auto', '', 'auto off', leaping, &
+          'full: whether fast cycles that repeat are leapt by their map where that is cheaper'), &
     key_t('integrator', 'max_steps', integer_kind, '1', non_negative, may, '0', '', '', dynamic, &
           'most steps of a run; 0 = no limit'), &
     key_t('output', 'file', text_kind, '', any_real, may, '', '', '', always, &

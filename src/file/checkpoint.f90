@@ -31,9 +31,9 @@ module dst_checkpoint
 
   character(*), parameter :: signature = 'dynstiction checkpoint, format '
   !> Version of this format and of the fields that the types of a run put into an archive.
-  character(*), parameter :: format_version = '6'
+  character(*), parameter :: format_version = '7'
   character, parameter :: n = achar(10)
-  integer, parameter :: word_bytes = 8, most_bytes = 2**24, digest_length = 64
+  integer, parameter :: word_bytes = 8, most_bytes = 2**27, digest_length = 64
 
 contains
 
@@ -59,9 +59,13 @@ contains
   function encoded(checkpoint) result(bytes)
     type(checkpoint_t), intent(in) :: checkpoint
     character(:), allocatable :: bytes, state
+    integer :: i
 
+    ! Word by word: the whole may be more than a stack holds.
     allocate (character(word_bytes*size(checkpoint%words)) :: state)
-    state = transfer(checkpoint%words, state)
+    do i = 1, size(checkpoint%words)
+      state(word_bytes*(i - 1) + 1:word_bytes*i) = transfer(checkpoint%words(i), repeat(' ', word_bytes))
+    end do
     bytes = signature//format_version//n//'version '//checkpoint%version//n//'git_revision '//checkpoint%git_revision//n// &
       'compiler '//checkpoint%compiler//n//'deck_sha256 '//checkpoint%deck_sha256//n//'created '//checkpoint%created//n// &
       'result_checksum '//checkpoint%result_checksum//n// &
@@ -128,7 +132,7 @@ contains
     type(checkpoint_t), intent(inout) :: checkpoint
     character(:), allocatable, intent(out) :: reason
     character(:), allocatable :: state
-    integer :: next
+    integer :: next, i
 
     checkpoint%version = value_in(bytes, 'version')
     checkpoint%git_revision = value_in(bytes, 'git_revision')
@@ -141,7 +145,9 @@ contains
     call take_part('deck_resolved', checkpoint%deck_resolved)
     call take_part('state', state)
     allocate (checkpoint%words(len(state)/word_bytes))
-    checkpoint%words = transfer(state, checkpoint%words, size(checkpoint%words))
+    do i = 1, size(checkpoint%words)
+      checkpoint%words(i) = transfer(state(word_bytes*(i - 1) + 1:word_bytes*i), checkpoint%words(i))
+    end do
 
   contains
 

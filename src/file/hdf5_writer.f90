@@ -541,8 +541,8 @@ contains
       result_code = error%code
       result_text = error%text
     end if
-    call put_results(self%file, 'summary', outcome%summary, outcome%summary_value, .false., h5)
-    call put_results(self%file, 'statistics', outcome%statistics, outcome%statistics_value, .true., h5)
+    call put_results(self%file, 'summary', outcome%summary, outcome%summary_value, h5)
+    call put_results(self%file, 'statistics', outcome%statistics, outcome%statistics_value, h5)
     call put_ending(self%file, result_code, result_text, h5)
     call flush_file(self, h5)
     if (result_code == result_done) call put_attribute(self%file, 'complete', 1, h5)
@@ -551,12 +551,11 @@ contains
   end subroutine write_ending
 
   !> A group of numbers of how the run ended; counters are stored as integers.
-  subroutine put_results(file, name, quantities, values, counters, h5)
+  subroutine put_results(file, name, quantities, values, h5)
     integer(hid_t), intent(in) :: file
     character(*), intent(in) :: name
     type(quantity_t), intent(in), allocatable :: quantities(:)
     real(wp), intent(in), allocatable :: values(:)
-    logical, intent(in) :: counters   !! what has the unit '1' counts something
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: group
     integer :: i
@@ -565,8 +564,7 @@ contains
     call create_group(file, name, group, h5)
     if (allocated(quantities)) then
       do i = 1, size(quantities)
-        call put_value(group, quantities(i), values(i), h5, &
-          merge(h5t_std_i64le, h5t_ieee_f64le, counters .and. quantities(i)%units == '1'))
+        call put_value(group, quantities(i), values(i), h5, merge(h5t_std_i64le, h5t_ieee_f64le, quantities(i)%counts))
       end do
     end if
     call release([group], h5)

@@ -33,7 +33,13 @@ module dst_stepper
     integer(int64) :: factorisations = 0
     integer(int64) :: newton = 0
     integer(int64) :: events = 0
+    !> Of the cycle map: cycles leapt, cycles run for its tables, excursions taken from an earlier one; its relative error.
+    integer(int64) :: cycles_leapt = 0
+    integer(int64) :: cycles_sampled = 0
+    integer(int64) :: excursions_reused = 0
+    real(wp) :: map_error = 0.0_wp
   contains
+    procedure :: plus
     procedure :: serialise => serialise_count
   end type work_count_t
 
@@ -313,6 +319,24 @@ contains
     call archive%serialise(self%unseen)
   end subroutine serialise_stepper
 
+  !> The work of both.
+  pure type(work_count_t) function plus(self, other) result(sum)
+    class(work_count_t), intent(in) :: self
+    type(work_count_t), intent(in) :: other
+
+    sum%steps = self%steps + other%steps
+    sum%rejected = self%rejected + other%rejected
+    sum%rhs = self%rhs + other%rhs
+    sum%jacobians = self%jacobians + other%jacobians
+    sum%factorisations = self%factorisations + other%factorisations
+    sum%newton = self%newton + other%newton
+    sum%events = self%events + other%events
+    sum%cycles_leapt = self%cycles_leapt + other%cycles_leapt
+    sum%cycles_sampled = self%cycles_sampled + other%cycles_sampled
+    sum%excursions_reused = self%excursions_reused + other%excursions_reused
+    sum%map_error = max(self%map_error, other%map_error)
+  end function plus
+
   subroutine serialise_count(self, archive)
     class(work_count_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
@@ -324,5 +348,9 @@ contains
     call archive%serialise(self%factorisations)
     call archive%serialise(self%newton)
     call archive%serialise(self%events)
+    call archive%serialise(self%cycles_leapt)
+    call archive%serialise(self%cycles_sampled)
+    call archive%serialise(self%excursions_reused)
+    call archive%serialise(self%map_error)
   end subroutine serialise_count
 end module dst_stepper

@@ -8,7 +8,7 @@ module dst_implicit_slip
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_piece, only: slips
-  use dst_rest, only: holds, slip_start_t
+  use dst_rest, only: holds, slip_start_t, spring_force_size
   use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, settle_slip => settle, serialise_slip_stick, &
     negligible_share, noise_allowance
   use dst_state, only: state_t
@@ -78,20 +78,43 @@ contains
     type(braking_t) :: stopping
     type(state_t) :: to
     real(wp) :: cut
+    logical :: unloaded
 
     ended = .false.
     if (self%just_released) return
     cut = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
     associate (now => self%piece%to, drive => self%piece%drive)
-      if (now%y(1) > cut) return
+      unloaded = now%y(1) > cut
+      if (unloaded) then
+        if (.not. is_unloaded(self, now)) return
+        cut = now%y(1)
+      end if
       stopping = braking(self%slider, drive, now)
       if (.not. (stopping%ends_within(now%until(horizon), cut) .and. stopping%acceleration < 0.0_wp)) return
       to = stopping%end_of_slip(self%slider, drive, now)
+      if (unloaded) then
+        if (.not. is_unloaded(self, to)) return
+      end if
       ended = now%y(1) <= negligible_share*cut
       if (.not. ended) ended = holds(self%slider, to%u, self%drive_velocity())
     end associate
     if (ended) call self%finish(stopping, to)
   end subroutine end_slow_slip
+
+  !> Whether the springs hardly pull and friction hardly weakens. Then nothing turns the slip, and at its end it has no equation for
+  !> the direction; what the closed form neglects goes with the square of this share of the static limit.
+  pure logical function is_unloaded(self, state)
+    class(implicit_slip_t), intent(in) :: self
+    type(state_t), intent(in) :: state
+    real(wp) :: friction(1), slope(1)
+
+    associate (limit => self%slider%law%static_limit)
+      is_unloaded = spring_force_size(self%slider, state%u) <= self%cut_share*limit
+      if (.not. is_unloaded) return
+      call self%slider%law%evaluate(1, state%y(1:1), friction, slope)
+      is_unloaded = limit - friction(1) <= self%cut_share*limit
+    end associate
+  end function is_unloaded
 
   subroutine set_off(self, beginning)
     class(implicit_slip_t), intent(inout) :: self

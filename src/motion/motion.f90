@@ -6,8 +6,10 @@
 !>         implicit_slip_t    by a method that can begin and end a step at rest
 !>         explicit_slip_t    by one that is led through release and stop in closed form
 !>     creep_motion_t         slow creep in closed form
+!>     cycle_map_t            a slip_stick_t with its fast cycles leapt
 !>
-!> Who reads a motion (columns, summary, samples, checkpoints) knows the last piece and the state at any time in it.
+!> Who reads a motion (columns, summary, samples, checkpoints) knows the last piece and the state at any time in it; a leap is a
+!> piece with many events.
 module dst_motion
   use dst_archive, only: archive_t
   use dst_drive, only: drive_t
@@ -41,6 +43,9 @@ module dst_motion
     real(wp) :: next_look = huge(1.0_wp)
     !> Whether it can rest while the drive does; while the drive moves, another takes over, a part of which the drive prescribes.
     logical :: may_rest = .true.
+    !> Whether the last piece is a leap over many slips and sticks (dst_cycle_map); and a time [s] that no leap passes.
+    logical :: leapt = .false.
+    real(wp) :: milestone = 0.0_wp
     !> Events and pieces since the time last moved.
     integer :: events_at_once = 0
     integer :: pieces_at_once = 0
@@ -55,6 +60,8 @@ module dst_motion
     procedure :: work
     procedure :: is_undecided
     procedure :: velocity
+    procedure :: events
+    procedure :: next_instant
     procedure :: serialise => serialise_motion
     procedure :: finished
     procedure :: velocity_now
@@ -127,6 +134,24 @@ contains
     velocity = there%velocity
   end function velocity
 
+  !> Times [s] and kinds of the events of the last piece.
+  pure subroutine events(self, time, kind)
+    class(motion_t), intent(in) :: self
+    real(wp), allocatable, intent(out) :: time(:)
+    integer, allocatable, intent(out) :: kind(:)
+
+    time = pack([self%piece%to%time], self%piece%event /= no_event)
+    kind = pack([self%piece%event], self%piece%event /= no_event)
+  end subroutine events
+
+  !> The next time [s] after `time` that is sampled where no interval is given: the end of the last piece, or of a step in it.
+  pure real(wp) function next_instant(self, time)
+    class(motion_t), intent(in) :: self
+    real(wp), intent(in) :: time
+
+    next_instant = max(time, self%piece%to%time)
+  end function next_instant
+
   pure logical function finished(self)
     class(motion_t), intent(in) :: self
 
@@ -162,6 +187,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     self%piece%event = no_event
+    self%leapt = .false.
     if (self%piece%to%time >= self%piece%drive%end) call enter_segment(self)
     self%piece%from = self%piece%to
     self%piece%contact = self%contact
@@ -231,6 +257,7 @@ contains
 
     call self%piece%serialise(archive)
     call archive%serialise(self%contact)
+    call archive%serialise(self%leapt)
     call archive%serialise(self%segment)
     call archive%serialise(self%events_at_once)
     call archive%serialise(self%pieces_at_once)

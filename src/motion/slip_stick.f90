@@ -49,6 +49,7 @@ module dst_slip_stick
     procedure :: stay_stuck
     procedure :: finish
     procedure :: set_off
+    procedure :: place_at_release
     procedure :: settle
     procedure :: friction_in
     procedure :: serialise => serialise_slip_stick
@@ -205,6 +206,22 @@ contains
     call self%system%set_slip_direction(beginning%y(2))
     call self%stepper%restart(beginning%rate, beginning%curvature)
   end subroutine set_off
+
+  !> Place the object at a release with friction at the angle `theta` [rad]: with a steady drive that is the whole state, but for
+  !> time, position and works, which are those of `at`.
+  subroutine place_at_release(self, theta, at)
+    class(slip_stick_t), intent(inout) :: self
+    real(wp), intent(in) :: theta
+    type(state_t), intent(in) :: at
+    type(slip_start_t) :: beginning
+
+    self%piece%to = at
+    self%piece%to%u = self%slider%elongation_at_limit(theta)
+    self%piece%to%y = 0.0_wp
+    beginning = start_of_slip(self%slider, self%piece%to%u, self%drive_velocity())
+    beginning%rate(1) = 0.0_wp
+    call self%set_off(beginning)
+  end subroutine place_at_release
 
   !> After a step that has ended in a stop, or not.
   subroutine settle(self, stopped, truncated)

@@ -52,6 +52,7 @@ module dst_stepping
     procedure :: drive_velocity
     procedure :: velocity
     procedure :: instant
+    procedure :: instant_of
     procedure :: friction_in
     procedure :: energy
     procedure :: work
@@ -246,9 +247,19 @@ contains
 
     contact = self%piece%contact
     if (time >= self%piece%to%time) contact = self%contact
-    instant%state = self%piece%at(time)
+    instant = self%instant_of(self%piece%at(time), contact)
+  end function instant
+
+  !> A state, in slip or at rest, in plain quantities.
+  pure function instant_of(self, state, contact) result(instant)
+    class(stepping_t), intent(in) :: self
+    type(state_t), intent(in) :: state
+    integer, intent(in) :: contact
+    type(instant_t) :: instant
+
+    instant%state = state
     instant%sticking = contact == sticks
-    instant%drive_velocity = self%piece%drive%velocity_at(time)
+    instant%drive_velocity = self%piece%drive%velocity_at(state%time)
     instant%spring_force = self%slider%stiffness*instant%state%u
     if (contact /= slips) then
       instant%friction = hypot(instant%spring_force(1), instant%spring_force(2))
@@ -262,7 +273,7 @@ contains
       if (abs(prescribed) > 0.0_wp) instant%spring_force(2) = instant%friction*sin(instant%theta) &
         + self%slider%mass*prescribed*self%piece%drive%acceleration
     end associate
-  end function instant
+  end function instant_of
 
   !> Magnitude and direction of the friction on slip.
   pure subroutine friction_in(self, instant)

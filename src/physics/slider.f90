@@ -25,6 +25,7 @@ module dst_slider
     real(wp) :: smoothing = 0.0_wp
   contains
     procedure :: drive_coupling
+    procedure :: elongation_at_limit
     procedure :: held_force
     procedure :: acceleration_noise
     procedure :: frequency
@@ -41,6 +42,15 @@ contains
 
     drive_coupling = self%free*self%along
   end function drive_coupling
+
+  !> Elongation [m] at the static limit, with the spring force in the direction `theta` [rad].
+  pure function elongation_at_limit(self, theta) result(u)
+    class(slider_t), intent(in) :: self
+    real(wp), intent(in) :: theta
+    real(wp) :: u(2)
+
+    u = self%law%static_limit*[cos(theta), sin(theta)]/self%stiffness
+  end function elongation_at_limit
 
   !> Force of the held springs [N] at elongation `u` [m].
   pure function held_force(self, u) result(force)

@@ -13,7 +13,7 @@ module dst_cycles
   implicit none
   private
 
-  public :: cycles_t
+  public :: cycles_t, extremum_t, threshold
   public :: period, peak, valley, stick_time, slip_time, slip_length, measures
 
   ! What "twice" does was measured on 21 motions: those of tests/python/test_settled.py, stick-slip of 3 to 30 s, driven unsteadily.
@@ -41,7 +41,7 @@ module dst_cycles
   !> And besides these the rise of the load to the next peak [N] and the advance in X from peak to peak [m].
   integer, parameter :: rise = 7, travel = 8, remembered = 8
 
-  !> A peak or a valley.
+  !> A peak or a valley: the load k_x u_x [N], the time [s], and X [m].
   type :: extremum_t
     real(wp) :: load = 0.0_wp, time = 0.0_wp, position = 0.0_wp
   contains
@@ -74,6 +74,10 @@ module dst_cycles
     integer(int64), private :: recent = 0, row = 0
     logical, private :: follows_break = .true.
     real(wp), private :: cycle(remembered, kept) = 0.0_wp
+    !> If asked for: where the load turned back in all that was considered, with its beginning and its end.
+    logical :: keeps_turns = .false.
+    type(extremum_t), allocatable :: turns(:)    !! valid up to turn_count
+    integer :: turn_count = 0
   contains
     procedure :: begin
     procedure :: pull
@@ -81,6 +85,8 @@ module dst_cycles
     procedure :: may_be_extremum
     procedure :: means
     procedure :: mean_swing
+    procedure :: agree
+    procedure :: last_period
     procedure :: serialise
   end type cycles_t
 
@@ -132,6 +138,7 @@ contains
     real(wp), intent(in) :: force, time, position
     real(wp) :: ahead
 
+    if (self%keeps_turns) call keep_turn(self, extremum_t(force, time, position))
     if (self%side == 0) return
     self%position = position
     if (self%heading == 0) then
@@ -151,6 +158,27 @@ contains
     end if
     self%candidate = extremum_t(real(self%side, wp)*force, time, position)
   end subroutine consider
+
+  !> Append a point to those where the load turned back; the last one is only where it has come to.
+  pure subroutine keep_turn(self, here)
+    class(cycles_t), intent(inout) :: self
+    type(extremum_t), intent(in) :: here
+    type(extremum_t), allocatable :: larger(:)
+
+    if (.not. allocated(self%turns)) allocate (self%turns(32))
+    associate (n => self%turn_count)
+      if (n == size(self%turns)) then
+        allocate (larger(2*n))
+        larger(:n) = self%turns
+        call move_alloc(larger, self%turns)
+      end if
+      if (n > 1) then
+        if ((here%load - self%turns(n)%load)*(self%turns(n)%load - self%turns(n - 1)%load) >= 0.0_wp) n = n - 1
+      end if
+      n = n + 1
+      self%turns(n) = here
+    end associate
+  end subroutine keep_turn
 
   !> Where a row begins there is no extremum: wait until the load has risen or fallen.
   pure subroutine find_heading(self, here)
@@ -304,6 +332,29 @@ contains
     rings_down = all(swing(2:2*n) <= (1.0_wp + ripple)*swing(:2*n - 1)) &
       .and. swing(2*n) < merge(ring_down_of_one, ring_down, n == 1)*swing(1)
   end function rings_down
+
+  !> Whether the last two cycles of a row are equal within a share of their lengths in time, of F_0, and of their slip length.
+  pure logical function agree(self, tolerance)
+    class(cycles_t), intent(in) :: self
+    real(wp), intent(in) :: tolerance
+    real(wp) :: size_of(measures)
+
+    agree = min(self%recent, self%row) >= 2
+    if (.not. agree) return
+    associate (last => self%cycle(:measures, place(self%recent)), before => self%cycle(:measures, place(self%recent - 1)))
+      size_of = last(period)
+      size_of([peak, valley]) = self%static_limit
+      size_of(slip_length) = abs(last(slip_length))
+      agree = all(abs(last - before) <= tolerance*size_of)
+    end associate
+  end function agree
+
+  !> Period of the last cycle [s], of which there must be one.
+  pure real(wp) function last_period(self)
+    class(cycles_t), intent(in) :: self
+
+    last_period = self%cycle(period, place(self%recent))
+  end function last_period
 
   !> Mean swing of the cycles that count [N], whether they last or not; 0 if there are none.
   pure real(wp) function mean_swing(self)

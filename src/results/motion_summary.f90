@@ -1,12 +1,15 @@
 !> The summary of a single run: what dst_summary looks at, read from the pieces of the motion.
 module dst_motion_summary
   use dst_archive, only: archive_t
+  use dst_cycle_map, only: cycle_map_t
   use dst_kinds, only: wp
+  use dst_leap_summary, only: leap_summary_t, observe_cycles
   use dst_motion, only: motion_t
   use dst_piece, only: stick_begins, slips, sticks
-  use dst_state, only: state_t, instant_t
+  use dst_piece_view, only: piece_view_t, moment_of
+  use dst_state, only: instant_t
   use dst_stepper, only: work_count_t
-  use dst_summary, only: summary_t, energies_t, moment_t, stretch_t, summary_quantities, summary_values
+  use dst_summary, only: summary_t, energies_t, summary_quantities, summary_values
   use dst_writer, only: quantity_t, outcome_t
   implicit none
   private
@@ -15,19 +18,24 @@ module dst_motion_summary
 
   !> The work done, in the order of `describe`.
   type(quantity_t), parameter :: statistics(*) = [ &
-    quantity_t('steps', '1', 'accepted steps'), &
-    quantity_t('rejected', '1', 'rejected steps'), &
-    quantity_t('rhs', '1', 'evaluations of the equations of motion'), &
-    quantity_t('jacobians', '1', 'evaluations of the Jacobian of a step'), &
-    quantity_t('factorisations', '1', 'factorised linear systems'), &
-    quantity_t('newton', '1', 'Newton iterations'), &
-    quantity_t('events', '1', 'stick and slip events'), &
+    quantity_t('steps', '1', 'accepted steps', .true.), &
+    quantity_t('rejected', '1', 'rejected steps', .true.), &
+    quantity_t('rhs', '1', 'evaluations of the equations of motion', .true.), &
+    quantity_t('jacobians', '1', 'evaluations of the Jacobian of a step', .true.), &
+    quantity_t('factorisations', '1', 'factorised linear systems', .true.), &
+    quantity_t('newton', '1', 'Newton iterations', .true.), &
+    quantity_t('events', '1', 'stick and slip events', .true.), &
+    quantity_t('cycles_leapt', '1', 'fast cycles that the cycle map leapt', .true.), &
+    quantity_t('cycles_sampled', '1', 'fast cycles that were run for the cycle map', .true.), &
+    quantity_t('excursions_reused', '1', 'excursions between fast cycles that repeated an earlier one', .true.), &
+    quantity_t('map_error', '1', 'largest relative error of the cycle map, in cycles that were left out'), &
     quantity_t('wall_time', 's', 'wall time of the run')]
 
   !> What is known of a run so far.
   type, extends(summary_t) :: motion_summary_t
     !> Slip velocity at the end of the last piece [m/s].
     real(wp), private :: velocity(2) = 0.0_wp
+    type(leap_summary_t), private :: leaps
   contains
     procedure :: start
     procedure :: follow
@@ -37,22 +45,19 @@ module dst_motion_summary
     procedure :: serialise
   end type motion_summary_t
 
-  !> The last piece of a motion.
-  type, extends(stretch_t) :: piece_view_t
-    class(motion_t), pointer :: motion => null()
-  contains
-    procedure :: at
-    procedure :: friction
-  end type piece_view_t
-
 contains
 
   !> Begin with a motion that has been started.
-  subroutine start(self, motion)
+  subroutine start(self, motion, settle)
     class(motion_summary_t), intent(inout) :: self
-    class(motion_t), intent(in) :: motion
+    class(motion_t), intent(inout) :: motion
+    real(wp), intent(in) :: settle    !! to what two cycles have to agree to end the run, 0 if they do not
 
     if (motion%piece%event == stick_begins) self%sticks = 1
+    select type (motion)
+    class is (cycle_map_t)
+      call observe_cycles(motion)
+    end select
     if (motion%in_closed_form) return
     self%velocity = motion%velocity_now()
     associate (slider => motion%slider)
@@ -60,7 +65,8 @@ contains
       call self%cycles%begin(slider%along(1)*merge(1.0_wp, 0.0_wp, slider%free(1) > 0.0_wp), slider%law%static_limit, &
         slider%stiffness(1), slider%mass)
     end associate
-    call self%begin(moment_of(motion, motion%piece%to, self%velocity), motion%energy(self%velocity), motion%t_end)
+    call self%begin(moment_of(motion, motion%piece, motion%piece%to, self%velocity), motion%energy(self%velocity), motion%t_end, &
+      settle)
   end subroutine start
 
   !> Take in the last piece.
@@ -73,12 +79,20 @@ contains
       if (motion%in_closed_form) then
         if (piece%contact == sticks) self%sticking_time = piece%to%time
         return
+      else if (motion%leapt) then
+        select type (motion)
+        class is (cycle_map_t)
+          call self%leaps%follow(motion, self%summary_t)
+        end select
+        self%velocity = 0.0_wp
+        return
       end if
       view%motion => motion
+      view%piece => motion%piece
       view%sticking = piece%contact /= slips
-      view%first = moment_of(motion, piece%from, self%velocity)
+      view%first = moment_of(motion, piece, piece%from, self%velocity)
       self%velocity = motion%velocity_now()
-      view%last = moment_of(motion, piece%to, self%velocity)
+      view%last = moment_of(motion, piece, piece%to, self%velocity)
       self%exchanged = self%exchanged + abs(piece%to%drive_work - piece%from%drive_work) + &
         abs(piece%to%friction_work - piece%from%friction_work)
       if (piece%event == stick_begins) self%sticks = self%sticks + 1
@@ -96,46 +110,6 @@ contains
     if (motion%in_closed_form) &
       self%largest_rate = max(self%largest_rate, abs(dot_product(instant%velocity, motion%slider%along)))
   end subroutine see
-
-  !> A state in the last piece that slips with this velocity [m/s].
-  pure function moment_of(motion, state, velocity) result(moment)
-    class(motion_t), intent(in) :: motion
-    type(state_t), intent(in) :: state
-    real(wp), intent(in) :: velocity(2)
-    type(moment_t) :: moment
-
-    associate (slider => motion%slider)
-      moment%time = state%time
-      moment%position = state%position
-      moment%rate = dot_product(velocity, slider%along)
-      moment%slip_velocity = velocity
-      moment%force = slider%stiffness(1)*state%u(1)
-      moment%drive_velocity = motion%piece%drive%velocity_at(state%time)
-      moment%force_rate = slider%stiffness(1)*slider%free(1)*(moment%drive_velocity*slider%along(1) - velocity(1))
-    end associate
-  end function moment_of
-
-  function at(self, time) result(moment)
-    class(piece_view_t), intent(in) :: self
-    real(wp), intent(in) :: time
-    type(moment_t) :: moment
-    type(state_t) :: state
-    real(wp) :: velocity(2)
-
-    state = self%motion%piece%at(time)
-    velocity = 0.0_wp
-    if (.not. self%sticking) velocity = self%motion%velocity(state)
-    moment = moment_of(self%motion, state, velocity)
-  end function at
-
-  pure real(wp) function friction(self, speed)
-    class(piece_view_t), intent(in) :: self
-    real(wp), intent(in) :: speed
-    real(wp) :: force(1), slope(1)
-
-    call self%motion%slider%law%evaluate(1, [speed], force, slope)
-    friction = force(1)
-  end function friction
 
   !> The values of all `summary_quantities`, and which of them this run has.
   subroutine values(self, motion, value, given)
@@ -168,7 +142,7 @@ contains
     work = motion%work()
     outcome%statistics = statistics
     outcome%statistics_value = [real([work%steps, work%rejected, work%rhs, work%jacobians, work%factorisations, work%newton, &
-      work%events], wp), wall_time]
+      work%events, work%cycles_leapt, work%cycles_sampled, work%excursions_reused], wp), work%map_error, wall_time]
   end subroutine describe
 
   !> Save or load.

@@ -5,20 +5,21 @@
 !> direction in which the drive pulls, lengths in that of the drive, velocities and angles by their size.
 !>
 !> What a motion settles to is told by its second half, from t_end/2 on: `swing` is 0 in steady sliding and the amplitude
-!> of a stick-slip that goes on, `creep_share` the share of it in which the object looks at rest.
+!> of a stick-slip that goes on, `creep_share` the share of it in which the object looks at rest. Where a run ends because it has
+!> settled, the last cycle tells these.
 !>
 !> Slip begins when the spring pulls harder along the soft axis than friction can hold in any direction,
 !> |k_x u_x| > F(v); until then friction turns towards the soft axis and keeps the balance. `slip_angle` is how far it has come.
 module dst_summary
   use dst_archive, only: archive_t
-  use dst_cycles, only: cycles_t, period, peak, valley, stick_time, slip_time, slip_length, measures
+  use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, stick_time, slip_time, slip_length, measures
   use dst_kinds, only: wp, int64
   use dst_roots, only: bracket_t
   use dst_writer, only: quantity_t
   implicit none
   private
 
-  public :: summary_t, energies_t, moment_t, stretch_t
+  public :: summary_t, energies_t, moment_t, stretch_t, passage_t
   public :: summary_quantities, summary_values
 
   !> An object that is slower than this share of the drive looks at rest.
@@ -32,6 +33,8 @@ module dst_summary
   !> A zero is found to this share of the values at the ends, or of the advance's time. Far below what is told of it.
   real(wp), parameter :: close_to_zero = 1.0e-7_wp, close_in_time = 1.0e-8_wp
   integer, parameter :: most_iterations = 40
+  !> What the window of a cycle may differ by from its period, relative to it: far more than a step does.
+  real(wp), parameter :: alike = 1.0e-3_wp
 
   !> What may pass through zero inside a stretch, see `crossing_value`.
   integer, parameter :: elongation_rate = 1, excess_rate = 2, excess_force = 3, rate = 4
@@ -61,7 +64,17 @@ module dst_summary
     quantity_t('swing', 'N', 'largest less smallest k_x u_x in the second half of the run'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
     quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)'), &
-    quantity_t('undecided_from', 's', 'time from which only roundoff keeps or ends unstable steady sliding')]
+    quantity_t('undecided_from', 's', 'time from which only roundoff keeps or ends unstable steady sliding'), &
+    quantity_t('settled_at', 's', 'when two cycles had agreed to scene.settle, which ended the run')]
+
+  !> A part of a run: the extremes of k_x u_x, its length so far, and of it at rest or in creep.
+  type :: window_t
+    type(extremum_t) :: highest = extremum_t(load=-huge(1.0_wp)), lowest = extremum_t(load=huge(1.0_wp))
+    real(wp) :: length = 0.0_wp, creep_time = 0.0_wp    !! s
+  contains
+    procedure :: widen => widen_window
+    procedure :: serialise => serialise_window
+  end type window_t
 
   !> What is known of the run so far.
   type :: summary_t
@@ -72,20 +85,42 @@ module dst_summary
     real(wp) :: first_energy = 0.0_wp
     !> First energy and absolute works of all advances [J]. The net works may cancel out.
     real(wp) :: exchanged = 0.0_wp
-    !> The second half, which begins at `half` [s]: extremes of k_x u_x, its length so far, and of it at rest or in creep.
+    !> The second half, which begins at `half` [s].
     real(wp), private :: half = 0.0_wp
-    real(wp), private :: late_highest = -huge(1.0_wp), late_lowest = huge(1.0_wp)
-    real(wp), private :: late_time = 0.0_wp, creep_time = 0.0_wp
+    type(window_t), private :: late = window_t()
+    !> To what two cycles have to agree that follow each other, so that the motion has settled; 0 if that is of no interest. When it
+    !> had [s]; negative if not. The cycle under way: then it stands for the second half.
+    real(wp), private :: settle = 0.0_wp
+    real(wp) :: settled_at = -1.0_wp
+    type(window_t), private :: this_cycle = window_t()
+    integer(int64), private :: cycles_seen = 0
     !> Whether slip has begun, and how friction pointed then [rad].
-    logical, private :: has_slipped = .false.
+    logical :: has_slipped = .false.
     real(wp), private :: slip_angle = 0.0_wp
     !> From when on disturbances too small to be seen would have ended steady sliding [s]; negative if never.
     real(wp) :: undecided_from = -1.0_wp
   contains
     procedure :: begin
     procedure :: take_in
+    procedure :: follow_slip
+    procedure :: passage
+    procedure :: add
     procedure :: serialise
   end type summary_t
+
+  !> What a passage from rest to rest adds to a summary: a leap of the cycle map, or one of its cycles. Times and places count from
+  !> its beginning.
+  type :: passage_t
+    real(wp) :: duration = 0.0_wp           !! s
+    integer(int64) :: sticks = 0
+    real(wp) :: sticking_time = 0.0_wp      !! s
+    real(wp) :: creep_time = 0.0_wp         !! at rest or in creep, s
+    real(wp) :: exchanged = 0.0_wp          !! J
+    real(wp) :: largest_rate = 0.0_wp       !! of |X'|, m/s
+    type(extremum_t) :: highest, lowest     !! of the load
+    !> Where the load turns back, with beginning and end.
+    type(extremum_t), allocatable :: turns(:)
+  end type passage_t
 
   !> The motion at one instant, as far as the summary looks at it.
   type :: moment_t
@@ -133,17 +168,19 @@ module dst_summary
 
 contains
 
-  !> Begin with the motion at time 0, its energy [J], and the end of the run [s].
-  subroutine begin(self, moment, energy, t_end)
+  !> Begin with the motion at time 0, its energy [J], the end of the run [s], and to what two cycles have to agree to end it before.
+  subroutine begin(self, moment, energy, t_end, settle)
     class(summary_t), intent(inout) :: self
     type(moment_t), intent(in) :: moment
     real(wp), intent(in) :: energy, t_end
+    real(wp), intent(in), optional :: settle
 
     self%largest_rate = abs(moment%rate)
     self%first_energy = energy
     self%exchanged = energy
     self%half = 0.5_wp*t_end
-    call widen(self, moment)
+    if (present(settle)) self%settle = settle
+    call widen(self, extremum_of(moment))
   end subroutine begin
 
   !> Take in an advance.
@@ -158,8 +195,66 @@ contains
       call follow_slip(self, stretch)
     end if
     call follow_force(self, stretch)
-    if (stretch%last%time >= self%half) call follow_late(self, stretch)
+    call follow_creep(self, stretch)
+    if (self%settle > 0.0_wp) call look_whether_settled(self, stretch%last%time)
   end subroutine take_in
+
+  !> What has been taken in since the beginning, at time 0 and X = 0, as a passage.
+  pure function passage(self)
+    class(summary_t), intent(in) :: self
+    type(passage_t) :: passage
+
+    passage%duration = self%late%length
+    passage%sticks = self%sticks
+    passage%sticking_time = self%sticking_time
+    passage%creep_time = self%late%creep_time
+    passage%exchanged = self%exchanged
+    passage%largest_rate = self%largest_rate
+    passage%highest = self%late%highest
+    passage%lowest = self%late%lowest
+    if (allocated(self%cycles%turns)) passage%turns = self%cycles%turns(:self%cycles%turn_count)
+  end function passage
+
+  !> Take in a passage that begins at a time [s] and a position X [m], and lies in one half of the run.
+  subroutine add(self, passage, time, position, end)
+    class(summary_t), intent(inout) :: self
+    type(passage_t), intent(in) :: passage
+    real(wp), intent(in) :: time, position
+    real(wp), intent(in) :: end               !! of the passage, s
+    integer :: i
+
+    self%sticks = self%sticks + passage%sticks
+    self%sticking_time = self%sticking_time + passage%sticking_time
+    self%exchanged = self%exchanged + passage%exchanged
+    self%largest_rate = max(self%largest_rate, passage%largest_rate)
+    do i = 1, size(passage%turns)
+      associate (turn => passage%turns(i))
+        call self%cycles%consider(turn%load, time + turn%time, position + turn%position)
+        call widen(self, extremum_t(turn%load, time + turn%time, position + turn%position))
+      end associate
+    end do
+    if (time >= self%half) call lengthen(self%late, passage%duration, passage%creep_time)
+    if (.not. self%settle > 0.0_wp) return
+    call lengthen(self%this_cycle, passage%duration, passage%creep_time)
+    call look_whether_settled(self, end)
+  end subroutine add
+
+  !> After each cycle: whether it agrees with the one before. Then it stands for the second half of the run, which ends at this
+  !> time [s].
+  subroutine look_whether_settled(self, time)
+    class(summary_t), intent(inout) :: self
+    real(wp), intent(in) :: time
+
+    if (self%cycles%count == self%cycles_seen .or. self%settled_at >= 0.0_wp) return
+    self%cycles_seen = self%cycles%count
+    ! A window that ends with a leap is no cycle if it began with a step.
+    if (self%cycles%agree(self%settle) .and. abs(self%this_cycle%length - self%cycles%last_period()) &
+      <= alike*self%cycles%last_period()) then
+      self%settled_at = time
+      self%late = self%this_cycle
+    end if
+    self%this_cycle = window_t()
+  end subroutine look_whether_settled
 
   !> What passes through zero: k_x u_x' [N/s], X' [m/s], |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N].
   real(wp) function crossing_value(which, stretch, moment)
@@ -262,7 +357,7 @@ contains
 
     force_ahead = first%force + 0.5_wp*(last%time - first%time)*first%force_rate
     if (self%cycles%may_be_extremum(first%force_rate > 0.0_wp, force_ahead) .or. &
-      (last%time >= self%half .and. (force_ahead > self%late_highest .or. force_ahead < self%late_lowest))) &
+      (last%time >= self%half .and. (force_ahead > self%late%highest%load .or. force_ahead < self%late%lowest%load))) &
       call take_force(self, moment_at_zero(elongation_rate, stretch, first%time, last%time, [first%force_rate, last%force_rate]))
   end subroutine refine_extreme
 
@@ -271,18 +366,40 @@ contains
     type(moment_t), intent(in) :: moment
 
     call self%cycles%consider(moment%force, moment%time, moment%position)
-    call widen(self, moment)
+    call widen(self, extremum_of(moment))
   end subroutine take_force
 
-  !> Take k_x u_x at one instant into its range in the second half.
-  pure subroutine widen(self, moment)
+  !> Take k_x u_x at one instant into its ranges.
+  pure subroutine widen(self, here)
     class(summary_t), intent(inout) :: self
+    type(extremum_t), intent(in) :: here
+
+    if (here%time >= self%half) call self%late%widen(here)
+    if (self%settle > 0.0_wp) call self%this_cycle%widen(here)
+  end subroutine widen
+
+  pure subroutine widen_window(self, here)
+    class(window_t), intent(inout) :: self
+    type(extremum_t), intent(in) :: here
+
+    if (here%load > self%highest%load) self%highest = here
+    if (here%load < self%lowest%load) self%lowest = here
+  end subroutine widen_window
+
+  !> Time [s] that is added to a part of the run, and of it at rest or in creep.
+  pure subroutine lengthen(window, duration, creep_time)
+    type(window_t), intent(inout) :: window
+    real(wp), intent(in) :: duration, creep_time
+
+    window%length = window%length + duration
+    window%creep_time = window%creep_time + creep_time
+  end subroutine lengthen
+
+  pure type(extremum_t) function extremum_of(moment)
     type(moment_t), intent(in) :: moment
 
-    if (moment%time < self%half) return
-    self%late_highest = max(self%late_highest, moment%force)
-    self%late_lowest = min(self%late_lowest, moment%force)
-  end subroutine widen
+    extremum_of = extremum_t(moment%force, moment%time, moment%position)
+  end function extremum_of
 
   !> Note how friction points when slip begins for the first time.
   subroutine follow_slip(self, stretch)
@@ -321,18 +438,31 @@ contains
     end function inside
   end subroutine follow_slip
 
-  !> The second half of the run: its first instant, its time, and of that the time at rest or in creep.
-  subroutine follow_late(self, stretch)
+  !> The time at rest or in creep, of the second half, with its first instant, and of the cycle under way.
+  subroutine follow_creep(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
-    type(moment_t) :: first, crossing, slow
+    type(moment_t) :: first
+
+    if (stretch%last%time >= self%half) then
+      first = stretch%first
+      if (first%time < self%half) then
+        first = stretch%at(self%half)
+        call self%late%widen(extremum_of(first))
+      end if
+      call take_creep(stretch, first, self%late)
+    end if
+    if (self%settle > 0.0_wp) call take_creep(stretch, stretch%first, self%this_cycle)
+  end subroutine follow_creep
+
+  !> Lengthen a window by a stretch from an instant on.
+  subroutine take_creep(stretch, first, window)
+    class(stretch_t), intent(in) :: stretch
+    type(moment_t), intent(in) :: first
+    type(window_t), intent(inout) :: window
+    type(moment_t) :: crossing, slow
     real(wp) :: ends(2), slowest, share, duration
 
-    first = stretch%first
-    if (first%time < self%half) then
-      first = stretch%at(self%half)
-      call widen(self, first)
-    end if
     duration = stretch%last%time - first%time
     ! Where the mass is tiny, steps may be shorter than the time can tell.
     if (.not. duration > 0.0_wp) return
@@ -352,9 +482,8 @@ contains
       share = (crossing%time - first%time)/duration
       if (ends(2) < 0.0_wp) share = 1.0_wp - share
     end if
-    self%late_time = self%late_time + duration
-    self%creep_time = self%creep_time + share*duration
-  end subroutine follow_late
+    call lengthen(window, duration, share*duration)
+  end subroutine take_creep
 
   !> Largest |X'|: inside advances only where it may be exceeded.
   subroutine follow_rate(self, stretch)
@@ -457,12 +586,13 @@ contains
     else
       call put('energy_residual', 0.0_wp)
     end if
-    if (self%late_time > 0.0_wp) then
-      call put('swing', self%late_highest - self%late_lowest)
-      call put('creep_share', self%creep_time/self%late_time)
+    if (self%late%length > 0.0_wp) then
+      call put('swing', self%late%highest%load - self%late%lowest%load)
+      call put('creep_share', self%late%creep_time/self%late%length)
     end if
     if (self%has_slipped) call put('slip_angle', self%slip_angle)
     if (self%undecided_from >= 0.0_wp) call put('undecided_from', self%undecided_from)
+    if (self%settled_at >= 0.0_wp) call put('settled_at', self%settled_at)
 
   contains
 
@@ -500,12 +630,22 @@ contains
     call archive%serialise(self%sticking_time)
     call archive%serialise(self%first_energy)
     call archive%serialise(self%exchanged)
-    call archive%serialise(self%late_highest)
-    call archive%serialise(self%late_lowest)
-    call archive%serialise(self%late_time)
-    call archive%serialise(self%creep_time)
+    call self%late%serialise(archive)
     call archive%serialise(self%has_slipped)
     call archive%serialise(self%slip_angle)
     call archive%serialise(self%undecided_from)
+    call archive%serialise(self%settled_at)
+    call self%this_cycle%serialise(archive)
+    call archive%serialise(self%cycles_seen)
   end subroutine serialise
+
+  subroutine serialise_window(self, archive)
+    class(window_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call self%highest%serialise(archive)
+    call self%lowest%serialise(archive)
+    call archive%serialise(self%length)
+    call archive%serialise(self%creep_time)
+  end subroutine serialise_window
 end module dst_summary

@@ -1,5 +1,6 @@
 !> From a scene to its motion: slider, drive, equations, method.
 module dst_assembly
+  use dst_cycle_map, only: cycle_map_t, new_cycle_map
   use dst_creep_motion, only: creep_motion_t, new_creep_motion
   use dst_drive, only: drive_t, new_drive
   use dst_errors, only: error_t, raise, deck_error
@@ -80,10 +81,34 @@ contains
     end if
     call move_alloc(stepper, first%stepper)
     call start_motion(scene, first)
-    call move_alloc(first, motion)
+    call leap_cycles(scene, first, motion)
     if (allocated(with_rest)) call move_alloc(with_rest, other)
     if (allocated(without)) call move_alloc(without, other)
   end subroutine new_motion
+
+  !> The motion that has been started, with fast cycles leapt where the scene lets it.
+  subroutine leap_cycles(scene, first, motion)
+    type(scene_t), intent(in) :: scene
+    class(stepping_t), allocatable, intent(inout) :: first
+    class(motion_t), allocatable, intent(out) :: motion
+    class(slip_stick_t), allocatable :: steps
+    type(cycle_map_t), allocatable :: map
+
+    if (scene%cycle_map == 'auto' .and. scene%model == 'full') then
+      select type (first)
+      class is (slip_stick_t)
+        allocate (steps, source=first)
+      end select
+    end if
+    if (.not. allocated(steps)) then
+      call move_alloc(first, motion)
+      return
+    end if
+    deallocate (first)
+    allocate (map)
+    call new_cycle_map(steps, scene%rtol, map)
+    call move_alloc(map, motion)
+  end subroutine leap_cycles
 
   !> The equations of motion by name: of motion that can rest (exact contact), of motion that cannot, or both.
   subroutine choose_equations(scene, slider, drive, resting, sliding, error)

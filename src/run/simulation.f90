@@ -72,7 +72,9 @@ contains
     call new_motion(scene, self%motion, self%other, error)
     if (.not. allocated(error)) call select_columns(self, error)
     if (allocated(error)) return
-    call self%summary%start(self%motion)
+    ! The summary looks at the second half, which no leap may straddle.
+    self%motion%milestone = 0.5_wp*scene%t_end
+    call self%summary%start(self%motion, scene%settle)
     allocate (self%rows(size(self%selected), buffer_rows))
   end subroutine start
 
@@ -153,8 +155,15 @@ contains
   pure logical function at_end(self)
     class(simulation_t), intent(in) :: self
 
-    at_end = self%recorded .and. self%motion%finished()
+    at_end = self%recorded .and. is_over(self)
   end function at_end
+
+  !> Whether the motion is over: at t_end, or where it has settled.
+  pure logical function is_over(self)
+    class(simulation_t), intent(in) :: self
+
+    is_over = self%motion%finished() .or. self%summary%settled_at >= 0.0_wp
+  end function is_over
 
   !> Whether the motion is known up to `time` [s], and all samples up to it have been taken.
   pure logical function has_reached(self, time)
@@ -219,7 +228,7 @@ contains
           return
         end if
       end associate
-      if (self%scene%max_steps == 0 .or. self%motion%finished()) return
+      if (self%scene%max_steps == 0 .or. is_over(self)) return
       work = self%motion%work()
       if (work%steps < self%scene%max_steps) return
       write (limit, '(a,i0)') 'integrator.max_steps = ', self%scene%max_steps
@@ -233,6 +242,7 @@ contains
     class(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
     logical :: all_taken
+    real(wp) :: time
 
     all_taken = .true.
     associate (piece => self%motion%piece)
@@ -240,14 +250,33 @@ contains
         call take_sample(self, writer, 0.0_wp, error)
       else if (self%scene%interval > 0.0_wp) then
         call take_samples(self, writer, all_taken, error)
-      else if (piece%to%time > piece%from%time) then
-        call take_sample(self, writer, piece%to%time, error)
+      else
+        time = piece%from%time
+        do while (piece%to%time > time .and. .not. allocated(error))
+          time = self%motion%next_instant(time)
+          call take_sample(self, writer, time, error)
+        end do
       end if
-      if (piece%event /= no_event .and. all_taken .and. .not. allocated(error)) &
-        call writer%write_events([piece%to%time], [piece%event], error)
+      if (piece%event /= no_event .and. all_taken .and. .not. allocated(error)) call write_events(self, writer, error)
     end associate
     self%recorded = all_taken
   end subroutine record
+
+  !> The events of the last piece.
+  subroutine write_events(self, writer, error)
+    class(simulation_t), intent(inout) :: self
+    class(writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: time(:)
+    integer, allocatable :: kind(:)
+
+    if (self%motion%leapt) then
+      call self%motion%events(time, kind)
+      call writer%write_events(time, kind, error)
+    else
+      call writer%write_events([self%motion%piece%to%time], [self%motion%piece%event], error)
+    end if
+  end subroutine write_events
 
   !> The samples due by now, up to a buffer full; `all_taken` tells whether these were all.
   subroutine take_samples(self, writer, all_taken, error)
@@ -261,7 +290,10 @@ contains
     all_taken = .true.
     do i = 1, buffer_rows
       time = sample_time(self)
-      if (time > self%motion%piece%to%time) return
+      if (time > self%motion%piece%to%time) then
+        if (self%summary%settled_at >= 0.0_wp) call take_sample(self, writer, self%motion%piece%to%time, error)
+        return
+      end if
       call take_sample(self, writer, time, error)
       if (allocated(error) .or. time >= self%scene%t_end) return
     end do

@@ -134,7 +134,7 @@ contains
     self%moment(lane) = moment_of(self, lane)
     self%summary(lane) = summary_t()
     call self%summary(lane)%cycles%begin(slider%along(1), slider%law%static_limit, slider%stiffness(1), slider%mass)
-    call self%summary(lane)%begin(self%moment(lane), energy(self, lane), scene%t_end)
+    call self%summary(lane)%begin(self%moment(lane), energy(self, lane), scene%t_end, scene%settle)
     self%busy(lane) = .true.
     self%done(lane) = self%refused(lane)
     self%moved(lane) = .false.
@@ -228,7 +228,7 @@ contains
       self%moment(i) = step%last
       call self%summary(i)%take_in(step)
       self%moved(i) = .false.
-      self%done(i) = .not. self%now%time(i) < self%t_end(i)
+      self%done(i) = self%now%time(i) >= self%t_end(i) .or. self%summary(i)%settled_at >= 0.0_wp
     end do
     self%before = self%now
   end subroutine take_in
@@ -449,7 +449,7 @@ contains
         self%drive_work(lane), self%friction_work(lane)))
       final = [u, self%second_u(lane), position_of(self, lane, time, u), rate_along(self, lane, self%now%w(lane))]
       steps = self%steps(lane)
-      if (time < self%t_end(lane)) call explain(self, lane, error)
+      if (time < self%t_end(lane) .and. self%summary(lane)%settled_at < 0.0_wp) call explain(self, lane, error)
     end associate
     self%busy(lane) = .false.
     self%done(lane) = .false.

@@ -134,6 +134,10 @@ contains
     end if
     sweep%deck = deck
     sweep%keeps_series = deck%text_of(sweep_group, 'keep') == 'series'
+    if (sweep%keeps_series .and. deck%real_of('scene', 'settle') > 0.0_wp) then
+      call raise(error, deck_error, "keep 'series' needs the same times in every case: leave scene.settle out", 'scene.settle')
+      return
+    end if
     if (present(axes)) then
       sweep%axes = axes
       sweep%is_list = is_list

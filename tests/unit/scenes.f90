@@ -24,6 +24,7 @@ contains
     scene%law = 'weakening'
     scene%contact = 'exact'
     scene%method = method
+    scene%cycle_map = 'auto'
     scene%output_file = ''
     scene%t_end = t_end
     scene%mass = 0.25_wp

@@ -17,12 +17,14 @@ program test_resume
 
   do i = 1, 3
     call compare(trim(methods(i))//', two cycles', two_cycles(trim(methods(i))))
+    call compare(trim(methods(i))//', two cycles, without the cycle map', without_map(two_cycles(trim(methods(i)))))
   end do
   do i = 1, 5
     call compare(trim(methods(i))//', creep and turning back', turning_back(trim(methods(i))))
     call compare(trim(methods(i))//', low frequency', low_frequency(trim(methods(i))))
     call compare(trim(methods(i))//', along a line', along_a_line(fig3(2.9_wp, trim(methods(i)), 1.0e-7_wp)))
   end do
+  call compare('excursions reused', many_cycles())
   call compare('radau9, smoothed', smoothed('radau9'))
   call compare('dop853, smoothed', smoothed('dop853'))
   call compare('rk4, smoothed', fixed_step(smoothed('rk4')))
@@ -41,6 +43,22 @@ contains
     scene = fig3(4.2_wp, method, 1.0e-6_wp)
     scene%interval = 0.01_wp
   end function two_cycles
+
+  pure function without_map(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%cycle_map = 'off'
+  end function without_map
+
+  !> The slow cycle repeats, and is leapt as a whole.
+  function many_cycles() result(scene)
+    type(scene_t) :: scene
+
+    scene = fig3(5.2_wp, 'radau9', 1.0e-6_wp)
+    scene%interval = 1.0e-3_wp
+  end function many_cycles
 
   function turning_back(method) result(scene)
     character(*), intent(in) :: method

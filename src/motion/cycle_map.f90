@@ -1,0 +1,570 @@
+!> The exact contact with fast cycles leapt: slip and stick that repeat from release to release are followed by a map.
+!>
+!> At a release under a steady drive the whole state is one angle (dst_cycle_table). Where that pays, single cycles are run from
+!> Chebyshev points of an interval of angles, and all cycles in it follow by polynomials. What lies between two such intervals - an
+!> excursion: the last cycles before sticks end, the slip, and what follows it - is made step by step. It is a function of the angle
+!> as well: a stretch that begins where an earlier one began is the same. docs/cycle_map.md.
+module dst_cycle_map
+  use dst_archive, only: archive_t
+  use dst_cycle_survey, only: cycle_survey_t
+  use dst_cycle_table, only: duration, drive_work, measures
+  use dst_errors, only: error_t
+  use dst_fast_cycle, only: release_angle_t, release_at, fast_cycle_t
+  use dst_kinds, only: wp, int64
+  use dst_leap, only: leap_t
+  use dst_motion, only: motion_t, serialise_motion
+  use dst_piece, only: piece_t, no_event, slip_begins, slips, touches, sticks
+  use dst_recording, only: recording_t
+  use dst_slip_stick, only: slip_stick_t
+  use dst_state, only: state_t, instant_t
+  use dst_stepper, only: work_count_t
+  implicit none
+  private
+
+  public :: cycle_map_t, new_cycle_map, max_leaps
+
+  !> Two releases are the same if their angles differ by no more than this [rad]: some roundoffs. Where an excursion is known to
+  !> forget how it began, they may differ by so many times rtol, if of that no more than this share of rtol is left at its end.
+  !> Conventions; twice: no change on Fig. 3.
+  real(wp), parameter :: same_angle = 1000.0_wp*epsilon(1.0_wp), near = 0.3_wp, left_over = 0.003_wp
+  !> A turn against that of the cycle before which is so many times larger is an excursion. Convention; twice: no change on
+  !> Fig. 3, 7 % more iterations with k_y = 1e6 N/m.
+  real(wp), parameter :: far_back = 5.0_wp
+  !> Most leaps that are remembered, excursions that can be made again, and pieces of one.
+  integer, parameter :: max_leaps = 32, max_kept = 4, max_pieces = 8000
+
+  !> A motion by steps and leaps.
+  type, extends(motion_t) :: cycle_map_t
+    class(slip_stick_t), allocatable :: steps
+    type(cycle_survey_t) :: survey
+    !> Leaps that are remembered; their number so far, and the place of the last piece among them.
+    type(leap_t), allocatable :: leaps(:)
+    integer(int64) :: leap_count = 0
+    integer :: current = 0
+    !> By what time the last piece is ahead of the leap that is remembered [s].
+    real(wp) :: lead = 0.0_wp
+    !> Work beside that of the steps, and of the survey.
+    type(work_count_t), private :: own
+    !> Whether the last piece ended with a release; and the release before, if only one cycle lies between, with its time [s].
+    logical, private :: released = .false.
+    logical, private :: has_before = .false.
+    type(release_angle_t), private :: before
+    real(wp), private :: before_time = 0.0_wp
+    !> Whether the last piece was a leap through a table; an excursion under way, whether its pieces are kept, where it began, and
+    !> when the one before came to its end [s].
+    logical, private :: follows_leg = .false.
+    logical, private :: recording = .false., keeping = .false.
+    type(recording_t), private :: excursion
+    type(release_angle_t), private :: excursion_from
+    real(wp), private :: last_return = -1.0_wp
+    !> Turn of a cycle that was no excursion.
+    real(wp), private :: usual_turn = 0.0_wp
+  contains
+    procedure :: go_on
+    procedure :: instant
+    procedure :: state_in_leap
+    procedure :: next_in_leap
+    procedure :: lead_after
+    procedure :: energy
+    procedure :: work
+    procedure :: is_undecided
+    procedure :: velocity
+    procedure :: events
+    procedure :: next_instant
+    procedure :: serialise
+  end type cycle_map_t
+
+contains
+
+  !> The motion `steps`, which has been started and gives itself up, with its cycles leapt at this tolerance.
+  subroutine new_cycle_map(steps, rtol, map)
+    class(slip_stick_t), allocatable, intent(inout) :: steps
+    real(wp), intent(in) :: rtol
+    type(cycle_map_t), intent(out) :: map
+
+    call move_alloc(steps, map%steps)
+    map%slider = map%steps%slider
+    map%drive = map%steps%drive
+    map%t_end = map%steps%t_end
+    map%survey%rtol = rtol
+    map%piece = map%steps%piece
+    map%contact = map%steps%contact
+  end subroutine new_cycle_map
+
+  !> Leaps that are remembered.
+  pure integer function remembered(self)
+    class(cycle_map_t), intent(in) :: self
+
+    remembered = int(min(self%leap_count, int(max_leaps, int64)))
+  end function remembered
+
+  !> A leap, or a piece of the motion by steps.
+  subroutine go_on(self, horizon, error)
+    class(cycle_map_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    type(error_t), allocatable, intent(out) :: error
+    integer :: place
+
+    ! Just past a knot the release is one of another drive.
+    if (self%released .and. self%segment == self%steps%segment) then
+      call choose_leap(self, horizon, place)
+      if (place > 0) then
+        call make_leap(self, place)
+        return
+      end if
+    end if
+    self%follows_leg = .false.
+    call self%steps%advance(error)
+    self%piece%to = self%steps%piece%to
+    self%piece%contact = self%steps%piece%contact
+    self%piece%event = self%steps%piece%event
+    self%piece%drive = self%steps%piece%drive
+    call self%piece%path%take(self%steps%piece%path)
+    self%contact = self%steps%contact
+    self%segment = self%steps%segment
+    call note_piece(self)
+  end subroutine go_on
+
+  !> Whether the last piece by steps ended with a release under a steady drive; and what its cycle was like.
+  subroutine note_piece(self)
+    class(cycle_map_t), intent(inout) :: self
+    type(release_angle_t) :: here
+
+    associate (piece => self%steps%piece)
+      if (self%recording) then
+        if (self%keeping) call self%excursion%append(piece)
+        if (self%excursion%count >= max_pieces) self%recording = .false.
+      end if
+      self%released = piece%event == slip_begins .and. piece%contact == sticks .and. .not. abs(piece%drive%acceleration) > 0.0_wp &
+        .and. abs(piece%drive%velocity) > 0.0_wp
+      if (piece%contact == touches .or. piece%to%time >= piece%drive%end) call forget(self)
+      if (.not. self%released) return
+      here = release_at(piece%to%y(2))
+      call note_return(self, here%angle - self%before%angle)
+      if (self%has_before) then
+        self%survey%before = self%survey%last
+        self%survey%last = fast_cycle_t(.true., self%before, piece%to%time - self%before_time, here%angle - self%before%angle, &
+          (piece%to%time - piece%from%time)/max(tiny(1.0_wp), piece%to%time - self%before_time))
+      end if
+      self%has_before = .true.
+      self%before = here
+      self%before_time = piece%to%time
+    end associate
+  end subroutine note_piece
+
+  !> A turn far back is an excursion, after which the cycles begin anew: how long that takes.
+  pure subroutine note_return(self, turn)
+    class(cycle_map_t), intent(inout) :: self
+    real(wp), intent(in) :: turn
+
+    if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) then
+      if (self%last_return >= 0.0_wp) self%survey%slow_period = self%piece%to%time - self%last_return
+      self%last_return = self%piece%to%time
+    else
+      self%usual_turn = turn
+    end if
+  end subroutine note_return
+
+  !> What was known of the cycles holds no longer.
+  pure subroutine forget(self)
+    class(cycle_map_t), intent(inout) :: self
+
+    self%has_before = .false.
+    self%survey%last%known = .false.
+    self%survey%before%known = .false.
+    self%recording = .false.
+  end subroutine forget
+
+  !> The leap from the present release: its place among those that are remembered, 0 if there is none.
+  subroutine choose_leap(self, horizon, place)
+    class(cycle_map_t), intent(inout) :: self
+    real(wp), intent(in) :: horizon
+    integer, intent(out) :: place
+    type(release_angle_t) :: here
+    real(wp) :: longest
+    integer :: table
+
+    place = 0
+    associate (now => self%piece%to)
+      here = release_at(now%y(2))
+      longest = now%until(horizon)
+      if (now%time < self%milestone) longest = min(longest, now%until(self%milestone))
+      table = self%survey%table_of(self%piece%drive%velocity, here)
+      place = known_leap(self, here, longest)
+      if (table == 0 .and. place == 0) &
+        call self%survey%make_table(self%steps, self%piece%drive%velocity, here, longest, now%until(self%t_end), table)
+      if (max(table, place) > 0 .and. self%recording) call end_excursion(self)
+      if (place > 0) then
+        if (self%leaps(place)%table == 0) self%own%excursions_reused = self%own%excursions_reused + 1
+      else if (table > 0) then
+        call new_place(self, here, place)
+        call self%leaps(place)%follow(table, self%survey%table(table), longest)
+        if (self%leaps(place)%cycles == 0) place = 0
+      else if (.not. self%recording .and. self%follows_leg) then
+        call self%excursion%clear()
+        self%recording = .true.
+        ! The next one is about as far off as the last return.
+        self%keeping = self%last_return >= 0.0_wp .and. longest > now%time - self%last_return
+        self%excursion_from = here
+      end if
+    end associate
+  end subroutine choose_leap
+
+  !> A leap that began at the same release and ends in time, 0 if there is none.
+  pure integer function known_leap(self, here, longest) result(place)
+    class(cycle_map_t), intent(in) :: self
+    type(release_angle_t), intent(in) :: here
+    real(wp), intent(in) :: longest
+    integer :: i
+
+    place = 0
+    do i = 1, remembered(self)
+      associate (leap => self%leaps(i))
+        if (abs(leap%velocity - self%piece%drive%velocity) > 0.0_wp .or. leap%from%side*here%side < 0.0_wp) cycle
+        if (leap%duration > longest .or. .not. leap%is_kept) cycle
+        associate (apart => abs(leap%from%angle - here%angle))
+          if (apart <= same_angle) then
+            place = i
+          else if (leap%table == 0 .and. apart <= near*self%survey%rtol .and. self%survey%before%known) then
+            if (memory_of(self, i)*apart <= left_over*self%survey%rtol) place = i
+          end if
+        end associate
+        if (place > 0) return
+      end associate
+    end do
+  end function known_leap
+
+  !> How much of a difference in the beginning of an excursion is left at its end, by another one; huge if there is none.
+  pure real(wp) function memory_of(self, place) result(memory)
+    class(cycle_map_t), intent(in) :: self
+    integer, intent(in) :: place
+    integer :: i
+
+    memory = huge(memory)
+    associate (leap => self%leaps(place))
+      do i = 1, remembered(self)
+        associate (other => self%leaps(i))
+          if (i == place .or. other%table > 0 .or. abs(other%velocity - leap%velocity) > 0.0_wp &
+            .or. other%from%side*leap%from%side < 0.0_wp .or. other%to%side*leap%to%side < 0.0_wp) cycle
+          associate (apart => abs(other%from%angle - leap%from%angle))
+            if (apart > near*self%survey%rtol) memory = min(memory, abs(other%to%angle - leap%to%angle)/apart)
+          end associate
+        end associate
+      end do
+    end associate
+  end function memory_of
+
+  !> By what time [s] the motion is ahead of a remembered excursion that begins at a slightly different angle: the cycles drift from
+  !> one to the other at a rate that goes on from that of the last two.
+  pure real(wp) function lead_of(self, here, leap) result(lead)
+    class(cycle_map_t), intent(in) :: self
+    type(release_angle_t), intent(in) :: here
+    type(leap_t), intent(in) :: leap
+
+    lead = 0.0_wp
+    if (leap%table > 0 .or. .not. self%survey%before%known) return
+    associate (last => self%survey%last, before => self%survey%before)
+      if (.not. abs(last%turn*before%turn) > 0.0_wp) return
+      lead = (here%angle - leap%from%angle)*(1.5_wp*last%duration/last%turn - 0.5_wp*before%duration/before%turn)
+    end associate
+  end function lead_of
+
+  !> Where the next leap is remembered.
+  subroutine new_place(self, here, place)
+    class(cycle_map_t), intent(inout) :: self
+    type(release_angle_t), intent(in) :: here
+    integer, intent(out) :: place
+
+    if (.not. allocated(self%leaps)) allocate (self%leaps(max_leaps))
+    place = int(modulo(self%leap_count, int(max_leaps, int64))) + 1
+    self%leap_count = self%leap_count + 1
+    associate (leap => self%leaps(place))
+      leap%number = self%leap_count
+      leap%velocity = self%piece%drive%velocity
+      leap%from = here
+      leap%table = 0
+      leap%cycles = 0
+      leap%duration = 0.0_wp
+      leap%is_kept = .false.
+    end associate
+  end subroutine new_place
+
+  !> The excursion under way has come to its end.
+  subroutine end_excursion(self)
+    class(cycle_map_t), intent(inout) :: self
+    integer :: place, kept, i
+
+    self%recording = .false.
+    call new_place(self, self%excursion_from, place)
+    self%leaps(place)%to = release_at(self%piece%to%y(2))
+    if (.not. self%keeping) return
+    call self%leaps(place)%keep(self%excursion)
+    ! Of excursions that are not reused many would come together.
+    kept = 0
+    do i = remembered(self), 1, -1
+      associate (leap => self%leaps(modulo(place + i - 1, max_leaps) + 1))
+        if (leap%table > 0 .or. .not. leap%is_kept) cycle
+        kept = kept + 1
+        if (kept > max_kept) call leap%drop()
+      end associate
+    end do
+  end subroutine end_excursion
+
+  !> A leap as the last piece.
+  subroutine make_leap(self, place)
+    class(cycle_map_t), intent(inout) :: self
+    integer, intent(in) :: place
+    type(state_t) :: to
+    real(wp) :: worked
+
+    associate (leap => self%leaps(place), from => self%piece%from)
+      self%lead = lead_of(self, release_at(from%y(2)), leap)
+      ! The drive's work until it is where the excursion began is that of the cycles, the rest of the energy friction's.
+      worked = 0.0_wp
+      if (abs(self%lead) > 0.0_wp) worked = -self%lead*drive_power(self)
+      to = from
+      call to%later(from, leap%duration - self%lead)
+      to%drive_work = from%drive_work + leap%drive_work + worked
+      to%friction_work = from%friction_work + leap%friction_work + worked &
+        - 0.5_wp*sum(self%slider%stiffness*(self%slider%elongation_at_limit(leap%from%theta())**2 - from%u**2))
+      call self%steps%place_at_release(leap%to%theta(), to)
+      associate (there => self%steps%piece%to)
+        there%position = from%position + self%piece%drive%velocity*(leap%duration - self%lead) &
+          - dot_product(there%u - from%u, self%slider%along)
+        self%piece%to = there
+      end associate
+      self%own%cycles_leapt = self%own%cycles_leapt + leap%cycles
+      self%own%events = self%own%events + 2*leap%cycles
+      if (leap%table > 0) self%own%map_error = max(self%own%map_error, self%survey%table(leap%table)%error)
+    end associate
+    self%current = place
+    self%leapt = .true.
+    self%piece%event = slip_begins
+    self%piece%contact = slips
+    self%contact = slips
+    self%released = .true.
+    self%has_before = .true.
+    self%before = self%leaps(place)%to
+    self%before_time = self%piece%to%time
+    self%survey%before%known = .false.
+    self%follows_leg = self%leaps(place)%table > 0
+    if (.not. self%follows_leg) return
+    associate (leap => self%leaps(place), n => self%leaps(place)%cycles)
+      self%survey%last = leap%cycle_of(n)
+      if (n > 1) self%survey%before = leap%cycle_of(n - 1)
+    end associate
+  end subroutine make_leap
+
+  !> Mean power of the drive [W] in the last cycle, which was one of a table.
+  pure real(wp) function drive_power(self)
+    class(cycle_map_t), intent(in) :: self
+    real(wp) :: measure(measures)
+
+    associate (leap => self%leaps(self%current))
+      measure = self%survey%table(leap%table)%measures_at(leap%angle(leap%cycles))
+    end associate
+    drive_power = measure(drive_work)/measure(duration)
+  end function drive_power
+
+  pure function instant(self, time)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    type(instant_t) :: instant
+    type(state_t) :: state
+    real(wp) :: elapsed
+    integer :: contact
+
+    if (.not. self%leapt .or. time >= self%piece%to%time) then
+      instant = self%steps%instant(time)
+      return
+    end if
+    associate (from => self%piece%from)
+      elapsed = from%until(time)
+      call self%state_in_leap(self%leaps(self%current), elapsed + self%lead_after(elapsed), state, contact)
+      state%position = from%position + self%piece%drive%velocity*elapsed - dot_product(state%u - from%u, self%slider%along)
+    end associate
+    state%time = time
+    instant = self%steps%instant_of(state, contact)
+  end function instant
+
+  !> The state and the contact in a leap, some time after it began; time and position count from there. Without works.
+  pure subroutine state_in_leap(self, leap, elapsed, state, contact)
+    class(cycle_map_t), intent(in) :: self
+    type(leap_t), intent(in) :: leap
+    real(wp), intent(in) :: elapsed            !! s
+    type(state_t), intent(out) :: state
+    integer, intent(out) :: contact
+    real(wp) :: within, value(4), theta
+    integer :: i
+
+    if (leap%table == 0) then
+      call state_in_recording(leap%recording, elapsed, state, contact)
+    else
+      i = leap%cycle_at(elapsed)
+      within = elapsed - leap%start(i)
+      if (within < leap%slip(i)) then
+        contact = slips
+        value = self%survey%table(leap%table)%slip_at(self%steps%closed_form%grid, leap%angle(i), within/leap%slip(i))
+        theta = leap%from%side*leap%angle(i)
+        state%u = self%slider%elongation_at_limit(theta) + value(1:2)
+        state%y(1:2) = [value(3), theta + value(4)]
+      else
+        contact = sticks
+        state%u = self%slider%elongation_at_limit(leap%from%side*leap%angle(i + 1)) &
+          - leap%velocity*(leap%start(i + 1) - elapsed)*self%piece%drive_coupling
+      end if
+      associate (u_first => self%slider%elongation_at_limit(leap%from%theta()))
+        state%position = leap%velocity*elapsed - dot_product(state%u - u_first, self%slider%along)
+      end associate
+    end if
+    state%time = elapsed
+  end subroutine state_in_leap
+
+  !> The same of an excursion.
+  pure subroutine state_in_recording(recording, elapsed, state, contact)
+    type(recording_t), intent(in) :: recording
+    real(wp), intent(in) :: elapsed            !! s
+    type(state_t), intent(out) :: state
+    integer, intent(out) :: contact
+    type(piece_t) :: piece
+    type(state_t) :: first
+
+    call recording%get(recording%place_of(elapsed), piece)
+    first = recording%from(1)
+    state = piece%at(first%time + elapsed)
+    state%position = state%position - first%position
+    contact = piece%contact
+  end subroutine state_in_recording
+
+  !> By what time the last piece is ahead of the leap that is remembered, some time after its beginning [s]. The fast oscillation
+  !> goes on from the beginning in the same time; the slip comes earlier, and all that follows it.
+  pure real(wp) function lead_after(self, elapsed) result(lead)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: elapsed
+
+    lead = merge(self%lead, 0.0_wp, elapsed > self%leaps(self%current)%slip_begins)
+  end function lead_after
+
+  !> The end of a step in a leap that follows some time [s] after its beginning; in a cycle that of a panel of its table.
+  pure real(wp) function next_in_leap(self, leap, elapsed) result(next)
+    class(cycle_map_t), intent(in) :: self
+    type(leap_t), intent(in) :: leap
+    real(wp), intent(in) :: elapsed
+    integer :: i, k
+
+    if (leap%table == 0) then
+      next = leap%recording%end_of(leap%recording%place_of(elapsed))
+      return
+    end if
+    i = leap%cycle_at(elapsed)
+    next = leap%start(i + 1)
+    associate (table => self%survey%table(leap%table))
+      do k = table%panels, 1, -1
+        associate (panel_end => leap%start(i) + table%panel_end(k)*leap%slip(i))
+          if (panel_end <= elapsed) exit
+          next = panel_end
+        end associate
+      end do
+    end associate
+  end function next_in_leap
+
+  pure subroutine events(self, time, kind)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), allocatable, intent(out) :: time(:)
+    integer, allocatable, intent(out) :: kind(:)
+    integer :: i
+
+    if (.not. self%leapt) then
+      time = pack([self%piece%to%time], self%piece%event /= no_event)
+      kind = pack([self%piece%event], self%piece%event /= no_event)
+      return
+    end if
+    call self%leaps(self%current)%events(time, kind)
+    associate (from => self%piece%from)
+      do i = 1, size(time)
+        time(i) = from%time + (from%time_rest + (time(i) - self%lead_after(time(i))))
+      end do
+    end associate
+  end subroutine events
+
+  pure real(wp) function next_instant(self, time)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    real(wp) :: next, former
+
+    next_instant = max(time, self%piece%to%time)
+    if (.not. self%leapt .or. .not. self%piece%to%time > time) return
+    associate (from => self%piece%from, to => self%piece%to)
+      next = from%until(time) + self%lead_after(from%until(time))
+      ! Rounded to a time, an end may be that of the step before.
+      do
+        former = next
+        next = self%next_in_leap(self%leaps(self%current), former)
+        next_instant = min(to%time, from%time + (from%time_rest + (next - self%lead_after(next))))
+        if (next_instant > time) return
+        if (.not. next > former) exit
+      end do
+      next_instant = to%time
+    end associate
+  end function next_instant
+
+  pure real(wp) function energy(self, velocity)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: velocity(2)
+
+    energy = self%steps%energy(velocity)
+  end function energy
+
+  pure function work(self)
+    class(cycle_map_t), intent(in) :: self
+    type(work_count_t) :: work, surveyed
+
+    surveyed = self%survey%work()
+    work = self%steps%work()
+    work = work%plus(surveyed)
+    work = work%plus(self%own)
+  end function work
+
+  pure logical function is_undecided(self)
+    class(cycle_map_t), intent(in) :: self
+
+    is_undecided = self%steps%is_undecided()
+  end function is_undecided
+
+  pure function velocity(self, state)
+    class(cycle_map_t), intent(in) :: self
+    type(state_t), intent(in) :: state
+    real(wp) :: velocity(2)
+
+    velocity = self%steps%velocity(state)
+  end function velocity
+
+  subroutine serialise(self, archive)
+    class(cycle_map_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+    integer :: i
+
+    call serialise_motion(self, archive)
+    call self%steps%serialise(archive)
+    call self%survey%serialise(archive, self%steps)
+    call self%own%serialise(archive)
+    call archive%serialise(self%leap_count)
+    if (self%leap_count > 0 .and. .not. allocated(self%leaps)) allocate (self%leaps(max_leaps))
+    do i = 1, remembered(self)
+      call self%leaps(i)%serialise(archive)
+    end do
+    call archive%serialise(self%current)
+    call archive%serialise(self%lead)
+    call archive%serialise(self%released)
+    call archive%serialise(self%has_before)
+    call self%before%serialise(archive)
+    call archive%serialise(self%before_time)
+    call archive%serialise(self%follows_leg)
+    call archive%serialise(self%recording)
+    call archive%serialise(self%keeping)
+    if (self%recording .and. self%keeping) call self%excursion%serialise(archive)
+    call self%excursion_from%serialise(archive)
+    call archive%serialise(self%last_return)
+    call archive%serialise(self%usual_turn)
+  end subroutine serialise
+end module dst_cycle_map

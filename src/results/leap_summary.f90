@@ -1,0 +1,377 @@
+!> What the leaps of a cycle map add to a summary. Of the cycles in a table it is told by what was observed of those at its points.
+module dst_leap_summary
+  use dst_chebyshev, only: chebyshev_polynomials
+  use dst_cycle_map, only: cycle_map_t, max_leaps
+  use dst_cycle_survey, only: cycle_observer_t
+  use dst_cycles, only: extremum_t, threshold
+  use dst_kinds, only: wp, int64
+  use dst_leap, only: leap_t
+  use dst_motion, only: motion_t
+  use dst_piece, only: piece_t, stick_begins, slips
+  use dst_piece_view, only: piece_view_t, moment_of, friction_of
+  use dst_recording, only: recording_t
+  use dst_state, only: state_t
+  use dst_summary, only: summary_t, passage_t, moment_t, stretch_t
+  implicit none
+  private
+
+  public :: leap_summary_t, observe_cycles
+
+  !> What is observed of a cycle: the time in creep or at rest [s], the largest |X'| [m/s], highest and lowest load with time and X,
+  !> where in the cycle they lie, and whether slip begins in it.
+  integer, parameter :: creep_time = 1, largest_rate = 2, highest = 3, lowest = 6, highest_place = 9, lowest_place = 10, &
+    begins_to_slip = 11, values = 11
+  real(wp), parameter :: at_begin = -1.0_wp, inside = 0.0_wp, at_end = 1.0_wp
+  !> Where a cycle at a point comes that close to the largest |X'| so far, those between may exceed it.
+  real(wp), parameter :: near_largest = 0.95_wp
+  !> What polynomials of the time in creep may err by, relative to a cycle, and how many cycles are looked at where they err more.
+  real(wp), parameter :: smooth = 1.0e-7_wp
+  integer, parameter :: most_looks = 64
+  !> A fall of the load within each cycle counts on its own from this share of `threshold` on.
+  real(wp), parameter :: large_ripple = 0.5_wp
+
+  type, extends(cycle_observer_t) :: observer_t
+  contains
+    procedure :: observe
+  end type observer_t
+
+  !> What a leap that is remembered adds.
+  type :: known_passage_t
+    integer(int64) :: number = 0
+    type(passage_t) :: passage
+  end type known_passage_t
+
+  !> What the leaps that a map remembers add, each looked at once.
+  type :: leap_summary_t
+    private
+    type(known_passage_t), allocatable :: known(:)
+  contains
+    procedure :: follow
+  end type leap_summary_t
+
+  !> Part of a leap as the summary looks at it; time and X count from its beginning.
+  type, extends(stretch_t) :: leap_view_t
+    class(cycle_map_t), pointer :: map => null()
+    type(leap_t), pointer :: leap => null()
+  contains
+    procedure :: at
+    procedure :: friction
+  end type leap_view_t
+
+contains
+
+  !> Observe the cycles of a map.
+  subroutine observe_cycles(map)
+    class(cycle_map_t), intent(inout) :: map
+
+    allocate (map%survey%observer, source=observer_t(values=values))
+  end subroutine observe_cycles
+
+  !> A cycle by its own summary.
+  subroutine observe(self, steps, cycle, value)
+    class(observer_t), intent(in) :: self
+    class(motion_t), intent(in), target :: steps
+    type(recording_t), intent(in) :: cycle
+    real(wp), intent(out) :: value(:)
+    type(summary_t) :: summary
+    type(passage_t) :: passage
+
+    associate (unused => self%values)
+    end associate
+    call summarise(steps, cycle, summary)
+    passage = summary%passage()
+    value(creep_time) = passage%creep_time
+    value(largest_rate) = passage%largest_rate
+    value(highest:highest + 2) = [passage%highest%load, passage%highest%time, passage%highest%position]
+    value(lowest:lowest + 2) = [passage%lowest%load, passage%lowest%time, passage%lowest%position]
+    value(highest_place) = place_in(passage%highest)
+    value(lowest_place) = place_in(passage%lowest)
+    value(begins_to_slip) = merge(1.0_wp, 0.0_wp, summary%has_slipped)
+
+  contains
+
+    pure real(wp) function place_in(extremum)
+      type(extremum_t), intent(in) :: extremum
+
+      place_in = inside
+      if (.not. extremum%time > 0.0_wp) place_in = at_begin
+      if (extremum%time >= cycle%duration()) place_in = at_end
+    end function place_in
+  end subroutine observe
+
+  !> The summary of a recording as if it were a run.
+  subroutine summarise(steps, recording, summary)
+    class(motion_t), intent(in), target :: steps
+    type(recording_t), intent(in) :: recording
+    type(summary_t), intent(out) :: summary
+    type(piece_view_t) :: view
+    type(piece_t), target :: piece
+    integer :: i
+
+    call begin_passage(steps, summary)
+    view%motion => steps
+    view%piece => piece
+    do i = 1, recording%count
+      call recording%get(i, piece)
+      view%sticking = piece%contact /= slips
+      if (i == 1) then
+        view%first = moment_of(steps, piece, piece%from, steps%velocity(piece%from))
+        call summary%begin(view%first, 0.0_wp, 0.0_wp)
+      else
+        view%first = view%last
+      end if
+      view%last = moment_of(steps, piece, piece%to, steps%velocity(piece%to))
+      if (piece%event == stick_begins) summary%sticks = summary%sticks + 1
+      call summary%take_in(view)
+    end do
+    summary%exchanged = recording%exchanged()
+  end subroutine summarise
+
+  subroutine begin_passage(motion, summary)
+    class(motion_t), intent(in) :: motion
+    type(summary_t), intent(inout) :: summary
+
+    associate (slider => motion%slider)
+      call summary%cycles%begin(slider%along(1), slider%law%static_limit, slider%stiffness(1), slider%mass)
+    end associate
+    summary%cycles%keeps_turns = .true.
+  end subroutine begin_passage
+
+  !> Take in the last piece, a leap.
+  subroutine follow(self, map, summary)
+    class(leap_summary_t), intent(inout) :: self
+    class(cycle_map_t), intent(in), target :: map
+    type(summary_t), intent(inout) :: summary
+
+    if (.not. allocated(self%known)) allocate (self%known(max_leaps))
+    associate (known => self%known(map%current), leap => map%leaps(map%current), from => map%piece%from)
+      if (known%number /= leap%number) then
+        if (leap%table == 0) then
+          call know_excursion(map, leap, known%passage)
+        else
+          call know_cycles(map, leap, summary%largest_rate, known%passage)
+        end if
+        known%number = leap%number
+      end if
+      if (.not. summary%has_slipped .and. leap%table > 0) call look_for_slip(map, leap, summary)
+      call summary%add(known%passage, from%time - map%lead, from%position, map%piece%to%time)
+    end associate
+  end subroutine follow
+
+  !> What an excursion adds.
+  subroutine know_excursion(map, leap, passage)
+    class(cycle_map_t), intent(in) :: map
+    type(leap_t), intent(in) :: leap
+    type(passage_t), intent(out) :: passage
+    type(summary_t) :: summary
+    type(state_t) :: first
+
+    call summarise(map%steps, leap%recording, summary)
+    passage = summary%passage()
+    first = leap%recording%from(1)
+    passage%turns%time = passage%turns%time - first%time
+    passage%turns%position = passage%turns%position - first%position
+  end subroutine know_excursion
+
+  !> What the cycles of a leap add.
+  subroutine know_cycles(map, leap, largest_so_far, passage)
+    class(cycle_map_t), intent(in), target :: map
+    type(leap_t), intent(in), target :: leap
+    real(wp), intent(in) :: largest_so_far
+    type(passage_t), intent(out) :: passage
+    real(wp) :: polynomial(map%survey%table(leap%table)%points)
+    integer :: i
+
+    associate (table => map%survey%table(leap%table), n => leap%cycles)
+      passage%duration = leap%duration
+      passage%sticks = n
+      passage%sticking_time = leap%duration - sum(leap%slip)
+      passage%exchanged = leap%exchanged
+      if (table%observed_error(creep_time) <= smooth*leap%duration/real(n, wp)) then
+        passage%creep_time = dot_product(leap%total, table%observed_coefficient(:, creep_time))
+      else
+        passage%creep_time = creep_of_some(map, leap)
+      end if
+      passage%creep_time = min(leap%duration, max(passage%sticking_time, passage%creep_time))
+      if (maxval(table%observed(:, largest_rate)) > near_largest*largest_so_far) then
+        do i = 1, n
+          call chebyshev_polynomials(table%points, table%place(leap%angle(i)), polynomial)
+          passage%largest_rate = max(passage%largest_rate, dot_product(polynomial, table%observed_coefficient(:, largest_rate)))
+        end do
+      end if
+    end associate
+    call find_turns(map, leap, passage%turns)
+  end subroutine know_cycles
+
+  !> Time in creep [s] of all cycles of a leap where it is no smooth function of the angle: some cycles are looked at, and those
+  !> between have what lies between.
+  real(wp) function creep_of_some(map, leap) result(creep)
+    class(cycle_map_t), intent(in), target :: map
+    type(leap_t), intent(in), target :: leap
+    type(passage_t) :: cycle
+    real(wp) :: former
+    integer :: i, k, before, parts
+
+    creep = 0.0_wp
+    former = 0.0_wp
+    before = 0
+    parts = min(leap%cycles - 1, most_looks)
+    do k = 0, parts
+      i = 1
+      if (parts > 0) i = 1 + nint(real(k, wp)*real(leap%cycles - 1, wp)/real(parts, wp))
+      call summarise_cycle(map, leap, i, cycle)
+      ! The cycles between two: the mean of both, each.
+      creep = creep + cycle%creep_time + 0.5_wp*real(max(0, i - before - 1), wp)*(former + cycle%creep_time)
+      former = cycle%creep_time
+      before = i
+    end do
+  end function creep_of_some
+
+  !> Where the load turns back in the cycles of a leap: in each of them if it falls far enough, else at the ends.
+  subroutine find_turns(map, leap, turns)
+    class(cycle_map_t), intent(in), target :: map
+    type(leap_t), intent(in), target :: leap
+    type(extremum_t), allocatable, intent(out) :: turns(:)
+    integer :: first, last, i, n
+
+    associate (table => map%survey%table(leap%table))
+      if (maxval(table%observed(:, highest) - table%observed(:, lowest)) &
+        > large_ripple*threshold*map%slider%law%static_limit) then
+        allocate (turns(2*leap%cycles + 1))
+        n = 0
+        do i = 1, leap%cycles
+          call turns_of_cycle(i, turns(2*i - 1:2*i))
+        end do
+      else
+        ! The load is highest where the angle to the soft axis is least.
+        first = min(minloc(leap%angle(:leap%cycles), dim=1), maxloc(leap%angle(:leap%cycles), dim=1))
+        last = max(minloc(leap%angle(:leap%cycles), dim=1), maxloc(leap%angle(:leap%cycles), dim=1))
+        allocate (turns(5))
+        call turns_of_cycle(first, turns(1:2))
+        call turns_of_cycle(last, turns(3:4))
+      end if
+    end associate
+    turns(size(turns)) = extremum_t(map%slider%law%static_limit*cos(leap%to%angle), leap%duration, advance_to(leap%cycles + 1))
+
+  contains
+
+    !> X at the beginning of a cycle, from that of the leap.
+    pure real(wp) function advance_to(i)
+      integer, intent(in) :: i
+
+      associate (u => map%slider%elongation_at_limit(leap%from%side*leap%angle(i)), &
+          u_first => map%slider%elongation_at_limit(leap%from%theta()))
+        advance_to = leap%velocity*leap%start(i) - dot_product(u - u_first, map%slider%along)
+      end associate
+    end function advance_to
+
+    !> Highest and lowest load of a cycle, in the order of time.
+    subroutine turns_of_cycle(i, pair)
+      integer, intent(in) :: i
+      type(extremum_t), intent(out) :: pair(2)
+      type(passage_t) :: cycle
+      real(wp) :: polynomial(map%survey%table(leap%table)%points), high(3), low(3), x
+
+      associate (table => map%survey%table(leap%table))
+        if (one_place(table%observed(:, highest_place)) .and. one_place(table%observed(:, lowest_place))) then
+          call chebyshev_polynomials(table%points, table%place(leap%angle(i)), polynomial)
+          high = matmul(polynomial, table%observed_coefficient(:, highest:highest + 2))
+          low = matmul(polynomial, table%observed_coefficient(:, lowest:lowest + 2))
+          x = advance_to(i)
+          pair = [extremum_t(high(1), leap%start(i) + high(2), x + high(3)), extremum_t(low(1), leap%start(i) + low(2), x + low(3))]
+        else
+          call summarise_cycle(map, leap, i, cycle)
+          pair = [cycle%highest, cycle%lowest]
+        end if
+      end associate
+      if (pair(1)%time > pair(2)%time) pair = pair([2, 1])
+    end subroutine turns_of_cycle
+
+    pure logical function one_place(place)
+      real(wp), intent(in) :: place(:)
+
+      one_place = maxval(place) - minval(place) <= 0.0_wp
+    end function one_place
+  end subroutine find_turns
+
+  !> A cycle of a leap, part by part.
+  subroutine summarise_cycle(map, leap, number, passage)
+    class(cycle_map_t), intent(in), target :: map
+    type(leap_t), intent(in), target :: leap
+    integer, intent(in) :: number
+    type(passage_t), intent(out) :: passage
+    type(summary_t) :: summary
+    type(leap_view_t) :: view
+
+    call begin_passage(map, summary)
+    call first_part(map, leap, number, view)
+    call summary%begin(view%first, 0.0_wp, 0.0_wp)
+    do while (view%first%time < leap%start(number + 1))
+      call summary%take_in(view)
+      call next_part(view)
+    end do
+    passage = summary%passage()
+  end subroutine summarise_cycle
+
+  !> Look for the instant in which slip begins for the first time.
+  subroutine look_for_slip(map, leap, summary)
+    class(cycle_map_t), intent(in), target :: map
+    type(leap_t), intent(in), target :: leap
+    type(summary_t), intent(inout) :: summary
+    type(leap_view_t) :: view
+    integer :: i
+
+    if (maxval(map%survey%table(leap%table)%observed(:, begins_to_slip)) <= 0.0_wp) return
+    do i = 1, leap%cycles
+      call first_part(map, leap, i, view)
+      do while (view%first%time < leap%start(i + 1))
+        if (.not. view%sticking) call summary%follow_slip(view)
+        if (summary%has_slipped) return
+        call next_part(view)
+      end do
+    end do
+  end subroutine look_for_slip
+
+  !> The first part of a cycle of a leap.
+  subroutine first_part(map, leap, number, view)
+    class(cycle_map_t), intent(in), target :: map
+    type(leap_t), intent(in), target :: leap
+    integer, intent(in) :: number
+    type(leap_view_t), intent(out) :: view
+
+    view%map => map
+    view%leap => leap
+    view%last = view%at(leap%start(number))
+    call next_part(view)
+  end subroutine first_part
+
+  !> The part after this one.
+  subroutine next_part(view)
+    type(leap_view_t), intent(inout) :: view
+    type(state_t) :: state
+    integer :: contact
+
+    view%first = view%last
+    view%last = view%at(view%map%next_in_leap(view%leap, view%first%time))
+    call view%map%state_in_leap(view%leap, 0.5_wp*(view%first%time + view%last%time), state, contact)
+    view%sticking = contact /= slips
+  end subroutine next_part
+
+  function at(self, time) result(moment)
+    class(leap_view_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    type(moment_t) :: moment
+    type(state_t) :: state
+    integer :: contact
+
+    call self%map%state_in_leap(self%leap, time, state, contact)
+    moment = moment_of(self%map, self%map%piece, state, self%map%velocity(state))
+  end function at
+
+  pure real(wp) function friction(self, speed)
+    class(leap_view_t), intent(in) :: self
+    real(wp), intent(in) :: speed
+
+    friction = friction_of(self%map, speed)
+  end function friction
+end module dst_leap_summary

@@ -1,0 +1,456 @@
+!> Fast cycles that are leapt are those that steps make: as many sticks, at the same times, to the same state; and whoever looks at
+!> the motion, or stops it inside a leap, changes no bit of it. Before that, the polynomials of its tables.
+program test_cycle_map
+  use checks, only: check, check_close, finish
+  use scenes, only: fig3, constant_friction, along_a_line, begin, complete, energy, velocity
+  use dst_archive, only: archive_t, archive_of
+  use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, cardinal_functions
+  use dst_errors, only: error_t
+  use dst_kinds, only: wp
+  use dst_memory_writer, only: memory_writer_t
+  use dst_piece, only: stick_begins
+  use dst_scene, only: scene_t
+  use dst_simulation, only: simulation_t
+  use dst_state, only: state_t
+  use dst_stepper, only: work_count_t
+  implicit none
+
+  integer, parameter :: max_points = 64
+  real(wp), parameter :: eps = epsilon(1.0_wp), rtol = 1.0e-9_wp
+
+  !> How a run ends, and its events.
+  type :: result_t
+    logical :: sound = .false.
+    type(state_t) :: state
+    type(work_count_t) :: work
+    real(wp) :: velocity(2) = 0.0_wp
+    real(wp) :: imbalance = 0.0_wp      !! of the energies, relative to the drive's work
+    real(wp), allocatable :: time(:)
+    integer, allocatable :: kind(:)
+    real(wp), allocatable :: samples(:, :)
+  end type result_t
+
+  call test_points()
+  call test_coefficients()
+  call test_cardinal_functions()
+  call test_convergence()
+
+  call compare('Fig. 3', fig3(4.2_wp, 'radau9', rtol))
+  call compare('radau5', fig3(2.2_wp, 'radau5', 1.0e-8_wp))
+  call compare('radau13', fig3(4.2_wp, 'radau13', rtol))
+  call compare('dopri5', fig3(1.2_wp, 'dopri5', 1.0e-7_wp))
+  call compare('dop853', fig3(1.2_wp, 'dop853', 1.0e-7_wp))
+  call compare('mirrored', mirrored(fig3(4.2_wp, 'radau9', rtol)))
+  call compare('backwards', backwards(fig3(4.2_wp, 'radau9', rtol)))
+  call compare('backwards and mirrored', mirrored(backwards(fig3(2.2_wp, 'radau9', rtol))))
+  call compare('stiff', stiff(fig3(2.2_wp, 'radau9', rtol)))
+  call compare('10 degrees', steep(fig3(2.2_wp, 'radau9', rtol)))
+  call compare('there and back', there_and_back(fig3(6.0_wp, 'radau9', rtol)))
+
+  call test_mirror()
+  call test_lookers_on()
+  call test_cuts('Fig. 3', fig3(4.2_wp, 'radau9', 1.0e-7_wp))
+  call test_cuts('dopri5', fig3(1.2_wp, 'dopri5', 1.0e-6_wp))
+  call test_cuts('mirrored', mirrored(fig3(2.2_wp, 'radau13', 1.0e-7_wp)))
+
+  call test_unused('smoothed', smoothed())
+  call test_unused('ramp', ramp())
+  call test_unused('constant friction', constant_friction(fig3(1.0_wp, 'radau9', 1.0e-7_wp)))
+  call test_unused('along a line', along_a_line(fig3(3.0_wp, 'radau9', 1.0e-7_wp)))
+  call test_unused('low frequency', low_frequency())
+  call finish()
+
+contains
+
+  ! Polynomials.
+
+  subroutine test_points()
+    integer :: n
+
+    do n = 1, max_points
+      associate (x => chebyshev_points(n))
+        call check('points: symmetric to the last bit', same(x, -x(n:1:-1)))
+        call check('points: they fall', all(x(2:) < x(:n - 1)) .and. all(abs(x) < 1.0_wp))
+        call check('points: zeros of T_n', maxval(abs(cos(real(n, wp)*acos(x)))) < 4.0_wp*real(n, wp)**2*eps)
+      end associate
+    end do
+  end subroutine test_points
+
+  !> x^3 = (3 T_1 + T_3)/4; and T_k itself.
+  subroutine test_coefficients()
+    real(wp) :: values(max_points, 2), expected(max_points), polynomial(max_points)
+    integer :: j, k, n
+
+    do n = 4, max_points, 5
+      associate (x => chebyshev_points(n))
+        k = 2*n/3
+        do j = 1, n
+          call chebyshev_polynomials(n, x(j), polynomial(:n))
+          values(j, :) = [x(j)**3, polynomial(k + 1)]
+        end do
+        associate (found => chebyshev_coefficients(values(:n, :)))
+          expected = 0.0_wp
+          expected([2, 4]) = [0.75_wp, 0.25_wp]
+          call check_close('coefficients of a cube', maxval(abs(found(:, 1) - expected(:n))), 0.0_wp, 8.0_wp*eps)
+          expected = 0.0_wp
+          expected(k + 1) = 1.0_wp
+          call check_close('coefficients of T_k', maxval(abs(found(:, 2) - expected(:n))), 0.0_wp, 256.0_wp*eps)
+        end associate
+      end associate
+    end do
+  end subroutine test_coefficients
+
+  !> They are one together, reproduce powers below n, are 1 and 0 at the points, and the series with the coefficients is the same.
+  subroutine test_cardinal_functions()
+    real(wp) :: cardinal(max_points), polynomial(max_points), x
+    integer :: n, j
+
+    do n = 2, 40
+      associate (points => chebyshev_points(n))
+        do j = -10, 10
+          x = 0.1_wp*real(j, wp)
+          call cardinal_functions(n, points, x, cardinal(:n))
+          call check_close('cardinal functions: sum', sum(cardinal(:n)), 1.0_wp, 16.0_wp*eps)
+          call check_close('cardinal functions: the highest power', dot_product(cardinal(:n), points**(n - 1)), &
+            x**(n - 1), 64.0_wp*eps)
+          call chebyshev_polynomials(n, x, polynomial(:n))
+          associate (coefficient => chebyshev_coefficients(reshape(exp(points), [n, 1])))
+            call check_close('cardinal functions: the series', dot_product(cardinal(:n), exp(points)), &
+              dot_product(polynomial(:n), coefficient(:, 1)), 128.0_wp*eps)
+          end associate
+        end do
+        do j = 1, n
+          call cardinal_functions(n, points, points(j), cardinal(:n))
+          call check('cardinal functions: 1 there', same([cardinal(j)], [1.0_wp]) .and. count(abs(cardinal(:n)) > 0.0_wp) == 1)
+        end do
+        ! Next to a point.
+        call cardinal_functions(n, points, points(1)*(1.0_wp - 2.0_wp*eps), cardinal(:n))
+        call check_close('cardinal functions: beside a point', dot_product(cardinal(:n), points), points(1), 8.0_wp*eps)
+      end associate
+    end do
+  end subroutine test_cardinal_functions
+
+  !> The error at 1/(1 + a x^2), with poles at +- i/sqrt(a), falls like rho^-n, rho = (1 + sqrt(1 + a))/sqrt(a).
+  subroutine test_convergence()
+    real(wp), parameter :: a(3) = [1.0_wp, 4.0_wp, 25.0_wp]
+    real(wp) :: rho, coarse, fine
+    integer :: k
+
+    do k = 1, size(a)
+      rho = (1.0_wp + sqrt(1.0_wp + a(k)))/sqrt(a(k))
+      coarse = worst_error(a(k), 10)
+      fine = worst_error(a(k), 30)
+      call check_close('convergence: rho', (coarse/fine)**(1.0_wp/20.0_wp), rho, 0.03_wp*rho)
+    end do
+  end subroutine test_convergence
+
+  real(wp) function worst_error(a, n)
+    real(wp), intent(in) :: a
+    integer, intent(in) :: n
+    real(wp) :: cardinal(n), x
+    integer :: j
+
+    worst_error = 0.0_wp
+    associate (points => chebyshev_points(n))
+      do j = 0, 1000
+        x = -1.0_wp + 0.002_wp*real(j, wp)
+        call cardinal_functions(n, points, x, cardinal)
+        worst_error = max(worst_error, abs(dot_product(cardinal, 1.0_wp/(1.0_wp + a*points**2)) - 1.0_wp/(1.0_wp + a*x**2)))
+      end do
+    end associate
+  end function worst_error
+
+  ! Scenes.
+
+  pure function mirrored(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%misalignment_deg = -scene%misalignment_deg
+  end function mirrored
+
+  pure function backwards(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%drive_velocity = -scene%drive_velocity
+  end function backwards
+
+  pure function stiff(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%stiffness_y = 1.0e8_wp
+  end function stiff
+
+  pure function steep(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%misalignment_deg = 10.0_wp
+  end function steep
+
+  !> One slow cycle, a stretch twice as fast, and back again.
+  pure function there_and_back(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%drive_time = [0.0_wp, 2.5_wp, 2.6_wp, 3.6_wp, 3.8_wp]
+    changed%drive_velocity = [1.0e-3_wp, 1.0e-3_wp, 2.0e-3_wp, 2.0e-3_wp, -1.0e-3_wp]
+  end function there_and_back
+
+  function smoothed() result(scene)
+    type(scene_t) :: scene
+
+    scene = fig3(3.0_wp, 'radau9', 1.0e-6_wp)
+    scene%contact = 'smoothed'
+    scene%v_smooth = 1.0e-5_wp
+  end function smoothed
+
+  !> V grows all the time.
+  function ramp() result(scene)
+    type(scene_t) :: scene
+
+    scene = fig3(2.0_wp, 'radau9', 1.0e-7_wp)
+    scene%drive_time = [0.0_wp, 3.0_wp]
+    scene%drive_velocity = [1.0e-3_wp, 1.2e-3_wp]
+  end function ramp
+
+  function low_frequency() result(scene)
+    type(scene_t) :: scene
+
+    scene = fig3(4.0_wp, 'radau9', 1.0e-7_wp)
+    scene%model = 'low_frequency'
+  end function low_frequency
+
+  pure function without_map(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%cycle_map = 'off'
+  end function without_map
+
+  ! Runs.
+
+  subroutine run(scene, found)
+    type(scene_t), intent(in) :: scene
+    type(result_t), intent(out) :: found
+    type(simulation_t) :: simulation
+    type(memory_writer_t) :: writer
+    real(wp) :: before
+
+    call begin(scene, simulation)
+    before = energy(simulation)
+    call complete(scene, simulation, writer, found%sound)
+    call take(simulation, writer, before, found)
+  end subroutine run
+
+  subroutine take(simulation, writer, before, found)
+    type(simulation_t), intent(in) :: simulation
+    type(memory_writer_t), intent(in) :: writer
+    real(wp), intent(in) :: before
+    type(result_t), intent(inout) :: found
+
+    found%state = simulation%motion%piece%to
+    found%work = simulation%motion%work()
+    found%velocity = velocity(simulation)
+    found%imbalance = (found%state%drive_work - found%state%friction_work - (energy(simulation) - before)) &
+      /max(tiny(1.0_wp), abs(found%state%drive_work))
+    allocate (found%time(writer%events), found%kind(writer%events))
+    if (writer%events > 0) then
+      found%time = writer%event_time(:writer%events)
+      found%kind = writer%event_kind(:writer%events)
+    end if
+    found%samples = writer%samples(:, :writer%rows)
+  end subroutine take
+
+  !> With the map and without: sticks, times, final state, works, samples, energy balance.
+  subroutine compare(name, scene)
+    character(*), intent(in) :: name
+    type(scene_t), intent(in) :: scene
+    type(result_t) :: map, steps
+    real(wp) :: limit(5)
+
+    call run(scene, map)
+    call run(without_map(scene), steps)
+    call check(name//': both run to the end', map%sound .and. steps%sound)
+    call check(name//': the map is used, if it is not off', map%work%cycles_leapt > size(steps%time)/4 &
+      .and. steps%work%cycles_leapt == 0 .and. steps%work%cycles_sampled == 0)
+    call check_close(name//': error of the tables', map%work%map_error, 0.0_wp, 0.1_wp*scene%rtol)
+    call check(name//': as many events', size(map%time) == size(steps%time))
+    call check(name//': as many events are counted', map%work%events == steps%work%events)
+    if (size(map%time) /= size(steps%time)) return
+    call check(name//': of the same kinds', all(map%kind == steps%kind))
+    call check(name//': there are sticks', count(map%kind == stick_begins) > 100)
+    call check_close(name//': times of events', maxval(abs(map%time - steps%time)), 0.0_wp, rtol*scene%t_end)
+    call check_close(name//': final time', map%state%time, steps%state%time, 0.0_wp)
+    call check_close(name//': u', relative(map%state%u, steps%state%u), 0.0_wp, 10.0_wp*scene%rtol)
+    ! At the end the fast oscillation may be anywhere: its velocity differs by how far the times are apart.
+    call check_close(name//': w', norm2(map%velocity - steps%velocity), 0.0_wp, 3.0e-6_wp*maxval(abs(scene%drive_velocity)))
+    call check_close(name//': X', map%state%position, steps%state%position, 10.0_wp*scene%rtol*abs(steps%state%position))
+    call check_close(name//': work of the drive', map%state%drive_work, steps%state%drive_work, &
+      10.0_wp*scene%rtol*abs(steps%state%drive_work))
+    call check_close(name//': work of friction', map%state%friction_work, steps%state%friction_work, &
+      10.0_wp*scene%rtol*abs(steps%state%friction_work))
+    call check_close(name//': energy balance', map%imbalance, 0.0_wp, 10.0_wp*scene%rtol)
+    call check(name//': as many samples', all(shape(map%samples) == shape(steps%samples)))
+    if (any(shape(map%samples) /= shape(steps%samples))) return
+    ! An excursion that is used again began at a slightly different angle.
+    limit = [0.0_wp, 10.0_wp, 10.0_wp, 30.0_wp, 30.0_wp]*scene%rtol
+    if (map%work%excursions_reused > 0) limit = [0.0_wp, 1.0e-6_wp, 1.0e-6_wp, 1.0e-5_wp, 1.0e-5_wp]
+    limit = limit*maxval(abs(steps%samples), dim=2)
+    call check(name//': samples', all(maxval(abs(map%samples - steps%samples), dim=2) <= limit))
+  end subroutine compare
+
+  !> The mirror turns the sign of all that is across the drive, and changes no other bit.
+  subroutine test_mirror()
+    type(result_t) :: one, other
+    real(wp) :: signs(5)
+    integer :: i
+
+    call run(fig3(4.2_wp, 'radau9', rtol), one)
+    call run(mirrored(fig3(4.2_wp, 'radau9', rtol)), other)
+    signs = [1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp]
+    call check('mirror: as many events and samples', size(one%time) == size(other%time) &
+      .and. all(shape(one%samples) == shape(other%samples)))
+    if (size(one%time) /= size(other%time)) return
+    call check('mirror: the same events', same(one%time, other%time))
+    call check('mirror: the same state', same(signs(2:3)*one%state%u, other%state%u) &
+      .and. same([one%state%position, one%state%drive_work, one%state%friction_work], &
+      [other%state%position, other%state%drive_work, other%state%friction_work]))
+    do i = 1, 5
+      call check('mirror: the same samples', same(signs(i)*one%samples(i, :), other%samples(i, :)))
+    end do
+  end subroutine test_mirror
+
+  !> Sampling, other columns, every step written: the motion stays the same to the last bit.
+  subroutine test_lookers_on()
+    type(scene_t) :: scene
+    type(result_t) :: quiet, found
+    integer :: k
+
+    scene = fig3(4.2_wp, 'radau9', rtol)
+    scene%interval = 4.2_wp
+    call run(scene, quiet)
+    do k = 1, 4
+      scene = fig3(4.2_wp, 'radau9', rtol)
+      select case (k)
+      case (1)
+        scene%interval = 1.0e-5_wp
+      case (2)
+        scene%interval = 0.0_wp
+      case (3)
+        scene%fields = [character(24) :: 'X', 'psi', 'friction', 'spring_force_y', 'X_rate']
+      case (4)
+        scene%interval = 1.234567e-4_wp
+        scene%fields = [character(24) :: 'default']
+      end select
+      call run(scene, found)
+      call check('lookers-on: runs to the end', found%sound)
+      call check('lookers-on: rows in order of time', all(found%samples(1, 2:) > found%samples(1, :size(found%samples, 2) - 1)))
+      call check('lookers-on: the same final state', same(whole(found%state), whole(quiet%state)) &
+        .and. same(found%velocity, quiet%velocity))
+      call check('lookers-on: as many events', size(found%time) == size(quiet%time))
+      if (size(found%time) == size(quiet%time)) call check('lookers-on: the same events', same(found%time, quiet%time))
+      call check('lookers-on: the same work', found%work%steps == quiet%work%steps .and. found%work%newton == quiet%work%newton &
+        .and. found%work%cycles_leapt == quiet%work%cycles_leapt .and. found%work%cycles_sampled == quiet%work%cycles_sampled)
+    end do
+  end subroutine test_lookers_on
+
+  pure function whole(state) result(values)
+    type(state_t), intent(in) :: state
+    real(wp) :: values(9)
+
+    values = [state%time, state%time_rest, state%u, state%y(:2), state%position, state%drive_work, state%friction_work]
+  end function whole
+
+  !> A run whose state is taken apart and carried over whenever it can be, many times with samples of a leap still to be taken.
+  subroutine test_cuts(name, scene)
+    character(*), intent(in) :: name
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: fine
+    type(simulation_t) :: cut, other
+    type(memory_writer_t) :: writer
+    type(result_t) :: expected, found
+    type(archive_t) :: saved, loaded
+    type(error_t), allocatable :: error
+    real(wp) :: before
+    integer :: cuts, inside
+
+    fine = scene
+    fine%interval = 2.0e-5_wp
+    call run(fine, expected)
+    call begin(fine, cut)
+    before = energy(cut)
+    inside = 0
+    do cuts = 0, 100000
+      call cut%proceed(0.0_wp, writer, error)
+      if (cut%finished) exit
+      if (cut%motion%leapt .and. .not. cut%recorded) inside = inside + 1
+      call cut%serialise(saved)
+      call archive_of(saved%words(), loaded)
+      call clear(saved)
+      call begin(fine, other)
+      call other%serialise(loaded)
+      call check(name//', cut: all given back', loaded%given_back())
+      cut = other
+    end do
+    call check(name//', cut: to the end', cut%finished .and. .not. allocated(error))
+    call check(name//', cut: inside leaps', inside > 20)
+    call take(cut, writer, before, found)
+    call check(name//', cut: the same final state', same(whole(found%state), whole(expected%state)))
+    call check(name//', cut: as many rows', all(shape(found%samples) == shape(expected%samples)) &
+      .and. size(found%time) == size(expected%time))
+    if (any(shape(found%samples) /= shape(expected%samples)) .or. size(found%time) /= size(expected%time)) return
+    call check(name//', cut: the same samples', all(abs(found%samples - expected%samples) <= 0.0_wp))
+    call check(name//', cut: the same events', same(found%time, expected%time) .and. all(found%kind == expected%kind))
+    call check(name//', cut: the same work', found%work%steps == expected%work%steps &
+      .and. found%work%cycles_leapt == expected%work%cycles_leapt .and. found%work%cycles_sampled == expected%work%cycles_sampled &
+      .and. found%work%excursions_reused == expected%work%excursions_reused &
+      .and. same([found%work%map_error], [expected%work%map_error]))
+  end subroutine test_cuts
+
+  subroutine clear(archive)
+    type(archive_t), intent(out) :: archive
+
+    associate (unused => archive)
+    end associate
+  end subroutine clear
+
+  !> Where there is nothing to be leapt, the map changes no bit.
+  subroutine test_unused(name, scene)
+    character(*), intent(in) :: name
+    type(scene_t), intent(in) :: scene
+    type(result_t) :: map, steps
+
+    call run(scene, map)
+    call run(without_map(scene), steps)
+    call check(name//': both run to the end', map%sound .and. steps%sound)
+    call check(name//': no cycle is leapt or run in vain', map%work%cycles_leapt == 0 .and. map%work%cycles_sampled == 0)
+    call check(name//': the same final state', same(whole(map%state), whole(steps%state)))
+    call check(name//': as many rows', all(shape(map%samples) == shape(steps%samples)) .and. size(map%time) == size(steps%time))
+    if (any(shape(map%samples) /= shape(steps%samples)) .or. size(map%time) /= size(steps%time)) return
+    call check(name//': the same samples', all(abs(map%samples - steps%samples) <= 0.0_wp))
+    call check(name//': the same events', same(map%time, steps%time) .and. all(map%kind == steps%kind))
+    call check(name//': the same work', map%work%steps == steps%work%steps .and. map%work%rhs == steps%work%rhs)
+  end subroutine test_unused
+
+  pure logical function same(a, b)
+    real(wp), intent(in) :: a(:), b(:)
+
+    same = all(abs(a - b) <= 0.0_wp)
+  end function same
+
+  !> Distance of a vector from another, relative to the latter.
+  pure real(wp) function relative(actual, expected)
+    real(wp), intent(in) :: actual(:), expected(:)
+
+    relative = norm2(actual - expected)/norm2(expected)
+  end function relative
+end program test_cycle_map
