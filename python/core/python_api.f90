@@ -386,7 +386,8 @@ contains
 
   end subroutine make_table_of_values
 
-  !> Also 'columns', 'parameters', of which a text has the second number 1, 'summary' and 'statistics' as far as the run has come.
+  !> Also 'columns', 'parameters', of which a text has the second number 1, 'summary', and 'statistics', of which a counter has it,
+  !> as far as the run has come.
   subroutine make_run_table(self, which)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -414,8 +415,9 @@ contains
           call describe(self%table, outcome%summary, 1)
           self%table%number(1, :) = outcome%summary_value
         else
-          call describe(self%table, outcome%statistics, 1)
+          call describe(self%table, outcome%statistics, 2)
           self%table%number(1, :) = outcome%statistics_value
+          self%table%number(2, :) = merge(1.0_wp, 0.0_wp, outcome%statistics%counts)
         end if
       end associate
     case default

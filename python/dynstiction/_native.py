@@ -293,8 +293,10 @@ class Run(Session):
     def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
         """Of a finished run the summary values, and the counters of the work done."""
         with self._use() as handle:
-            summary, work = _described(handle, "summary"), _described(handle, "statistics")
-        return summary, [(info, int(value) if info.units == "1" else value) for info, value in work]
+            summary = _described(handle, "summary")
+            cells, (values, counts) = _table(handle, "statistics", described=True)
+        work = zip(cells, values.tolist(), counts.tolist(), strict=True)
+        return summary, [(info, int(value) if is_count else value) for (info,), value, is_count in work]
 
     def parameters(self) -> list[tuple[Info, float | str]]:
         """Every key that the deck uses and its value."""

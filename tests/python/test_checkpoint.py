@@ -34,14 +34,16 @@ pytestmark = pytest.mark.deck
 ABSENT = ("system.mass=", "friction.law=", "initial.velocity_ratio=", "integrator.method=", "integrator.rtol=")
 # Longer than any test waits. Who limits the time needs no room for all.
 ENDLESS = ("scene.t_end=1e6", "output.wall_limit=1e6")
+# Each cycle made by steps: a run that lasts. With the map it ends before anybody can stop it.
+STEPS = "integrator.cycle_map=off"
 SMOOTHED = ("friction.contact=smoothed", "friction.v_smooth=1.0e-5")
 # Every method, and what a state may be in: a knot of the drive, a long rest with many samples, every step written.
 SCENES: dict[str, tuple[str, ...]] = {
-    "radau5": ("fig3", "integrator.method=radau5", "scene.t_end=2.2"),
-    "radau9": ("fig3", "integrator.method=radau9", "scene.t_end=4.0"),
-    "radau13": ("fig3", "integrator.method=radau13", "scene.t_end=4.0"),
-    "dopri5": ("fig3", "integrator.method=dopri5", "integrator.rtol=1e-6", "scene.t_end=0.6"),
-    "dop853": ("fig3", "integrator.method=dop853", "integrator.rtol=1e-6", "scene.t_end=0.4"),
+    "radau5": ("fig3", "integrator.method=radau5", STEPS, "scene.t_end=2.2"),
+    "radau9": ("fig3", "integrator.method=radau9", STEPS, "scene.t_end=4.0"),
+    "radau13": ("fig3", "integrator.method=radau13", STEPS, "scene.t_end=4.0"),
+    "dopri5": ("fig3", "integrator.method=dopri5", "integrator.rtol=1e-6", STEPS, "scene.t_end=0.6"),
+    "dop853": ("fig3", "integrator.method=dop853", "integrator.rtol=1e-6", STEPS, "scene.t_end=0.4"),
     "rk4": ("fig3", "integrator.method=rk4", "integrator.step=2e-6", "integrator.rtol=", *SMOOTHED, "scene.t_end=0.3"),
     "moreau_jean": ("fig3", "integrator.method=moreau_jean", "integrator.step=2e-6", "integrator.rtol=", "scene.t_end=0.3"),
     "dopri5, smoothed": ("fig3", "integrator.method=dopri5", *SMOOTHED, "scene.t_end=0.4"),
@@ -56,9 +58,19 @@ SCENES: dict[str, tuple[str, ...]] = {
     "creep_asymptotic": ("fig3_constant", "scene.model=creep_asymptotic", *ABSENT, "system.stiffness_y=",
                          "output.interval=1e-6", "output.fields=X,X_rate", "scene.t_end=1.0"),
     "auto": ("fig3", "scene.model=auto", "scene.t_end=4.0"),
-    "every step": ("fig3", "output.interval=0.0", "scene.t_end=2.2"),
-    "knots": ("slide_hold_slide", "scene.t_end=8.6"),
-    "reversal": ("reversal", "integrator.method=radau13", "scene.t_end=8.5"),
+    "every step": ("fig3", "output.interval=0.0", STEPS, "scene.t_end=2.2"),
+    "knots": ("slide_hold_slide", STEPS, "scene.t_end=8.6"),
+    "reversal": ("reversal", "integrator.method=radau13", STEPS, "scene.t_end=8.5"),
+    "cycles leapt": ("fig3", "output.interval=2e-5", "output.fields=u_x,w_y", "scene.t_end=6.0"),
+    "cycles leapt, dopri5": ("fig3", "integrator.method=dopri5", "integrator.rtol=1e-7", "output.interval=2e-5", "output.fields=u_y",
+                             "scene.t_end=4.2"),
+    "cycles leapt, knots": ("slide_hold_slide", "output.interval=4e-5", "output.fields=u_x,w_y", "scene.t_end=8.6"),
+    "cycles leapt, settled": ("fig3", "scene.settle=1e-5", "output.interval=2e-5", "output.fields=u_x,w_y"),
+    # No slow cycle is like another.
+    "cycles leapt, irregular": ("fig3", "drive.velocity=2e-4", "output.interval=2e-4", "output.fields=u_x,w_y", "scene.t_end=30.0"),
+    "few cycles, irregular": ("fig3", "system.stiffness_y=1e6", "output.interval=1e-4", "output.fields=u_x,w_y", "scene.t_end=12.0"),
+    # The rows of a leap are written without a stop.
+    "every step, also of leaps": ("fig3", "output.interval=0.0", "scene.t_end=60.0"),
     "many samples in one rest": ("fig3", "drive.velocity=1e-9", "initial.velocity_ratio=0", "output.fields=u_x", "output.interval=1e-5",
                                  "scene.t_end=4.0"),
 }  # fmt: skip
@@ -151,19 +163,33 @@ def references(program, tmp_path_factory) -> Callable[[str], dict[str, object]]:
     return reference
 
 
-@pytest.mark.parametrize("name", SCENES)
+def stopped_inside_a_leap(file: Path) -> bool:
+    """The events of a leap follow its rows; in steps none is further than some oscillations from the last row."""
+    with h5py.File(file) as data:
+        times, events = data["time_series/time"], data["events/time"]
+        return data["statistics/cycles_leapt"][()] > 0 and times[-1] - events[-1] > 0.1
+
+
+# Of the scenes with the cycle map one is enough here; tests/unit/test_resume.f90 has the others in short.
+LONG = ("cycles leapt, dopri5", "cycles leapt, knots", "cycles leapt, settled", "cycles leapt, irregular", "few cycles, irregular",
+        "every step, also of leaps")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.full if name in LONG else ()) for name in SCENES])
 def test_resumed_again_and_again_it_ends_with_the_same_bits(program, references, tmp_path, name):
     file = tmp_path / "x.h5"
     done = program.run(SCENES[name], file, "output.wall_limit=0.01")
-    stops = 0
+    stops = inside = 0
     while done.returncode == STOPPED:
         stops += 1
         assert "stopped at output.wall_limit at t = " in done.stderr
         assert f"dynstiction resume {file}" in done.stderr
         assert_readable(file)
+        inside += stopped_inside_a_leap(file)
         done = program.resume(file)
     assert done.returncode == 0, done.stderr
     assert stops >= 1
+    assert (inside > 0) or not name.startswith("cycles leapt")
     assert_same(file, references(name))
     assert list(tmp_path.iterdir()) == [file]
 

@@ -60,7 +60,7 @@ for name in wanted:
     print(json.dumps([name, outcome, time.perf_counter() - begun]), flush=True)
 """
 
-KINDS = ["history", "velocities", "spectrogram", "damping", "creep", "path", "columns", "report"]
+KINDS = ["history", "velocities", "spectrogram", "damping", "creep", "path", "columns", "cycle_map", "report"]
 SCENES = [
     "1e-12", "1e-11", "1e-10", "1e-09", "1e-06", "zeros", "minus one", "spike", "last bit", "times tiny", "times huge", "times equal",
     "times late", "times clustered", "one sample", "two samples", "no events",

@@ -167,18 +167,20 @@ ANY_FILE = {
     "two samples": {"scene": {"t_end": 1e-3}, "output": {"interval": 1e-3}},
 }
 REFUSED = {
-    "aligned": {"damping": "misalignment", "creep": "misalignment"},
-    "across": {"creep": "phi"},
+    "aligned": {"damping": "misalignment", "creep": "misalignment", "cycle_map": "releases"},
+    "across": {"creep": "phi", "cycle_map": "releases"},
     "turned": {"creep": "phi"},
-    "profile": {"damping": "velocity", "creep": "velocity"},
-    "at rest": {"damping": "drive", "creep": "velocity"},
+    "profile": {"damping": "velocity", "creep": "velocity", "cycle_map": "constant drive velocity"},
+    "at rest": {"damping": "drive", "creep": "velocity", "cycle_map": "velocity"},
     "strained": {"creep": "relaxed"},
-    "isotropic": {"creep": "kappa"},
-    "without friction": {"creep": "friction", "damping": "friction"},
+    "isotropic": {"creep": "kappa", "cycle_map": "releases"},
+    "without friction": {"creep": "friction", "damping": "friction", "cycle_map": "friction"},
+    "constant": {"cycle_map": "releases"},
+    "smoothed": {"cycle_map": "contact = 'exact'"},
     "every step": {"spectrogram": "uniform"},
     "coarse": {"spectrogram": r"output\.interval = 5e-05"},
-    "short": {"spectrogram": "longer run", "creep": "samples"},
-    "two samples": {"spectrogram": "longer run|uniform|output", "creep": "samples"},
+    "short": {"spectrogram": "longer run", "creep": "samples", "cycle_map": "releases"},
+    "two samples": {"spectrogram": "longer run|uniform|output", "creep": "samples", "cycle_map": "releases"},
 }
 # Laying out takes most of the time, and the logarithmic axes are what it may find fault with.
 LAID_OUT = ("across", "turned", "backwards")

@@ -155,7 +155,7 @@ def test_missing_column_names_the_remedy(fig4_result: ds.Result, kind: str) -> N
 
 
 def test_unknown_kind_and_empty_result_are_refused() -> None:
-    with pytest.raises(ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns"):
+    with pytest.raises(ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns, cycle_map"):
         plot.draw(sawtooth(), "hystory")
     with pytest.raises(ds.UsageError, match="fewer than two samples"):
         plot.draw(result_of(time=np.empty(0)))
@@ -375,3 +375,85 @@ def test_command_draws_a_sweep(program: Program, package: Program, tmp_path: Pat
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "few.png").exists()
     assert "for the map of a sweep only" in package("plot", "few.h5", "--kind", "lambda", "--quantity", "period", status=1).stderr
+
+
+# The cycle map
+
+
+@pytest.fixture(scope="module")
+def slipped(fig3: ds.Scene) -> ds.Result:
+    """Fig. 3 up to a moment after its second slip, with a row at each event."""
+    return ds.run(fig3, scene={"t_end": 3.2}, integrator={"cycle_map": "off"}, output={"interval": 0.0})
+
+
+def releases(result: ds.Result) -> tuple[np.ndarray, np.ndarray]:
+    """Times of the releases and k_x u_x/F_0 there, from the rows at these times."""
+    time = result.events["time"][result.events["kind"] == 2]
+    rows = np.searchsorted(result.time, time)
+    np.testing.assert_array_equal(result.time[rows], time)
+    return time, result["u_x"][rows] * 1e3 / 2.0
+
+
+def test_the_cycle_map_is_that_of_the_events(slipped: ds.Result) -> None:
+    time, u = releases(slipped)
+    far = np.diff(u) < -0.1
+    assert np.count_nonzero(far) == 2
+    figure = plot.draw(slipped, "cycle_map")
+    above, below, whole, stairs, excursions = figure.axes[:5]
+    for axis, values in ((above, 1e3 * np.diff(u)), (below, 1e3 * np.diff(time))):
+        points = np.asarray(axis.collections[0].get_offsets())
+        np.testing.assert_allclose(points, np.stack([u[:-1], values], axis=1)[~far], rtol=1e-9)
+        (marks,) = [line for line in axis.lines if line.get_marker() in "v^"]
+        np.testing.assert_allclose(marks.get_xdata(), np.sort(u[:-1][far]), rtol=1e-12)
+    assert [axis.texts[0].get_text() for axis in (above, below)] == ["excursions: −0.332 … −0.331", "excursions: 237 … 239 ms"]
+    # The last release before the first slip, and where it leads to.
+    assert u[1535] == pytest.approx(0.91954488, abs=1e-8)
+    assert u[1536] == pytest.approx(0.58886428, abs=1e-8)
+    corners = np.array([segment[0] for segment in whole.collections[0].get_segments()])
+    np.testing.assert_allclose(corners[::2], np.stack([u[:-1], u[:-1]], axis=1), rtol=1e-12)
+    np.testing.assert_allclose(corners[1::2], np.stack([u[:-1], u[1:]], axis=1), rtol=1e-12)
+    np.testing.assert_array_equal(whole.collections[0].get_array(), np.repeat(time[:-1], 2))
+    np.testing.assert_allclose(
+        np.asarray(excursions.collections[0].get_offsets()), np.stack([u[:-1], u[1:]], axis=1)[far], rtol=1e-12
+    )
+    last = int(np.flatnonzero(far)[-1])
+    np.testing.assert_allclose(stairs.lines[-1].get_xdata(), u[last])
+
+
+def test_a_long_run_shows_its_first_releases(slipped: ds.Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dynstiction.plot.cycle_map.MOST_RELEASES", 100)
+    time, u = releases(slipped)
+    above = plot.draw(slipped, "cycle_map").axes[0]
+    assert above.get_title() == f"the first 100 of {time.size} releases, up to {time[99]:.4g} s"
+    np.testing.assert_allclose(np.asarray(above.collections[0].get_offsets())[:, 0], u[:99], rtol=1e-12)
+
+
+def test_a_run_that_was_stopped_shows_what_it_reached(slipped: ds.Result) -> None:
+    time, _ = releases(slipped)
+    shorter = [(info, values[slipped.time <= 1.0]) for info, values in slipped.columns.info()]
+    stopped = replace(
+        slipped, columns=ds.Described(shorter), events=slipped.events[slipped.events["time"] <= 1.0], attributes=slipped.attributes
+    )
+    above, _, whole = plot.draw(stopped, "cycle_map").axes[:3]
+    assert not above.texts[1:], "there is no excursion before 1 s"
+    assert whole.collections[0].get_array().size == 2 * (np.count_nonzero(time <= 1.0) - 1)
+
+
+def test_a_map_seen_with_leaps_is_the_same(slipped: ds.Result, fig3: ds.Scene) -> None:
+    leapt = ds.run(fig3, scene={"t_end": 3.2}, integrator={"cycle_map": "auto"}, output={"interval": 0.1})
+    assert leapt.statistics["cycles_leapt"] > 1000
+    points = [np.asarray(plot.draw(result, "cycle_map").axes[1].collections[0].get_offsets()) for result in (slipped, leapt)]
+    np.testing.assert_allclose(points[1], points[0], rtol=1e-6)
+
+
+def test_a_run_without_a_cycle_map_says_why(fig3: ds.Scene, slipped: ds.Result) -> None:
+    refused = {
+        "full model": ds.run(deck("creep")),
+        "moreau_jean": ds.run(fig3, scene={"t_end": 0.05}, integrator={"method": "moreau_jean", "step": 1e-4, "rtol": None}),
+        "has no deck": replace(slipped, resolved_deck=""),
+        "cannot be repeated": replace(slipped, resolved_deck="&scene\n nonsense = 1\n/\n"),
+        "is one point": ds.run(fig3, scene={"t_end": 8.0}, system={"misalignment_deg": 0.0}),
+    }
+    for reason, result in refused.items():
+        with pytest.raises(ds.UsageError, match=reason):
+            plot.draw(result, "cycle_map")

@@ -12,7 +12,9 @@ from programs import INPUTS, Program, on_terminal
 WIPED = "\r\x1b[K"
 
 pytestmark = pytest.mark.deck
-ENDLESS = ("run", DECK, "-o", "x.h5", "--set", "scene.t_end=1e5", "--set", "output.interval=1.0")
+# Each cycle by steps: longer than any test waits.
+LASTING = ("scene.t_end=1e5", "output.interval=1.0", "integrator.cycle_map=off")
+ENDLESS = ("run", DECK, "-o", "x.h5", *(word for setting in LASTING for word in ("--set", setting)))
 
 
 def shown_by(program: Program, *arguments: object) -> str:

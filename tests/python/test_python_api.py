@@ -517,7 +517,7 @@ def test_interrupt_ends_a_run_within_a_second(fig3_text: str) -> None:
         # A shell that starts the tests in the background has interrupts ignored, and children inherit that.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "print('begun', flush=True)\n"
-        "ds.run(sys.argv[1], scene={'t_end': 1e5}, output={'interval': 1.0})\n"
+        "ds.run(sys.argv[1], scene={'t_end': 1e5}, output={'interval': 1.0}, integrator={'cycle_map': 'off'})\n"
     )
     process = SCRIPT.start(script, fig3_text, stdout=PIPE)
     assert process.stdout is not None

@@ -73,7 +73,7 @@ def test_the_page_loads_nothing(page: str) -> None:
 
 def test_the_figures_are_those_of_plot(page: str) -> None:
     kinds = re.findall(r'<img alt="(\w+)"', page)
-    assert kinds == ["history", "velocities", "spectrogram", "damping", "creep", "path"]
+    assert kinds == ["history", "velocities", "spectrogram", "damping", "creep", "path", "cycle_map"]
     for link in Reader(page).links:
         pixels = image.imread(io.BytesIO(base64.b64decode(link.partition(",")[2])))
         assert pixels.shape[1] > 700

@@ -29,7 +29,8 @@ PYTHON = {
     "help": ("--help",),
     "help on a command": ("plot", "--help"),
 }
-ENDLESS = ("run", DECK, "-o", "x.h5", "--set", "scene.t_end=1e5", "--set", "output.interval=1")
+# Each cycle by steps: longer than any test waits.
+ENDLESS = ("run", DECK, "-o", "x.h5", "--set", "scene.t_end=1e5", "--set", "output.interval=1", "--set", "integrator.cycle_map=off")
 
 
 def unread() -> int:

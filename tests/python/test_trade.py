@@ -27,7 +27,7 @@ STICK_SLIP = {"scene": {"t_end": 4.0}}
 BUDGET = 2.0
 SLICE = 0.2  # s
 
-TEXTS = {"role", "model", "form", "method", "contact", "text"}
+TEXTS = {"role", "model", "form", "method", "contact", "cycle_map", "text"}
 NUMBERS = {"point", "rtol", "step", "v_smooth", "seconds", "steps", "rhs", "newton", "result_code"}
 QUANTITIES = (
     "final_elongation",
@@ -150,12 +150,65 @@ def test_the_reference_is_better_than_what_is_shown(creep):
 
 
 def test_errors_fall_with_the_tolerance(creep):
-    coarse = row(creep, model="full", method="radau9", rtol=1e-4, contact="exact")
-    fine = row(creep, model="full", method="radau9", rtol=1e-8, contact="exact")
+    exact = {"model": "full", "method": "radau9", "contact": "exact", "cycle_map": "auto"}
+    coarse, fine = row(creep, rtol=1e-4, **exact), row(creep, rtol=1e-8, **exact)
     for name in ("final_elongation", "final_velocity", "fast_phase"):
         error = creep.error(name)
         assert error[fine] < 1e-2 * error[coarse] < 1e-4
     assert creep["newton"][fine] > creep["newton"][coarse] > 0
+
+
+def exact_contact(trade):
+    """Which rows are candidates of the full model with the exact contact and an adaptive method."""
+    rows = (trade["role"] == "candidate") & (trade["model"] == "full") & (trade["contact"] == "exact")
+    return rows & (trade["method"] != "moreau_jean")
+
+
+def test_with_and_without_the_cycle_map(creep):
+    """Without it after all that is tried with it; the reference does not use what it judges."""
+    assert list(creep["cycle_map"][:2]) == ["off", "off"]
+    with_map, without = (np.flatnonzero(creep["cycle_map"] == name) for name in ("auto", "off"))
+    direct = without[2:]
+    assert with_map.size > direct.size > 0
+    assert with_map.max() < direct.min() == len(creep["role"]) - direct.size
+    np.testing.assert_array_equal(np.flatnonzero(exact_contact(creep)), np.sort(np.concatenate([with_map, direct])))
+
+
+def test_the_cycle_map_changes_cost_alone(fig3):
+    own = [{"integrator": {"cycle_map": name, "rtol": 1e-6}} for name in ("auto", "off")]
+    trade = ds.trade(fig3, budget=6.0, candidates=own, scene={"t_end": 1.5})
+    mapped, stepped = 2, 3
+    assert np.all(trade.done[2:4]) and list(trade["cycle_map"][2:4]) == ["auto", "off"]
+    assert trade["newton"][mapped] < 0.5 * trade["newton"][stepped]
+    for name in ("final_elongation", "creep_velocity", "fast_phase"):
+        error = trade.error(name)
+        assert error[mapped] < 10.0 * max(error[stepped], trade.floor(name))
+    assert trade.error("sticks")[mapped] == trade.error("sticks")[stepped] == 0.0
+    (family,) = [f for f in families(trade, "final_velocity") if f.kind == "direct" and f.method == "radau9"]
+    assert trade["seconds"][stepped] in family.seconds
+
+
+def test_what_leaps_nothing_is_tried_once(fig3):
+    """Unless the user asks for both."""
+    own = [{"integrator": {"cycle_map": name, "rtol": 3e-6}} for name in ("auto", "off")]
+    trade = ds.trade(fig3, budget=BUDGET, scene={"t_end": 0.005}, candidates=own)
+    assert np.all(trade.done[2:4]) and list(trade["cycle_map"][2:4]) == ["auto", "off"]
+    assert trade["steps"][2] == trade["steps"][3]
+    again = (trade["cycle_map"] == "off") & (trade["role"] == "candidate")
+    again[:4] = False
+    assert again.sum() > 10 and np.all(trade["result_code"][again] == 2)
+    assert all("which leapt no cycle" in text for text in trade["text"][again])
+
+
+def test_no_cycle_map_where_nothing_is_leapt(fig3):
+    """The smoothed contact and the reduced models have none; that of the deck is left out there."""
+    smoothed = {"friction": {"contact": "smoothed", "v_smooth": 1e-6}, "scene": {"t_end": 0.01}}
+    trade = ds.trade(fig3, budget=BUDGET, **smoothed)
+    assert set(trade["cycle_map"]) == {""} and trade.done.sum() > 10
+    trade = ds.trade(fig3, budget=BUDGET, accuracy=0.9, scene={"t_end": 0.01}, integrator={"cycle_map": "off"})
+    assert set(trade["cycle_map"][trade["model"] != "full"]) == {""}
+    assert trade.done[row(trade, model="low_frequency", method="radau9", rtol=1e-6)]
+    assert trade.settings["scene"]["model"] != "full" and trade.settings["integrator"]["cycle_map"] is None
 
 
 def test_fast_oscillation(creep):
@@ -319,11 +372,9 @@ def test_figure_shows_every_measured_point(creep):
 
 def test_families(creep):
     """A family holds one method's points, the coarse ones first."""
-    full = [f for f in families(creep, "final_velocity") if (f.kind, f.method) == ("full", "radau9")]
-    (family,) = full
-    assert family.error.size == np.count_nonzero(
-        (creep["method"] == "radau9") & (creep["model"] == "full") & (creep["contact"] == "exact") & creep.done
-    )
+    found = [f for f in families(creep, "final_velocity") if (f.kind, f.method) == ("full", "radau9")]
+    (family,) = found
+    assert family.error.size == np.count_nonzero((creep["method"] == "radau9") & (creep["cycle_map"] == "auto") & creep.done)
     assert family.error[0] > 1e3 * family.error[-1]
     assert family.error.min() >= creep.floor("final_velocity")
 

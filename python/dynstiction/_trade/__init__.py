@@ -17,7 +17,7 @@ from .._progress import progress_bar
 from ..errors import Error, FileError, UsageError, printable
 from ..groups import Groups
 from ..html import table
-from ..record import Described, Info, Table
+from ..record import Described, Table
 from ..scene import DeckLike, Scene
 from .advice import advice, advised_settings, cheapest, check_quantity
 from .measure import RESOLUTION, Comparison
@@ -45,7 +45,7 @@ class Trade(Table[Any]):
     Attributes
     ----------
     columns : Described of ndarray, shape (n,)
-        ``role``, ``model``, ``form``, ``method``, ``contact``, ``text`` (str); ``rtol``, ``step`` [s], ``v_smooth`` [m/s],
+        ``role``, ``model``, ``form``, ``method``, ``contact``, ``cycle_map``, ``text`` (str); ``rtol``, ``step`` [s], ``v_smooth`` [m/s],
         ``seconds`` [s], ``steps``, ``rhs``, ``newton``, ``result_code``, and ``error_<quantity>`` [1], NaN where
         there is none.
     report : str

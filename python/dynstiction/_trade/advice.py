@@ -114,6 +114,7 @@ def _is_default(key: _native.KeyInfo, value: object) -> bool:
 def _described(candidate: Candidate) -> str:
     """A candidate in words: low_frequency, radau9, rtol 1.0e-5."""
     words = [" ".join(filter(None, (candidate.model, candidate.form))), candidate.method]
+    words += ["cycle_map off"] if candidate.cycle_map == "off" else []
     numbers = (("v_smooth", candidate.v_smooth), ("rtol", candidate.rtol), ("step", candidate.step))
     words += [f"{name} {value!r}" for name, value in numbers if value > 0.0]
     words += [f"{key} {_written(value)}" for keys in candidate.more.values() for key, value in keys.items()]

@@ -52,6 +52,11 @@ COLUMNS = {
     "form": ("1", "of Eq. (8)", "candidate.form"),
     "method": ("1", "integrator; empty for a closed form", "candidate.method"),
     "contact": ("1", "exact or smoothed; empty where the model has no choice", "candidate.contact"),
+    "cycle_map": (
+        "1",
+        "auto: cycles that repeat are leapt, off: not; empty where there is no choice",
+        "candidate.cycle_map",
+    ),
     "rtol": ("1", "relative tolerance; 0 = not used", "candidate.rtol"),
     "step": ("s", "fixed step; 0 = not used", "candidate.step"),
     "v_smooth": ("m s-1", "smoothing velocity; 0 = not used", "candidate.v_smooth"),
@@ -61,7 +66,7 @@ COLUMNS = {
     "newton": ("1", "Newton iterations", "newton"),
     "result_code": (
         "1",
-        "0 = done, 40 to 49 = the solver gave up, 75 = no budget, 2 = cannot be used",
+        "0 = done, 40 to 49 = the solver gave up, 75 = no budget, 2 = cannot be used, or is the same as another",
         "code",
     ),
 }
@@ -89,6 +94,8 @@ class Point:
     steps: float = 0.0
     rhs: float = 0.0
     newton: float = 0.0
+    leapt: float = 0.0
+    """Cycles that were leapt."""
     errors: Mapping[str, float] = field(default_factory=dict)
     """By quantity, of those that the scene has."""
 
@@ -117,7 +124,15 @@ class Comparison:
         with Simulation(subject.scene()) as simulation:
             self._record = replace(simulation.result, deck=scene.text)
         v_smooth = subject.number("v_smooth") if subject.contact == "smoothed" else 0.0
-        best = Candidate(subject.model, "radau13", subject.contact, rtol=SMALLEST_RTOL, v_smooth=v_smooth)
+        # Independent of the map that it judges.
+        best = Candidate(
+            subject.model,
+            "radau13",
+            subject.contact,
+            cycle_map="off" if subject.has_cycle_map else "",
+            rtol=SMALLEST_RTOL,
+            v_smooth=v_smooth,
+        )
         self.best, self.second = Point(best, "reference"), Point(replace(best, method="radau9"), "check")
         self.points = [Point(candidate) for candidate in candidates(subject, own)]
         self._quantities = quantities
@@ -212,9 +227,17 @@ class Comparison:
         return waiting
 
     def _check(self, candidate: Candidate) -> None:
-        """Refuse what cannot take the deck's place: by its own obstacle, or for output that its closed form does not give."""
+        """Refuse what cannot take the deck's place: by its own obstacle, or for output that its closed form does not give.
+
+        And what is known to be the same run as another, unless the user asks for it.
+        """
         if candidate.obstacle:
             raise DeckError(candidate.obstacle)
+        twin = replace(candidate, cycle_map="auto", rank=0)
+        if candidate.cycle_map == "off" and candidate.rank > 0:
+            for point in self.points:
+                if point.done and point.leapt == 0.0 and replace(point.candidate, rank=0) == twin:
+                    raise DeckError("the same run as with cycle_map = 'auto', which leapt no cycle")
         if candidate.order == 0:
             Simulation(self.subject.scene(candidate.settings())).close()
 
@@ -246,7 +269,7 @@ class Comparison:
     def _note(point: Point, simulation: Simulation) -> None:
         work = _work(simulation)
         point.steps, point.rhs, point.newton = (work[name] for name in ("steps", "rhs", "newton"))
-        point.seconds = work["wall_time"]
+        point.seconds, point.leapt = work["wall_time"], work["cycles_leapt"]
         point.code, point.text = simulation._outcome or (0, "")
 
     def _skip(self, point: Point, expected: float) -> None:

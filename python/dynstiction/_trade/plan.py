@@ -18,12 +18,14 @@ Settings = Mapping[str, Mapping[str, Any]]
 
 TOLERANCES = {6: 1, 4: 2, 8: 3, 3: 4, 10: 5, 5: 6, 7: 6, 9: 7, 11: 7}
 """Relative tolerances 10^-n, and their ranks: every second one first."""
+DIRECT_TOLERANCES, DIRECT_RANK = {6: 1, 4: 2, 8: 3}, 7
+"""Those at which the full model is also tried without the cycle map, and how much later than with it."""
 SMOOTHING_SHARES = (0.1, 1.0, 1.0e-2, 1.0e-3)
 """Smoothing velocities over V sin(phi)."""
 KEYS = {
     "scene": ("model", "form"),
     "friction": ("contact", "v_smooth"),
-    "integrator": ("method", "rtol", "step"),
+    "integrator": ("method", "rtol", "step", "cycle_map"),
 }
 """What tells candidates apart, and has a column."""
 
@@ -36,6 +38,8 @@ class Candidate:
     method: str = ""
     contact: str = ""
     form: str = ""
+    cycle_map: str = ""
+    """Empty where no cycle is ever leapt."""
     rtol: float = 0.0
     step: float = 0.0
     """s"""
@@ -51,7 +55,15 @@ class Candidate:
     @property
     def family(self) -> tuple[object, ...]:
         """The same of candidates that differ in tolerance or step only."""
-        return self.model, self.method, self.contact, self.form, self.v_smooth, repr(self.more)
+        return (
+            self.model,
+            self.method,
+            self.contact,
+            self.form,
+            self.cycle_map,
+            self.v_smooth,
+            repr(self.more),
+        )
 
     @property
     def order(self) -> int:
@@ -83,6 +95,8 @@ class Subject:
         if self.model == "auto":
             self.model = "full"
         self.contact = str(self.value.get("contact", "exact"))
+        self.has_cycle_map = (self.model, self.contact) == ("full", "exact")
+        """Whether cycles may be leapt."""
 
     def number(self, key: str) -> float:
         """Value of a key that has one number; NaN if the scene does not have it."""
@@ -156,7 +170,11 @@ def _own(subject: Subject, settings: Settings) -> Candidate:
 
 def _planned(subject: Subject) -> Iterator[Candidate]:
     model, contact = subject.model, subject.contact
-    yield from _tolerances(model, contact, subject.number("v_smooth") if contact == "smoothed" else 0.0)
+    if subject.has_cycle_map:
+        yield from _tolerances(model, contact, cycle_map="auto")
+        yield from _tolerances(model, contact, cycle_map="off", ranks=DIRECT_TOLERANCES, later=DIRECT_RANK)
+    else:
+        yield from _tolerances(model, contact, subject.number("v_smooth") if contact == "smoothed" else 0.0)
     if model == "full":
         yield Candidate("creep", rank=1)
         for form in ("first_power", "third_order", "printed"):
@@ -171,11 +189,26 @@ def _planned(subject: Subject) -> Iterator[Candidate]:
         yield from _fixed_steps(subject)
 
 
-def _tolerances(model: str, contact: str = "", v_smooth: float = 0.0) -> Iterator[Candidate]:
+def _tolerances(
+    model: str,
+    contact: str = "",
+    v_smooth: float = 0.0,
+    cycle_map: str = "",
+    ranks: Mapping[int, int] = TOLERANCES,
+    later: int = 0,
+) -> Iterator[Candidate]:
     """All adaptive methods at all tolerances on one model."""
-    for exponent, rank in TOLERANCES.items():
+    for exponent, rank in ranks.items():
         for method in _adaptive_methods():
-            yield Candidate(model, method, contact, rtol=10.0**-exponent, v_smooth=v_smooth, rank=rank)
+            yield Candidate(
+                model,
+                method,
+                contact,
+                cycle_map=cycle_map,
+                rtol=10.0**-exponent,
+                v_smooth=v_smooth,
+                rank=rank + later,
+            )
 
 
 def _largest_step(subject: Subject) -> float:

@@ -59,6 +59,7 @@ def report(comparison: Comparison) -> str:
 def _name(point: Point) -> str:
     candidate = point.candidate
     model = f"Eq. (8) {candidate.form}" if candidate.form else candidate.model
+    model += ", cycle_map off" if candidate.cycle_map == "off" else ""
     numbers = (candidate.rtol, candidate.step, candidate.v_smooth)
     columns = "  ".join(f"{short(value) if value > 0.0 else '':>8}" for value in numbers)
     return f"{model:21.21}{candidate.method:12.12}{columns}".ljust(NAME_WIDTH)

@@ -18,6 +18,7 @@ from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
 from .creep import draw_creep
+from .cycle_map import draw_cycle_map
 from .damping import draw_damping
 from .path import draw_path
 from .samples import thin
@@ -52,6 +53,7 @@ KINDS: dict[str, Callable[..., None]] = {
     "creep": draw_creep,
     "path": draw_path,
     "columns": draw_series,
+    "cycle_map": draw_cycle_map,
 }
 """Kinds of figure of a run by name."""
 

@@ -23,12 +23,15 @@ COLOURS = (ORANGE, BLUE, SKY, VERMILION, PURPLE, "0.4", BLACK, GREEN)
 """Of the methods, in the order of the core's list."""
 KINDS = {
     "full": ("full model, exact contact", "o", "full"),
+    "direct": ("the same without the cycle map", "o", "none"),
     "smoothed": ("full model, smoothed contact", "s", "none"),
     "low_frequency": ("low-frequency model", "^", "none"),
     "high_frequency": ("high-frequency model", "v", "none"),
     "creep": ("creep in closed form", "*", "full"),
 }
 """Kinds of equations: name in the legend, mark, filled or not."""
+LINES = {"full": "-", "direct": ":"}
+"""Kinds whose points are joined."""
 
 PANELS = ("final_elongation", "period", "creep_velocity", "fast_phase")
 """Quantities that get a panel, as far as the scene has them; at most three."""
@@ -62,6 +65,7 @@ def families(trade: Trade, quantity: str) -> list[Family]:
     for i in np.flatnonzero(trade.done):
         model = str(trade["model"][i]).removesuffix("_asymptotic")
         kind = "smoothed" if trade["contact"][i] == "smoothed" else model
+        kind = "direct" if trade["cycle_map"][i] == "off" else kind
         rows.setdefault((kind, str(trade["method"][i]), float(trade["v_smooth"][i])), []).append(int(i))
     found = []
     for (kind, method, _), members in rows.items():
@@ -96,8 +100,8 @@ def _draw_panel(axis: Axes, trade: Trade, quantity: str) -> set[str]:
         _, mark, fill = KINDS[family.kind]
         colour = _colours().get(family.method, BLACK)
         style: Any = {"color": colour, "markersize": 3.5, "markeredgewidth": 0.7}
-        if family.kind == "full":
-            axis.plot(family.error, family.seconds, color=colour, alpha=0.6)
+        if family.kind in LINES:
+            axis.plot(family.error, family.seconds, LINES[family.kind], color=colour, alpha=0.6)
         known = family.known
         axis.plot(family.error[known], family.seconds[known], mark, fillstyle=fill, **style)
         axis.plot(family.error[~known], family.seconds[~known], "<", fillstyle="none", **style)

@@ -41,6 +41,7 @@ CAPTIONS = {
     "damping": "Damping ratio of the slow motion against the angle of friction.",
     "creep": "Mean velocity of the first creep against its closed form.",
     "path": "Tip of the friction vector in the plane of the principal axes, coloured by time.",
+    "cycle_map": "From release to release: the change of the load and the time of fast cycles, and the iterates of the run.",
     "columns": "The columns of the file.",
 }
 

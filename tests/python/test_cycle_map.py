@@ -1,0 +1,241 @@
+"""Cycles that are leapt by their map are those that steps make, in any scene; and runs that end where they have settled."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Any
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from fig3 import changed, slider
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from programs import INPUTS
+
+COUNTERS = ("cycles_leapt", "cycles_sampled", "excursions_reused")
+FIG3 = INPUTS / "fig3.nml"
+SAMPLED = {"interval": 1e-3, "fields": ["u_x", "u_y", "w_x", "w_y", "X"]}
+Groups = dict[str, dict[str, Any]]
+
+
+def run(scene: ds.Scene, cycle_map: str, rtol: float, output: dict[str, Any], method: str = "radau9") -> ds.Result:
+    return ds.run(scene, integrator={"method": method, "rtol": rtol, "cycle_map": cycle_map}, output=output)
+
+
+def releases(result: ds.Result) -> np.ndarray:
+    return result.events["time"][result.events["kind"] == 2]
+
+
+def sticks(result: ds.Result) -> int:
+    return np.count_nonzero(result.events["kind"] == 1)
+
+
+def apart(a: ds.Result, b: ds.Result) -> float:
+    """By how much the releases of two runs differ, relative to the end; 1 if one has more sticks."""
+    if sticks(a) != sticks(b) or releases(a).size != releases(b).size:
+        return 1.0
+    return float(np.abs(releases(a) - releases(b)).max(initial=0.0)) / a.time[-1]
+
+
+def distances(a: ds.Result, b: ds.Result) -> dict[str, float]:
+    """The largest difference in each column, relative to its largest value."""
+    return {name: np.abs(a[name] - b[name]).max() / max(np.abs(b[name]).max(), 1e-300) for name in b if name != "time"}
+
+
+# Scenes of any kind.
+
+
+def random_scene(seed: int) -> ds.Scene:
+    """At most some 2000 fast oscillations; the springs hold already, so that sticks and slips come soon."""
+    chance = random.Random(seed)
+
+    def logarithmic(low: float, high: float) -> float:
+        return math.exp(chance.uniform(math.log(low), math.log(high)))
+
+    mass, stiffness_y, velocity = logarithmic(1e-4, 10.0), logarithmic(1e5, 1e10), logarithmic(1e-5, 0.1)
+    t_end = logarithmic(800.0, 2000.0) * 2 * math.pi * math.sqrt(mass / stiffness_y)
+    system = {"mass": mass, "stiffness_y": stiffness_y, "misalignment_deg": logarithmic(0.05, 30.0)}
+    groups = slider({"system": system, "drive": {"velocity": velocity}, "friction": {"v_f": logarithmic(1e-4, 1.0)}})
+    initial = {"elongation_x": 2e-3 * chance.uniform(0.3, 0.999), "velocity_ratio": 0.0}
+    return ds.Scene(scene={"t_end": t_end}, initial=initial, **groups)
+
+
+def compare(scene: ds.Scene, rtol: float = 1e-10) -> int:
+    """Compare a run by the map with one by steps. Returns how many cycles were leapt."""
+    output = {**SAMPLED, "interval": scene.groups()["scene"]["t_end"] / 3000}
+    by_map, by_steps = (run(scene, how, rtol, output) for how in ("auto", "off"))
+    statistics = by_map.statistics
+    assert all(isinstance(statistics[name], int) and statistics[name] >= 0 for name in COUNTERS)
+    assert isinstance(statistics["map_error"], float) and 0.0 <= statistics["map_error"] < rtol
+    assert not any(by_steps.statistics[name] for name in (*COUNTERS, "map_error"))
+    assert statistics["events"] == by_map.events.size
+    np.testing.assert_array_equal(by_map.time, by_steps.time)
+    if statistics["cycles_leapt"] == 0:
+        # Cycles that were run in vain change nothing.
+        assert all(by_map[name].tobytes() == by_steps[name].tobytes() for name in by_map)
+        assert by_map.events.tobytes() == by_steps.events.tobytes()
+        return 0
+    finer = run(scene, "off", rtol / 3, output)
+    # Where the motion depends sensitively on all there is, no two runs agree.
+    sensitive = max(apart(finer, by_steps), 1e-9)
+    assert apart(by_map, by_steps) <= max(1e-8, 10 * sensitive), (apart(by_map, by_steps), sensitive)
+    if sensitive > 1e-8:
+        return statistics["cycles_leapt"]
+    scatter = distances(finer, by_steps)
+    for name, distance in distances(by_map, by_steps).items():
+        assert distance <= max(1e-6, 30 * scatter[name]), (name, distance, scatter[name])
+    assert list(by_map.summary) == list(by_steps.summary)
+    for name, value in by_steps.summary.items():
+        if name == "energy_residual":
+            assert abs(by_map.summary[name]) < 1e-7
+        elif not name.endswith("_scatter"):
+            # How long a cycle creeps is no smooth function of the release: |X'| passes V/10 once more or once less.
+            allowed = max((2e-5 if name == "creep_share" else 1e-6) * abs(value), 30 * abs(finer.summary.get(name, np.inf) - value))
+            assert by_map.summary[name] == pytest.approx(value, rel=0, abs=allowed), name
+    return statistics["cycles_leapt"]
+
+
+@pytest.mark.parametrize("examples", [60, pytest.param(600, marks=pytest.mark.full)])
+def test_the_map_makes_the_motion_of_the_steps(examples: int) -> None:
+    leapt = []
+
+    # Hypothesis varies one thing at a time; scenes that have sticks need all of them spread.
+    @given(st.integers(0, 2**32 - 1))
+    @settings(max_examples=examples, deadline=None, derandomize=True, database=None)
+    def whatever(seed: int) -> None:
+        leapt.append(compare(random_scene(seed)))
+
+    whatever()
+    assert np.count_nonzero(leapt) > 0.05 * examples, leapt
+
+
+KINDS: dict[str, Groups] = {
+    "Fig. 3": {},
+    "3 degrees": {"system": {"misalignment_deg": 3.0}},
+    "10 degrees": {"system": {"misalignment_deg": 10.0}},
+    "stiff": {"system": {"stiffness_y": 1e8}, "scene": {"t_end": 2.2}},
+    "light": {"system": {"mass": 1e-3}, "scene": {"t_end": 0.6}},
+    "slow": {"drive": {"velocity": 1e-4}, "scene": {"t_end": 3.0}},
+    "weak friction": {"friction": {"v_f": 0.1}},
+    "other side": {"system": {"misalignment_deg": -2.0}, "drive": {"velocity": -2e-3}},
+}
+
+
+def kind(name: str) -> ds.Scene:
+    return ds.Scene(**changed({"scene": {"t_end": 3.0}}, slider(), KINDS[name]))
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_scenes_of_a_kind(name: str) -> None:
+    assert compare(kind(name), 1e-9) > 100
+
+
+@pytest.mark.parametrize("method", ["radau5", "radau13", "dopri5", "dop853"])
+def test_every_adaptive_method_leaps(method: str) -> None:
+    by_map, by_steps = (run(ds.Scene(FIG3, scene={"t_end": 4.2}), how, 1e-7, SAMPLED, method) for how in ("auto", "off"))
+    assert by_map.statistics["cycles_leapt"] > 0.9 * sticks(by_map)
+    assert by_map.statistics["steps"] < 0.5 * by_steps.statistics["steps"]
+    assert apart(by_map, by_steps) < 1e-7
+
+
+def test_a_long_run_has_every_stick() -> None:
+    """To 100 s, 109 slow cycles: 47974 sticks, as by steps at rtol 1e-10; most excursions are taken from an earlier one."""
+    result = run(ds.Scene(FIG3, scene={"t_end": 100.0}), "auto", 1e-8, {"interval": 1.0})
+    assert sticks(result) == result.summary["sticks"] == 47974
+    assert result.statistics["excursions_reused"] > 100
+    assert (np.diff(result.events["time"]) > 0).all()
+    assert (result.events["kind"][::2] == 1).all() and (result.events["kind"][1::2] == 2).all()
+
+
+def test_what_is_no_choice_is_refused(program) -> None:
+    done = program("run", FIG3, "-o", "x.h5", "--set", "integrator.cycle_map=maybe")
+    assert done.returncode == 2
+    where = "--set 1 (integrator.cycle_map=maybe)"
+    assert done.stderr == f"dynstiction: {where}: unknown cycle_map 'maybe': choose auto | off\n"
+
+
+@pytest.mark.parametrize("model", ["low_frequency", "creep"])
+def test_other_models_do_not_know_it(program, model: str) -> None:
+    deck = INPUTS / f"{model}.nml"
+    done = program("run", deck, "-o", "x.h5", "--set", "integrator.cycle_map=off")
+    assert done.returncode == 2
+    assert "integrator.cycle_map" in done.stderr
+
+
+# Runs that end where they have settled.
+
+LASTING = ("period", "peak_force", "valley_force", "slip_duration", "stick_duration", "slip_length", "swing", "creep_share")
+
+
+@pytest.fixture(scope="module", params=["auto", "off"])
+def settled(request: pytest.FixtureRequest) -> ds.Result:
+    return ds.run(FIG3, scene={"t_end": 50.0, "settle": 1e-5}, integrator={"cycle_map": request.param}, output={"interval": 0.01})
+
+
+def test_a_settled_run_ends_after_a_few_cycles(settled: ds.Result) -> None:
+    assert settled.complete and settled.result_code == 0
+    assert 2 <= settled.summary["cycles"] <= 4
+    assert settled.time[-1] == pytest.approx(settled.summary["settled_at"], rel=4e-16, abs=0)
+    assert settled.time[-1] < 5.0
+    assert (np.diff(settled.time) > 0).all()
+    assert settled.events["time"][-1] <= settled.time[-1]
+
+
+def test_a_settled_run_has_the_values_of_a_long_one(settled: ds.Result) -> None:
+    # Of whole cycles, as the share in creep is of a stretch of time.
+    long = ds.run(FIG3, scene={"t_end": 1000.0}, output={"interval": 1.0}).summary
+    for name in LASTING:
+        assert settled.summary[name] == pytest.approx(long[name], rel=1e-3 if name == "creep_share" else 1e-5), name
+    assert "settled_at" not in long
+
+
+def test_what_never_settles_runs_to_its_end() -> None:
+    scene = ds.Scene(FIG3, scene={"t_end": 12.0, "settle": 1e-9}, system={"stiffness_y": 1e6}, output={"interval": 0.1})
+    result = ds.run(scene)
+    assert result.time[-1] == 12.0
+    assert result.summary["cycles"] > 8
+    assert "settled_at" not in result.summary
+    # Nor is the motion another one.
+    assert ds.run(scene, scene={"settle": 0.0}).events.tobytes() == result.events.tobytes()
+
+
+@pytest.mark.parametrize("model", ["low_frequency", "full"])
+def test_a_settled_run_is_resumed(program, tmp_path, model: str) -> None:
+    deck = FIG3 if model == "full" else INPUTS / "low_frequency.nml"
+    lasting = ("scene.t_end=1000", "scene.settle=1e-7", "output.interval=1e-5", "output.fields=u_x")
+    program("run", deck, "-o", "whole.h5", "--quiet", settings=lasting, status=0)
+    done = program("run", deck, "-o", "x.h5", "--quiet", settings=(*lasting, "output.wall_limit=0.02"))
+    stops = 0
+    while done.returncode == 75:
+        stops += 1
+        done = program("resume", "x.h5", "--quiet")
+    assert done.returncode == 0 and stops > 0
+    whole, resumed = ds.open(tmp_path / "whole.h5"), ds.open(tmp_path / "x.h5")
+    assert dict(whole.summary) == dict(resumed.summary)
+    assert whole.time[-1] == resumed.time[-1] < 100.0
+    assert whole["u_x"].tobytes() == resumed["u_x"].tobytes() and whole.events.tobytes() == resumed.events.tobytes()
+
+
+@pytest.mark.parametrize("method", ["rodas4p", "radau9"])
+def test_cases_of_a_sweep_settle(method: str) -> None:
+    pytest.importorskip("xarray")
+    scene = ds.Scene(INPUTS / "low_frequency.nml", scene={"t_end": 200.0}, integrator={"method": method, "rtol": 1e-7})
+    angles = {"system.misalignment_deg": np.linspace(1.0, 6.0, 11)}
+    short = ds.sweep(scene, angles, scene={"settle": 1e-4})
+    long = ds.sweep(scene, angles)
+    assert (short["result_code"] == 0).all()
+    assert (short["settled_at"] < 20.0).all()
+    for name in ("period", "peak_force", "swing", "slip_length"):
+        np.testing.assert_allclose(short[name], long[name], rtol=1e-3, err_msg=name)
+    assert "settled_at" not in long or np.isnan(long["settled_at"]).all()
+
+
+def test_series_of_settled_cases_are_refused(program, tmp_path) -> None:
+    grid = "\n&sweep parameter = 'system.misalignment_deg' first = 1.0 last = 6.0 count = 3 keep = 'series' /\n"
+    (tmp_path / "map.nml").write_text((INPUTS / "low_frequency.nml").read_text() + grid)
+    done = program("run", "map.nml", "-o", "x.h5", "--quiet", settings=("scene.settle=1e-4",))
+    assert done.returncode == 2
+    assert "scene.settle" in done.stderr and "series" in done.stderr
+    assert done.stderr.count("\n") == 1
