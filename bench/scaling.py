@@ -1,9 +1,10 @@
-"""What the cost of the full model grows with: what a reader can rerun.
+"""What the cost of the full model, step by step, grows with: what a reader can rerun.
 
     python bench/scaling.py [--cycles N] [--short]
 
 Runs Fig. 3 at rtol 1e-6 over the same number of fast cycles while one parameter goes through its decades, and prints accepted steps,
-Newton iterations and microseconds of solver time for one cycle. Only the number of cycles should count.
+Newton iterations and microseconds of solver time for one cycle. Only the number of cycles should count. The cycle map, which leaps
+most of them, is off (bench/cycle_map.py).
 """
 
 import argparse
@@ -56,7 +57,7 @@ def cost(scene: dict[str, float], cycles: float) -> tuple[float, float, float]:
         misalignment_deg={scene["misalignment_deg"]} /
     &friction mu_0=0.2, mu_inf=0.15, v_f={scene["v_f"]}, normal_load=10.0 /
     &drive velocity={scene["velocity"]} /
-    &integrator rtol=1e-6 /
+    &integrator rtol=1e-6, cycle_map='off' /
     &output interval={t_end!r} /
     """
     runs = [ds.run(text).statistics for _ in range(5)]

@@ -64,6 +64,8 @@ not use is refused, unless its value is the one that switches it off (the defaul
 `v_smooth`). `--set group.key=value` on the command line replaces a value of the deck; text needs no
 quotes there. The resolved deck is kept in the result file (`/deck/resolved`), beside the deck as it was
 read (`/deck/text`).
+
+`cycle_map` and `settle` are explained in [the cycle map](cycle_map.md).
 """
 
 KINDS = {"reals": "list of reals", "texts": "list of texts"}

@@ -1,10 +1,12 @@
 """Measure this code and its peers on one scene; called by run.sh, which installs and builds.
 
-    python bench/peers/run.py [--rounds N] [--only PEER...] [--draw] [--short]
+    python bench/peers/run.py [--rounds N] [--only PEER...] [--long] [--draw] [--short]
 
-Fig. 3 to 2.5 s. Every point (peer, method, formulation, tolerances) is run in turn, and all of them again in the next round;
+Fig. 3 to 2.5 s, then to 100 s. Every point (peer, method, formulation, tolerances) is run in turn, and all of them again in the next round;
 its time is the median of the processor times. Its error of u_x and of w is the largest, over t = 0.02, 0.5, 2 and 2.5 s,
-of |u_x - ref|/|ref| and of |w - ref|/|ref| (Euclidean). Writes docs/peers.csv and docs/peers.png, prints the table.
+of |u_x - ref|/|ref| and of |w - ref|/|ref| (Euclidean). To 100 s (t = 0.5, 2, 2.5, 10 and 100 s) each peer runs once with the settings that were its fastest at a
+level, if that can be expected to end within a minute. Writes docs/peers.csv and docs/peers.png, prints the tables.
+--long measures the points to 100 s alone.
 --short measures a few points of the peers that are quick to install, writes into build/peers/, and fails if one gives nothing.
 """
 
@@ -32,6 +34,16 @@ ROOT = Path(__file__).resolve().parents[2]
 HERE, WORK, DOCS = ROOT / "bench" / "peers", ROOT / "build" / "peers", ROOT / "docs"
 OURS = "dynstiction"
 TIMES = (0.02, 0.5, 2.0, 2.5)
+LONG_TIMES, LONG_LIMIT = (0.5, 2.0, 2.5, 10.0, 100.0), 60.0
+LONG = LONG_TIMES[-1]
+# (u_x, u_y, w_x, w_y) at the last two by radau13 at rtol = 1e-13, without the cycle map; radau9 at 1e-12 differs by 3e-11 at most in
+# w and 7e-13 in u_x.
+LONG_STATES = (
+    (0.0017458396313279033, 9.490786586327563e-08, 6.281680945281817e-05, 3.420388648538606e-05),
+    (0.0011763566384492225, 4.1446684283797407e-10, 0.007235324293242327, 1.7313853537260766e-05),
+)
+# Sticks to 100 s over those to 2.5 s.
+LONGER = 47974 / 1826
 LEVELS = {"A": (1e-3, 1e-1), "B": (1e-5, 1e-2), "C": (1e-7, 1e-4), "D": (1e-9, 1e-6)}
 FORMULATIONS = ("polar", "smoothed", "printed")
 
@@ -66,6 +78,14 @@ class Point:
     reached: float = 0.0
     status: str = ""
     runs: int = 0
+    t_end: float = TIMES[-1]
+
+    def name(self):
+        """Of its method, as in the table."""
+        return f"{self.method}, map off" if self.settings.get("cycle_map") == "off" else self.method
+
+    def times(self):
+        return LONG_TIMES if self.t_end == LONG else TIMES
 
     def level(self):
         """Best level reached, or '-'."""
@@ -84,7 +104,7 @@ class Point:
         self.runs += 1
         states = np.array(answer["states"]).reshape(-1, 4)
         if len(states):
-            exact = reference[: len(states)]
+            exact = np.array([reference[t] for t in self.times()[: len(states)]])
             w, w_exact = states[:, 2:], exact[:, 2:]
             self.error_u = float(np.max(np.abs(states[:, 0] / exact[:, 0] - 1.0)))
             self.error_w = float(
@@ -96,17 +116,21 @@ class Point:
         begun = time.process_time()
         result = ds.run(
             ROOT / "inputs" / "fig3.nml",
-            scene={"t_end": TIMES[-1]},
-            integrator={"method": self.method, "rtol": float(self.settings["rtol"])},
-            output={"interval": 0.02, "fields": ["u_x", "u_y", "w_x", "w_y"]},
+            scene={"t_end": self.t_end},
+            integrator={
+                "method": self.method,
+                "rtol": float(self.settings["rtol"]),
+                "cycle_map": self.settings["cycle_map"],
+            },
+            output={"interval": self.times()[0], "fields": ["u_x", "u_y", "w_x", "w_y"]},
         )
         seconds = time.process_time() - begun
-        rows = np.rint(np.array(TIMES) / 0.02).astype(int)
+        rows = np.rint(np.array(self.times()) / self.times()[0]).astype(int)
         states = np.stack([result[name][rows] for name in ("u_x", "u_y", "w_x", "w_y")], axis=1)
         return {
             "status": "done",
             "seconds": seconds,
-            "time": TIMES[-1],
+            "time": self.t_end,
             "stops": result.sticks(),
             "states": states,
         }
@@ -114,6 +138,8 @@ class Point:
     def run_peer(self):
         words = [f"{key}={value}" for key, value in self.settings.items()]
         common = (f"method={self.method}", f"formulation={self.formulation}", f"limit={self.limit}")
+        if self.t_end == LONG:
+            common += (f"t_end={LONG:g}",)
         if self.peer not in INTERPRETED:
             return run_process(self.peer, (*common, *words))[0]
         answers = run_batch(self.peer, (*common, *self.grid))
@@ -155,9 +181,10 @@ def points():
     decades = "1e-3 1e-4 1e-5 1e-6 1e-7 1e-8 1e-9 1e-10"
     for method in ("radau5", "radau9", "radau13"):
         yield from grid(
-            OURS, method, "polar", rtol="1e-3 3e-4 1e-4 3e-5 1e-5 3e-6 1e-6 3e-7 1e-7 1e-8 1e-9 1e-10"
-        )
-    yield from grid(OURS, "dop853", "polar", rtol="1e-2 1e-3 1e-4 1e-5 1e-6 1e-7")
+            OURS, method, "polar", cycle_map="auto off",
+            rtol="1e-3 3e-4 1e-4 3e-5 1e-5 3e-6 1e-6 3e-7 1e-7 1e-8 1e-9 1e-10",
+        )  # fmt: skip
+    yield from grid(OURS, "dop853", "polar", cycle_map="auto off", rtol="1e-2 1e-3 1e-4 1e-5 1e-6 1e-7")
     # Our polar slip velocity and switching.
     rosenbrock = "1e-4 3e-5 1e-5 3e-6 1e-6 3e-7 1e-7 3e-8 1e-8 1e-9 1e-10"
     yield from grid("odeint", "rosenbrock4", "polar", rtol=rosenbrock, v_cut="3e-6 1e-6 3e-7 1e-7")
@@ -206,6 +233,24 @@ def points():
         yield from grid("SciPy", method, "printed", 60.0, rtol="1e-6")
 
 
+def long_points(measured, only):
+    """Points to 100 s of what was measured to 2.5 s: all of ours with the map, else the fastest of each method at each level."""
+    polar = [p for p in measured if p.peer in only and p.formulation == "polar" and p.t_end != LONG]
+    chosen = [p for p in polar if p.settings.get("cycle_map") == "auto"]
+    for key in dict.fromkeys((p.peer, p.name()) for p in polar):
+        group = [p for p in polar if (p.peer, p.name()) == key]
+        chosen += [best for level in LEVELS if (best := fastest(group, level))]
+    chosen = [p for p in chosen if LONGER * statistics.median(p.seconds) < LONG_LIMIT]
+    unique = {(p.peer, p.method, str(p.settings)): p for p in chosen}
+    return [
+        Point(
+            p.peer, p.method, p.formulation, p.settings, LONG_LIMIT,
+            tuple(f"{key}={value}" for key, value in p.settings.items()), t_end=LONG,
+        )
+        for p in unique.values()
+    ]  # fmt: skip
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -215,6 +260,9 @@ def main():
         "--only", nargs="+", default=[OURS, *PEERS], help="measure these alone, keep the other rows"
     )
     parser.add_argument(
+        "--long", action="store_true", help="only to 100 s, with settings from docs/peers.csv"
+    )
+    parser.add_argument(
         "--draw", action="store_true", help="only the figure and the table, from docs/peers.csv"
     )
     parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
@@ -222,17 +270,25 @@ def main():
     if options.short:
         run_short()
         return
-    if options.draw:
-        measured = read_csv(DOCS / "peers.csv")
-    else:
-        measured = [point for point in points() if point.peer in options.only]
-        measure(measured, options.rounds)
-        if set(options.only) < {OURS, *PEERS}:
-            measured += [p for p in read_csv(DOCS / "peers.csv") if p.peer not in options.only]
-        measured.sort(key=lambda point: [OURS, *PEERS].index(point.peer))
+    measured = read_csv(DOCS / "peers.csv")
+    if not options.draw:
+        kept = [
+            p for p in measured
+            if p.peer not in options.only or (options.long and p.t_end != LONG)
+        ]  # fmt: skip
+        new = []
+        if not options.long:
+            new = [point for point in points() if point.peer in options.only]
+            measure(new, options.rounds)
+        longer = long_points([*kept, *new], options.only)
+        measure(longer, options.rounds)
+        measured = [*kept, *new, *longer]
+        measured.sort(key=lambda point: (point.t_end, [OURS, *PEERS].index(point.peer)))
         write_csv(DOCS / "peers.csv", measured)
-    draw(measured, DOCS / "peers.png")
-    print(table(measured))
+    short = [point for point in measured if point.t_end != LONG]
+    draw(short, DOCS / "peers.png")
+    print(table(short))
+    print(f"\n{long_table(short, [point for point in measured if point.t_end == LONG])}")
 
 
 def run_short():
@@ -240,18 +296,24 @@ def run_short():
     # It is in the environment that this program runs in.
     PEERS["SciPy"][0] = sys.executable
     measured = [
-        Point(OURS, "radau9", "polar", {"rtol": "1e-6"}),
+        Point(OURS, "radau9", "polar", {"cycle_map": "auto", "rtol": "1e-6"}),
+        Point(OURS, "radau9", "polar", {"cycle_map": "off", "rtol": "1e-6"}),
         Point("odeint", "rosenbrock4", "polar", {"rtol": "1e-6", "v_cut": "1e-7"}),
         Point("odeint", "dopri5", "smoothed", {"rtol": "1e-5", "v_s": "1e-8"}, 2.0),
         Point("odeint", "rosenbrock4", "printed", {"rtol": "1e-3"}, 2.0),
         Point("SciPy", "LSODA", "polar", {"rtol": "1e-6", "v_cut": "1e-7"}, 3.0, ("rtol=1e-6", "v_cut=1e-7")),
     ]
     measure(measured, 1)
-    write_csv(WORK / "short.csv", measured)
-    draw(read_csv(WORK / "short.csv"), WORK / "short.png")
+    longer = long_points(measured[:3], [OURS, "odeint"])
+    measure(longer, 1)
+    write_csv(WORK / "short.csv", [*measured, *longer])
+    draw([p for p in read_csv(WORK / "short.csv") if p.t_end != LONG], WORK / "short.png")
     print(table(measured))
+    print(f"\n{long_table(measured, longer)}")
     # Whatever happens to a peer, ours and odeint's polar form end, and SciPy gets past the first sample.
-    for point, reached in zip(measured, (2.5, 2.5, 0.0, 0.0, 0.02), strict=True):
+    for point, reached in zip(
+        [*measured, *longer], (2.5, 2.5, 2.5, 0.0, 0.0, 0.02, *(LONG for _ in longer)), strict=True
+    ):
         if point.status not in ("done", "time limit", "step size underflow") or point.reached < reached:
             sys.exit(
                 f"{point.peer} {point.method}, {point.formulation}: {point.status} at t = {point.reached} s"
@@ -270,9 +332,10 @@ def measure(measured, rounds):
 
 
 def reference_states():
-    """(u_x, u_y, w_x, w_y) at TIMES, converged in quadruple precision."""
+    """(u_x, u_y, w_x, w_y) by time, converged in quadruple precision, and at the last two of LONG_TIMES."""
     scenes = json.loads((ROOT / "tests" / "reference" / "fig3.json").read_text())
-    return np.array([row[1:] for row in scenes["scenes"]["fig3"]["states"] if row[0] in TIMES])
+    short = {row[0]: row[1:] for row in scenes["scenes"]["fig3"]["states"]}
+    return short | dict(zip(LONG_TIMES[-2:], LONG_STATES, strict=True))
 
 
 COLUMNS = [
@@ -280,6 +343,7 @@ COLUMNS = [
     "method",
     "formulation",
     "settings",
+    "t_end",
     "runs",
     "seconds",
     "error_u",
@@ -295,7 +359,7 @@ def row_of(point):
     settings = " ".join(f"{key}={value}" for key, value in point.settings.items())
     seconds = statistics.median(point.seconds)
     return [
-        point.peer, point.method, point.formulation, settings, point.runs, f"{seconds:.4g}",
+        point.peer, point.method, point.formulation, settings, f"{point.t_end:g}", point.runs, f"{seconds:.4g}",
         f"{point.error_u:.2g}", f"{point.error_w:.2g}", point.level(), point.stops, f"{point.reached:.4g}", point.status,
     ]  # fmt: skip
 
@@ -318,7 +382,7 @@ def read_csv(path):
             row["peer"], row["method"], row["formulation"],
             dict(word.split("=") for word in row["settings"].split()), seconds=[float(row["seconds"])],
             error_u=float(row["error_u"]), error_w=float(row["error_w"]), stops=int(row["stops"]),
-            reached=float(row["reached"]), status=row["status"], runs=int(row["runs"]),
+            reached=float(row["reached"]), status=row["status"], runs=int(row["runs"]), t_end=float(row.get("t_end", TIMES[-1])),
         )
         for row in rows
     ]  # fmt: skip
@@ -384,11 +448,11 @@ def table(measured):
         "| formulation | peer, method | A | B | C | D | otherwise |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
-    groups = dict.fromkeys((p.formulation, p.peer, p.method) for p in measured)
+    groups = dict.fromkeys((p.formulation, p.peer, p.name()) for p in measured)
     order = {name: i for i, name in enumerate(FORMULATIONS)}
     for key in sorted(groups, key=lambda k: (order[k[0]], k[1] != OURS)):
         formulation, peer, method = key
-        group = [p for p in measured if (p.formulation, p.peer, p.method) == key]
+        group = [p for p in measured if (p.formulation, p.peer, p.name()) == key]
         cells = []
         for level in LEVELS:
             best = fastest(group, level)
@@ -398,12 +462,46 @@ def table(measured):
     return "\n".join(lines)
 
 
-def cell(best, ours, peer):
-    seconds = statistics.median(best.seconds)
-    if peer == OURS:
+def long_table(short, longer):
+    """Time to 100 s with the settings that reach each level at 2.5 s; ours with those that hold it to 100 s."""
+    lines = ["| peer, method | A | B | C | D |", "| --- | --- | --- | --- | --- |"]
+    polar = [p for p in short if p.formulation == "polar"]
+    ours = {
+        level: fastest([p for p in longer if p.settings.get("cycle_map") == "auto"], level)
+        for level in LEVELS
+    }
+    for peer, name in dict.fromkeys((p.peer, p.name()) for p in polar):
+        cells = []
+        for level in LEVELS:
+            group = [
+                p
+                for p in (longer if (peer, name[-7:] != "map off") == (OURS, True) else polar)
+                if (p.peer, p.name()) == (peer, name)
+            ]
+            best = fastest(group, level)
+            if best is None:
+                cells.append("–")
+                continue
+            here = next(
+                (p for p in longer if (p.peer, p.name(), p.settings) == (peer, best.name(), best.settings)),
+                None,
+            )
+            cells.append(cell(here or best, ours[level], peer, "" if here else "≈ "))
+        lines.append(f"| {peer} {name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def cell(best, ours, peer, mark=""):
+    """Time of a point, its ratio to ours; with a mark that of a point to 2.5 s, LONGER times as long."""
+    seconds = statistics.median(best.seconds) * (LONGER if mark else 1.0)
+    if best.status != "done":
+        return f"{best.status} at {best.reached:.3g} s"
+    if peer == OURS and best.settings.get("cycle_map") != "off":
         return f"**{seconds:.3g}**" if best is ours else f"{seconds:.3g}"
+    if ours is None:
+        return f"{mark}{seconds:.3g}"
     ratio = seconds / statistics.median(ours.seconds)
-    return f"{seconds:.3g} ({ratio:.{0 if ratio >= 10 else 1}f}×)"
+    return f"{mark}{seconds:.3g} ({ratio:.{0 if ratio >= 10 else 1}f}×)"
 
 
 def how_it_fails(group):
@@ -439,9 +537,11 @@ def draw(measured, path):
                         if (p.peer, p.method, p.formulation) == (peer, method, formulation)
                     ]
                     curve(axis, chosen, colour, marker, style, f"{peer} {method}")
+            ours = [p for p in measured if p.peer == OURS]
             for method, style in (("radau9", "-"), ("radau13", "--")):
-                chosen = [p for p in measured if (p.peer, p.method) == (OURS, method)]
-                curve(axis, chosen, BLACK, "o", style, f"{OURS} {method}", width=1.4)
+                for name, fill in ((method, BLACK), (f"{method}, map off", "white")):
+                    chosen = [p for p in ours if p.name() == name]
+                    curve(axis, chosen, BLACK, "o", style, f"{OURS} {name}", width=1.4, fill=fill)
             for name, (_, w) in LEVELS.items():
                 axis.axvline(w, color="0.8", linewidth=0.6, zorder=0)
                 axis.text(w, 1.01, name, transform=axis.get_xaxis_transform(), ha="center", va="bottom")
@@ -467,7 +567,7 @@ def methods_of(measured, peer):
     return list(dict.fromkeys(p.method for p in measured if p.peer == peer))
 
 
-def curve(axis, chosen, colour, marker, style, label, width=0.8):
+def curve(axis, chosen, colour, marker, style, label, width=0.8, fill=None):
     """The points that no other point of the method beats in both time and error."""
     done = sorted((p for p in chosen if p.status == "done"), key=lambda p: statistics.median(p.seconds))
     front, best = [], 0.9
@@ -478,6 +578,7 @@ def curve(axis, chosen, colour, marker, style, label, width=0.8):
     axis.plot(
         [p.error_w for p in front], [statistics.median(p.seconds) for p in front],
         color=colour, marker=marker, linestyle=style, markersize=3.0, linewidth=width, label=label,
+        markerfacecolor=fill or colour,
     )  # fmt: skip
 
 

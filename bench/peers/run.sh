@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Benchmark against other solvers: installs what is missing, builds, measures, and writes docs/peers.csv and docs/peers.png.
-#     bench/peers/run.sh [--rounds N] [--only PEER...] [--draw] [--short]
+#     bench/peers/run.sh [--rounds N] [--only PEER...] [--long] [--draw] [--short]
 # --short: in half a minute whether it still runs, with the peers that are quick to install, odeint and SciPy.
 # Besides what tools/test.sh installs: the Debian packages below, and Python packages into build/peers/.
 

@@ -1,4 +1,4 @@
-"""The scene of scene.hpp for the peers that are called from Python: Fig. 3, inputs/fig3.nml, to 2.5 s, SI units.
+"""The scene of scene.hpp for the peers that are called from Python: Fig. 3, inputs/fig3.nml, to 2.5 s or, with t_end=100, to 100 s, SI units.
 
 Plain functions of floats, which is what SciPy calls fastest; `compiled` turns them into Numba's.
 """
@@ -16,7 +16,7 @@ MU_0, MU_INF, V_F, LOAD = 0.20, 0.15, 0.010, 10.0
 VELOCITY, VELOCITY_RATIO, MISALIGNMENT = 1.0e-3, 1.0e-6, math.radians(1.0)
 F_0 = MU_0 * LOAD
 DRIVE_X, DRIVE_Y = VELOCITY * math.cos(MISALIGNMENT), VELOCITY * math.sin(MISALIGNMENT)
-SAMPLE_TIMES = (0.02, 0.5, 2.0, 2.5)
+SAMPLE_TIMES = (0.5, 2.0, 2.5, 10.0, 100.0) if "t_end=100" in sys.argv else (0.02, 0.5, 2.0, 2.5)
 POLAR_SCALE = np.array([1e-7, 1e-7, 1e-5, 1.0])
 CARTESIAN_SCALE = np.array([1e-7, 1e-7, 1e-5, 1e-5])
 FLOOR_SHARE = 0.5
