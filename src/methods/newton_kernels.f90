@@ -2,23 +2,27 @@
 !>
 !> Arguments of each kernel, with s stages, n components and m slip unknowns:
 !>   system, method         the model; the collocation method with s stages
-!>   step [s], rtol         step size; tolerance of the slip velocity that the solution must not spoil
+!>   drive, from            motion of the drive; state at the start of the step
+!>   to_stop                whether the step is to end where the first slip unknown, the slip speed, vanishes
+!>   rtol                   tolerance of the slip velocity that the solution must not spoil
 !>   own_speed(n) [m/s]     slip speed that counts as large along each axis, for its spring
-!>   drive_velocity(s)      velocity of the drive at the stages [m/s]
-!>   driven(s, n) [m]       elongation that the drive alone would give at the stages, u_0 + D_i e
-!>   y0(m)                  slip unknowns at the start of the step
-!>   y(s, m)                stage values: guess on entry, solution on exit
+!>   step [s], y(s, m)      step size and stage values; the values, and the size of a step to a stop: guess on entry, solution on exit
 !>   u, velocity (s, n)     elongation [m] and slip velocity [m/s] that belong to y
 !>   velocity_y(s, n, m)    dw/dy of the last iteration
-!>   terms, increment       terms of the equations and increment of the last iteration
+!>   increment(s, m)        the last one
+!>   drive_velocity(s)      velocity of the drive at the stages [m/s]
+!>   terms                  terms of the equations of the last iteration
 !>   speed_scale [m/s]      largest slip speed of the stages
 !>   iterations, solved     number of iterations; whether they converged
 !>
-!> Convergence is that of the slip velocity. An unknown on which it does not depend directly converges with it.
+!> A step to a stop has its length as an unknown in place of the slip speed at its end, which is known: the order of the linear
+!> systems stays the same. Convergence is that of the slip velocity. An unknown on which it does not depend directly converges with it.
 module dst_newton_kernels
   use dst_kinds, only: wp
   use dst_collocation, only: collocation_t
+  use dst_drive, only: drive_segment_t
   use dst_slip_system, only: slip_system_t, stage_terms_t
+  use dst_state, only: state_t
   implicit none
   private
 
@@ -42,82 +46,84 @@ module dst_newton_kernels
 contains
 
   !> The kernel for s stages, n components and m slip unknowns.
-  subroutine solve_stages(s, n, m, system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-    terms, increment, speed_scale, iterations, solved)
+  subroutine solve_stages(s, n, m, system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+    increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, intent(in) :: s, n, m
     class(slip_system_t), intent(in) :: system
     type(collocation_t), intent(in) :: method
-    real(wp), intent(in) :: step, rtol, own_speed(n)
-    real(wp), intent(in) :: drive_velocity(s), driven(s, n), y0(m)
-    real(wp), intent(inout) :: y(s, m)
-    real(wp), intent(out) :: u(s, n), velocity(s, n), velocity_y(s, n, m), increment(s, m), speed_scale
+    type(drive_segment_t), intent(in) :: drive
+    type(state_t), intent(in) :: from
+    logical, intent(in) :: to_stop
+    real(wp), intent(in) :: rtol, own_speed(n)
+    real(wp), intent(inout) :: step, y(s, m)
+    real(wp), intent(out) :: u(s, n), velocity(s, n), velocity_y(s, n, m), increment(s, m), drive_velocity(s), speed_scale
     type(stage_terms_t), intent(inout) :: terms
     integer, intent(out) :: iterations
     logical, intent(out) :: solved
 
     select case (100*s + 10*n + m)
     case (311)
-      call kernel_3_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-        terms, increment, speed_scale, iterations, solved)
+      call kernel_3_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+        increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (322)
-      call kernel_3_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-        terms, increment, speed_scale, iterations, solved)
+      call kernel_3_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+        increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (511)
-      call kernel_5_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-        terms, increment, speed_scale, iterations, solved)
+      call kernel_5_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+        increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (522)
-      call kernel_5_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-        terms, increment, speed_scale, iterations, solved)
+      call kernel_5_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+        increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (711)
-      call kernel_7_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-        terms, increment, speed_scale, iterations, solved)
+      call kernel_7_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+        increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (722)
-      call kernel_7_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-        terms, increment, speed_scale, iterations, solved)
+      call kernel_7_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+        increment, drive_velocity, terms, speed_scale, iterations, solved)
     case default
-      call kernel_of_any_size(s, n, m, system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, &
-        velocity_y, terms, increment, speed_scale, iterations, solved)
+      call kernel_of_any_size(s, n, m, system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, &
+        velocity_y, increment, drive_velocity, terms, speed_scale, iterations, solved)
     end select
   end subroutine solve_stages
 
-  subroutine kernel_3_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-    terms, increment, speed_scale, iterations, solved)
+  subroutine kernel_3_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+    increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 3, n = 1, m = 1
     include 'newton_kernel.inc'
   end subroutine kernel_3_1
 
-  subroutine kernel_3_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-    terms, increment, speed_scale, iterations, solved)
+  subroutine kernel_3_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+    increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 3, n = 2, m = 2
     include 'newton_kernel.inc'
   end subroutine kernel_3_2
 
-  subroutine kernel_5_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-    terms, increment, speed_scale, iterations, solved)
+  subroutine kernel_5_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+    increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 5, n = 1, m = 1
     include 'newton_kernel.inc'
   end subroutine kernel_5_1
 
-  subroutine kernel_5_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-    terms, increment, speed_scale, iterations, solved)
+  subroutine kernel_5_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+    increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 5, n = 2, m = 2
     include 'newton_kernel.inc'
   end subroutine kernel_5_2
 
-  subroutine kernel_7_1(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-    terms, increment, speed_scale, iterations, solved)
+  subroutine kernel_7_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+    increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 7, n = 1, m = 1
     include 'newton_kernel.inc'
   end subroutine kernel_7_1
 
-  subroutine kernel_7_2(system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, velocity_y, &
-    terms, increment, speed_scale, iterations, solved)
+  subroutine kernel_7_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+    increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 7, n = 2, m = 2
     include 'newton_kernel.inc'
   end subroutine kernel_7_2
 
-  subroutine kernel_of_any_size(s, n, m, system, method, step, rtol, own_speed, drive_velocity, driven, y0, y, u, velocity, &
-    velocity_y, terms, increment, speed_scale, iterations, solved)
+  subroutine kernel_of_any_size(s, n, m, system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, &
+    velocity_y, increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, intent(in) :: s, n, m
     include 'newton_kernel.inc'
   end subroutine kernel_of_any_size

@@ -96,7 +96,6 @@ module dst_radau
     real(wp) :: velocity(max_stages*max_components) = 0.0_wp
     real(wp) :: velocity_y(max_stages*max_components*max_unknowns) = 0.0_wp
     real(wp) :: increment(max_stages*max_unknowns) = 0.0_wp
-    real(wp) :: driven(max_stages*max_components) = 0.0_wp
     real(wp) :: drive_velocity(max_stages) = 0.0_wp
     type(stage_terms_t) :: terms
     type(stage_terms_t) :: point_terms
@@ -105,6 +104,7 @@ module dst_radau
   contains
     procedure :: restart
     procedure :: attempt
+    procedure :: attempt_stop
     procedure :: accept
     procedure :: serialise
   end type radau_t
@@ -204,6 +204,33 @@ contains
     real(wp), intent(in) :: step
     type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
+
+    call try(self, system, drive, from, .false., step, to, outcome)
+  end subroutine attempt
+
+  subroutine attempt_stop(self, system, drive, from, guess, to, outcome)
+    class(radau_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(state_t), intent(in) :: from
+    real(wp), intent(in) :: guess
+    type(state_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
+
+    self%count%landings = self%count%landings + 1
+    call try(self, system, drive, from, .true., guess, to, outcome)
+  end subroutine attempt_stop
+
+  !> A step of the given length or, to a stop, of one that is solved for with this guess.
+  subroutine try(self, system, drive, from, to_stop, step, to, outcome)
+    class(radau_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(state_t), intent(in) :: from
+    logical, intent(in) :: to_stop
+    real(wp), intent(in) :: step
+    type(state_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
     real(wp) :: own_speed(max_components)
     integer :: iterations
 
@@ -211,13 +238,14 @@ contains
     own_speed = own_share*system%spring_speed(from%u)
     associate (s => self%method%stages, n => system%components, m => system%unknowns)
       call predict(self, s, m, from, self%y)
-      call drive_elongation(self, system, drive, s, n, from, self%driven)
-      call solve_stages(s, n, m, system, self%method, step, self%rtol, own_speed(system%axis:), &
-        self%drive_velocity, self%driven, from%y, self%y, self%u, self%velocity, self%velocity_y, self%terms, self%increment, &
+      call solve_stages(s, n, m, system, self%method, drive, from, to_stop, self%rtol, own_speed(system%axis:), &
+        self%step, self%y, self%u, self%velocity, self%velocity_y, self%increment, self%drive_velocity, self%terms, &
         self%speed_scale, iterations, outcome%solved)
       call count_work(self%count, s, iterations)
+      outcome%solved = outcome%solved .and. self%step > 0.0_wp
+      if (.not. outcome%solved) self%step = step
       self%retry = outcome%solved
-      self%attempted_step = step
+      self%attempted_step = self%step
       if (.not. outcome%solved) self%repeated = .true.
       if (.not. outcome%solved) return
       call complete(self, system, drive, s, n, m, from, self%y, self%u, self%velocity, self%increment, to)
@@ -225,7 +253,7 @@ contains
       call follow_growth(self, system, drive, s, n, m, from, self%y, outcome)
       self%repeated = .true.
     end associate
-  end subroutine attempt
+  end subroutine try
 
   !> Every Newton iteration evaluates all stages and solves one linear system.
   pure subroutine count_work(count, stages, iterations)
@@ -237,26 +265,6 @@ contains
     count%factorisations = count%factorisations + iterations
     count%rhs = count%rhs + stages*iterations
   end subroutine count_work
-
-  !> u_0 + D_i e: the elongation if the object stayed where it is; and the velocity of the drive.
-  pure subroutine drive_elongation(self, system, drive, s, n, from, driven)
-    class(radau_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n
-    type(state_t), intent(in) :: from
-    real(wp), intent(out) :: driven(s, n)
-    real(wp) :: elapsed
-    integer :: i
-
-    associate (first => system%axis, last => system%axis + n - 1)
-      do i = 1, s
-        elapsed = self%grid%node(i)*self%step
-        driven(i, :) = from%u(first:last) + drive%displacement(from%time, elapsed)*system%drive_coupling(first:last)
-        self%drive_velocity(i) = drive%velocity_at(from%time + elapsed)
-      end do
-    end associate
-  end subroutine drive_elongation
 
   !> First guess of the stage values: from the last attempt if it began at the same point, else from
   !> the last step, or from the start's rate and curvature.

@@ -32,6 +32,8 @@ module dst_stepper
     integer(int64) :: jacobians = 0
     integer(int64) :: factorisations = 0
     integer(int64) :: newton = 0
+    !> Steps solved for their length, to end in a stop.
+    integer(int64) :: landings = 0
     integer(int64) :: events = 0
     !> Of the cycle map: cycles leapt, cycles run for its tables, excursions taken from an earlier one; its relative error.
     integer(int64) :: cycles_leapt = 0
@@ -71,6 +73,8 @@ module dst_stepper
     procedure(restart), deferred :: restart
     !> Try one step of length `step` from `from` and, if solved, give its end `to`.
     procedure(attempt), deferred :: attempt
+    !> The same for a step of unknown length that ends where the slip speed vanishes; `guess` is near it. Its length is `step`, then.
+    procedure :: attempt_stop
     !> The last attempt has been accepted.
     procedure(accept), deferred :: accept
     !> Save or load all that a later attempt depends on: `serialise_stepper` and the method's own.
@@ -119,6 +123,20 @@ module dst_stepper
   end interface
 
 contains
+
+  !> Most methods cannot solve for the length of a step.
+  subroutine attempt_stop(self, system, drive, from, guess, to, outcome)
+    class(stepper_t), intent(inout) :: self
+    class(slip_system_t), intent(in) :: system
+    type(drive_segment_t), intent(in) :: drive
+    type(state_t), intent(in) :: from
+    real(wp), intent(in) :: guess
+    type(state_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
+
+    call self%attempt(system, drive, from, guess, to, outcome)
+    outcome%solved = .false.
+  end subroutine attempt_stop
 
   !> Where the slip turns back, its speed passes through a minimum and friction through its peak: in so short a time, perhaps, that
   !> no stage sees it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of
@@ -330,6 +348,7 @@ contains
     sum%jacobians = self%jacobians + other%jacobians
     sum%factorisations = self%factorisations + other%factorisations
     sum%newton = self%newton + other%newton
+    sum%landings = self%landings + other%landings
     sum%events = self%events + other%events
     sum%cycles_leapt = self%cycles_leapt + other%cycles_leapt
     sum%cycles_sampled = self%cycles_sampled + other%cycles_sampled
@@ -347,6 +366,7 @@ contains
     call archive%serialise(self%jacobians)
     call archive%serialise(self%factorisations)
     call archive%serialise(self%newton)
+    call archive%serialise(self%landings)
     call archive%serialise(self%events)
     call archive%serialise(self%cycles_leapt)
     call archive%serialise(self%cycles_sampled)

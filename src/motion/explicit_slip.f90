@@ -33,7 +33,7 @@ module dst_explicit_slip
   contains
     procedure :: go_on
     procedure :: set_off
-    procedure :: examine
+    procedure :: try
     procedure :: serialise
   end type explicit_slip_t
 
@@ -137,22 +137,23 @@ contains
   end subroutine follow_release
 
   !> Refuse an attempt in which v reaches zero, so that the next one ends before that.
-  subroutine examine(self, to, outcome, stopped)
+  subroutine try(self, step, to, outcome, stopped)
     class(explicit_slip_t), intent(inout) :: self
-    type(state_t), intent(inout) :: to
-    type(attempt_t), intent(inout) :: outcome
-    logical, intent(inout) :: stopped
+    real(wp), intent(in) :: step
+    type(state_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
+    logical, intent(out) :: stopped
     real(wp) :: coefficient(0:max_degree), position
 
-    associate (unused => [to%time], also_unused => stopped)
-    end associate
-    if (outcome%error > 1.0_wp) return
+    stopped = .false.
+    call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
+    if (.not. outcome%solved .or. outcome%error > 1.0_wp) return
     call self%stepper%speed_coefficients(coefficient)
     position = first_zero(coefficient(0:self%stepper%grid%degree))
     if (position > 1.0_wp) return
     outcome%solved = .false.
     outcome%factor = max(least_factor, share_before_stop*position)
-  end subroutine examine
+  end subroutine try
 
   !> Save or load.
   subroutine serialise(self, archive)

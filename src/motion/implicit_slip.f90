@@ -21,22 +21,19 @@ module dst_implicit_slip
 
   ! What "twice" does was measured with radau9 on Fig. 3 (2.4 s, rtol 1e-6 and 1e-8) and on drives that reverse or stop.
   !
-  !> Slip speed at the end of a step, relative to the largest one in it: of a landing that has converged (1e-14 in double
-  !> precision, a few digits above roundoff), and of one that counts as a stop. Conventions. Twice: 1 % fewer iterations, the same
-  !> error; no change.
-  real(wp), parameter :: landed = 10.0_wp**(1 - precision(1.0_wp)), at_rest = 10.0_wp**(6 - precision(1.0_wp))
+  !> Change of the slip speed at the lowest point, relative to the largest one in the step, that is roundoff (1e-14 in double
+  !> precision, a few digits above it). Convention. Twice: no change.
+  real(wp), parameter :: landed = 10.0_wp**(1 - precision(1.0_wp))
   !> Lowest slip speed of a dip, relative to the largest one in the step: a shallow dip is decided at its lowest point, and so is
   !> one that seems to stay just above zero. Conventions: what the dense output is worth. Twice: 0.1 % more iterations, the same
   !> error; no change.
   real(wp), parameter :: shallow = 0.01_wp, just_above = 1.0e-4_wp
-  !> Newton iterations on the length of a step that is to end in a stop, each a step of its own. Convention; one that takes
+  !> Newton iterations on the length of a step that is to end at a lowest point, each a step of its own. Convention; one that takes
   !> them all moves about in roundoff. Twice: 0.2 to 0.8 % more iterations, the same error.
   integer, parameter :: max_landings = 20
   !> The least that one of these iterations leaves of a step. Convention. Twice, which forbids to shorten it: up to 11 % more
   !> iterations in other scenes, no change in Fig. 3; half: no change.
   real(wp), parameter :: least_left = 0.5_wp
-  !> Change of the step, relative to it, below which an iteration on its length has converged: its roundoff. Twice: no change.
-  real(wp), parameter :: step_roundoff = 2.0_wp*epsilon(1.0_wp)
   !> Factor after a step that may have missed a stop. Convention. Fig. 3 has none; twice in other scenes: up to 1 % more work.
   real(wp), parameter :: missed_factor = 0.25_wp
 
@@ -44,10 +41,12 @@ module dst_implicit_slip
   type, extends(slip_stick_t) :: implicit_slip_t
     !> Whether the last step ended at the lowest point of a shallow dip, and whether this attempt does.
     logical, private :: from_dip = .false., to_dip = .false.
+    !> Time since the release [s], and that of the last slip from its release to its stop, 0 if there was none.
+    real(wp), private :: slipped = 0.0_wp, last_slip = 0.0_wp
   contains
     procedure :: go_on
     procedure :: set_off
-    procedure :: examine
+    procedure :: try
     procedure :: settle
     procedure :: serialise
   end type implicit_slip_t
@@ -121,6 +120,7 @@ contains
     type(slip_start_t), intent(in) :: beginning
 
     self%from_dip = .false.
+    self%slipped = 0.0_wp
     call set_off_from_rest(self, beginning)
   end subroutine set_off
 
@@ -129,11 +129,35 @@ contains
     logical, intent(in) :: stopped, truncated
 
     self%from_dip = self%to_dip
+    self%slipped = self%slipped + self%stepper%step
+    if (stopped) self%last_slip = self%slipped
     call settle_slip(self, stopped, truncated)
   end subroutine settle
 
-  !> Shorten an attempt in which v reaches zero so that it ends there. Whether a shallow dip reaches zero, the dense output cannot
-  !> tell: such an attempt is first shortened to the lowest point, for what is known at the end of a step decides.
+  !> Attempt a step: to the stop, if one is due within its length as long after the release as the last one came, else of
+  !> its length, shortened to the stop if v reaches zero in it.
+  subroutine try(self, step, to, outcome, stopped)
+    class(implicit_slip_t), intent(inout) :: self
+    real(wp), intent(in) :: step
+    type(state_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
+    logical, intent(out) :: stopped
+    real(wp) :: due
+
+    self%to_dip = .false.
+    due = self%last_slip - self%slipped
+    if (due > 0.0_wp .and. due <= step .and. .not. self%just_released) then
+      call land(self, due, step, to, outcome, stopped)
+      if (stopped) return
+      self%stepper%count%rejected = self%stepper%count%rejected + 1
+    end if
+    stopped = .false.
+    call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
+    if (outcome%solved) call examine(self, to, outcome, stopped)
+  end subroutine try
+
+  !> Shorten a solved attempt in which v reaches zero so that it ends there. Whether a shallow dip reaches zero, the dense output
+  !> cannot tell: such an attempt is first shortened to the lowest point, for what is known at the end of a step decides.
   subroutine examine(self, to, outcome, stopped)
     class(implicit_slip_t), intent(inout) :: self
     type(state_t), intent(inout) :: to
@@ -141,7 +165,6 @@ contains
     logical, intent(inout) :: stopped
     real(wp) :: zero, lowest, depth, longest, curvature
 
-    self%to_dip = .false.
     if (self%just_released) then
       outcome%solved = moves_off(self)
       if (.not. outcome%solved) outcome%factor = missed_factor
@@ -161,8 +184,9 @@ contains
       call land(self, max(least_left*longest, longest - sqrt(2.0_wp*abs(to%y(1))/curvature)), longest, to, outcome, stopped)
     else if (zero <= 1.0_wp) then
       call land(self, zero*self%stepper%step, longest, to, outcome, stopped)
+    else
+      call refuse_hidden_stop(self, outcome)
     end if
-    if (outcome%solved .and. .not. stopped) call refuse_hidden_stop(self, outcome)
   end subroutine examine
 
   !> Where the slip speed of the last attempt first passes through zero and where, after that, it is lowest, as positions in the
@@ -209,39 +233,38 @@ contains
     end do
   end subroutine settle_on_lowest
 
-  !> Repeat the step with the length, at most `longest` [s], at which v vanishes at its end, so that the event has the accuracy
-  !> of a step's end and not only that of the dense output. Newton's method, kept between a speed above and one below zero.
+  !> Make the step anew so that it ends in the stop that is near `guess` and at most `longest` [s] away: then the event has the
+  !> accuracy of a step's end and not only that of the dense output.
   subroutine land(self, guess, longest, to, outcome, stopped)
     class(implicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: guess, longest
     type(state_t), intent(inout) :: to
     type(attempt_t), intent(inout) :: outcome
     logical, intent(out) :: stopped
-    real(wp) :: step, next, before, behind, slope, curvature
-    integer :: iteration
 
-    stopped = .false.
-    step = guess
-    before = 0.0_wp
-    behind = longest
-    do iteration = 1, max_landings
-      call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
-      if (.not. outcome%solved) return
-      if (abs(to%y(1)) <= landed*self%stepper%speed_scale .or. iteration == max_landings) exit
-      if (to%y(1) > 0.0_wp) then
-        before = step
-      else
-        behind = step
-      end if
-      call self%stepper%end_slope(slope, curvature)
-      next = step - to%y(1)/slope
-      if (abs(next - step) <= step_roundoff*step) exit
-      if (.not. (next > before .and. next < behind)) next = 0.5_wp*(before + behind)
-      if (.not. behind - before > step_roundoff*behind) exit
-      step = next
-    end do
-    stopped = abs(to%y(1)) <= at_rest*self%stepper%speed_scale
+    call self%stepper%attempt_stop(self%system, self%piece%drive, self%piece%from, guess, to, outcome)
+    stopped = outcome%solved .and. self%stepper%step <= longest
+    if (stopped) stopped = is_first_stop(self)
+    if (stopped) return
+    outcome%solved = .false.
+    outcome%factor = missed_factor
   end subroutine land
+
+  !> Whether the slip speed of the last attempt, which vanishes at its end, does so nowhere before: it falls there. v/(1 - tau) has
+  !> the Bernstein coefficients b_i s/(s - i), i = 0 ... s - 1.
+  pure logical function is_first_stop(self)
+    class(implicit_slip_t), intent(in) :: self
+    real(wp) :: coefficient(0:max_degree)
+    integer :: i
+
+    call dip_coefficients(self, coefficient)
+    associate (s => self%stepper%grid%degree)
+      do i = 0, s - 1
+        coefficient(i) = coefficient(i)*real(s, wp)/real(s - i, wp)
+      end do
+      is_first_stop = first_zero(coefficient(0:s - 1)) > 1.0_wp
+    end associate
+  end function is_first_stop
 
   !> A dip that does not reach zero after all; but v may not have passed through it either.
   pure subroutine refuse_hidden_stop(self, outcome)
@@ -295,5 +318,7 @@ contains
 
     call serialise_slip_stick(self, archive)
     call archive%serialise(self%from_dip)
+    call archive%serialise(self%slipped)
+    call archive%serialise(self%last_slip)
   end subroutine serialise
 end module dst_implicit_slip

@@ -46,7 +46,7 @@ module dst_stepping
     procedure :: go_on => slide
     procedure :: take_over
     procedure :: reread
-    procedure :: examine
+    procedure :: try
     procedure :: settle
     procedure :: note_event
     procedure :: drive_velocity
@@ -120,7 +120,7 @@ contains
     end associate
   end subroutine reread
 
-  !> One accepted step of the integrator; it ends at the horizon at the latest, or earlier where `examine` shortens it.
+  !> One accepted step of the integrator; it ends at the horizon at the latest, or earlier where `try` shortens it.
   subroutine slide(self, horizon, error)
     class(stepping_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -138,9 +138,7 @@ contains
       if (self%step_max > 0.0_wp) step = min(step, self%step_max)
       truncated = (1.0_wp + least_remnant)*step >= left
       if (truncated) step = left
-      call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
-      stopped = .false.
-      if (outcome%solved) call self%examine(to, outcome, stopped)
+      call self%try(step, to, outcome, stopped)
       if (outcome%solved .and. outcome%error <= 1.0_wp) exit
       self%stepper%count%rejected = self%stepper%count%rejected + 1
       ! An initial layer shows the same error until it is resolved: there the estimate's advice is too timid.
@@ -166,16 +164,17 @@ contains
     call self%settle(stopped, truncated)
   end subroutine slide
 
-  !> Look at a solved attempt for an event: it may be refused, or made anew so that it ends in a stop.
-  subroutine examine(self, to, outcome, stopped)
+  !> Attempt a step of this length; where slip can stop, a shorter one that ends in a stop, or none if an event spoils it.
+  subroutine try(self, step, to, outcome, stopped)
     class(stepping_t), intent(inout) :: self
-    type(state_t), intent(inout) :: to
-    type(attempt_t), intent(inout) :: outcome
-    logical, intent(inout) :: stopped
+    real(wp), intent(in) :: step
+    type(state_t), intent(out) :: to
+    type(attempt_t), intent(out) :: outcome
+    logical, intent(out) :: stopped
 
-    associate (unused => [self%contact, int(to%time)], also_unused => [outcome%solved, stopped])
-    end associate
-  end subroutine examine
+    stopped = .false.
+    call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
+  end subroutine try
 
   !> What follows from an accepted step, which has ended in a stop or was cut short by the horizon.
   subroutine settle(self, stopped, truncated)
