@@ -23,6 +23,7 @@ module dst_radau
   use dst_instability, only: follow_instability
   use dst_interpolation, only: max_degree
   use dst_newton_kernels, only: solve_stages
+  use dst_slip_memory, only: slip_memory_t
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
   use dst_state, only: state_t
   use dst_step_control, only: step_control_t, new_step_control, shortened
@@ -90,6 +91,7 @@ module dst_radau
     !> Whether this attempt is a second one, which matters in slow motion.
     logical :: repeated = .false.
     real(wp) :: last_nodal(0:max_degree, max_unknowns) = 0.0_wp
+    type(slip_memory_t) :: memory_of_slips
     !> Stage values of the current attempt (stage, component or unknown), contiguous.
     real(wp) :: y(max_stages*max_unknowns) = 0.0_wp
     real(wp) :: u(max_stages*max_components) = 0.0_wp
@@ -103,6 +105,7 @@ module dst_radau
     type(probe_t) :: start, inside
   contains
     procedure :: restart
+    procedure :: begin_slip
     procedure :: attempt
     procedure :: attempt_stop
     procedure :: accept
@@ -194,7 +197,16 @@ contains
     self%rate(1:size(rate)) = rate
     self%curvature = 0.0_wp
     self%curvature(1:size(rate)) = curvature
+    call self%memory_of_slips%forget()
   end subroutine restart
+
+  pure subroutine begin_slip(self, rate, curvature)
+    class(radau_t), intent(inout) :: self
+    real(wp), intent(in) :: rate(:), curvature(:)
+
+    call self%restart(rate, curvature)
+    call self%memory_of_slips%begin()
+  end subroutine begin_slip
 
   subroutine attempt(self, system, drive, from, step, to, outcome)
     class(radau_t), intent(inout) :: self
@@ -266,8 +278,8 @@ contains
     count%rhs = count%rhs + stages*iterations
   end subroutine count_work
 
-  !> First guess of the stage values: from the last attempt if it began at the same point, else from
-  !> the last step, or from the start's rate and curvature.
+  !> First guess of the stage values: from the last attempt if it began at the same point, else from the last slips if they are
+  !> alike, else from the last step, or from the start's rate and curvature.
   pure subroutine predict(self, s, m, from, y)
     class(radau_t), intent(in) :: self
     integer, intent(in) :: s, m
@@ -275,7 +287,11 @@ contains
     real(wp), intent(out) :: y(s, m)
     real(wp) :: elapsed
     integer :: i, k
+    logical :: known
 
+    known = .false.
+    if (.not. self%repeated) call self%memory_of_slips%guess(self%grid, s, m, self%step, from%y(1:m), y, known)
+    if (known) return
     associate (c => self%grid%node(1:s))
       if (self%retry) then
         do k = 1, m
@@ -549,6 +565,7 @@ contains
     call self%control%accept(self%step)
     call self%note_speed()
     self%last_nodal = self%nodal(:, column_y:column_y + max_unknowns - 1)
+    call self%memory_of_slips%keep(self%step, self%last_nodal)
     call self%note_growth()
   end subroutine accept
 
@@ -568,5 +585,6 @@ contains
     call archive%serialise(self%control%error)
     call archive%serialise(self%control%last_error)
     call archive%serialise(self%repeated)
+    call self%memory_of_slips%serialise(archive)
   end subroutine serialise
 end module dst_radau

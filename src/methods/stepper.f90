@@ -71,6 +71,8 @@ module dst_stepper
   contains
     !> Begin anew after a discontinuity: y starts with this rate and curvature.
     procedure(restart), deferred :: restart
+    !> The same at a release, from rest.
+    procedure :: begin_slip
     !> Try one step of length `step` from `from` and, if solved, give its end `to`.
     procedure(attempt), deferred :: attempt
     !> The same for a step of unknown length that ends where the slip speed vanishes; `guess` is near it. Its length is `step`, then.
@@ -123,6 +125,13 @@ module dst_stepper
   end interface
 
 contains
+
+  pure subroutine begin_slip(self, rate, curvature)
+    class(stepper_t), intent(inout) :: self
+    real(wp), intent(in) :: rate(:), curvature(:)
+
+    call self%restart(rate, curvature)
+  end subroutine begin_slip
 
   !> Most methods cannot solve for the length of a step.
   subroutine attempt_stop(self, system, drive, from, guess, to, outcome)

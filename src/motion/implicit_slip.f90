@@ -41,8 +41,8 @@ module dst_implicit_slip
   type, extends(slip_stick_t) :: implicit_slip_t
     !> Whether the last step ended at the lowest point of a shallow dip, and whether this attempt does.
     logical, private :: from_dip = .false., to_dip = .false.
-    !> Time since the release [s], and that of the last slip from its release to its stop, 0 if there was none.
-    real(wp), private :: slipped = 0.0_wp, last_slip = 0.0_wp
+    !> Time since the release [s], and those of the last slip and of the one before from release to stop, 0 if there was none.
+    real(wp), private :: slipped = 0.0_wp, last_slip = 0.0_wp, slip_before = 0.0_wp
   contains
     procedure :: go_on
     procedure :: set_off
@@ -130,7 +130,10 @@ contains
 
     self%from_dip = self%to_dip
     self%slipped = self%slipped + self%stepper%step
-    if (stopped) self%last_slip = self%slipped
+    if (stopped) then
+      self%slip_before = self%last_slip
+      self%last_slip = self%slipped
+    end if
     call settle_slip(self, stopped, truncated)
   end subroutine settle
 
@@ -146,6 +149,7 @@ contains
 
     self%to_dip = .false.
     due = self%last_slip - self%slipped
+    if (self%slip_before > 0.0_wp) due = due + self%last_slip - self%slip_before
     if (due > 0.0_wp .and. due <= step .and. .not. self%just_released) then
       call land(self, due, step, to, outcome, stopped)
       if (stopped) return
@@ -320,5 +324,6 @@ contains
     call archive%serialise(self%from_dip)
     call archive%serialise(self%slipped)
     call archive%serialise(self%last_slip)
+    call archive%serialise(self%slip_before)
   end subroutine serialise
 end module dst_implicit_slip

@@ -204,7 +204,7 @@ contains
       noise_allowance*self%system%acceleration_noise/beginning%curvature(1))
     self%piece%to%y(1:2) = beginning%y
     call self%system%set_slip_direction(beginning%y(2))
-    call self%stepper%restart(beginning%rate, beginning%curvature)
+    call self%stepper%begin_slip(beginning%rate, beginning%curvature)
   end subroutine set_off
 
   !> Place the object at a release with friction at the angle `theta` [rad]: with a steady drive that is the whole state, but for

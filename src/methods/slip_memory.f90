@@ -1,0 +1,154 @@
+!> The last slips, step by step: a first guess for the next one.
+!>
+!> In a creep each slip hardly differs from the one before, and the differences hardly differ at all. With the slip unknowns A(t)
+!> of the last slip and B(t) of the one before, t since the release, a step from t_0 is expected to give
+!>
+!>     y(t) = y_0 + 2 (A(t) - A(t_0)) - (B(t) - B(t_0)).
+module dst_slip_memory
+  use dst_archive, only: archive_t
+  use dst_interpolation, only: grid_t, max_degree
+  use dst_kinds, only: wp
+  use dst_slip_system, only: max_unknowns
+  implicit none
+  private
+
+  public :: slip_memory_t
+
+  !> Steps of a slip that are kept. Convention; a longer slip is remembered as far as that.
+  integer, parameter :: max_steps = 32
+  !> Two slips are alike if their changes over a step differ by less than this share. Convention.
+  real(wp), parameter :: alike = 0.2_wp
+  !> How far beyond its end a step is still a guess, in its length. Convention.
+  real(wp), parameter :: farthest = 1.5_wp
+
+  !> The steps of one slip.
+  type :: slip_t
+    integer :: steps = 0
+    real(wp) :: begin(max_steps) = 0.0_wp, length(max_steps) = 0.0_wp  !! since the release, s
+    real(wp) :: nodal(0:max_degree, max_unknowns, max_steps) = 0.0_wp
+  contains
+    procedure :: values_at
+  end type slip_t
+
+  !> The present slip and the two before.
+  type :: slip_memory_t
+    type(slip_t), private :: slip(0:2)
+    !> Which of them is the present one; the last one has the next number, modulo 3.
+    integer, private :: present_one = 0
+    logical, private :: follows = .false.
+    real(wp), private :: elapsed = 0.0_wp
+  contains
+    procedure :: begin
+    procedure :: forget
+    procedure :: keep
+    procedure :: guess
+    procedure :: serialise
+  end type slip_memory_t
+
+contains
+
+  !> A slip begins with a release.
+  pure subroutine begin(self)
+    class(slip_memory_t), intent(inout) :: self
+
+    if (self%slip(self%present_one)%steps > 0) self%present_one = modulo(self%present_one - 1, 3)
+    self%slip(self%present_one)%steps = 0
+    self%follows = .true.
+    self%elapsed = 0.0_wp
+  end subroutine begin
+
+  !> What follows is no slip from a release.
+  pure subroutine forget(self)
+    class(slip_memory_t), intent(inout) :: self
+
+    self%follows = .false.
+  end subroutine forget
+
+  !> Keep an accepted step with the slip unknowns at its nodes.
+  pure subroutine keep(self, step, nodal)
+    class(slip_memory_t), intent(inout) :: self
+    real(wp), intent(in) :: step                                  !! s
+    real(wp), intent(in) :: nodal(0:max_degree, max_unknowns)
+
+    if (.not. self%follows) return
+    associate (slip => self%slip(self%present_one))
+      if (slip%steps < max_steps) then
+        slip%steps = slip%steps + 1
+        slip%begin(slip%steps) = self%elapsed
+        slip%length(slip%steps) = step
+        slip%nodal(:, :, slip%steps) = nodal
+      end if
+    end associate
+    self%elapsed = self%elapsed + step
+  end subroutine keep
+
+  !> Expected slip unknowns y(s, m) at the nodes 1 ... s of a step [s] from `start`(m); `known` if the last two slips are alike.
+  pure subroutine guess(self, grid, s, m, step, start, y, known)
+    class(slip_memory_t), intent(in) :: self
+    type(grid_t), intent(in) :: grid
+    integer, intent(in) :: s, m
+    real(wp), intent(in) :: step, start(m)
+    real(wp), intent(out) :: y(s, m)
+    logical, intent(out) :: known
+    real(wp), dimension(0:s, m) :: last, before
+    integer :: k
+
+    known = self%follows
+    if (known) call self%slip(modulo(self%present_one + 1, 3))%values_at(grid, s, m, self%elapsed, step, last, known)
+    if (known) call self%slip(modulo(self%present_one + 2, 3))%values_at(grid, s, m, self%elapsed, step, before, known)
+    if (.not. known) return
+    do k = 1, m
+      known = known .and. maxval(abs(last(1:s, k) - last(0, k) - (before(1:s, k) - before(0, k)))) &
+        <= alike*maxval(abs(last(1:s, k) - last(0, k)))
+      y(:, k) = start(k) + 2.0_wp*(last(1:s, k) - last(0, k)) - (before(1:s, k) - before(0, k))
+    end do
+  end subroutine guess
+
+  !> The slip unknowns at the nodes 0 ... s of a step that begins `elapsed` [s] after the release; not `known` if the slip ended
+  !> long before.
+  pure subroutine values_at(self, grid, s, m, elapsed, step, y, known)
+    class(slip_t), intent(in) :: self
+    type(grid_t), intent(in) :: grid
+    integer, intent(in) :: s, m
+    real(wp), intent(in) :: elapsed, step
+    real(wp), intent(out) :: y(0:s, m)
+    logical, intent(out) :: known
+    real(wp) :: time, basis(0:max_degree)
+    integer :: i, j, k
+
+    known = self%steps > 0
+    if (.not. known) return
+    known = elapsed + step <= self%begin(self%steps) + farthest*self%length(self%steps)
+    if (.not. known) return
+    j = 1
+    do i = 0, s
+      time = elapsed + grid%node(i)*step
+      do while (j < self%steps .and. time > self%begin(j) + self%length(j))
+        j = j + 1
+      end do
+      call grid%lagrange((time - self%begin(j))/self%length(j), basis)
+      do k = 1, m
+        y(i, k) = dot_product(basis(0:s), self%nodal(0:s, k, j))
+      end do
+    end do
+  end subroutine values_at
+
+  !> Save or load.
+  subroutine serialise(self, archive)
+    class(slip_memory_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+    integer :: i, j
+
+    call archive%serialise(self%present_one)
+    call archive%serialise(self%follows)
+    call archive%serialise(self%elapsed)
+    do i = 0, 2
+      call archive%serialise(self%slip(i)%steps)
+      call archive%serialise(self%slip(i)%begin)
+      call archive%serialise(self%slip(i)%length)
+      do j = 1, max_steps
+        call archive%serialise(self%slip(i)%nodal(:, :, j))
+      end do
+    end do
+  end subroutine serialise
+end module dst_slip_memory
