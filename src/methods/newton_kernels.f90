@@ -4,7 +4,7 @@
 !>   system, method         the model; the collocation method with s stages
 !>   drive, from            motion of the drive; state at the start of the step
 !>   to_stop                whether the step is to end where the first slip unknown, the slip speed, vanishes
-!>   rtol                   tolerance of the slip velocity that the solution must not spoil
+!>   tolerance              of the slip velocity, relative to the largest slip speed, for the remaining error of the solution
 !>   own_speed(n) [m/s]     slip speed that counts as large along each axis, for its spring
 !>   step [s], y(s, m)      step size and stage values; the values, and the size of a step to a stop: guess on entry, solution on exit
 !>   u, velocity (s, n)     elongation [m] and slip velocity [m/s] that belong to y
@@ -31,9 +31,6 @@ module dst_newton_kernels
   integer, parameter :: max_iterations = 10
   !> Change of the slip velocity, relative to itself, from which Newton's method does not return. Twice: no change on Fig. 3.
   real(wp), parameter :: hopeless = 1.0e6_wp
-  !> The remaining error of the solution over rtol: far below that of the method. Twice: 1 % fewer iterations on Fig. 3 at rtol
-  !> 1e-6, none at 1e-8, the same error.
-  real(wp), parameter :: newton_share = 0.01_wp
   !> Assumed constant of the quadratic convergence before it is known. Twice: 0.6 % more iterations.
   real(wp), parameter :: first_convergence = 10.0_wp
   !> An increment that grows by this factor after the second ends the iteration. Twice: no change.
@@ -46,7 +43,7 @@ module dst_newton_kernels
 contains
 
   !> The kernel for s stages, n components and m slip unknowns.
-  subroutine solve_stages(s, n, m, system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+  subroutine solve_stages(s, n, m, system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
     increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, intent(in) :: s, n, m
     class(slip_system_t), intent(in) :: system
@@ -54,7 +51,7 @@ contains
     type(drive_segment_t), intent(in) :: drive
     type(state_t), intent(in) :: from
     logical, intent(in) :: to_stop
-    real(wp), intent(in) :: rtol, own_speed(n)
+    real(wp), intent(in) :: tolerance, own_speed(n)
     real(wp), intent(inout) :: step, y(s, m)
     real(wp), intent(out) :: u(s, n), velocity(s, n), velocity_y(s, n, m), increment(s, m), drive_velocity(s), speed_scale
     type(stage_terms_t), intent(inout) :: terms
@@ -63,66 +60,66 @@ contains
 
     select case (100*s + 10*n + m)
     case (311)
-      call kernel_3_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+      call kernel_3_1(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
         increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (322)
-      call kernel_3_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+      call kernel_3_2(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
         increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (511)
-      call kernel_5_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+      call kernel_5_1(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
         increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (522)
-      call kernel_5_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+      call kernel_5_2(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
         increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (711)
-      call kernel_7_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+      call kernel_7_1(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
         increment, drive_velocity, terms, speed_scale, iterations, solved)
     case (722)
-      call kernel_7_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+      call kernel_7_2(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
         increment, drive_velocity, terms, speed_scale, iterations, solved)
     case default
-      call kernel_of_any_size(s, n, m, system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, &
+      call kernel_of_any_size(s, n, m, system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, &
         velocity_y, increment, drive_velocity, terms, speed_scale, iterations, solved)
     end select
   end subroutine solve_stages
 
-  subroutine kernel_3_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+  subroutine kernel_3_1(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
     increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 3, n = 1, m = 1
     include 'newton_kernel.inc'
   end subroutine kernel_3_1
 
-  subroutine kernel_3_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+  subroutine kernel_3_2(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
     increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 3, n = 2, m = 2
     include 'newton_kernel.inc'
   end subroutine kernel_3_2
 
-  subroutine kernel_5_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+  subroutine kernel_5_1(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
     increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 5, n = 1, m = 1
     include 'newton_kernel.inc'
   end subroutine kernel_5_1
 
-  subroutine kernel_5_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+  subroutine kernel_5_2(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
     increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 5, n = 2, m = 2
     include 'newton_kernel.inc'
   end subroutine kernel_5_2
 
-  subroutine kernel_7_1(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+  subroutine kernel_7_1(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
     increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 7, n = 1, m = 1
     include 'newton_kernel.inc'
   end subroutine kernel_7_1
 
-  subroutine kernel_7_2(system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, velocity_y, &
+  subroutine kernel_7_2(system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, velocity_y, &
     increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, parameter :: s = 7, n = 2, m = 2
     include 'newton_kernel.inc'
   end subroutine kernel_7_2
 
-  subroutine kernel_of_any_size(s, n, m, system, method, drive, from, to_stop, rtol, own_speed, step, y, u, velocity, &
+  subroutine kernel_of_any_size(s, n, m, system, method, drive, from, to_stop, tolerance, own_speed, step, y, u, velocity, &
     velocity_y, increment, drive_velocity, terms, speed_scale, iterations, solved)
     integer, intent(in) :: s, n, m
     include 'newton_kernel.inc'

@@ -250,7 +250,7 @@ contains
     own_speed = own_share*system%spring_speed(from%u)
     associate (s => self%method%stages, n => system%components, m => system%unknowns)
       call predict(self, s, m, from, self%y)
-      call solve_stages(s, n, m, system, self%method, drive, from, to_stop, self%rtol, own_speed(system%axis:), &
+      call solve_stages(s, n, m, system, self%method, drive, from, to_stop, self%newton_share*self%rtol, own_speed(system%axis:), &
         self%step, self%y, self%u, self%velocity, self%velocity_y, self%increment, self%drive_velocity, self%terms, &
         self%speed_scale, iterations, outcome%solved)
       call count_work(self%count, s, iterations)

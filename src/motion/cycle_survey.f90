@@ -45,6 +45,9 @@ module dst_cycle_survey
   integer, parameter :: max_trials = 6
   !> What lies further than any angle [rad].
   real(wp), parameter :: far_away = 1.0e3_wp
+  !> What Newton's method leaves of its error in the cycles of a table, over rtol: it would be noise in the table. Convention; twice:
+  !> no change.
+  real(wp), parameter :: exact_share = 1.0e-6_wp
   !> Most tables, places where none could be made, and pieces of a cycle.
   integer, parameter :: max_tables = 64, max_refused = 64, max_pieces = 3000
   !> A cycle that lasts so many times longer than the one before is none. Twice: 3 to 60 % more iterations.
@@ -143,6 +146,7 @@ contains
     if (allocated(self%scout)) return
     allocate (self%scout, source=steps)
     self%scout%stepper%count = work_count_t()
+    self%scout%stepper%newton_share = exact_share
     allocate (self%table(max_tables))
   end subroutine prepare
 
