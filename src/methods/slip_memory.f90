@@ -113,23 +113,25 @@ contains
     real(wp), intent(in) :: elapsed, step
     real(wp), intent(out) :: y(0:s, m)
     logical, intent(out) :: known
-    real(wp) :: time, basis(0:max_degree)
-    integer :: i, j, k
+    real(wp) :: time(0:s)
+    integer :: first, next, j, k
 
     known = self%steps > 0
     if (.not. known) return
     known = elapsed + step <= self%begin(self%steps) + farthest*self%length(self%steps)
     if (.not. known) return
-    j = 1
-    do i = 0, s
-      time = elapsed + grid%node(i)*step
-      do while (j < self%steps .and. time > self%begin(j) + self%length(j))
-        j = j + 1
-      end do
-      call grid%lagrange((time - self%begin(j))/self%length(j), basis)
+    time = elapsed + grid%node(0:s)*step
+    first = 0
+    do j = 1, self%steps
+      next = s + 1
+      if (j < self%steps) next = first + count(time(first:) <= self%begin(j + 1))
+      if (next == first) cycle
       do k = 1, m
-        y(i, k) = dot_product(basis(0:s), self%nodal(0:s, k, j))
+        call grid%values_at(self%nodal(:, k, j), next - first, (time(first:next - 1) - self%begin(j))/self%length(j), &
+          y(first:next - 1, k))
       end do
+      first = next
+      if (first > s) exit
     end do
   end subroutine values_at
 

@@ -49,29 +49,31 @@ contains
     end do
   end function new_grid
 
-  !> Values at n positions `tau` (which may lie outside [0, 1]) of the polynomial through `nodal`, in Newton's form:
-  !> for several positions the cheapest, and good enough for a first guess.
+  !> Values at n positions `tau` (which may lie outside [0, 1]), at most max_degree + 1, of the polynomial through `nodal`, in
+  !> Newton's form: for several positions the cheapest, and good enough for a first guess. All loops have the full length, known to
+  !> the compiler; what lies beyond the degree is zero.
   pure subroutine values_at(self, nodal, n, tau, values)
     class(grid_t), intent(in) :: self
     real(wp), intent(in) :: nodal(0:max_degree)
     integer, intent(in) :: n
     real(wp), intent(in) :: tau(n)
     real(wp), intent(out) :: values(n)
-    real(wp) :: difference(0:max_degree)
+    real(wp), dimension(0:max_degree) :: difference, position, value
     integer :: j, k
 
-    associate (s => self%degree)
-      difference = nodal
-      do k = 1, s
-        do j = s, k, -1
-          difference(j) = (difference(j) - difference(j - 1))*self%reciprocal(j, k)
-        end do
+    difference = nodal
+    do k = 1, max_degree
+      do j = max_degree, k, -1
+        difference(j) = (difference(j) - difference(j - 1))*self%reciprocal(j, k)
       end do
-      values = difference(s)
-      do j = s - 1, 0, -1
-        values = values*(tau - self%node(j)) + difference(j)
-      end do
-    end associate
+    end do
+    position = 0.0_wp
+    position(0:n - 1) = tau
+    value = difference(max_degree)
+    do j = max_degree - 1, 0, -1
+      value = value*(position - self%node(j)) + difference(j)
+    end do
+    values = value(0:n - 1)
   end subroutine values_at
 
   !> Lagrange basis on the nodes 0..degree at position `tau` (which may lie outside [0, 1]).
