@@ -11,10 +11,10 @@ module dst_collocation
   implicit none
   private
 
-  public :: collocation_t, radau_iia, max_stages
+  public :: collocation_t, radau_iia, max_stages, max_rows
 
-  !> Stages of the largest method.
-  integer, parameter :: max_stages = max_degree
+  !> Stages of the largest method, and rows of its matrices: they are filled up with zeros to an even number, for loops by pairs.
+  integer, parameter :: max_stages = max_degree, max_rows = 2*((max_stages + 1)/2)
   !> Newton iterations at most; a change of the root, relative to it, that is roundoff; and where the search for the pole begins,
   !> over the number of stages (a little above the pole). Twice: the last digit of gamma at most.
   integer, parameter :: max_iterations = 200
@@ -26,13 +26,14 @@ module dst_collocation
     integer :: stages = 0
     !> Classical order 2 s - 1.
     integer :: order = 0
-    !> Interpolation on 0 and the nodes c_1 … c_s = 1. Rows and columns 1..s of its derivative
-    !> matrix are the inverse of A.
+    !> Interpolation on 0 and the nodes c_1 … c_s = 1.
     type(grid_t) :: grid
     !> Quadrature weights b.
     real(wp) :: weight(max_stages) = 0.0_wp
     !> Integration matrix A: integral from 0 to c_i of the j-th Lagrange polynomial.
-    real(wp) :: integral(max_stages, max_stages) = 0.0_wp
+    real(wp) :: integral(max_rows, max_stages) = 0.0_wp
+    !> Its inverse: rows and columns 1 ... s of the grid's derivative matrix.
+    real(wp) :: inverse(max_rows, max_stages) = 0.0_wp
     !> Inverse of the real eigenvalue of the inverse of A: the weight of the error estimate.
     real(wp) :: gamma = 0.0_wp
   end type collocation_t
@@ -70,6 +71,7 @@ contains
         method%integral(i, j) = method%weight(j)*value
       end do
     end do
+    method%inverse(1:stages, 1:stages) = method%grid%derivative(1:stages, 1:stages)
     method%gamma = 1.0_wp/real_pole(stages)
   end function radau_iia
 
