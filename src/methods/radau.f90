@@ -17,7 +17,7 @@ module dst_radau
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_linear_solve, only: solve_in_place
-  use dst_collocation, only: collocation_t, radau_iia, max_stages
+  use dst_collocation, only: collocation_t, radau_iia, max_stages, max_rows
   use dst_dense_output, only: column_u, column_y, column_position
   use dst_drive, only: drive_segment_t
   use dst_instability, only: follow_instability
@@ -59,7 +59,8 @@ module dst_radau
   !> has none.
   real(wp), parameter :: turn_allowance = 5.0_wp
 
-  !> A point of the step at which the defect of the collocation polynomial is looked at.
+  !> A point of the step at which the defect of the collocation polynomial is looked at. Beyond the nodes of the method its
+  !> weights are zero.
   type :: probe_t
     real(wp) :: position = 0.0_wp
     !> Refers the defect to the start, where the filter's gamma belongs.
@@ -156,12 +157,14 @@ contains
     type(collocation_t), intent(in) :: method
     real(wp), intent(in) :: position
     type(probe_t) :: probe
+    real(wp) :: basis(0:max_degree)
     integer :: k
 
     probe%position = position
     probe%weight = method%gamma
     associate (s => method%stages, grid => method%grid)
-      call grid%lagrange(position, probe%interpolation)
+      call grid%lagrange(position, basis)
+      probe%interpolation(0:s) = basis(0:s)
       probe%extrapolation(1:s) = stage_basis(grid%node(1:s), position)
       do k = 0, s
         probe%derivative(0:s) = probe%derivative(0:s) + probe%interpolation(k)*grid%derivative(k, 0:s)
@@ -319,7 +322,7 @@ contains
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: y(s, m), u(s, n), velocity(s, n), increment(s, m)
     type(state_t), intent(out) :: to
-    real(wp) :: x_rate(s), displacement(s), advanced(s), drive_power, friction_power, supplied
+    real(wp) :: x_rate(s), displacement(s), advanced(max_rows), drive_power, friction_power, supplied
     integer :: i, k, axis
 
     do i = 1, s
@@ -343,9 +346,9 @@ contains
     self%nodal(0, column_position) = from%position
     advanced = 0.0_wp
     do i = 1, s
-      advanced = advanced + self%method%integral(1:s, i)*x_rate(i)
+      advanced = advanced + self%method%integral(:, i)*x_rate(i)
     end do
-    self%nodal(1:s, column_position) = from%position + system%advance_by_drive*displacement + self%step*advanced
+    self%nodal(1:s, column_position) = from%position + system%advance_by_drive*displacement + self%step*advanced(1:s)
     drive_power = 0.0_wp
     friction_power = 0.0_wp
     do i = 1, s
@@ -457,12 +460,12 @@ contains
     do k = 1, n
       axis = system%axis + k - 1
       u(k) = from%u(axis)
-      if (elapsed > 0.0_wp) u(k) = dot_product(probe%interpolation(0:s), self%nodal(0:s, column_u + axis - 1)) &
+      if (elapsed > 0.0_wp) u(k) = dot_product(probe%interpolation, self%nodal(:, column_u + axis - 1)) &
         + system%drive_coupling(axis)*drive%displacement(from%time, elapsed)
     end do
     do k = 1, m
       y(k) = from%y(k)
-      if (elapsed > 0.0_wp) y(k) = dot_product(probe%interpolation(0:s), self%nodal(0:s, column_y + k - 1))
+      if (elapsed > 0.0_wp) y(k) = dot_product(probe%interpolation, self%nodal(:, column_y + k - 1))
     end do
     call system%kinematics(1, y, velocity, velocity_y)
     call system%dynamics(1, [drive_velocity], u, y, velocity_y, self%point_terms)
@@ -478,7 +481,7 @@ contains
         defect(k) = defect(k) + self%point_terms%force_u(1, k, l)*shift(l)
       end do
       defect(k) = probe%weight*(self%step*defect(k) - self%point_terms%inertia(1, k) &
-        *dot_product(probe%derivative(0:s), self%nodal(0:s, column_y + k - 1)))
+        *dot_product(probe%derivative, self%nodal(:, column_y + k - 1)))
     end do
     call set_filter(n, m, self%point_terms, filter_step, velocity_y, filter)
     call respond(n, m, filter, velocity_y, response, singular)

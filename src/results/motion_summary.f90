@@ -24,6 +24,7 @@ module dst_motion_summary
     quantity_t('jacobians', '1', 'evaluations of the Jacobian of a step', .true.), &
     quantity_t('factorisations', '1', 'factorised linear systems', .true.), &
     quantity_t('newton', '1', 'Newton iterations', .true.), &
+    quantity_t('landings', '1', 'steps solved for the length at which they end in a stop', .true.), &
     quantity_t('events', '1', 'stick and slip events', .true.), &
     quantity_t('cycles_leapt', '1', 'fast cycles that the cycle map leapt', .true.), &
     quantity_t('cycles_sampled', '1', 'fast cycles that were run for the cycle map', .true.), &
@@ -142,7 +143,7 @@ contains
     work = motion%work()
     outcome%statistics = statistics
     outcome%statistics_value = [real([work%steps, work%rejected, work%rhs, work%jacobians, work%factorisations, work%newton, &
-      work%events, work%cycles_leapt, work%cycles_sampled, work%excursions_reused], wp), work%map_error, wall_time]
+      work%landings, work%events, work%cycles_leapt, work%cycles_sampled, work%excursions_reused], wp), work%map_error, wall_time]
   end subroutine describe
 
   !> Save or load.
