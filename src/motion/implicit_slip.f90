@@ -34,6 +34,8 @@ module dst_implicit_slip
   !> The least that one of these iterations leaves of a step. Convention. Twice, which forbids to shorten it: up to 11 % more
   !> iterations in other scenes, no change in Fig. 3; half: no change.
   real(wp), parameter :: least_left = 0.5_wp
+  !> Two slips take nearly the same time if it differs by less than this share. Convention. Twice: the same steps.
+  real(wp), parameter :: alike = 0.1_wp
   !> Factor after a step that may have missed a stop. Convention. Fig. 3 has none; twice in other scenes: up to 1 % more work.
   real(wp), parameter :: missed_factor = 0.25_wp
 
@@ -137,8 +139,8 @@ contains
     call settle_slip(self, stopped, truncated)
   end subroutine settle
 
-  !> Attempt a step: to the stop, if one is due within its length as long after the release as the last one came, else of
-  !> its length, shortened to the stop if v reaches zero in it.
+  !> Attempt a step: to the stop, if the last two slips were alike and let it expect within the length; else of that length, shortened
+  !> to the stop if v reaches zero in it.
   subroutine try(self, step, to, outcome, stopped)
     class(implicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: step
@@ -148,9 +150,9 @@ contains
     real(wp) :: due
 
     self%to_dip = .false.
-    due = self%last_slip - self%slipped
-    if (self%slip_before > 0.0_wp) due = due + self%last_slip - self%slip_before
-    if (due > 0.0_wp .and. due <= step .and. .not. self%just_released) then
+    due = self%last_slip + (self%last_slip - self%slip_before) - self%slipped
+    if (abs(self%last_slip - self%slip_before) <= alike*self%last_slip .and. due > 0.0_wp .and. due <= step &
+      .and. .not. self%just_released) then
       call land(self, due, step, to, outcome, stopped)
       if (stopped) return
       self%stepper%count%rejected = self%stepper%count%rejected + 1

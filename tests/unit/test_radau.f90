@@ -10,12 +10,16 @@ program test_radau
   use dst_drive, only: drive_segment_t
   use dst_errors, only: error_t
   use dst_friction, only: new_friction_law
-  use dst_full_model, only: full_smoothed_t, new_full_smoothed
+  use dst_collocation, only: collocation_t, radau_iia
+  use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
+  use dst_interpolation, only: max_degree
   use dst_linear_solve, only: solve_in_place
   use dst_radau, only: radau_t, new_radau
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t, cos_sin_degrees
+  use dst_slip_memory, only: slip_memory_t
+  use dst_slip_system, only: max_unknowns
   use dst_state, only: state_t
   use dst_stepper, only: attempt_t
   use dst_motion, only: next_piece
@@ -43,6 +47,8 @@ program test_radau
   do i = 1, 3
     call test_orders(trim(methods(i)), stages(i))
     call test_newton(trim(methods(i)), stages(i))
+    call test_landing(trim(methods(i)), stages(i))
+    call test_memory_of_slips(trim(methods(i)), stages(i))
     call test_first_events_of_fig3(trim(methods(i)))
     call test_events_along_a_line(trim(methods(i)))
   end do
@@ -302,6 +308,107 @@ contains
     call check_close(name//': Newton at 1e-6', norm2(last(2)%y - last(4)%y), 0.0_wp, 1.0e-7_wp*norm2(last(4)%y))
     call check_close(name//': Newton at 1e-9', norm2(last(3)%y - last(4)%y), 0.0_wp, 1.0e-10_wp*norm2(last(4)%y))
   end subroutine test_newton
+
+  !> A step that is solved for its length ends where the slip speed vanishes, and is the step of that length; a guess that is a
+  !> fifth off costs no more than a few iterations. Under a drive that speeds up, whose motion depends on the length too.
+  subroutine test_landing(name, stage_count)
+    character(*), intent(in) :: name
+    integer, intent(in) :: stage_count
+    type(full_polar_t) :: system
+    type(slider_t) :: slider
+    type(radau_t) :: stepper
+    type(drive_segment_t) :: drive
+    type(state_t) :: start, stop, same
+    type(attempt_t) :: outcome
+    real(wp) :: length
+
+    slider%mass = 0.25_wp
+    slider%stiffness = [4.0e2_wp, 1.0e4_wp]
+    slider%along = cos_sin_degrees(20.0_wp)
+    call new_friction_law('weakening', 0.20_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
+    system = new_full_polar(slider)
+    drive = drive_segment_t(velocity=1.0e-2_wp, acceleration=10.0_wp)
+    start = state_t(u=[1.0e-3_wp, 2.0e-5_wp], y=[1.0e-2_wp, 0.2_wp, 0.0_wp])
+    stepper = new_radau(stage_count, 2, 2, 1.0e-12_wp)
+    call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    call stepper%attempt_stop(system, drive, start, 2.0e-3_wp, stop, outcome)
+    length = stepper%step
+    call check(name//': a step to a stop is solved', outcome%solved)
+    call check(name//': its length is another than the guess', abs(length - 2.0e-3_wp) > 1.0e-4_wp)
+    call check(name//': it ends at rest', .not. abs(stop%y(1)) > 0.0_wp)
+    call check_close(name//': its end is as far away', stop%time - start%time, length, 4.0_wp*eps*length)
+    call check(name//': in a few iterations', stepper%count%newton <= 8)
+    call check(name//': it is counted', stepper%count%landings == 1)
+    call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    call stepper%attempt(system, drive, start, length, same, outcome)
+    call check(name//': the step of that length is solved', outcome%solved)
+    call check_close(name//': it stops too', same%y(1), 0.0_wp, 1.0e-12_wp*start%y(1))
+    call check_close(name//': in the same direction', same%y(2), stop%y(2), 1.0e-9_wp)
+    call check_close(name//': at the same place', norm2(same%u - stop%u), 0.0_wp, 1.0e-14_wp)
+    call check_close(name//': with the same work', same%friction_work, stop%friction_work, 1.0e-11_wp*stop%friction_work)
+    ! It is pulled forwards so hard that it never stops.
+    start%u(1) = 0.1_wp
+    call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
+    call stepper%attempt_stop(system, drive, start, 2.0e-3_wp, stop, outcome)
+    call check(name//': where there is no stop ahead, none is found', .not. outcome%solved)
+  end subroutine test_landing
+
+  !> Slips that change in equal amounts are foretold, however they were divided into steps; others are not, nor what comes long after
+  !> their end, nor what follows no release.
+  subroutine test_memory_of_slips(name, stage_count)
+    character(*), intent(in) :: name
+    integer, intent(in) :: stage_count
+    type(slip_memory_t) :: memory
+    type(collocation_t) :: method
+    real(wp) :: y(stage_count, 2), expected(stage_count, 2)
+    logical :: known
+
+    method = radau_iia(stage_count)
+    call slide(memory, method, 1.0_wp, [0.5_wp, 0.3_wp, 0.4_wp])
+    call slide(memory, method, 1.1_wp, [0.4_wp, 0.4_wp, 0.3_wp])
+    call slide(memory, method, 1.2_wp, [0.35_wp])
+    call memory%guess(method%grid, stage_count, 2, 0.5_wp, [slip_unknown(1.2_wp, 1, 0.35_wp), 7.0_wp], y, known)
+    call check(name//': alike slips are remembered', known)
+    expected(:, 1) = slip_unknown(1.2_wp, 1, 0.35_wp + 0.5_wp*method%grid%node(1:stage_count))
+    expected(:, 2) = 7.0_wp - slip_unknown(1.2_wp, 2, 0.35_wp) &
+      + slip_unknown(1.2_wp, 2, 0.35_wp + 0.5_wp*method%grid%node(1:stage_count))
+    call check_close(name//': the next one is foretold', maxval(abs(y - expected)), 0.0_wp, 1.0e-13_wp)
+    call memory%guess(method%grid, stage_count, 2, 1.5_wp, [0.0_wp, 0.0_wp], y, known)
+    call check(name//': not what comes long after their end', .not. known)
+    call memory%forget()
+    call memory%guess(method%grid, stage_count, 2, 0.5_wp, [0.0_wp, 0.0_wp], y, known)
+    call check(name//': nor what follows no release', .not. known)
+    call slide(memory, method, 2.0_wp, [0.5_wp, 0.5_wp])
+    call memory%begin()
+    call memory%guess(method%grid, stage_count, 2, 0.5_wp, [0.0_wp, 0.0_wp], y, known)
+    call check(name//': nor after slips that are not alike', .not. known)
+  end subroutine test_memory_of_slips
+
+  !> Remember a slip of this size in steps of these lengths.
+  subroutine slide(memory, method, size_of_slip, step)
+    type(slip_memory_t), intent(inout) :: memory
+    type(collocation_t), intent(in) :: method
+    real(wp), intent(in) :: size_of_slip, step(:)
+    real(wp) :: nodal(0:max_degree, max_unknowns)
+    integer :: j, k
+
+    call memory%begin()
+    do j = 1, size(step)
+      nodal = 0.0_wp
+      do k = 1, 2
+        nodal(0:method%stages, k) = slip_unknown(size_of_slip, k, sum(step(:j - 1)) + step(j)*method%grid%node(0:method%stages))
+      end do
+      call memory%keep(step(j), nodal)
+    end do
+  end subroutine slide
+
+  !> A slip unknown as a cubic in time.
+  elemental real(wp) function slip_unknown(size_of_slip, unknown, time)
+    real(wp), intent(in) :: size_of_slip, time
+    integer, intent(in) :: unknown
+
+    slip_unknown = size_of_slip*time**unknown*(1.3_wp - time) + real(unknown, wp)
+  end function slip_unknown
 
   !> Advance to the next event and check its kind.
   subroutine next_event(simulation, kind, name)
