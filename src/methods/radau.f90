@@ -89,7 +89,7 @@ module dst_radau
     real(wp) :: rate(max_unknowns) = 0.0_wp
     real(wp) :: curvature(max_unknowns) = 0.0_wp
     type(step_control_t) :: control
-    !> Whether this attempt is a second one, which matters in slow motion.
+    !> Whether this attempt is a second one.
     logical :: repeated = .false.
     real(wp) :: last_nodal(0:max_degree, max_unknowns) = 0.0_wp
     type(slip_memory_t) :: memory_of_slips
@@ -133,8 +133,7 @@ contains
     stepper%error_constant = gamma(real(stages, wp))*gamma(real(stages + 1, wp)) &
       /(gamma(real(2*stages, wp))*gamma(real(2*stages + 1, wp)))
     stepper%harmless_phase = (harmless_error/stepper%error_constant)**(0.5_wp/real(stages, wp))
-    ! In the fast oscillation of two components the error changes with the phase, and looking back misleads.
-    stepper%control = new_step_control(stages + 1, largest_factor, predicts=components == 1)
+    stepper%control = new_step_control(stages + 1, largest_factor, predicts=.true.)
     stepper%terms = new_terms(stages, components, unknowns)
     stepper%point_terms = new_terms(1, components, unknowns)
     call set_probes(stepper)
@@ -390,7 +389,7 @@ contains
     outcome%error = max(outcome%error, norm(error/max(allowed + noise, tiny(noise))))
     if (outcome%error <= 1.0_wp) outcome%error = max(outcome%error, &
       self%error_of_turns(system, drive, from, allowed*(turn_allowance*self%rtol/self%estimate_tolerance)))
-    call self%control%advise(self%step, self%repeated .and. n == 1, outcome%error, outcome%factor)
+    call self%control%advise(self%step, self%repeated, outcome%error, outcome%factor)
   end subroutine estimate_error
 
   !> A long implicit step damps what grows exponentially, and would stay on a motion that has become unstable: it may be no longer
