@@ -98,12 +98,12 @@ module dst_lane_step
 
   interface
     !> One attempted step in every lane; or, where a case has been put in, evaluate the points where the lanes are.
-    module subroutine step_lanes_plain(lanes, attempts)
+    pure module subroutine step_lanes_plain(lanes, attempts)
       type(lanes_t), intent(inout) :: lanes
       logical, intent(in) :: attempts
     end subroutine step_lanes_plain
 
-    module subroutine step_lanes_v3(lanes, attempts)
+    pure module subroutine step_lanes_v3(lanes, attempts)
       type(lanes_t), intent(inout) :: lanes
       logical, intent(in) :: attempts
     end subroutine step_lanes_v3

@@ -9,8 +9,4 @@ contains
   end procedure step_lanes_plain
 
   include 'lane_step.inc'
-
-  include '../numerics/exponentials.inc'
-
-  include '../physics/slow_forces.inc'
 end submodule dst_lane_step_plain

@@ -9,8 +9,4 @@ contains
   end procedure step_lanes_v3
 
   include 'lane_step.inc'
-
-  include '../numerics/exponentials.inc'
-
-  include '../physics/slow_forces.inc'
 end submodule dst_lane_step_v3
