@@ -228,6 +228,7 @@ contains
 
     associate (account => self%lanes%account)
       call self%summary(lane)%pass_over(moment, account%quiet_time(lane), account%quiet_creep(lane))
+      self%summary(lane)%largest_rate = account%largest_rate(lane)
       account%quiet_time(lane) = 0.0_wp
       account%quiet_creep(lane) = 0.0_wp
     end associate
