@@ -69,8 +69,8 @@ module dst_lane_step
     !> Of the last accepted step; the root is 0 if there is none.
     real(wp), dimension(lane_count) :: last_root = 0.0_wp, per_last_step = 1.0_wp
     real(wp), dimension(lane_count) :: steps = 0.0_wp, rejections = 0.0_wp, standing = 0.0_wp
-    !> Whether the last attempt was accepted, and whether the lane gives up.
-    integer(int64), dimension(lane_count) :: moved = 0, gives_up = 0
+    !> Whether the last attempt was accepted, and whether the lane gives up (1 or 0).
+    real(wp), dimension(lane_count) :: moved = 0.0_wp, gives_up = 0.0_wp
   end type lane_control_t
 
   !> What adds up, and what the summary has to see.
@@ -83,8 +83,8 @@ module dst_lane_step
     real(wp), dimension(lane_count) :: has_slipped = 0.0_wp, watched = 0.0_wp
     !> Steps that it need not see: their time since it saw one, as far as it is in the second half, and of it in creep [s].
     real(wp), dimension(lane_count) :: quiet_time = 0.0_wp, quiet_creep = 0.0_wp
-    !> Whether it has to see the last step.
-    integer(int64), dimension(lane_count) :: noteworthy = 0
+    !> Reasons why it has to see the last step.
+    real(wp), dimension(lane_count) :: notes = 0.0_wp
   end type lane_account_t
 
   !> All lanes. The last step goes from point 3 - here to point here.

@@ -137,7 +137,7 @@ contains
     control%steps(lane) = 0.0_wp
     control%rejections(lane) = 0.0_wp
     control%standing(lane) = 0.0_wp
-    control%gives_up(lane) = 0
+    control%gives_up(lane) = 0.0_wp
     account%drive_work(lane) = 0.0_wp
     account%friction_work(lane) = 0.0_wp
     account%has_slipped(lane) = 0.0_wp
@@ -185,10 +185,9 @@ contains
     self%is_new = .false.
     call step_lanes(self, .true.)
     associate (account => self%lanes%account, control => self%lanes%control)
-      if (sum(account%noteworthy + control%gives_up) == 0) return
       do i = 1, lane_count
-        if (account%noteworthy(i) > 0) call take_in(self, i)
-        if (control%gives_up(i) > 0) self%done(i) = .true.
+        if (account%notes(i) > 0.0_wp) call take_in(self, i)
+        if (control%gives_up(i) > 0.0_wp) self%done(i) = .true.
       end do
     end associate
   end subroutine advance
