@@ -203,8 +203,8 @@ contains
     if (self%settle > 0.0_wp) call look_whether_settled(self, stretch%last%time)
   end subroutine take_in
 
-  !> Pass over advances of a slide under a steady drive in which nothing turned back and nothing began, to where they end. None of
-  !> the times [s], theirs and of it in creep, is before the second half, or half in it.
+  !> Pass over advances of a slide under a steady drive in which nothing turned back and nothing began, to where they end. The
+  !> times [s], theirs and of it in creep, are of those that lie in the second half.
   subroutine pass_over(self, last, duration, creep_time)
     class(summary_t), intent(inout) :: self
     type(moment_t), intent(in) :: last

@@ -77,8 +77,8 @@ module dst_lane_step
   type :: lane_account_t
     !> Works and the sum of their absolute values [J].
     real(wp), dimension(lane_count) :: drive_work = 0.0_wp, friction_work = 0.0_wp, exchanged = 0.0_wp
-    !> What the summary knows: the middle of the run [s], the period on the soft spring [s], the largest |X'| so far, whether slip has
-    !> begun (1 or 0), whether it wants to see every step (1 or 0).
+    !> What the summary knows: the middle of the run [s], the period on the soft spring [s], the largest |X'| so far [m/s], whether
+    !> slip has begun (1 or 0), whether it wants to see every step (1 or 0).
     real(wp), dimension(lane_count) :: half = 0.0_wp, natural_time = 1.0_wp, largest_rate = 0.0_wp
     real(wp), dimension(lane_count) :: has_slipped = 0.0_wp, watched = 0.0_wp
     !> Steps that it need not see: their time since it saw one, as far as it is in the second half, and of it in creep [s].

@@ -25,8 +25,8 @@ module dst_simd_batch
   !> First step over the time scale of the soft spring: the control finds its own within a few. Convention.
   real(wp), parameter :: first_step = 0.01_wp
 
-  !> The cases side by side: `begin` once, then `put_case` puts one in a lane, `advance` goes on with all, `values` takes out what is
-  !> `done`.
+  !> The cases side by side: `begin` once, then `put_case` puts one in a lane, `advance` goes on with all, `values` takes out what
+  !> is `done`.
   type :: simd_batch_t
     private
     !> Which lanes are done, and which of these the method cannot follow; whether a lane's case is new.
