@@ -141,7 +141,7 @@ module dst_summary
   type, abstract :: stretch_t
     type(moment_t) :: first, last
     logical :: sticking = .false.
-    !> Parts in which X', the load and the beginning of slip are looked at where they may turn unseen.
+    !> Parts in which X' and the load are looked at where they may turn unseen.
     integer :: parts = most_parts
   contains
     procedure(moment_inside), deferred :: at
@@ -420,18 +420,19 @@ contains
   subroutine follow_slip(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
+    !> Parts in which the force is looked at once it is near: the fast oscillation makes friction fall and rise within a step.
+    integer, parameter :: slip_parts = 8
     type(moment_t) :: before, after
     real(wp) :: ends(2)
     integer :: i, start
 
     if (self%has_slipped) return
     before = stretch%first
-    ends = crossing_value(excess_force, stretch, before)
-    ! The fast oscillation makes friction fall and rise within a step.
-    start = merge(1, stretch%parts, crossing_value(excess_force, stretch, stretch%last) > -near*abs(stretch%last%force))
-    do i = start, stretch%parts
+    ends(1) = crossing_value(excess_force, stretch, before)
+    start = merge(1, slip_parts, crossing_value(excess_force, stretch, stretch%last) > -near*abs(stretch%last%force))
+    do i = start, slip_parts
       after = stretch%last
-      if (i < stretch%parts) after = stretch%at(inside(i))
+      if (i < slip_parts) after = stretch%at(inside(i))
       ends(2) = crossing_value(excess_force, stretch, after)
       if (ends(2) > 0.0_wp) exit
       before = after
@@ -447,7 +448,7 @@ contains
     real(wp) function inside(part)
       integer, intent(in) :: part
 
-      inside = stretch%first%time + (stretch%last%time - stretch%first%time)*real(part, wp)/real(stretch%parts, wp)
+      inside = stretch%first%time + (stretch%last%time - stretch%first%time)*real(part, wp)/real(slip_parts, wp)
     end function inside
   end subroutine follow_slip
 
