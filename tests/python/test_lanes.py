@@ -117,6 +117,8 @@ def test_random_scenes_agree_with_radau():
         np.testing.assert_array_equal(np.isnan(found[name]), np.isnan(exact[name]))
         assert np.nanmax(np.abs(found[name].values - exact[name].values) / limit) < 1e-5
     assert np.abs(found["energy_residual"]).max() < 1e-4
+    # Slip may begin in the middle of a step that passes over the relaxation.
+    assert np.nanmax(np.abs(found["slip_angle"] - exact["slip_angle"])) < 0.07
 
 
 def test_constant_friction():
