@@ -24,11 +24,11 @@ def rooms_of(source: Path) -> dict[str, Path]:
 
 
 def modules_of(folder: Path) -> dict[str, set[str]]:
-    """The modules of a room, each with those that it uses. Two files of one module count as one."""
+    """The modules of a room, each with those that it uses. Two files of one module count as one, its submodules too."""
     found: dict[str, set[str]] = {}
     for file in sorted(folder.glob("*.f90")):
         text = file.read_text(encoding="utf-8")
-        module = re.search(r"^module dst_(\w+)", text, re.MULTILINE)
+        module = re.search(r"^(?:module |submodule\()dst_(\w+)", text, re.MULTILINE)
         name = module[1] if module else file.stem
         found.setdefault(name, set()).update(re.findall(r"^\s*use\s*(?:::)?\s*dst_(\w+)", text, re.MULTILINE))
     return found

@@ -28,7 +28,7 @@ def in_order_of_use(sources: list[Path]) -> list[Path]:
     for source in sources:
         text = source.read_text(encoding="utf-8")
         modules.update({name: source for name in re.findall(r"^module (dst_\w+)", text, re.MULTILINE)})
-        uses[source] = re.findall(r"^ *use (dst_\w+)", text, re.MULTILINE)
+        uses[source] = re.findall(r"^ *(?:use |submodule\()(dst_\w+)", text, re.MULTILINE)
     ordered: dict[Path, None] = {}
 
     def take(source: Path) -> None:

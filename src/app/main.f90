@@ -22,6 +22,7 @@ module dst_main
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
   use dst_show, only: show_result
   use dst_signals, only: listen_to_requests, listen_to_signals
+  use dst_instructions, only: runs_v3
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
   use dst_threads, only: task_t
@@ -153,8 +154,8 @@ contains
 
     text = mpi_library()
     if (text == '') text = 'no'
-    text = program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts// &
-      'MPI:       '//text//new_line('a')
+    text = 'MPI:       '//text//new_line('a')//'loops:     '//trim(merge('x86-64-v3', 'plain    ', runs_v3()))//new_line('a')
+    text = program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts//text
   end function version_text
 
   !> Print what the command says of each operand, and all faults of the others.

@@ -17,6 +17,7 @@ module dst_step_control
   private
 
   public :: step_control_t, new_step_control, factor_for, shortened, no_number, unsolved_factor
+  public :: safety, least_factor, least_error
 
   !> Margin to the tolerance, and the least factor. Hairer & Wanner's convention.
   real(wp), parameter :: safety = 0.9_wp, least_factor = 0.2_wp
@@ -38,7 +39,6 @@ module dst_step_control
     real(wp) :: exponent = -1.0_wp
     real(wp) :: memory = 0.0_wp
     logical :: predicts = .false.
-    logical :: by_square_roots = .false.
     !> Errors over tolerance of this attempt and of the last accepted step, 0 if there is none, and the length of that step [s].
     real(wp), public :: error = 0.0_wp, last_error = 0.0_wp, last_step = 0.0_wp
   contains
@@ -49,18 +49,16 @@ module dst_step_control
 
 contains
 
-  !> A control for an estimate of this order in the step. `by_square_roots`, for order 4, takes the fourth root by two square roots,
-  !> which cost less than a power and round otherwise.
-  pure function new_step_control(order, largest_factor, predicts, memory, by_square_roots) result(control)
+  !> A control for an estimate of this order in the step.
+  pure function new_step_control(order, largest_factor, predicts, memory) result(control)
     integer, intent(in) :: order
     real(wp), intent(in) :: largest_factor
-    logical, intent(in), optional :: predicts, by_square_roots
+    logical, intent(in), optional :: predicts
     real(wp), intent(in), optional :: memory
     type(step_control_t) :: control
 
     control%largest_factor = largest_factor
     if (present(predicts)) control%predicts = predicts
-    if (present(by_square_roots)) control%by_square_roots = by_square_roots
     if (present(memory)) control%memory = memory
     control%exponent = memory_share*control%memory - 1.0_wp/real(order, wp)
   end function new_step_control
@@ -77,18 +75,10 @@ contains
 
     if (.not. error <= huge(error)) error = no_number
     self%error = max(error, least_error)
-    if (self%by_square_roots) then
-      factor = safety/sqrt(sqrt(self%error))
-    else
-      factor = safety*self%error**self%exponent
-    end if
+    factor = safety*self%error**self%exponent
     if (self%memory > 0.0_wp) factor = factor*max(self%last_error, least_remembered)**self%memory
     if (self%predicts .and. self%last_error > 0.0_wp .and. error <= 1.0_wp) then
-      if (self%by_square_roots) then
-        change = sqrt(sqrt(self%last_error/self%error))
-      else
-        change = (self%error/self%last_error)**self%exponent
-      end if
+      change = (self%error/self%last_error)**self%exponent
       factor = min(factor, factor*(step/self%last_step)*change)
     end if
     factor = min(self%largest_factor, max(least_factor, factor))

@@ -94,31 +94,7 @@ contains
     end do
   end subroutine dynamics
 
-  !> Forces and powers of n slow motions side by side: stages of one, or several motions.
-  pure subroutine slow_forces(n, pull, w, across, speed, friction, slope, force, damping, dissipation, dissipation_w, &
-    supply, supply_w)
-    integer, intent(in) :: n
-    real(wp), intent(in) :: pull(n)                  !! k_x u_x, N
-    real(wp), intent(in) :: w(n), across(n)          !! slip velocity along the soft axis and V s across it, m/s
-    real(wp), intent(in) :: speed(n)                 !! v, m/s
-    real(wp), intent(in) :: friction(n), slope(n)    !! F(v) and F'(v), N and N s/m
-    real(wp), intent(out) :: force(n), damping(n)    !! m w_x' and its derivative after -w_x, N and N s/m
-    real(wp), intent(out) :: dissipation(n), supply(n)       !! powers of friction, and of the drive across the axis, W
-    real(wp), intent(out) :: dissipation_w(n), supply_w(n)   !! their derivatives after w_x, N
-    real(wp) :: along_share, across_share
-    integer :: i
-
-    do i = 1, n
-      along_share = w(i)/speed(i)
-      across_share = across(i)/speed(i)
-      force(i) = pull(i) - friction(i)*along_share
-      damping(i) = slope(i)*along_share**2 + friction(i)*across_share**2/speed(i)
-      dissipation(i) = friction(i)*speed(i)
-      dissipation_w(i) = (friction(i) + slope(i)*speed(i))*along_share
-      supply(i) = friction(i)*across(i)*across_share
-      supply_w(i) = (slope(i)*speed(i) - friction(i))*across_share**2*along_share
-    end do
-  end subroutine slow_forces
+  include 'slow_forces.inc'
 
   pure function slip_velocity(self, y, drive_velocity) result(velocity)
     class(low_frequency_t), intent(in) :: self

@@ -21,6 +21,7 @@ module dst_summary
 
   public :: summary_t, energies_t, moment_t, stretch_t, passage_t
   public :: summary_quantities, summary_values
+  public :: tiny_rate, short, creeping, worth_parts, near
 
   !> An object that is slower than this share of the drive looks at rest.
   real(wp), parameter :: tiny_rate = 0.1_wp
@@ -30,6 +31,8 @@ module dst_summary
   real(wp), parameter :: short = 0.25_wp, creeping = 0.5_wp
   !> Where the largest |X'| is looked for: only where an end reaches the first share of the largest so far, and a part the second.
   real(wp), parameter :: worth_parts = 0.9_wp, worth_refining = 0.99_wp
+  !> Slip is looked for where this share more of |k_x u_x| would exceed F(v). Convention.
+  real(wp), parameter :: near = 0.5_wp
   !> A zero is found to this share of the values at the ends, or of the advance's time. Far below what is told of it.
   real(wp), parameter :: close_to_zero = 1.0e-7_wp, close_in_time = 1.0e-8_wp
   integer, parameter :: most_iterations = 40
@@ -86,7 +89,7 @@ module dst_summary
     !> First energy and absolute works of all advances [J]. The net works may cancel out.
     real(wp) :: exchanged = 0.0_wp
     !> The second half, which begins at `half` [s].
-    real(wp), private :: half = 0.0_wp
+    real(wp) :: half = 0.0_wp
     type(window_t), private :: late = window_t()
     !> To what two cycles have to agree that follow each other, so that the motion has settled; 0 if that is of no interest. When it
     !> had [s]; negative if not. The cycle under way: then it stands for the second half.
@@ -102,6 +105,7 @@ module dst_summary
   contains
     procedure :: begin
     procedure :: take_in
+    procedure :: pass_over
     procedure :: follow_slip
     procedure :: passage
     procedure :: add
@@ -198,6 +202,17 @@ contains
     call follow_creep(self, stretch)
     if (self%settle > 0.0_wp) call look_whether_settled(self, stretch%last%time)
   end subroutine take_in
+
+  !> Pass over advances of a slide under a steady drive in which nothing turned back and nothing began, to where they end. The
+  !> times [s], theirs and of it in creep, are of those that lie in the second half.
+  subroutine pass_over(self, last, duration, creep_time)
+    class(summary_t), intent(inout) :: self
+    type(moment_t), intent(in) :: last
+    real(wp), intent(in) :: duration, creep_time
+
+    call take_force(self, last)
+    call lengthen(self%late, duration, creep_time)
+  end subroutine pass_over
 
   !> What has been taken in since the beginning, at time 0 and X = 0, as a passage.
   pure function passage(self)
@@ -407,7 +422,6 @@ contains
     class(stretch_t), intent(in) :: stretch
     !> Parts in which the force is looked at once it is near: the fast oscillation makes friction fall and rise within a step.
     integer, parameter :: slip_parts = 8
-    real(wp), parameter :: near = 0.5_wp
     type(moment_t) :: before, after
     real(wp) :: ends(2)
     integer :: i, start

@@ -323,7 +323,10 @@ contains
     call scene_from_deck(sweep%deck, worker%scene)
     call adapt_output(worker%scene, sweep%keeps_series, worker%kept)
     associate (places => cases_at_once(sweep))
-      if (places > 1) allocate (worker%lanes)
+      if (places > 1) then
+        allocate (worker%lanes)
+        call worker%lanes%begin()
+      end if
       allocate (worker%number(places), worker%begun(places))
     end associate
     worker%number = 0

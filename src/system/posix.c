@@ -317,3 +317,12 @@ void dst_allowed_cores(int count, _Bool allowed[]) {
   for (int i = 0; i < count; i++) allowed[i] = i < cores;
 #endif
 }
+
+/* Whether this processor runs what is compiled for x86-64-v3; no, where nothing is (src/meson.build). */
+_Bool dst_has_v3(void) {
+#ifdef DST_V3
+  return __builtin_cpu_supports("x86-64-v3");
+#else
+  return 0;
+#endif
+}

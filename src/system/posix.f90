@@ -100,6 +100,10 @@ module dst_posix
       integer(c_int), value :: process, signal
     end function c_kill
 
+    logical(c_bool) function has_v3() bind(c, name='dst_has_v3')
+      import :: c_bool
+    end function has_v3
+
     logical(c_bool) function is_child() bind(c, name='dst_is_child')
       import :: c_bool
     end function is_child

@@ -1,7 +1,8 @@
-!> Small tools of the numerics: the step-size control, bracketed roots, the coefficients of RODAS4P.
+!> Small tools of the numerics: the step-size control, bracketed roots, exponentials, the coefficients of RODAS4P.
 program test_numerics
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf
   use checks, only: check, check_close, check_order, finish
+  use dst_exponentials, only: exponentials
   use dst_kinds, only: wp
   use dst_rodas4p, only: stages, order, gamma, a, c
   use dst_roots, only: bracket_t
@@ -10,23 +11,22 @@ program test_numerics
 
   call check_control()
   call check_brackets()
+  call check_exponentials()
   call check_order('RODAS4P', rodas_error(0.02_wp), rodas_error(0.01_wp), 2.0_wp, real(order + 1, wp), 0.3_wp)
   call finish()
 
 contains
 
   subroutine check_control()
-    type(step_control_t) :: plain, predicting, remembering, by_roots
+    type(step_control_t) :: plain, predicting, remembering
     real(wp) :: factor, other, error
 
     plain = new_step_control(4, 5.0_wp)
     predicting = new_step_control(4, 5.0_wp, predicts=.true.)
     remembering = new_step_control(4, 5.0_wp, memory=0.04_wp)
-    by_roots = new_step_control(4, 5.0_wp, by_square_roots=.true.)
     call check_close('sixteen times the error halves the step', factor_of(plain, 16.0_wp), 0.45_wp, 1.0e-14_wp)
     call check_close('the factor is bounded above', factor_of(plain, 0.0_wp), 5.0_wp, 1.0e-14_wp)
     call check_close('and below', factor_of(plain, 1.0e30_wp), 0.2_wp, 1.0e-14_wp)
-    call check_close('square roots give the same', factor_of(by_roots, 0.3_wp), factor_of(plain, 0.3_wp), 1.0e-14_wp)
     error = ieee_value(error, ieee_positive_inf)
     call plain%advise(1.0_wp, .false., error, factor)
     call check('what is no number becomes a large error', error > 1.0_wp .and. error < 1.0e10_wp .and. factor < 0.3_wp)
@@ -60,6 +60,25 @@ contains
     error = of_error
     call own%advise(1.0_wp, .false., error, factor)
   end function factor_of
+
+  !> All through the range of normal numbers, close to 0, and below.
+  subroutine check_exponentials()
+    integer, parameter :: n = 100000
+    real(wp) :: x(n), values(n), exact(n)
+    integer :: i
+
+    do i = 1, n
+      x(i) = -708.0_wp*(real(i - 1, wp)/real(n - 1, wp))**3
+    end do
+    call exponentials(n, x, values)
+    exact = exp(x)
+    ! The compiler's own may be off by more in its vectors.
+    call check_close('exponentials', maxval(abs(values - exact)/spacing(exact)), 0.0_wp, 4.0_wp)
+    call check('exp(0) = 1', .not. abs(values(1) - 1.0_wp) > 0.0_wp)
+    call exponentials(3, [-1.0e4_wp, -huge(1.0_wp), -tiny(1.0_wp)], values(:3))
+    call check('exponentials of large numbers', all(values(:2) > 0.0_wp .and. values(:2) < 1.0e-300_wp))
+    call check('exponentials of small numbers', .not. abs(values(3) - 1.0_wp) > 0.0_wp)
+  end subroutine check_exponentials
 
   !> cos has its zero at pi/2; both orientations, and both rules.
   subroutine check_brackets()

@@ -1,0 +1,13 @@
+!> The exponential function in plain arithmetic, for loops that are compiled for several instruction sets: they include
+!> `exponentials.inc` themselves.
+module dst_exponentials
+  use dst_kinds, only: wp, real64, int64
+  implicit none
+  private
+
+  public :: exponentials
+
+contains
+
+  include 'exponentials.inc'
+end module dst_exponentials
