@@ -191,7 +191,9 @@ def errors(scene: Scene, result: Result) -> tuple[float, float]:
         float(np.hypot(result[x] - truth[x], result[y] - truth[y]).max())
         for x, y in (COLUMNS[:2], COLUMNS[2:])
     )
-    return w / float(np.hypot(truth["w_x"], truth["w_y"]).max()), force / limit()
+    fastest = float(np.hypot(truth["w_x"], truth["w_y"]).max())
+    # Slips may be so short that all samples are at rest.
+    return w / fastest if fastest > 0.0 else 0.0, force / limit()
 
 
 def measure(scene: Scene, method: str, rtol: float) -> Run:
