@@ -78,19 +78,13 @@ def test_loose_tolerances_are_of_use(method: str) -> None:
         assert gap < 100 * rtol * np.hypot(exact["w_x"][-1], exact["w_y"][-1]), rtol
 
 
-def test_tolerances_that_save_nothing_are_tightened() -> None:
-    """radau13 gets no faster beyond 1e-3: steps are not longer, and errors no larger."""
-    loosest, loose = (fig3(method="radau13", rtol=rtol, t_end=0.5) for rtol in (0.1, 3e-3))
-    assert loosest.statistics["steps"] == pytest.approx(loose.statistics["steps"], rel=0.2)
+@pytest.mark.parametrize("method", ["radau5", "radau9", "radau13"])
+def test_tolerances_that_save_nothing_are_tightened(method: str) -> None:
+    """Beyond 1e-3 steps get no longer: they would take more Newton iterations."""
+    loosest, loose, tight = (fig3(method=method, rtol=rtol, t_end=0.5) for rtol in (0.1, 3e-3, 1e-4))
+    assert loosest.statistics["newton"] < 1.1 * loose.statistics["newton"] < 1.2 * tight.statistics["newton"]
     exact = fig3(method="radau13", rtol=1e-11, t_end=0.5)
     assert loosest["u_x"][-1] == pytest.approx(exact["u_x"][-1], rel=1e-3)
-
-
-@pytest.mark.parametrize("method", ["radau5", "radau9", "radau13"])
-def test_smallest_tolerance_is_above_roundoff(method: str) -> None:
-    """The estimate of an error cannot be less than its roundoff: no step would be accepted."""
-    found, sharp = (fig3(method=method, rtol=rtol, t_end=0.1) for rtol in (1e-13, 1e-12))
-    assert found["u_x"][-1] == pytest.approx(sharp["u_x"][-1], rel=1e-12)
 
 
 def fig3(method: str, rtol: float, t_end: float = 10.0) -> ds.Result:
