@@ -35,8 +35,8 @@ module dst_radau
   ! What "twice" does was measured on Fig. 3 (2.4 s, full model, rtol 1e-6 and 1e-8) and on the low-frequency motion at 1e-6.
   !
   !> Tolerance of the estimate, the smaller of two: samples_share rtol, for the polynomial that samples are read from errs by an
-  !> eighth of the estimate; and result_share rtol**((s + 1)/(2 s - 1)), for the error of the result is of order 2 s - 1, that of the
-  !> estimate s + 1. Fitted to 100 random scenes and tested on 100 others (bench/tolerance.py). Twice: 3 to 10 % less work, twice the
+  !> eighth of the estimate; and result_share rtol**((s + 1)/(2 s - 1)), for the result errs by order 2 s - 1 and the estimate is of
+  !> order s + 1. Fitted to 100 random scenes and tested on 100 others (bench/tolerance.py). Twice: 3 to 10 % less work, twice the
   !> error of samples; 1 to 6 % less work and up to three times the error of the result at 1e-4 and looser.
   real(wp), parameter :: samples_share = 10.0_wp, result_share = 0.15_wp
   !> Its bounds. Above, longer steps need more Newton iterations, and cost as much: twice gives 0 to 10 % less work with 3 or 5
