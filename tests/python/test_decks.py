@@ -378,7 +378,7 @@ def test_template_is_a_deck(program, tmp_path):
     assert program("template", "full").stdout == result.stdout
     text = resolved(program, result.stdout)
     fig3 = program("check", str(INPUTS / "fig3.nml")).stdout
-    own = ("  file = ", "  interval = ")
+    own = ("  file = ", "  interval = ", "  method = ")
     assert [v for v in values(text) if not v.startswith(own)] == [v for v in values(fig3) if not v.startswith(own)]
 
 
