@@ -361,10 +361,15 @@ def print_scenes(compared: Sequence[Compared]) -> None:
             )
 
 
+def random_values(seed: int, number: int) -> dict[str, float]:
+    """Log-uniform within RANGES."""
+    random = np.random.default_rng([seed, number])
+    return {name: float(10.0 ** random.uniform(*np.log10(bounds))) for name, bounds in RANGES.items()}
+
+
 def compare(number: int) -> Compared:
     """Run a random scene with the map and without, at both tolerances."""
-    random = np.random.default_rng([SEED, number])
-    values = {name: float(10.0 ** random.uniform(*np.log10(bounds))) for name, bounds in RANGES.items()}
+    values = random_values(SEED, number)
     scene = Compared(number, values, duration(values))
     try:
         for rtol in (TIMED_RTOL, RANDOM_RTOL):

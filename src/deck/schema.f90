@@ -137,7 +137,7 @@ module dst_schema
           'initial elongation of the spring along the soft axis; high_frequency holds it'), &
     key_t('initial', 'elongation_y', real_kind, 'm', any_real, may, '0.0', '', '', transverse, &
           'initial elongation of the spring along the stiff axis'), &
-    key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau9', '', method_names, dynamic, &
+    key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau13', '', method_names, dynamic, &
           'radau*: implicit; dopri5, dop853, rk4: explicit; moreau_jean: nonsmooth; rodas4p: sweeps'), &
     key_t('integrator', 'rtol', real_kind, '1', tolerances, may, '1.0e-8', '', '', adaptive, &
           'relative tolerance of a step'), &

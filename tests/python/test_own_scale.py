@@ -89,3 +89,9 @@ def test_errors_follow_rtol(truth, name, method):
         assert len(found.events) == len(exact.events)
         worst = {c: np.abs(found[c] - exact[c]).max() / size[c] / rtol for c in COLUMNS}
         assert max(worst.values()) < factor, (rtol, worst)
+
+
+@pytest.mark.parametrize("method", ["radau9", "radau13"])
+def test_smallest_tolerance_is_above_roundoff(method):
+    """An estimate that is roundoff would let no step be accepted."""
+    assert len(run("stiff and light load", method, 1e-13).events) == 4

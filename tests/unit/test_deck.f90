@@ -224,7 +224,7 @@ contains
     call accept('plain', whole, deck)
     call check('set', deck%is_set('system', 'mass') .and. .not. deck%is_set('integrator', 'rtol'))
     call check('default', same_bits(deck%real_of('integrator', 'rtol'), 1.0e-8_wp))
-    call check_text('default choice', deck%text_of('integrator', 'method'), 'radau9')
+    call check_text('default choice', deck%text_of('integrator', 'method'), 'radau13')
     call check_text('default file', deck%text_of('output', 'file'), '')
     call check('flush', same_bits(deck%real_of('output', 'flush_seconds'), 5.0_wp))
     call check_mass('any order', drive_group//friction_group//system_group//scene_group)
@@ -439,8 +439,8 @@ contains
     call accept('v_smooth', smoothed//' v_smooth = 1e-9 /', deck)
     call refuse_once('v_smooth unused', whole(:index(whole, 'normal') - 1)//'v_smooth = 1e-6 '//whole(index(whole, 'normal'):), &
                      "bad.nml:3: 'v_smooth' is not used with contact exact")
-    call refuse_once('step unused', whole//'&integrator step = 1e-6 /', "'step' is not used with method radau9")
-    call refuse_once('v_cut unused', whole//'&integrator v_cut = 1e-6 /', "'v_cut' is not used with method radau9")
+    call refuse_once('step unused', whole//'&integrator step = 1e-6 /', "'step' is not used with method radau13")
+    call refuse_once('v_cut unused', whole//'&integrator v_cut = 1e-6 /', "'v_cut' is not used with method radau13")
     call accept('v_cut', whole//"&integrator v_cut = 1e-6 method = 'dop853' /", deck)
     call refuse_once('v_cut smoothed', smoothed//' v_smooth = 1e-9 /'//"&integrator v_cut = 1e-6 method = 'dop853' /", &
                      "'v_cut' is not used with contact smoothed")
