@@ -6,7 +6,8 @@
 !>   to_stop                whether the step is to end where the first slip unknown, the slip speed, vanishes
 !>   tolerance              of the slip velocity, relative to the largest slip speed, for the remaining error of the solution
 !>   own_speed(n) [m/s]     slip speed that counts as large along each axis, for its spring
-!>   step [s], y(s, m)      step size and stage values; the values, and the size of a step to a stop: guess on entry, solution on exit
+!>   step [s]               step size; of a step to a stop, guess on entry and solution on exit
+!>   y(s, m)                stage values: guess on entry, solution on exit
 !>   u, velocity (s, n)     elongation [m] and slip velocity [m/s] that belong to y
 !>   velocity_y(s, n, m)    dw/dy of the last iteration
 !>   increment(s, m)        the last one
@@ -16,7 +17,8 @@
 !>   iterations, solved     number of iterations; whether they converged
 !>
 !> A step to a stop has its length as an unknown in place of the slip speed at its end, which is known: the order of the linear
-!> systems stays the same. Convergence is that of the slip velocity. An unknown on which it does not depend directly converges with it.
+!> systems stays the same. Convergence is that of the slip velocity. An unknown on which it does not depend directly converges with
+!> it.
 module dst_newton_kernels
   use dst_kinds, only: wp
   use dst_collocation, only: collocation_t

@@ -81,7 +81,7 @@ module dst_stepper
     procedure :: begin_slip
     !> Try one step of length `step` from `from` and, if solved, give its end `to`.
     procedure(attempt), deferred :: attempt
-    !> The same for a step of unknown length that ends where the slip speed vanishes; `guess` is near it. Its length is `step`, then.
+    !> The same for a step of unknown length, near `guess`, that ends where the slip speed vanishes; `step` is its length then.
     procedure :: attempt_stop
     !> The last attempt has been accepted.
     procedure(accept), deferred :: accept

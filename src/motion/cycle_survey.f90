@@ -45,8 +45,8 @@ module dst_cycle_survey
   integer, parameter :: max_trials = 6
   !> What lies further than any angle [rad].
   real(wp), parameter :: far_away = 1.0e3_wp
-  !> What Newton's method leaves of its error in the cycles of a table, over rtol: it would be noise in the table. Convention; twice:
-  !> no change.
+  !> What Newton's method leaves of its error in the cycles of a table, over rtol: it would be noise in the table. Convention;
+  !> twice: no change.
   real(wp), parameter :: exact_share = 1.0e-6_wp
   !> Most tables, places where none could be made, and pieces of a cycle.
   integer, parameter :: max_tables = 64, max_refused = 64, max_pieces = 3000

@@ -139,8 +139,8 @@ contains
     call settle_slip(self, stopped, truncated)
   end subroutine settle
 
-  !> Attempt a step: to the stop, if the last two slips were alike and let it expect within the length; else of that length, shortened
-  !> to the stop if v reaches zero in it.
+  !> Attempt a step: to the stop, if the last two slips were alike and let it expect within the length; else of that length,
+  !> shortened to the stop if v reaches zero in it.
   subroutine try(self, step, to, outcome, stopped)
     class(implicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: step

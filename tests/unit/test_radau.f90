@@ -353,8 +353,8 @@ contains
     call check(name//': where there is no stop ahead, none is found', .not. outcome%solved)
   end subroutine test_landing
 
-  !> Slips that change in equal amounts are foretold, however they were divided into steps; others are not, nor what comes long after
-  !> their end, nor what follows no release.
+  !> Slips that change in equal amounts are foretold, however they were divided into steps; others are not, nor what comes long
+  !> after their end, nor what follows no release.
   subroutine test_memory_of_slips(name, stage_count)
     character(*), intent(in) :: name
     integer, intent(in) :: stage_count
