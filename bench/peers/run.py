@@ -416,7 +416,8 @@ def provenance():
             [str(WORK / folder / "bin" / "python"), "-m", "pip", "list", "--format=freeze"], whole=True
         )
         wanted = ("numpy", "scipy", "numba", "numbalsoda", "pyradau13", "nosnoc", "casadi")
-        yield ", ".join(line for line in names.splitlines() if line.split("==")[0] in wanted)
+        if versions := ", ".join(line for line in names.splitlines() if line.split("==")[0] in wanted):
+            yield versions
 
 
 def output_of(command, whole=False):
