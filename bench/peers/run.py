@@ -582,7 +582,8 @@ def draw(measured, path):
 
 
 def methods_of(measured, peer):
-    return list(dict.fromkeys(p.method for p in measured if p.peer == peer))
+    """Those with a point that ended."""
+    return list(dict.fromkeys(p.method for p in measured if p.peer == peer and p.status == "done"))
 
 
 def curve(axis, chosen, colour, marker, style, label, width=0.8, fill=None):
