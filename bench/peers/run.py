@@ -45,7 +45,7 @@ LONG_STATES = (
 # Sticks to 100 s over those to 2.5 s.
 LONGER = 47974 / 1826
 LEVELS = {"A": (1e-3, 1e-1), "B": (1e-5, 1e-2), "C": (1e-7, 1e-4), "D": (1e-9, 1e-6)}
-FORMULATIONS = ("polar", "smoothed", "printed")
+FORMULATIONS = ("polar", "smoothed", "printed", "nonsmooth")
 
 PYTHON = str(WORK / "venv" / "bin" / "python")
 PEERS = {
@@ -55,9 +55,11 @@ PEERS = {
     "numbalsoda": [PYTHON, str(HERE / "numbalsoda_peer.py")],
     "pyradau13": [str(WORK / "venv_radau13" / "bin" / "python"), str(HERE / "pyradau13_peer.py")],
     "SciPy": [PYTHON, str(HERE / "scipy_peer.py")],
+    "Siconos": [str(WORK / "siconos")],
+    "nosnoc": [str(WORK / "venv_nosnoc" / "bin" / "python"), str(HERE / "nosnoc_peer.py")],
 }
 # Started once for several points, and not again in later rounds.
-INTERPRETED = ("numbalsoda", "pyradau13", "SciPy")
+INTERPRETED = ("numbalsoda", "pyradau13", "SciPy", "nosnoc")
 
 
 @dataclass
@@ -170,14 +172,15 @@ def run_process(peer, words):
 run_batch = functools.cache(run_process)
 
 
+def grid(peer, method, formulation, limit=5.0, **values):
+    """Points with all combinations of values."""
+    words = tuple(f"{key}={','.join(text.split())}" for key, text in values.items())
+    for row in itertools.product(*(text.split() for text in values.values())):
+        yield Point(peer, method, formulation, dict(zip(values, row, strict=True)), limit, words)
+
+
 def points():
     """All points, the quick ones first."""
-
-    def grid(peer, method, formulation, limit=5.0, **values):
-        words = tuple(f"{key}={','.join(text.split())}" for key, text in values.items())
-        for row in itertools.product(*(text.split() for text in values.values())):
-            yield Point(peer, method, formulation, dict(zip(values, row, strict=True)), limit, words)
-
     decades = "1e-3 1e-4 1e-5 1e-6 1e-7 1e-8 1e-9 1e-10"
     for method in ("radau5", "radau9", "radau13"):
         yield from grid(
@@ -231,6 +234,14 @@ def points():
     yield from grid("pyradau13", "radau13", "printed", rtol="1e-6")
     for method in ("Radau", "LSODA", "DOP853"):
         yield from grid("SciPy", method, "printed", 60.0, rtol="1e-6")
+    yield from nonsmooth_points()
+
+
+def nonsmooth_points():
+    """Peers that take the law of friction as it is, rest included."""
+    yield from grid("Siconos", "fc3d", "nonsmooth", 60.0, h="1e-5 2e-6 1e-6 5e-7 2e-7 1e-7 5e-8")
+    yield from grid("Siconos", "kernel", "nonsmooth", 200.0, h="1e-5 2e-6 1e-6 5e-7")
+    yield from grid("nosnoc", "fesd", "nonsmooth", 60.0, n_s="3 4", h="2e-4")
 
 
 def long_points(measured, only):
@@ -398,14 +409,15 @@ def provenance():
     yield f"processor: {cpu}; {platform.system()} {platform.machine()}; Python {platform.python_version()}"
     yield f"dynstiction {output_of([str(ROOT / '.venv/bin/dynstiction'), '--version'])}"
     yield f"compiler of the peers: {output_of(['g++', '--version'])}, -O3 -march=native"
-    for package in ("libsundials-dev", "libboost-dev"):
+    for package in ("libsundials-dev", "libboost-dev", "libsiconos-kernel-dev"):
         yield f"{package} {output_of(['dpkg-query', '-W', '-f', '${Version}', package])}"
-    for folder in ("venv", "venv_radau13"):
+    for folder in ("venv", "venv_radau13", "venv_nosnoc"):
         names = output_of(
             [str(WORK / folder / "bin" / "python"), "-m", "pip", "list", "--format=freeze"], whole=True
         )
-        wanted = ("numpy", "scipy", "numba", "numbalsoda", "pyradau13")
-        yield ", ".join(line for line in names.splitlines() if line.split("==")[0] in wanted)
+        wanted = ("numpy", "scipy", "numba", "numbalsoda", "pyradau13", "nosnoc", "casadi")
+        if versions := ", ".join(line for line in names.splitlines() if line.split("==")[0] in wanted):
+            yield versions
 
 
 def output_of(command, whole=False):
@@ -417,14 +429,17 @@ def output_of(command, whole=False):
 
 
 def fastest(measured, level):
-    """The quickest point that holds a level, as all points with smaller rtol and otherwise the same settings do.
+    """The quickest point that holds a level, as all points with smaller rtol or h and otherwise the same settings do.
 
     Without that condition the level would go to settings whose errors happen to cancel.
     """
     u, w = LEVELS[level]
 
     def others(point):
-        return {key: value for key, value in point.settings.items() if key != "rtol"}
+        return {key: value for key, value in point.settings.items() if key not in ("rtol", "h")}
+
+    def fineness(point):
+        return float(point.settings.get("rtol") or point.settings["h"])
 
     def holds(point):
         return point.error_u <= u and point.error_w <= w
@@ -435,7 +450,7 @@ def fastest(measured, level):
         if all(
             holds(q) for q in done
             if (q.peer, q.method, q.formulation, others(q)) == (p.peer, p.method, p.formulation, others(p))
-            and float(q.settings["rtol"]) <= float(p.settings["rtol"])
+            and fineness(q) <= fineness(p)
         )
     ]  # fmt: skip
     return min(holding, key=lambda p: statistics.median(p.seconds), default=None)
@@ -519,6 +534,8 @@ CURVES = {
     "numbalsoda": (PURPLE, "^"),
     "pyradau13": ("#E69F00", "P"),
     "SciPy": ("0.5", "X"),
+    "Siconos": ("#8C564B", "<"),
+    "nosnoc": ("#17BECF", ">"),
 }
 
 
@@ -527,14 +544,15 @@ def draw(measured, path):
     with rc_context(STYLE):
         figure = Figure(figsize=(178.0 * MM, 84.0 * MM), layout="constrained")
         axes = figure.subplots(1, 2, sharex=True, sharey=True)
-        titles = ("(a) our formulation handed to the peers", "(b) peers: smoothed contact")
-        for axis, formulation, title in zip(axes, ("polar", "smoothed"), titles, strict=True):
+        titles = ("(a) our formulation handed to the peers", "(b) peers: smoothed or nonsmooth contact")
+        panels = (("polar",), ("smoothed", "nonsmooth"))
+        for axis, formulations, title in zip(axes, panels, titles, strict=True):
             for peer, (colour, marker) in CURVES.items():
                 for style, method in zip(("-", "--", ":"), methods_of(measured, peer), strict=False):
                     chosen = [
                         p
                         for p in measured
-                        if (p.peer, p.method, p.formulation) == (peer, method, formulation)
+                        if (p.peer, p.method) == (peer, method) and p.formulation in formulations
                     ]
                     curve(axis, chosen, colour, marker, style, f"{peer} {method}")
             ours = [p for p in measured if p.peer == OURS]
@@ -564,7 +582,8 @@ def draw(measured, path):
 
 
 def methods_of(measured, peer):
-    return list(dict.fromkeys(p.method for p in measured if p.peer == peer))
+    """Those with a point that ended."""
+    return list(dict.fromkeys(p.method for p in measured if p.peer == peer and p.status == "done"))
 
 
 def curve(axis, chosen, colour, marker, style, label, width=0.8, fill=None):
