@@ -27,8 +27,9 @@ module dst_step_control
   real(wp), parameter :: no_number = 1.0e6_wp
   !> No error counts as less: it gives the largest factor at any order in use.
   real(wp), parameter :: least_error = 1.0e-10_wp
-  !> Nor is one remembered as less by a control with memory. Hairer & Wanner's convention.
-  real(wp), parameter :: least_remembered = 1.0e-4_wp
+  !> Nor is one remembered as less by a control with memory, or by prediction: an error that is all roundoff says nothing of the next.
+  !> Hairer & Wanner's conventions.
+  real(wp), parameter :: least_remembered = 1.0e-4_wp, least_predicting = 1.0e-2_wp
   !> What a memory takes from the exponent of the present error. Hairer & Wanner's convention.
   real(wp), parameter :: memory_share = 0.75_wp
 
@@ -78,7 +79,7 @@ contains
     factor = safety*self%error**self%exponent
     if (self%memory > 0.0_wp) factor = factor*max(self%last_error, least_remembered)**self%memory
     if (self%predicts .and. self%last_error > 0.0_wp .and. error <= 1.0_wp) then
-      change = (self%error/self%last_error)**self%exponent
+      change = (self%error/max(self%last_error, least_predicting))**self%exponent
       factor = min(factor, factor*(step/self%last_step)*change)
     end if
     factor = min(self%largest_factor, max(least_factor, factor))

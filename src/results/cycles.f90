@@ -194,16 +194,22 @@ contains
     if (self%heading < 0) self%candidate = self%other_candidate
   end subroutine find_heading
 
-  !> Whether a force [N] between two instants, where it stops rising (or falling), may be a peak or a valley.
+  !> Whether a force [N] between two instants, where it stops rising (or falling), may be a peak or a valley: it goes beyond the
+  !> candidate, or leaves it so far that it becomes one.
   pure logical function may_be_extremum(self, rises, force)
     class(cycles_t), intent(in) :: self
     logical, intent(in) :: rises
     real(wp), intent(in) :: force
+    real(wp) :: ahead
 
     may_be_extremum = self%side /= 0
     if (.not. may_be_extremum .or. self%heading == 0) return
-    may_be_extremum = (rises .eqv. self%heading*self%side > 0) .and. &
-      real(self%heading, wp)*(real(self%side, wp)*force - self%candidate%load) >= 0.0_wp
+    ahead = real(self%heading, wp)*(real(self%side, wp)*force - self%candidate%load)
+    if (rises .eqv. self%heading*self%side > 0) then
+      may_be_extremum = ahead >= 0.0_wp
+    else
+      may_be_extremum = -ahead > threshold*self%static_limit
+    end if
   end function may_be_extremum
 
   pure subroutine take_peak(self, here)

@@ -370,7 +370,8 @@ contains
     type(moment_t), intent(in) :: first, last
     real(wp) :: force_ahead
 
-    force_ahead = first%force + 0.5_wp*(last%time - first%time)*first%force_rate
+    ! A load whose rise slows down stays below its tangent.
+    force_ahead = first%force + (last%time - first%time)*first%force_rate
     if (self%cycles%may_be_extremum(first%force_rate > 0.0_wp, force_ahead) .or. &
       (last%time >= self%half .and. (force_ahead > self%late%highest%load .or. force_ahead < self%late%lowest%load))) &
       call take_force(self, moment_at_zero(elongation_rate, stretch, first%time, last%time, [first%force_rate, last%force_rate]))

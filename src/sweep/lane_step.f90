@@ -103,6 +103,7 @@ module dst_lane_step
       logical, intent(in) :: attempts
     end subroutine step_lanes_plain
 
+    !> The same, for vectors of 256 bits.
     pure module subroutine step_lanes_v3(lanes, attempts)
       type(lanes_t), intent(inout) :: lanes
       logical, intent(in) :: attempts

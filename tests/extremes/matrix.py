@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from fig3 import CONSTANT, GROUPS, Groups, changed
 
-MAX_STEPS = 10_000
+MAX_STEPS = 20_000
 RTOL = 1e-8
 FAST_CYCLES = 60
 """Periods of the fast oscillation that a run of the full model follows after the first release."""

@@ -93,6 +93,13 @@ def test_what_rings_down_has_no_period(phi: float, t_end: float, velocity: float
     assert dict(ds.stick_slip_statistics(result).means()) == {}
 
 
+@pytest.mark.parametrize("rtol", [1e-5, 1e-6, 10**-7.5, 1e-8, 1e-9])
+def test_a_swing_that_just_counts_is_seen_inside_a_step(rtol: float) -> None:
+    """Its peak and its valley lie inside steps, whose ends differ by less than counts."""
+    result = ds.run(scene_of(20.0, 3.0, {"velocity": 10e-3}), integrator={"method": "radau13", "rtol": rtol})
+    assert result.summary["cycles"] == 1
+
+
 @pytest.mark.parametrize("method", ["rodas4p", "radau9"])
 def test_what_rings_down_has_no_period_in_a_sweep(method: str) -> None:
     phi, t_end, velocity = np.transpose(RINGING)
