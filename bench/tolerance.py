@@ -92,7 +92,7 @@ def main() -> None:
     methods, scenes = options.methods.split(","), options.scenes
     tolerances = {method: MORE_TOLERANCES if method in STAGES else TOLERANCES for method in methods}
     if options.short:
-        methods, scenes = list(STAGES), 3
+        methods, scenes = ["radau9", "radau13"], 1
         tolerances = dict.fromkeys(methods, (1e-4, 1e-6))
     drawn = [scene for number in progress(range(scenes), "truths") if (scene := draw(options.seed, number))]
     regular = [scene for scene in drawn if scene.apart <= AGREE]
