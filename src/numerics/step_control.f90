@@ -27,8 +27,8 @@ module dst_step_control
   real(wp), parameter :: no_number = 1.0e6_wp
   !> No error counts as less: it gives the largest factor at any order in use.
   real(wp), parameter :: least_error = 1.0e-10_wp
-  !> Nor is one remembered as less by a control with memory, or by prediction: an error that is all roundoff says nothing of the next.
-  !> Hairer & Wanner's conventions. Twice the latter: 0 to 2 % fewer iterations on Fig. 3.
+  !> Nor is one remembered as less by a control with memory, or by prediction: an error that is all roundoff says nothing of the
+  !> next. Hairer & Wanner's conventions. Twice the latter: 0 to 2 % fewer iterations on Fig. 3.
   real(wp), parameter :: least_remembered = 1.0e-4_wp, least_predicting = 1.0e-2_wp
   !> What a memory takes from the exponent of the present error. Hairer & Wanner's convention.
   real(wp), parameter :: memory_share = 0.75_wp
