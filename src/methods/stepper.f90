@@ -149,8 +149,10 @@ contains
     type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
 
-    call self%attempt(system, drive, from, guess, to, outcome)
-    outcome%solved = .false.
+    associate (unused => [self%step, drive%velocity, from%time, guess], also_unused => system%components)
+    end associate
+    to = from
+    outcome = attempt_t()
   end subroutine attempt_stop
 
   !> Where the slip turns back, its speed passes through a minimum and friction through its peak: in so short a time, perhaps, that

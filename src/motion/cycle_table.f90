@@ -9,7 +9,7 @@ module dst_cycle_table
   use dst_archive, only: archive_t
   use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, cardinal_functions
   use dst_interpolation, only: grid_t, max_degree
-  use dst_kinds, only: wp, pi
+  use dst_kinds, only: wp
   use dst_piece, only: piece_t, stick_begins, slip_begins, slips, sticks
   use dst_recording, only: recording_t
   use dst_slider, only: slider_t

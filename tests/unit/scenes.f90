@@ -9,7 +9,7 @@ module scenes
   implicit none
   private
 
-  public :: fig3, constant_friction, along_a_line, begin, go_to, complete, energy, velocity
+  public :: fig3, constant_friction, along_a_line, without_map, begin, go_to, complete, energy, velocity
 
 contains
 
@@ -63,6 +63,15 @@ contains
     changed = scene
     changed%misalignment_deg = 0.0_wp
   end function along_a_line
+
+  !> The same without the cycle map: each piece is a step.
+  pure function without_map(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%cycle_map = 'off'
+  end function without_map
 
   !> The scene at time 0.
   subroutine begin(scene, simulation)

@@ -2,7 +2,7 @@
 !> the motion, or stops it inside a leap, changes no bit of it. Before that, the polynomials of its tables.
 program test_cycle_map
   use checks, only: check, check_close, finish
-  use scenes, only: fig3, constant_friction, along_a_line, begin, complete, energy, velocity
+  use scenes, only: fig3, constant_friction, along_a_line, without_map, begin, complete, energy, velocity
   use dst_archive, only: archive_t, archive_of
   use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, cardinal_functions
   use dst_errors, only: error_t
@@ -227,14 +227,6 @@ contains
     scene = fig3(4.0_wp, 'radau9', 1.0e-7_wp)
     scene%model = 'low_frequency'
   end function low_frequency
-
-  pure function without_map(scene) result(changed)
-    type(scene_t), intent(in) :: scene
-    type(scene_t) :: changed
-
-    changed = scene
-    changed%cycle_map = 'off'
-  end function without_map
 
   ! Runs.
 

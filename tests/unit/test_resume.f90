@@ -2,7 +2,7 @@
 !> bits in every sample, event, summary value and count as the run that was left alone.
 program test_resume
   use checks, only: check, finish
-  use scenes, only: fig3, constant_friction, along_a_line, begin, complete
+  use scenes, only: fig3, constant_friction, along_a_line, without_map, begin, complete
   use dst_archive, only: archive_t, archive_of
   use dst_errors, only: error_t
   use dst_kinds, only: wp
@@ -43,14 +43,6 @@ contains
     scene = fig3(4.2_wp, method, 1.0e-6_wp)
     scene%interval = 0.01_wp
   end function two_cycles
-
-  pure function without_map(scene) result(changed)
-    type(scene_t), intent(in) :: scene
-    type(scene_t) :: changed
-
-    changed = scene
-    changed%cycle_map = 'off'
-  end function without_map
 
   !> The slow cycle repeats, and is leapt as a whole.
   function many_cycles() result(scene)

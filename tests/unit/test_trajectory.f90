@@ -4,7 +4,7 @@
 !> as in tests/reference/fig3.json.
 program test_trajectory
   use checks, only: check, check_close, finish
-  use scenes, only: fig3, constant_friction, along_a_line, begin, complete, energy, velocity
+  use scenes, only: fig3, constant_friction, along_a_line, without_map, begin, complete, energy, velocity
   use dst_kinds, only: wp, degree
   use dst_rest, only: spring_force_size
   use dst_errors, only: error_t
@@ -390,15 +390,6 @@ contains
     call check_close(method//', time shift: w', relative(later%velocity, plain%velocity), 0.0_wp, 1.0e-7_wp)
   end subroutine test_time_shift
 
-  !> The same without the cycle map: each piece is a step.
-  pure function step_by_step(scene) result(changed)
-    type(scene_t), intent(in) :: scene
-    type(scene_t) :: changed
-
-    changed = scene
-    changed%cycle_map = 'off'
-  end function step_by_step
-
   !> What holds from advance to advance: the energy balance closes, rest obeys the static limit, v never falls below zero.
   subroutine test_every_piece(scene, name)
     type(scene_t), intent(in) :: scene
@@ -411,7 +402,7 @@ contains
     logical :: rests, still
     integer :: k
 
-    call begin(step_by_step(scene), simulation)
+    call begin(without_map(scene), simulation)
     worst_balance = 0.0_wp
     worst_sum = 0.0_wp
     balance = 0.0_wp
@@ -467,7 +458,7 @@ contains
     real(wp) :: w(2), largest, side
     integer :: k, stick_count
 
-    call begin(step_by_step(fig3(0.6_wp, method, 1.0e-8_wp)), simulation)
+    call begin(without_map(fig3(0.6_wp, method, 1.0e-8_wp)), simulation)
     side = 1.0e-3_wp*sin(degree)
     largest = 0.0_wp
     stick_count = 0
