@@ -1,0 +1,191 @@
+!> All limit cycles of the slow motion: the fixed points of its map from valley to valley (dst_slow_map), stable and unstable.
+!>
+!> Places are told by x, the logarithm of the distance A of a valley from the equilibrium over the scene's own length, and the map by
+!> its gain G(x) = ln(A_1/A_0): a cycle is a zero of G, stable where G falls there. G and its slope are known at any x from one turn, so
+!> that between two points of a scan no pair of cycles is overlooked: where G turns back towards zero its extremum is looked up.
+module dst_slow_cycles
+  use dst_errors, only: error_t
+  use dst_kinds, only: wp
+  use dst_roots, only: bracket_t
+  use dst_slow_map, only: slow_map_t, slow_turn_t
+  implicit none
+  private
+
+  public :: slow_cycle_t, slow_gain_t, find_slow_cycles, slow_gain, slow_cycle_of
+
+  !> Range of A over the scene's length in which cycles are looked for, and the step of the scan in ln A. Conventions. Half the step:
+  !> the same cycles in 300 random scenes.
+  real(wp), parameter :: smallest = 1.0e-3_wp, invisible = 1.0e-7_wp, first_largest = 2.0_wp, scan_step = 0.3_wp
+  !> Doublings of the largest A in which every motion has to shrink. Convention.
+  integer, parameter :: max_doublings = 40, max_points = 400
+  !> Gain that stands for that of a motion which comes to the equilibrium, and the largest that root finding looks at: it only needs
+  !> the sign of more.
+  real(wp), parameter :: dead = -40.0_wp, enough = 1.0_wp
+  !> Iterations for a zero, and its width in x: roundoff.
+  integer, parameter :: max_iterations = 80
+  real(wp), parameter :: close = 8.0_wp*epsilon(1.0_wp)
+
+  !> The map at one place.
+  type :: slow_gain_t
+    real(wp) :: x = 0.0_wp
+    real(wp) :: gain = 0.0_wp, slope = 0.0_wp      !! G and dG/dx
+    type(slow_turn_t) :: turn
+  end type slow_gain_t
+
+  !> A limit cycle of the slow motion.
+  type :: slow_cycle_t
+    real(wp) :: valley = 0.0_wp, peak = 0.0_wp               !! u_x, m
+    real(wp) :: rise_time = 0.0_wp, fall_time = 0.0_wp       !! s
+    real(wp) :: slip_length = 0.0_wp                         !! m
+    real(wp) :: log_multiplier = 0.0_wp                      !! of the map: negative if the cycle is stable
+  end type slow_cycle_t
+
+contains
+
+  !> The cycles by growing size.
+  subroutine find_slow_cycles(map, cycles, error)
+    type(slow_map_t), intent(inout) :: map
+    type(slow_cycle_t), allocatable, intent(out) :: cycles(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(slow_gain_t) :: before, here, between
+    integer :: point
+    real(wp) :: last
+    logical :: found
+
+    allocate (cycles(0))
+    call first_point(map, before, error)
+    if (allocated(error)) return
+    last = log(first_largest)
+    do point = 1, max_points
+      call slow_gain(map, before%x + scan_step, here, error)
+      if (allocated(error)) return
+      if (before%gain*here%gain <= 0.0_wp) then
+        call take_cycle(before, here)
+      else if (before%slope*before%gain < 0.0_wp .and. here%slope*here%gain > 0.0_wp) then
+        call turning_point(map, before, here, between, found, error)
+        if (allocated(error)) return
+        if (found) then
+          call take_cycle(before, between)
+          if (.not. allocated(error)) call take_cycle(between, here)
+        end if
+      end if
+      if (allocated(error)) return
+      ! Beyond the last cycle all motions shrink.
+      if (here%x > last .and. here%gain < 0.0_wp) return
+      if (here%x > last + real(max_doublings, wp)*log(2.0_wp)) return
+      before = here
+    end do
+
+  contains
+
+    subroutine take_cycle(first, second)
+      type(slow_gain_t), intent(in) :: first, second
+      type(slow_gain_t) :: root
+
+      call gain_zero(map, first, second, root, error)
+      if (.not. allocated(error)) cycles = [cycles, slow_cycle_of(root)]
+    end subroutine take_cycle
+  end subroutine find_slow_cycles
+
+  !> Where the scan begins: at the smallest A, or below it if a cycle is between there and the equilibrium, whose stability is known.
+  subroutine first_point(map, here, error)
+    type(slow_map_t), intent(inout) :: map
+    type(slow_gain_t), intent(out) :: here
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: x
+
+    x = log(smallest)
+    do
+      call slow_gain(map, x, here, error)
+      if (allocated(error)) return
+      if (here%gain*map%damping <= 0.0_wp .or. x < log(invisible)) exit
+      x = x - scan_step
+    end do
+  end subroutine first_point
+
+  !> The map at x.
+  subroutine slow_gain(map, x, here, error)
+    type(slow_map_t), intent(inout) :: map
+    real(wp), intent(in) :: x
+    type(slow_gain_t), intent(out) :: here
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: from, to
+
+    here%x = x
+    from = exp(x)*map%length
+    call map%turn(map%equilibrium - from, here%turn, error)
+    here%gain = dead
+    if (allocated(error) .or. .not. here%turn%returns) return
+    to = map%equilibrium - here%turn%to
+    if (.not. to > 0.0_wp) return
+    here%gain = log(to/from)
+    here%slope = exp(max(dead, min(-dead, here%turn%log_area - 2.0_wp*here%gain))) - 1.0_wp
+  end subroutine slow_gain
+
+  !> The zero between two points with gains of opposite signs.
+  subroutine gain_zero(map, first, second, root, error)
+    type(slow_map_t), intent(inout) :: map
+    type(slow_gain_t), intent(in) :: first, second
+    type(slow_gain_t), intent(out) :: root
+    type(error_t), allocatable, intent(out) :: error
+    type(bracket_t) :: bracket
+    real(wp) :: x
+    integer :: iteration
+
+    bracket = bracket_t([first%x, second%x], limited([first%gain, second%gain]))
+    x = bracket%false_position()
+    do iteration = 1, max_iterations
+      call slow_gain(map, x, root, error)
+      if (allocated(error) .or. .not. abs(root%gain) > 0.0_wp) return
+      call bracket%narrow(x, limited(root%gain))
+      if (bracket%width() <= close*max(1.0_wp, abs(x))) return
+      ! Newton's step, and a little more, so that the zero is enclosed from both sides.
+      x = root%x - root%gain/root%slope
+      if (abs(x - root%x) <= close*max(1.0_wp, abs(x))) return
+      if (.not. (x > bracket%x(1) .and. x < bracket%x(2))) x = bracket%false_position()
+      if (modulo(iteration, 4) == 0) x = bracket%middle()
+    end do
+  end subroutine gain_zero
+
+  !> Between two points where the gain has the same sign, but turns towards zero and back: the place where it has the other sign, or is
+  !> closest to it.
+  subroutine turning_point(map, first, second, between, has_crossed, error)
+    type(slow_map_t), intent(inout) :: map
+    type(slow_gain_t), intent(in) :: first, second
+    type(slow_gain_t), intent(out) :: between
+    logical, intent(out) :: has_crossed
+    type(error_t), allocatable, intent(out) :: error
+    type(bracket_t) :: bracket
+    real(wp) :: x
+    integer :: iteration
+
+    has_crossed = .false.
+    bracket = bracket_t([first%x, second%x], limited([first%slope, second%slope]))
+    do iteration = 1, max_iterations
+      x = bracket%false_position()
+      if (modulo(iteration, 4) == 0) x = bracket%middle()
+      call slow_gain(map, x, between, error)
+      if (allocated(error)) return
+      has_crossed = between%gain*first%gain < 0.0_wp
+      if (has_crossed .or. .not. abs(between%slope) > 0.0_wp) return
+      call bracket%narrow(x, limited(between%slope))
+      if (bracket%width() <= sqrt(close)) return
+    end do
+  end subroutine turning_point
+
+  !> A value as root finding looks at it.
+  elemental real(wp) function limited(value)
+    real(wp), intent(in) :: value
+
+    limited = max(-enough, min(enough, value))
+  end function limited
+
+  !> The cycle at a zero of the gain.
+  pure type(slow_cycle_t) function slow_cycle_of(root) result(cycle)
+    type(slow_gain_t), intent(in) :: root
+
+    associate (turn => root%turn)
+      cycle = slow_cycle_t(turn%from, turn%peak, turn%rise_time, turn%fall_time, turn%slip_length, turn%log_area)
+    end associate
+  end function slow_cycle_of
+end module dst_slow_cycles

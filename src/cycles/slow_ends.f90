@@ -1,0 +1,355 @@
+!> Where the stick-slip of the slow model ends: at which misalignment for a given drive velocity, and between which velocities for a
+!> given misalignment.
+!>
+!> For each size of a cycle there is a parameter p (the logarithm of tan(phi), or of V) at which the cycle is a solution: the zero of
+!> the gain G(x; p) of dst_slow_cycles. This curve p(x) has no folds where that of the cycles over p has them: a fold is an extremum
+!> of p(x), at which the multiplier of the cycle is 1. Small cycles lie where steady sliding changes its stability.
+!>
+!> Stick-slip ends at the farthest p at which there is a cycle with a swing of at least a share of F_0: at a fold, or where the swing
+!> passes this share.
+module dst_slow_ends
+  use dst_errors, only: error_t
+  use dst_kinds, only: wp
+  use dst_roots, only: bracket_t
+  use dst_slider, only: slider_t
+  use dst_slow_cycles, only: slow_cycle_t, slow_gain_t, slow_gain, slow_cycle_of, find_slow_cycles
+  use dst_slow_map, only: slow_map_t, new_slow_map
+  implicit none
+  private
+
+  public :: slow_end_t, ends_at_fold, ends_small, ends_nowhere, least_swing
+  public :: misalignment_end, velocity_end
+
+  !> How stick-slip ends: not found, in a fold of cycles, or by growing small.
+  integer, parameter :: ends_nowhere = 0, ends_at_fold = 1, ends_small = 2
+  !> Swing over F_0 below which a cycle counts as none: as in docs/maps.md. Convention.
+  real(wp), parameter :: least_swing = 0.05_wp
+  !> Accuracy of the motion. Ten times: the ends of docs/maps.md differ by less than 1e-10 of themselves.
+  real(wp), parameter :: rtol = 1.0e-12_wp
+  !> The search for a large cycle begins so far from where steady sliding changes its stability, and ends so far, in p. Conventions.
+  real(wp), parameter :: first_reach = 0.25_wp, last_reach = 50.0_wp
+  !> Step along the curve, and how far behind its farthest p it is left. Conventions. Half the step: the same ends.
+  real(wp), parameter :: curve_step = 0.25_wp, far_behind = 0.7_wp
+  !> The steps are halved where the curve is not found so far aside of its chord, over the step, down to the least. Conventions.
+  real(wp), parameter :: aside = 0.7_wp, least_step = 1.0e-3_wp
+  !> Difference of p for the gradient of the gain. Convention; twice: no change.
+  real(wp), parameter :: gradient_step = 1.0e-3_wp
+  !> First step aside in search of the curve. Convention.
+  real(wp), parameter :: first_step = 1.0e-3_wp
+  integer, parameter :: max_points = 60, max_iterations = 80
+  !> Width to which p and x are found: a few roundoffs of p, which is of order one.
+  real(wp), parameter :: fine = 16.0_wp*epsilon(1.0_wp)
+  !> An extremum of p(x) that stands out by less is roundoff: where stick-slip ends at once, the curve is flat to all digits.
+  real(wp), parameter :: flat = 1.0e-11_wp
+  !> Largest value of a function that root finding looks at: beyond, only its sign counts.
+  real(wp), parameter :: enough = 1.0_wp
+
+  !> An end of stick-slip.
+  type :: slow_end_t
+    integer :: kind = ends_nowhere
+    real(wp) :: at = 0.0_wp                !! phi [rad] or V [m/s]
+    type(slow_cycle_t) :: cycle            !! the last one
+    !> Where steady sliding changes its stability, phi [rad] or V [m/s]; between it and a fold beyond it both are stable.
+    real(wp) :: steady_limit = 0.0_wp
+  end type slow_end_t
+
+  !> The family of cycles of one slider, over the misalignment or over the drive velocity.
+  type :: family_t
+    type(slider_t) :: slider
+    logical :: over_velocity = .false.
+    real(wp) :: velocity = 0.0_wp          !! V [m/s] if it is not varied
+    real(wp) :: outwards = 1.0_wp          !! the direction of p in which stick-slip ends
+    real(wp) :: limit = 0.0_wp             !! F_0/k_x, m
+  end type family_t
+
+  !> A point of the curve: the cycle with the valley exp(x) F_0/k_x below the equilibrium.
+  type :: point_t
+    real(wp) :: place(2) = 0.0_wp          !! x and p
+    real(wp) :: swing = 0.0_wp             !! over F_0
+    type(slow_gain_t) :: gain
+  end type point_t
+
+contains
+
+  !> The misalignment at which stick-slip ends, at a drive velocity [m/s]; steady sliding is stable beyond `critical` [rad].
+  subroutine misalignment_end(slider, velocity, critical, end, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity, critical
+    type(slow_end_t), intent(out) :: end
+    type(error_t), allocatable, intent(out) :: error
+    type(family_t) :: family
+
+    family%slider = slider
+    family%velocity = abs(velocity)
+    family%limit = slider%law%static_limit/slider%stiffness(1)
+    call find_end(family, log(tan(critical)), end, error)
+    end%at = atan(exp(end%at))
+    end%steady_limit = critical
+  end subroutine misalignment_end
+
+  !> The drive velocity at which stick-slip ends, at the slider's own misalignment; steady sliding is stable beyond `critical` [m/s],
+  !> that is above it (`outwards` = 1) or below it (-1).
+  subroutine velocity_end(slider, critical, outwards, end, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: critical, outwards
+    type(slow_end_t), intent(out) :: end
+    type(error_t), allocatable, intent(out) :: error
+    type(family_t) :: family
+
+    family%slider = slider
+    family%over_velocity = .true.
+    family%outwards = outwards
+    family%limit = slider%law%static_limit/slider%stiffness(1)
+    call find_end(family, log(critical), end, error)
+    end%at = exp(end%at)
+    end%steady_limit = critical
+  end subroutine velocity_end
+
+  !> The farthest cycle that is large enough; steady sliding changes its stability at the parameter `first`. `end%at` is p.
+  subroutine find_end(family, first, end, error)
+    type(family_t), intent(in) :: family
+    real(wp), intent(in) :: first
+    type(slow_end_t), intent(out) :: end
+    type(error_t), allocatable, intent(out) :: error
+    type(point_t) :: curve(max_points), farthest
+    logical :: found
+    integer :: n, k
+
+    call find_large_cycle(family, first, curve(1), found, error)
+    if (allocated(error) .or. .not. found) return
+    call trace(family, curve, n, error)
+    if (allocated(error)) return
+    associate (outer => family%outwards*curve(:n)%place(2))
+      k = maxloc(outer, dim=1)
+      ! Where stick-slip ends at once the curve is flat, and its end is as far as any place.
+      if (curve(n)%swing <= least_swing .and. outer(k) - outer(n) < flat) k = n
+    end associate
+    farthest = curve(k)
+    if (k == n .and. farthest%swing <= least_swing) then
+      end%kind = ends_small
+      call refine(family, .false., curve(n - 1), curve(n), farthest, error)
+    else if (k > 1 .and. k < n) then
+      end%kind = ends_at_fold
+      call refine(family, .true., curve(k - 1), curve(k + 1), farthest, error)
+    end if
+    end%at = farthest%place(2)
+    end%cycle = slow_cycle_of(farthest%gain)
+  end subroutine find_end
+
+  !> The largest cycle at a parameter as far out as there is one, by steps that double from the parameter `first` on.
+  subroutine find_large_cycle(family, first, point, found, error)
+    type(family_t), intent(in) :: family
+    real(wp), intent(in) :: first
+    type(point_t), intent(out) :: point
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+    type(point_t) :: next
+    real(wp) :: step
+    logical :: goes_on
+
+    call look_at(first, point, found)
+    if (allocated(error)) return
+    step = merge(family%outwards, -family%outwards, found)*first_reach
+    do while (abs(step) < last_reach)
+      call look_at(first + step, next, goes_on)
+      if (allocated(error)) return
+      if (found .and. .not. goes_on) return
+      if (goes_on) point = next
+      if (.not. found .and. goes_on) exit
+      step = 2.0_wp*step
+    end do
+    found = goes_on
+
+  contains
+
+    !> The largest cycle at a parameter, if it is large enough.
+    subroutine look_at(p, there, is_there)
+      real(wp), intent(in) :: p
+      type(point_t), intent(out) :: there
+      logical, intent(out) :: is_there
+      type(slow_map_t) :: map
+      type(slow_cycle_t), allocatable :: cycles(:)
+
+      call map_at(family, p, map)
+      call find_slow_cycles(map, cycles, error)
+      is_there = .false.
+      if (allocated(error) .or. size(cycles) == 0) return
+      associate (cycle => cycles(size(cycles)))
+        there%place = [log((map%equilibrium - cycle%valley)/family%limit), p]
+        there%swing = (cycle%peak - cycle%valley)/family%limit
+      end associate
+      is_there = there%swing >= least_swing
+      if (is_there) call gain_at(family, there%place, there%gain, error)
+    end subroutine look_at
+  end subroutine find_large_cycle
+
+  !> The curve from its first point on, outwards, as far as it matters: until the cycles are too small, or p is far behind. Each point is
+  !> looked for across the direction of the last one, some way ahead: the curve may turn back in x as in p.
+  subroutine trace(family, curve, n, error)
+    type(family_t), intent(in) :: family
+    type(point_t), intent(inout) :: curve(max_points)
+    integer, intent(out) :: n
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: ahead(2), step
+    logical :: found
+
+    n = 1
+    step = curve_step
+    ahead = [0.0_wp, family%outwards]
+    call turn_ahead(family, curve(1), ahead, error)
+    do while (.not. allocated(error) .and. n < max_points)
+      call find_point(family, curve(n)%place + step*ahead, across(ahead), aside*step, curve(n + 1), found, error)
+      if (allocated(error)) return
+      if (.not. found) then
+        step = 0.5_wp*step
+        if (step < least_step) return
+        cycle
+      end if
+      step = min(curve_step, 2.0_wp*step)
+      n = n + 1
+      if (curve(n)%swing <= least_swing) return
+      if (family%outwards*curve(n)%place(2) < maxval(family%outwards*curve(:n)%place(2)) - far_behind) return
+      call turn_ahead(family, curve(n), ahead, error)
+    end do
+  end subroutine trace
+
+  !> Turn a direction along the curve into that at a point of it, at right angles to the gradient of the gain.
+  subroutine turn_ahead(family, point, ahead, error)
+    type(family_t), intent(in) :: family
+    type(point_t), intent(in) :: point
+    real(wp), intent(inout) :: ahead(2)
+    type(error_t), allocatable, intent(out) :: error
+    type(slow_gain_t) :: beside
+    real(wp) :: along(2)
+
+    call gain_at(family, point%place + [0.0_wp, gradient_step], beside, error)
+    if (allocated(error)) return
+    along = [(beside%gain - point%gain%gain)/gradient_step, -point%gain%slope]
+    ahead = sign(1.0_wp, dot_product(along, ahead))*along/norm2(along)
+  end subroutine turn_ahead
+
+  !> At right angles to a direction.
+  pure function across(direction)
+    real(wp), intent(in) :: direction(2)
+    real(wp) :: across(2)
+
+    across = [-direction(2), direction(1)]
+  end function across
+
+  !> The point of the curve between two others at which the cycles fold over, or at which the swing is the least one.
+  subroutine refine(family, at_fold, first, second, point, error)
+    type(family_t), intent(in) :: family
+    logical, intent(in) :: at_fold
+    type(point_t), intent(in) :: first, second
+    type(point_t), intent(inout) :: point
+    type(error_t), allocatable, intent(out) :: error
+    type(bracket_t) :: bracket
+    real(wp) :: share, chord(2)
+    logical :: found
+    integer :: iteration
+
+    bracket = bracket_t([0.0_wp, 1.0_wp], [value_of(first), value_of(second)])
+    if (bracket%f(1)*bracket%f(2) > 0.0_wp) return
+    chord = second%place - first%place
+    do iteration = 1, max_iterations
+      share = bracket%false_position()
+      if (modulo(iteration, 4) == 0) share = bracket%middle()
+      call find_point(family, first%place + share*chord, across(chord/norm2(chord)), norm2(chord), &
+        point, found, error)
+      if (allocated(error) .or. .not. found) return
+      if (.not. abs(value_of(point)) > 0.0_wp) return
+      call bracket%narrow(share, value_of(point))
+      if (bracket%width() <= fine) return
+    end do
+
+  contains
+
+    pure real(wp) function value_of(here)
+      type(point_t), intent(in) :: here
+
+      value_of = here%swing/least_swing - 1.0_wp
+      if (at_fold) value_of = limited(here%gain%slope)
+    end function value_of
+  end subroutine refine
+
+  !> The point of the curve that lies nearest to a place, on the line through it in a direction, within some reach.
+  subroutine find_point(family, place, direction, reach, point, found, error)
+    type(family_t), intent(in) :: family
+    real(wp), intent(in) :: place(2), direction(2), reach
+    type(point_t), intent(out) :: point
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+    type(bracket_t) :: bracket
+    type(slow_gain_t) :: here
+    real(wp) :: step, far(2), gain(2), t, middle
+    integer :: iteration, side
+
+    found = .false.
+    call gain_at(family, place, here, error)
+    if (allocated(error)) return
+    middle = here%gain
+    far = 0.0_wp
+    gain = middle
+    step = first_step
+    do while (.not. found)
+      do side = 1, 2
+        t = step*real(3 - 2*side, wp)
+        call gain_at(family, place + t*direction, here, error)
+        if (allocated(error)) return
+        found = here%gain*middle <= 0.0_wp
+        if (found) exit
+        far(side) = t
+        gain(side) = here%gain
+      end do
+      if (found) exit
+      step = 2.0_wp*step
+      if (step > reach) return
+    end do
+    bracket = bracket_t([far(side), t], limited([gain(side), here%gain]))
+    do iteration = 1, max_iterations
+      t = bracket%false_position()
+      if (modulo(iteration, 5) == 0) t = bracket%middle()
+      call gain_at(family, place + t*direction, here, error)
+      if (allocated(error)) return
+      if (.not. abs(here%gain) > 0.0_wp) exit
+      call bracket%narrow(t, limited(here%gain))
+      if (abs(bracket%width()) <= fine*max(1.0_wp, maxval(abs(place)))) exit
+    end do
+    point = point_t(place + t*direction, (here%turn%peak - here%turn%from)/family%limit, here)
+  end subroutine find_point
+
+  !> The gain at x with the parameter p.
+  subroutine gain_at(family, place, here, error)
+    type(family_t), intent(in) :: family
+    real(wp), intent(in) :: place(2)       !! x and p
+    type(slow_gain_t), intent(out) :: here
+    type(error_t), allocatable, intent(out) :: error
+    type(slow_map_t) :: map
+
+    call map_at(family, place(2), map)
+    call slow_gain(map, place(1) + log(family%limit/map%length), here, error)
+  end subroutine gain_at
+
+  !> The map with the parameter p.
+  subroutine map_at(family, p, map)
+    type(family_t), intent(in) :: family
+    real(wp), intent(in) :: p
+    type(slow_map_t), intent(out) :: map
+    type(slider_t) :: slider
+
+    slider = family%slider
+    if (family%over_velocity) then
+      call new_slow_map(slider, exp(p), rtol, map)
+    else
+      slider%along = [1.0_wp, exp(p)]/hypot(1.0_wp, exp(p))
+      call new_slow_map(slider, family%velocity, rtol, map)
+    end if
+  end subroutine map_at
+
+  !> A value as root finding looks at it.
+  elemental real(wp) function limited(value)
+    real(wp), intent(in) :: value
+
+    limited = max(-enough, min(enough, value))
+  end function limited
+end module dst_slow_ends
