@@ -79,10 +79,17 @@ module dst_command_table
       'dynstiction keys | grep velocity'//n//'dynstiction keys --json > dynstiction.json'), &
     command_entry_t('stability', 'DECK...', ours, 'whether steady sliding is stable', &
       'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment '// &
-      'angles, and the damping of the slow motion (Lambda, zeta, theta*). Of a drive with several velocities, '// &
-      'each one that is held and is not 0 is treated. Nothing runs, and no file is written.', &
+      'angles, and the damping of the slow motion (Lambda, zeta, theta*); and where stick-slip ends, in the misalignment '// &
+      'and in the velocity, and where both are stable. Of a drive with several velocities, '// &
+      'each one that is held and is not 0 is treated. No file is written.', &
       'dynstiction stability inputs/fig3.nml'//n// &
       'dynstiction stability inputs/fig3.nml --set system.misalignment_deg=10'), &
+    command_entry_t('cycles', 'DECK...', ours, 'every limit cycle of a scene', &
+      'Print every limit cycle of the scene, stable and unstable: period, peak, valley, swing, slip length, and the '// &
+      'logarithm of its multiplier; beside them steady sliding with its eigenvalues, and from where it is reached. Of a '// &
+      'drive with several velocities, each one that is held and is not 0 is treated. No file is written.', &
+      'dynstiction cycles inputs/fig3.nml'//n// &
+      'dynstiction cycles inputs/fig3.nml --set drive.velocity=0.075 --set system.misalignment_deg=3.5'), &
     command_entry_t('trade', 'DECK', ours, 'measured error against cost of methods and models', &
       'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing '// &
       'velocities, against a reference whose own error is estimated. Prints a table, also of what failed or was '// &
@@ -122,7 +129,7 @@ module dst_command_table
   character(*), parameter :: trade_quantities = 'final_elongation final_velocity period peak_force valley_force slip_length '// &
     'max_X_rate creep_velocity fast_amplitude fast_phase sticks first_peak_force'
 
-  character(*), parameter :: takes_settings = 'run merge check stability trade'
+  character(*), parameter :: takes_settings = 'run merge check stability cycles trade'
   character(*), parameter :: trade_help = 'a value: see dynstiction trade --help'
 
   !> name, argument, commands, times, meaning, lacking

@@ -4,6 +4,7 @@ module dst_main
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable, real_text
   use dst_disk, only: place_of
+  use dst_cycles_report, only: cycles_report
   use dst_deck, only: deck_t, read_deck, parse_deck, resolved, template, key_table
   use dst_deck_check, only: check_deck
   use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
@@ -175,7 +176,7 @@ contains
     end do
   end subroutine print_each
 
-  !> A deck as it is used, or the linear theory of its scene.
+  !> A deck as it is used, the linear theory of its scene, or its limit cycles.
   subroutine describe_deck(file_name, text, error)
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text
@@ -192,7 +193,11 @@ contains
       text = resolved(deck)
     else
       call scene_from_deck(deck, scene)
-      call stability_report(scene, printable(deck%name), text, error)
+      if (command%name == 'cycles') then
+        call cycles_report(scene, printable(deck%name), text, error)
+      else
+        call stability_report(scene, printable(deck%name), text, error)
+      end if
       if (allocated(error)) error%text = printable(deck%name)//': '//error%text
     end if
   end subroutine describe_deck

@@ -20,6 +20,7 @@ module dst_text
   contains
     procedure :: append
     procedure :: line
+    procedure :: row
     procedure :: content
   end type text_builder_t
 
@@ -60,6 +61,16 @@ contains
     call self%append(trim(text))
     call self%append(newline)
   end subroutine line
+
+  !> A line of a table: a name, and from a fixed column on its value.
+  subroutine row(self, name, value)
+    class(text_builder_t), intent(inout) :: self
+    character(*), intent(in) :: name, value
+    character(34) :: column
+
+    column = name
+    call self%line(column//value)
+  end subroutine row
 
   function content(self) result(text)
     class(text_builder_t), intent(in) :: self

@@ -147,6 +147,7 @@ contains
     real(wp) :: step
     logical :: goes_on
 
+    goes_on = .false.
     call look_at(first, point, found)
     if (allocated(error)) return
     step = merge(family%outwards, -family%outwards, found)*first_reach

@@ -1,4 +1,4 @@
-!> What `dynstiction stability` prints: the linear theory of steady sliding for one scene.
+!> What `dynstiction stability` prints: the linear theory of steady sliding for one scene, and where its stick-slip ends.
 module dst_stability_report
   use dst_kinds, only: wp, pi, degree
   use dst_errors, only: error_t, raise, deck_error
@@ -8,6 +8,9 @@ module dst_stability_report
   use dst_stability, only: critical_t, low_branch, fast_branch, steady_sliding_eigenvalues, critical_misalignment, &
                            low_frequency_limit, is_stable, damping_scale, overdamped_angle, damping_ratio, &
                            weakening_damping_ratio
+  use dst_stick_slip_ends, only: stick_slip_ends_t, find_stick_slip_ends
+  use dst_slow_ends, only: slow_end_t, ends_at_fold, ends_nowhere
+  use dst_slow_laws, only: law_end_t
   use dst_text, only: text_builder_t, formatted
   implicit none
   private
@@ -81,12 +84,14 @@ contains
     call list_eigenvalues(page, slider, velocity, error)
     if (.not. allocated(error)) call is_stable(slider, velocity, stable, error)
     if (allocated(error)) return
-    call put_row(page, 'steady sliding is', trim(merge('stable    ', 'not stable', stable)))
+    call page%row('steady sliding is', trim(merge('stable    ', 'not stable', stable)))
     call page%line('')
     call list_critical_angles(page, slider, velocity, error)
     if (allocated(error)) return
     call page%line('')
     call list_damping(page, slider, velocity, contact)
+    call page%line('')
+    call list_ends(page, slider, velocity, misalignment_deg)
     call page%line('')
   end subroutine describe
 
@@ -123,18 +128,18 @@ contains
     if (.not. allocated(error)) call low_frequency_limit(slider, velocity, limit, error)
     if (allocated(error)) return
     if (critical%exists) then
-      call put_row(page, 'critical angle, slow mode', angle_and_frequency(low_branch))
-      call put_row(page, 'critical angle, fast mode', angle_and_frequency(fast_branch))
+      call page%row('critical angle, slow mode', angle_and_frequency(low_branch))
+      call page%row('critical angle, fast mode', angle_and_frequency(fast_branch))
     else
-      call put_row(page, 'critical angle', 'none between 0 and 90 deg')
+      call page%row('critical angle', 'none between 0 and 90 deg')
     end if
     if (critical%window(2) > critical%window(1)) then
-      call put_row(page, 'stable for', formatted('(f12.6)', critical%window(1)/degree)//' deg < |phi| < '// &
+      call page%row('stable for', formatted('(f12.6)', critical%window(1)/degree)//' deg < |phi| < '// &
                  formatted('(f12.6)', critical%window(2)/degree)//' deg')
     else
-      call put_row(page, 'stable for', 'no angle')
+      call page%row('stable for', 'no angle')
     end if
-    call put_row(page, 'critical angle, rigid stiff axis', formatted('(f12.6)', limit/degree)//' deg, atan(sqrt(-V F''(V)/F(V)))')
+    call page%row('critical angle, rigid stiff axis', formatted('(f12.6)', limit/degree)//' deg, atan(sqrt(-V F''(V)/F(V)))')
 
   contains
 
@@ -159,30 +164,112 @@ contains
 
     call damping_scale(slider, velocity, lambda, error)
     if (allocated(error)) then
-      call put_row(page, 'Lambda, zeta, theta*', 'no value: '//error%text)
+      call page%row('Lambda, zeta, theta*', 'no value: '//error%text)
       return
     end if
     misalignment = atan2(slider%along(2), slider%along(1))
-    call put_row(page, 'Lambda', formatted('(es14.7)', lambda))
-    if (contact /= 'exact') call put_row(page, '', 'Lambda, zeta and theta* take the contact as exact')
-    call put_row(page, 'zeta at theta = phi', formatted('(es14.7)', damping_ratio(lambda, misalignment))// &
+    call page%row('Lambda', formatted('(es14.7)', lambda))
+    if (contact /= 'exact') call page%row('', 'Lambda, zeta and theta* take the contact as exact')
+    call page%row('zeta at theta = phi', formatted('(es14.7)', damping_ratio(lambda, misalignment))// &
       ', friction held at mu_0 W')
     call weakening_damping_ratio(slider, velocity, misalignment, zeta, error)
-    if (.not. allocated(error)) call put_row(page, '', formatted('(es14.7)', zeta)//', with F(v)')
+    if (.not. allocated(error)) call page%row('', formatted('(es14.7)', zeta)//', with F(v)')
     call overdamped_angle(lambda, angle, error)
     if (allocated(error)) then
-      call put_row(page, 'theta*', 'no value: '//error%text)
+      call page%row('theta*', 'no value: '//error%text)
     else
-      call put_row(page, 'theta*', formatted('(f12.6)', angle/degree)//' deg, where zeta = 1 with friction held at mu_0 W')
+      call page%row('theta*', formatted('(f12.6)', angle/degree)//' deg, where zeta = 1 with friction held at mu_0 W')
     end if
   end subroutine list_damping
 
-  subroutine put_row(page, name, value)
+  !> Where stick-slip ends; where it does not, or where that is not known, the table says so.
+  subroutine list_ends(page, slider, velocity, misalignment_deg)
     type(text_builder_t), intent(inout) :: page
-    character(*), intent(in) :: name, value
-    character(34) :: column
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity, misalignment_deg
+    type(stick_slip_ends_t) :: ends
+    type(error_t), allocatable :: error
 
-    column = name
-    call page%line(column//value)
-  end subroutine put_row
+    call page%line('Stick-slip of the slow motion (model low_frequency)')
+    call find_stick_slip_ends(slider, velocity, ends, error)
+    if (allocated(error)) then
+      call page%row('ends at', 'no value: '//error%text)
+      return
+    end if
+    if (.not. ends%critical_angle > 0.0_wp) then
+      call page%row('stick-slip', 'none: friction does not weaken at this velocity')
+      return
+    end if
+    call page%row('small cycles begin at', angle_text(ends%critical_angle)// &
+      merge(': stable  ', ': unstable', ends%is_supercritical))
+    call page%row('stick-slip ends at', angle_end(ends%misalignment))
+    call page%row('both are stable for', both_stable(ends%misalignment, 1.0_wp/degree, 'deg', '|phi|'))
+    call page%row('law of slow drives', law_text(ends%canard, 'last term', ''))
+    call page%row('law of fast drives', law_text(ends%swing, 'largest damping ratio', trim(merge(', a fold', '        ', &
+      ends%swing%is_fold))))
+    if (ends%has_bautin_point) call page%row('stable and unstable part at', 'V = '//formatted('(es14.7)', ends%bautin_velocity)// &
+      ' m/s, '//angle_text(ends%bautin_angle)//' (Bautin point)')
+    call page%line('')
+    if (.not. ends%has_critical_velocities) then
+      call page%row('stick-slip at this angle', 'none at any velocity')
+      return
+    end if
+    call page%line('At phi = '//formatted('(f11.6)', misalignment_deg)//' deg')
+    call page%row('stick-slip begins at', velocity_end_text(ends%velocity(1)))
+    call page%row('stick-slip ends at', velocity_end_text(ends%velocity(2)))
+    call page%row('both are stable for', both_stable(ends%velocity(2), 1.0_wp, 'm/s', 'V'))
+  end subroutine list_ends
+
+  function angle_text(angle) result(text)
+    real(wp), intent(in) :: angle
+    character(:), allocatable :: text
+
+    text = formatted('(f12.6)', angle/degree)//' deg'
+  end function angle_text
+
+  function angle_end(end) result(text)
+    type(slow_end_t), intent(in) :: end
+    character(:), allocatable :: text
+
+    text = 'not found'
+    if (end%kind /= ends_nowhere) text = angle_text(end%at)//how(end)
+  end function angle_end
+
+  function velocity_end_text(end) result(text)
+    type(slow_end_t), intent(in) :: end
+    character(:), allocatable :: text
+
+    text = 'not found'
+    if (end%kind /= ends_nowhere) text = formatted('(es14.7)', end%at)//' m/s'//how(end)
+  end function velocity_end_text
+
+  !> In which way stick-slip ends.
+  function how(end) result(text)
+    type(slow_end_t), intent(in) :: end
+    character(:), allocatable :: text
+
+    text = ', where its swing is 5 % of mu_0 W'
+    if (end%kind == ends_at_fold) text = ', in a fold of cycles'
+  end function how
+
+  !> The range in which steady sliding and stick-slip are both stable.
+  function both_stable(end, scale, unit, symbol) result(text)
+    type(slow_end_t), intent(in) :: end
+    real(wp), intent(in) :: scale
+    character(*), intent(in) :: unit, symbol
+    character(:), allocatable :: text
+
+    text = 'no range'
+    if (end%kind == ends_at_fold) text = formatted('(es14.7)', scale*min(end%at, end%steady_limit))//' '//unit//' < '//symbol// &
+      ' < '//formatted('(es14.7)', scale*max(end%at, end%steady_limit))//' '//unit
+  end function both_stable
+
+  function law_text(law, doubt, remark) result(text)
+    type(law_end_t), intent(in) :: law
+    character(*), intent(in) :: doubt, remark
+    character(:), allocatable :: text
+
+    text = 'no value'
+    if (law%exists) text = angle_text(law%angle)//remark//' ('//doubt//formatted('(es8.1)', law%doubt)//')'
+  end function law_text
 end module dst_stability_report

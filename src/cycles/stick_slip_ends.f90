@@ -1,0 +1,82 @@
+!> Where the stick-slip of a scene ends, in its misalignment and in its drive velocity: the solver's answer for the slow motion, and
+!> beside it what the laws say (docs/closed_laws.md).
+module dst_stick_slip_ends
+  use dst_errors, only: error_t
+  use dst_friction, only: exponential_form
+  use dst_kinds, only: wp
+  use dst_slider, only: slider_t
+  use dst_slow_ends, only: slow_end_t, misalignment_end, velocity_end, least_swing
+  use dst_slow_laws, only: law_end_t, canard_end, swing_end, bautin_point, critical_velocities, criticality
+  use dst_stability, only: low_frequency_limit
+  implicit none
+  private
+
+  public :: stick_slip_ends_t, find_stick_slip_ends
+
+  !> All numbers of a scene lie between this and its inverse where ends are looked for: squares and products of them are numbers too.
+  real(wp), parameter :: smallest = 1.0e-30_wp
+
+  !> The ends of stick-slip.
+  type :: stick_slip_ends_t
+    !> The misalignment from which on steady sliding is stable [rad], 0 if friction does not weaken; whether small cycles are stable
+    !> where they begin there.
+    real(wp) :: critical_angle = 0.0_wp
+    logical :: is_supercritical = .false.
+    !> Stick-slip ends at the present velocity; and by the laws of slow and of fast drives.
+    type(slow_end_t) :: misalignment
+    type(law_end_t) :: canard, swing
+    !> The point at which small cycles change their stability [m/s, rad].
+    logical :: has_bautin_point = .false.
+    real(wp) :: bautin_velocity = 0.0_wp, bautin_angle = 0.0_wp
+    !> At the present misalignment steady sliding is unstable from one velocity up to another [m/s], and stick-slip goes on from one
+    !> end to the other.
+    logical :: has_critical_velocities = .false.
+    real(wp) :: critical_velocity(2) = 0.0_wp
+    type(slow_end_t) :: velocity(2)
+  end type stick_slip_ends_t
+
+contains
+
+  !> The ends for a slider under a drive velocity [m/s] that is not 0.
+  subroutine find_stick_slip_ends(slider, velocity, ends, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    type(stick_slip_ends_t), intent(out) :: ends
+    type(error_t), allocatable, intent(out) :: error
+    type(slider_t) :: own
+    real(wp), parameter :: outwards(2) = [-1.0_wp, 1.0_wp]
+    integer :: i
+
+    call low_frequency_limit(slider, velocity, ends%critical_angle, error)
+    if (allocated(error) .or. .not. are_moderate(slider, velocity)) return
+    own = slider
+    own%along = abs(slider%along)
+    call bautin_point(own%law, ends%bautin_velocity, ends%bautin_angle, ends%has_bautin_point)
+    if (ends%critical_angle > 0.0_wp) then
+      ends%is_supercritical = criticality(own%law, velocity) > 0.0_wp
+      call misalignment_end(own, velocity, ends%critical_angle, ends%misalignment, error)
+      if (allocated(error)) return
+      call canard_end(own, velocity, ends%canard)
+      call swing_end(own, velocity, least_swing*own%law%static_limit, ends%swing)
+    end if
+    if (.not. minval(own%along) > 0.0_wp) return
+    call critical_velocities(own, ends%critical_velocity, ends%has_critical_velocities)
+    if (.not. ends%has_critical_velocities) return
+    do i = 1, 2
+      call velocity_end(own, ends%critical_velocity(i), outwards(i), ends%velocity(i), error)
+      if (allocated(error)) return
+    end do
+  end subroutine find_stick_slip_ends
+
+  !> Whether the numbers of a scene are near enough to each other to be followed.
+  pure logical function are_moderate(slider, velocity)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    real(wp) :: limit, drop, decay, numbers(5)
+    logical :: is_exponential
+
+    call exponential_form(slider%law, limit, drop, decay, is_exponential)
+    numbers = [slider%mass, slider%stiffness(1), slider%law%static_limit, abs(velocity), max(decay, smallest)]
+    are_moderate = all(numbers >= smallest .and. numbers <= 1.0_wp/smallest)
+  end function are_moderate
+end module dst_stick_slip_ends
