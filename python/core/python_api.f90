@@ -5,6 +5,7 @@
 !> runs may proceed in different threads. Status 0 is success, otherwise a code of dst_errors.
 module dst_python_api
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
+  use dst_assembly, only: slider_from_scene
   use dst_build_info, only: version, git_revision, compiler, build_flags
   use dst_catalogue, only: catalogue
   use dst_machine, only: host_name, job_name
@@ -17,6 +18,7 @@ module dst_python_api
   use dst_faults, only: not_all_faults
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
+  use dst_limit_cycles, only: limit_cycles_t, cycle_quantities, find_limit_cycles
   use dst_lock, only: lock_t
   use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
@@ -26,8 +28,11 @@ module dst_python_api
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: stage_terms_t, new_terms
+  use dst_slow_ends, only: slow_end_t, ends_at_fold, ends_nowhere
   use dst_stability, only: critical_t, steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, &
                            damping_scale, damping_ratio, weakening_damping_ratio
+  use dst_stability_report, only: held_velocities
+  use dst_stick_slip_ends, only: stick_slip_ends_t, find_stick_slip_ends
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities
   use dst_sweep_points, only: read_csv
   use dst_text, only: integer_text, printable
@@ -35,7 +40,8 @@ module dst_python_api
   implicit none
   private
 
-  public :: library_open, deck_open, lock_open, run_open, sweep_open, table_size, table, text_size, text, release
+  public :: library_open, deck_open, lock_open, run_open, sweep_open, cycles_open, ends_open
+  public :: table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
   public :: equations, creep, steady_sliding
 
@@ -85,6 +91,15 @@ module dst_python_api
     procedure :: make_table => make_sweep_table
     procedure :: make_text => make_sweep_text
   end type sweep_session_t
+
+  !> The limit cycles of a scene, and where its stick-slip ends.
+  type, extends(session_t) :: cycles_session_t
+    type(limit_cycles_t) :: cycles
+    type(stick_slip_ends_t) :: ends
+  contains
+    procedure :: make_table => make_cycles_table
+    procedure :: make_text => make_cycles_text
+  end type cycles_session_t
 
   !> What a handle points to. (f2py loses its way in a `select type`.)
   type :: holder_t
@@ -225,6 +240,69 @@ contains
     at_once = int(cases_at_once(self%sweep), c_int)
     found_list = merge(1_c_int, 0_c_int, self%sweep%is_list)
   end subroutine sweep_open
+
+  !> Read a deck and find its limit cycles, those of `model` or, if that is blank, of the deck's own, under its first drive velocity
+  !> that is held and is not 0.
+  subroutine cycles_open(n_deck, deck, n_name, name, n_settings, settings, n_model, model, handle, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_model
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), model(n_model)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status
+    ! Not f2py threadsafe, as run_open.
+    type(cycles_session_t), pointer :: self
+    type(scene_t) :: scene
+    real(wp) :: velocity
+
+    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
+    if (text_of(model) /= '') scene%model = text_of(model)
+    if (.not. allocated(self%error)) call find_limit_cycles(scene, velocity, self%cycles, self%error)
+    status = status_of(self)
+  end subroutine cycles_open
+
+  !> Read a deck and find where its stick-slip ends, under its first drive velocity that is held and is not 0.
+  subroutine ends_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status
+    ! Not f2py threadsafe, as run_open.
+    type(cycles_session_t), pointer :: self
+    type(scene_t) :: scene
+    type(slider_t) :: slider
+    real(wp) :: velocity
+
+    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
+    if (.not. allocated(self%error)) then
+      call slider_from_scene(scene, slider)
+      call find_stick_slip_ends(slider, velocity, self%ends, self%error)
+    end if
+    status = status_of(self)
+  end subroutine ends_open
+
+  !> A session with the scene of a deck, and the drive velocity [m/s] that it is looked at with.
+  subroutine open_steady_scene(deck, name, settings, handle, self, scene, velocity)
+    character(*), intent(in) :: deck, name, settings
+    integer(c_long_long), intent(out) :: handle
+    type(cycles_session_t), pointer, intent(out) :: self
+    type(scene_t), intent(out) :: scene
+    real(wp), intent(out) :: velocity
+    type(holder_t), pointer :: holder
+    real(wp), allocatable :: velocities(:)
+
+    allocate (holder, self)
+    handle = handle_of(c_loc(holder))
+    holder%session => self
+    velocity = 0.0_wp
+    call read_deck(self, deck, name, settings, .false.)
+    if (allocated(self%error)) return
+    call scene_from_deck(self%deck, scene)
+    allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
+    if (size(velocities) == 0) then
+      call raise(self%error, usage_error, 'the drive holds no velocity but 0: give one value that is not 0')
+      return
+    end if
+    velocity = velocities(1)
+  end subroutine open_steady_scene
 
   subroutine read_deck(session, text, name, settings, alone)
     class(session_t), intent(inout) :: session
@@ -455,6 +533,93 @@ contains
       call self%session_t%make_table(which)
     end select
   end subroutine make_sweep_table
+
+  !> Also 'cycle_quantities', the values of all 'cycles' (a row each), 'sliding' (load, whether it is stable, velocity), its
+  !> 'eigenvalues', and 'ends', a number with a name each: what does not exist is left out.
+  subroutine make_cycles_table(self, which)
+    class(cycles_session_t), intent(inout) :: self
+    character(*), intent(in) :: which
+    integer :: i
+
+    select case (which)
+    case ('cycle_quantities')
+      call describe(self%table, cycle_quantities, 0)
+    case ('cycles')
+      call new_table(self%table, self%cycles%number(), 0, size(cycle_quantities))
+      self%table%number = self%cycles%value
+    case ('sliding')
+      call new_table(self%table, 1, 0, 3)
+      self%table%number(:, 1) = [self%cycles%sliding_load, merge(1.0_wp, 0.0_wp, self%cycles%sliding_is_stable), &
+        self%cycles%velocity]
+    case ('eigenvalues')
+      call new_table(self%table, size(self%cycles%eigenvalues), 0, 2)
+      do i = 1, size(self%cycles%eigenvalues)
+        self%table%number(:, i) = [real(self%cycles%eigenvalues(i), wp), aimag(self%cycles%eigenvalues(i))]
+      end do
+    case ('ends')
+      call make_table_of_ends(self%ends, self%table)
+    case default
+      call self%session_t%make_table(which)
+    end select
+  end subroutine make_cycles_table
+
+  subroutine make_table_of_ends(ends, table)
+    type(stick_slip_ends_t), intent(in) :: ends
+    type(table_t), intent(out) :: table
+    integer :: pass, row
+
+    do pass = 1, 2
+      if (pass == 2) call new_table(table, row, 1, 1)
+      row = 0
+      call put('critical_misalignment', ends%critical_angle, ends%critical_angle > 0.0_wp)
+      call put('is_supercritical', merge(1.0_wp, 0.0_wp, ends%is_supercritical), ends%critical_angle > 0.0_wp)
+      call put_end('misalignment', ends%misalignment)
+      call put('slow_drive_law', ends%canard%angle, ends%canard%exists)
+      call put('slow_drive_doubt', ends%canard%doubt, ends%canard%exists)
+      call put('fast_drive_law', ends%swing%angle, ends%swing%exists)
+      call put('fast_drive_doubt', ends%swing%doubt, ends%swing%exists)
+      call put('bautin_velocity', ends%bautin_velocity, ends%has_bautin_point)
+      call put('bautin_misalignment', ends%bautin_angle, ends%has_bautin_point)
+      call put('critical_velocity_low', ends%critical_velocity(1), ends%has_critical_velocities)
+      call put('critical_velocity_high', ends%critical_velocity(2), ends%has_critical_velocities)
+      call put_end('velocity_low', ends%velocity(1))
+      call put_end('velocity_high', ends%velocity(2))
+    end do
+
+  contains
+
+    subroutine put_end(name, end)
+      character(*), intent(in) :: name
+      type(slow_end_t), intent(in) :: end
+
+      call put(name, end%at, end%kind /= ends_nowhere)
+      call put(name//'_is_fold', merge(1.0_wp, 0.0_wp, end%kind == ends_at_fold), end%kind /= ends_nowhere)
+    end subroutine put_end
+
+    subroutine put(name, value, exists)
+      character(*), intent(in) :: name
+      real(wp), intent(in) :: value
+      logical, intent(in) :: exists
+
+      if (.not. exists) return
+      row = row + 1
+      if (pass == 1) return
+      table%text(1, row) = name
+      table%number(1, row) = value
+    end subroutine put
+  end subroutine make_table_of_ends
+
+  !> Also 'model'.
+  subroutine make_cycles_text(self, which)
+    class(cycles_session_t), intent(inout) :: self
+    character(*), intent(in) :: which
+
+    if (which == 'model') then
+      self%text = self%cycles%model
+    else
+      call self%session_t%make_text(which)
+    end if
+  end subroutine make_cycles_text
 
   !> Name, units and meaning of quantities, with room for numbers.
   subroutine describe(table, quantities, numbers)

@@ -35,6 +35,7 @@ from ._run import run
 from ._sweep import open_sweep, sweep
 from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
+from .limit_cycles import Cycles, LimitCycle, StickSlipEnds, cycles, stick_slip_ends
 from .equations import jacobian, rhs
 from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
 from .record import Described
@@ -56,6 +57,7 @@ __all__ = [
     "ColumnError",
     "Creep",
     "CriticalMisalignment",
+    "Cycles",
     "DeckError",
     "Described",
     "Drive",
@@ -65,6 +67,7 @@ __all__ = [
     "IncompleteWarning",
     "Initial",
     "Integrator",
+    "LimitCycle",
     "OutOfMemoryError",
     "Output",
     "PackageError",
@@ -75,6 +78,7 @@ __all__ = [
     "SolverError",
     "Spectrogram",
     "StickSlip",
+    "StickSlipEnds",
     "Sweep",
     "System",
     "Trade",
@@ -84,6 +88,7 @@ __all__ = [
     "creep_frequency",
     "creep_velocity",
     "critical_misalignment",
+    "cycles",
     "damping_ratio",
     "jacobian",
     "open",
@@ -95,6 +100,7 @@ __all__ = [
     "run",
     "spectrogram",
     "steady_sliding_eigenvalues",
+    "stick_slip_ends",
     "stick_slip_statistics",
     "sweep",
     "trade",

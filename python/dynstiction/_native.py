@@ -20,8 +20,10 @@ from .record import Info
 __all__ = [
     "CHUNK_SECONDS",
     "Advance",
+    "Cycles",
     "DeckSource",
     "DeckValues",
+    "Ends",
     "KeyInfo",
     "Lock",
     "Run",
@@ -306,6 +308,53 @@ class Run(Session):
             (info, text if is_one else value)
             for (info, text), value, is_one in zip(cells, values.tolist(), is_text.tolist(), strict=True)
         ]
+
+
+class Cycles(Session):
+    """The limit cycles of a scene, found in the core.
+
+    Parameters
+    ----------
+    deck : DeckSource
+        The deck.
+    model : str
+        Whose cycles, '' for the deck's own.
+    """
+
+    name = "list of cycles"
+
+    def __init__(self, deck: DeckSource, model: str) -> None:
+        handle, status = _core.cycles_open(*deck.arguments(), _characters(model))
+        super().__init__(handle)
+        self._raise(deck, status)
+        self.model = _named_text(handle, "model")
+        self.quantities = _infos(handle, "cycle_quantities")
+        self.values = _table(handle, "cycles")[1].T
+        """Values (cycle, quantity)."""
+        load, stable, velocity = _table(handle, "sliding")[1][:, 0].tolist()
+        self.sliding_load, self.sliding_is_stable, self.velocity = load, stable == 1.0, velocity
+        real, imaginary = _table(handle, "eigenvalues")[1]
+        self.eigenvalues = real + 1j * imaginary
+
+
+class Ends(Session):
+    """Where the stick-slip of a scene ends, found in the core.
+
+    Parameters
+    ----------
+    deck : DeckSource
+        The deck.
+    """
+
+    name = "list of ends"
+
+    def __init__(self, deck: DeckSource) -> None:
+        handle, status = _core.ends_open(*deck.arguments())
+        super().__init__(handle)
+        self._raise(deck, status)
+        cells, numbers = _table(handle, "ends")
+        self.values = dict(zip((name for (name,) in cells), numbers[0].tolist(), strict=True))
+        """Numbers by name; what does not exist is left out."""
 
 
 class Sweep(Session):

@@ -1,8 +1,9 @@
 !> All limit cycles of the slow motion: the fixed points of its map from valley to valley (dst_slow_map), stable and unstable.
 !>
-!> Places are told by x, the logarithm of the distance A of a valley from the equilibrium over the scene's own length, and the map by
-!> its gain G(x) = ln(A_1/A_0): a cycle is a zero of G, stable where G falls there. G and its slope are known at any x from one turn, so
-!> that between two points of a scan no pair of cycles is overlooked: where G turns back towards zero its extremum is looked up.
+!> Places are told by x, the logarithm of the distance A of a valley from the equilibrium over the scene's own length, and the map
+!> by its gain G(x) = ln(A_1/A_0): a cycle is a zero of G, stable where G falls there. G and its slope are known at any x from one
+!> turn, so that between two points of a scan no pair of cycles is overlooked: where G turns back towards zero its extremum is
+!> looked up.
 module dst_slow_cycles
   use dst_errors, only: error_t
   use dst_kinds, only: wp
@@ -13,8 +14,8 @@ module dst_slow_cycles
 
   public :: slow_cycle_t, slow_gain_t, find_slow_cycles, slow_gain, slow_cycle_of
 
-  !> Range of A over the scene's length in which cycles are looked for, and the step of the scan in ln A. Conventions. Half the step:
-  !> the same cycles in 300 random scenes.
+  !> Range of A over the scene's length in which cycles are looked for, and the step of the scan in ln A. Conventions. Half the
+  !> step: the same cycles in 300 random scenes.
   real(wp), parameter :: smallest = 1.0e-3_wp, invisible = 1.0e-7_wp, first_largest = 2.0_wp, scan_step = 0.3_wp
   !> Doublings of the largest A in which every motion has to shrink. Convention.
   integer, parameter :: max_doublings = 40, max_points = 400
@@ -87,7 +88,8 @@ contains
     end subroutine take_cycle
   end subroutine find_slow_cycles
 
-  !> Where the scan begins: at the smallest A, or below it if a cycle is between there and the equilibrium, whose stability is known.
+  !> Where the scan begins: at the smallest A, or below it if a cycle is between there and the equilibrium, whose stability is
+  !> known.
   subroutine first_point(map, here, error)
     type(slow_map_t), intent(inout) :: map
     type(slow_gain_t), intent(out) :: here
@@ -147,8 +149,8 @@ contains
     end do
   end subroutine gain_zero
 
-  !> Between two points where the gain has the same sign, but turns towards zero and back: the place where it has the other sign, or is
-  !> closest to it.
+  !> Between two points where the gain has the same sign, but turns towards zero and back: the place where it has the other sign, or
+  !> is closest to it.
   subroutine turning_point(map, first, second, between, has_crossed, error)
     type(slow_map_t), intent(inout) :: map
     type(slow_gain_t), intent(in) :: first, second

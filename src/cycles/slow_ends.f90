@@ -1,12 +1,12 @@
 !> Where the stick-slip of the slow model ends: at which misalignment for a given drive velocity, and between which velocities for a
 !> given misalignment.
 !>
-!> For each size of a cycle there is a parameter p (the logarithm of tan(phi), or of V) at which the cycle is a solution: the zero of
-!> the gain G(x; p) of dst_slow_cycles. This curve p(x) has no folds where that of the cycles over p has them: a fold is an extremum
-!> of p(x), at which the multiplier of the cycle is 1. Small cycles lie where steady sliding changes its stability.
+!> For each size of a cycle there is a parameter p (the logarithm of tan(phi), or of V) at which the cycle is a solution: the zero
+!> of the gain G(x; p) of dst_slow_cycles. This curve p(x) has no folds where that of the cycles over p has them: a fold is an
+!> extremum of p(x), at which the multiplier of the cycle is 1. Small cycles lie where steady sliding changes its stability.
 !>
-!> Stick-slip ends at the farthest p at which there is a cycle with a swing of at least a share of F_0: at a fold, or where the swing
-!> passes this share.
+!> Stick-slip ends at the farthest p at which there is a cycle with a swing of at least a share of F_0: at a fold, or where the
+!> swing passes this share.
 module dst_slow_ends
   use dst_errors, only: error_t
   use dst_kinds, only: wp
@@ -31,11 +31,9 @@ module dst_slow_ends
   !> Step along the curve, and how far behind its farthest p it is left. Conventions. Half the step: the same ends.
   real(wp), parameter :: curve_step = 0.25_wp, far_behind = 0.7_wp
   !> The steps are halved where the curve is not found so far aside of its chord, over the step, down to the least. Conventions.
-  real(wp), parameter :: aside = 0.7_wp, least_step = 1.0e-3_wp
-  !> Difference of p for the gradient of the gain. Convention; twice: no change.
-  real(wp), parameter :: gradient_step = 1.0e-3_wp
-  !> First step aside in search of the curve. Convention.
-  real(wp), parameter :: first_step = 1.0e-3_wp
+  real(wp), parameter :: aside = 0.7_wp, least_step = 1.0e-7_wp
+  !> Over the step along the curve: the difference of p for the gradient of the gain, and the first step aside. Conventions.
+  real(wp), parameter :: gradient_share = 0.004_wp, first_share = 0.01_wp
   integer, parameter :: max_points = 60, max_iterations = 80
   !> Width to which p and x are found: a few roundoffs of p, which is of order one.
   real(wp), parameter :: fine = 16.0_wp*epsilon(1.0_wp)
@@ -87,8 +85,8 @@ contains
     end%steady_limit = critical
   end subroutine misalignment_end
 
-  !> The drive velocity at which stick-slip ends, at the slider's own misalignment; steady sliding is stable beyond `critical` [m/s],
-  !> that is above it (`outwards` = 1) or below it (-1).
+  !> The drive velocity at which stick-slip ends, at the slider's own misalignment; steady sliding is stable beyond `critical`
+  !> [m/s], that is above it (`outwards` = 1) or below it (-1).
   subroutine velocity_end(slider, critical, outwards, end, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: critical, outwards
@@ -184,8 +182,8 @@ contains
     end subroutine look_at
   end subroutine find_large_cycle
 
-  !> The curve from its first point on, outwards, as far as it matters: until the cycles are too small, or p is far behind. Each point is
-  !> looked for across the direction of the last one, some way ahead: the curve may turn back in x as in p.
+  !> The curve from its first point on, outwards, as far as it matters: until the cycles are too small, or p is far behind. Each
+  !> point is looked for across the direction of the last one, some way ahead: the curve may turn back in x as in p.
   subroutine trace(family, curve, n, error)
     type(family_t), intent(in) :: family
     type(point_t), intent(inout) :: curve(max_points)
@@ -197,7 +195,7 @@ contains
     n = 1
     step = curve_step
     ahead = [0.0_wp, family%outwards]
-    call turn_ahead(family, curve(1), ahead, error)
+    call turn_ahead(family, curve(1), gradient_share*step, ahead, error)
     do while (.not. allocated(error) .and. n < max_points)
       call find_point(family, curve(n)%place + step*ahead, across(ahead), aside*step, curve(n + 1), found, error)
       if (allocated(error)) return
@@ -210,22 +208,23 @@ contains
       n = n + 1
       if (curve(n)%swing <= least_swing) return
       if (family%outwards*curve(n)%place(2) < maxval(family%outwards*curve(:n)%place(2)) - far_behind) return
-      call turn_ahead(family, curve(n), ahead, error)
+      call turn_ahead(family, curve(n), gradient_share*step, ahead, error)
     end do
   end subroutine trace
 
   !> Turn a direction along the curve into that at a point of it, at right angles to the gradient of the gain.
-  subroutine turn_ahead(family, point, ahead, error)
+  subroutine turn_ahead(family, point, difference, ahead, error)
     type(family_t), intent(in) :: family
     type(point_t), intent(in) :: point
+    real(wp), intent(in) :: difference      !! of p, for the gradient
     real(wp), intent(inout) :: ahead(2)
     type(error_t), allocatable, intent(out) :: error
     type(slow_gain_t) :: beside
     real(wp) :: along(2)
 
-    call gain_at(family, point%place + [0.0_wp, gradient_step], beside, error)
+    call gain_at(family, point%place + [0.0_wp, difference], beside, error)
     if (allocated(error)) return
-    along = [(beside%gain - point%gain%gain)/gradient_step, -point%gain%slope]
+    along = [(beside%gain - point%gain%gain)/difference, -point%gain%slope]
     ahead = sign(1.0_wp, dot_product(along, ahead))*along/norm2(along)
   end subroutine turn_ahead
 
@@ -291,7 +290,7 @@ contains
     middle = here%gain
     far = 0.0_wp
     gain = middle
-    step = first_step
+    step = first_share*reach
     do while (.not. found)
       do side = 1, 2
         t = step*real(3 - 2*side, wp)

@@ -1,8 +1,9 @@
-!> Laws for where the stick-slip of the slow model begins and ends, without any integration in time. docs/closed_laws.md derives them.
+!> Laws for where the stick-slip of the slow model begins and ends, without any integration in time. docs/closed_laws.md derives
+!> them.
 !>
 !> The slow model is m w'' + Phi'(w) w' + k_x (w - V c) = 0 with Phi(w) = F(v) w/v, v = sqrt(w^2 + (V s)^2), c = cos(phi),
-!> s = sin(phi) (dst_low_frequency). Small cycles begin where Phi'(V c) = 0; they are stable if Phi'''(V c) > 0 there, and the Bautin
-!> point is where that changes. Slow drives end stick-slip at a canard, fast ones at a fold of nearly harmonic swings.
+!> s = sin(phi) (dst_low_frequency). Small cycles begin where Phi'(V c) = 0; they are stable if Phi'''(V c) > 0 there, and the
+!> Bautin point is where that changes. Slow drives end stick-slip at a canard, fast ones at a fold of nearly harmonic swings.
 module dst_slow_laws
   use dst_chebyshev, only: chebyshev_points, chebyshev_coefficients
   use dst_friction, only: friction_law_t
@@ -14,8 +15,8 @@ module dst_slow_laws
 
   public :: law_end_t, canard_end, swing_end, bautin_point, critical_velocities, criticality
 
-  !> Points and width, over the distance to the next singularity of Phi, of the polynomials by which Phi is differentiated. Conventions:
-  !> the seventh derivative, which is the least known, then has six digits.
+  !> Points and width, over the distance to the next singularity of Phi, of the polynomials by which Phi is differentiated.
+  !> Conventions: the seventh derivative, which is the least known, then has six digits.
   integer, parameter :: points = 24
   real(wp), parameter :: width = 0.4_wp
   !> Points of an average over a swing: to roundoff where its turn is not much sharper than its hundredth part. Convention.
@@ -30,7 +31,8 @@ module dst_slow_laws
   type :: law_end_t
     logical :: exists = .false.
     real(wp) :: angle = 0.0_wp           !! phi [rad]
-    !> How far it is to be trusted: of the canard the last term of its series over the sum, of swings the largest damping ratio in one.
+    !> How far it is to be trusted: of the canard the last term of its series over the sum, of swings the largest damping ratio in
+    !> one.
     real(wp) :: doubt = 0.0_wp
     logical :: is_fold = .false.         !! of swings: whether it is one, or where they have the least swing
     real(wp) :: swing = 0.0_wp           !! there, N
@@ -103,8 +105,8 @@ contains
     if (force(1) > 0.0_wp) weakening = -velocity*slope(1)/force(1)
   end function weakening
 
-  !> Phi'''(V c) [N s3/m3] at the angle at which steady sliding changes its stability, if there is one: small cycles are stable there if it
-  !> is positive. Of the law and V [m/s] alone.
+  !> Phi'''(V c) [N s3/m3] at the angle at which steady sliding changes its stability, if there is one: small cycles are stable
+  !> there if it is positive. Of the law and V [m/s] alone.
   pure real(wp) function criticality(law, velocity)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: velocity
@@ -117,8 +119,8 @@ contains
     criticality = derivative(3)
   end function criticality
 
-  !> The drive velocities [m/s] between which steady sliding is unstable at this misalignment, in the limit of a rigid stiff axis: the
-  !> lowest and the highest; and whether there are any.
+  !> The drive velocities [m/s] between which steady sliding is unstable at this misalignment, in the limit of a rigid stiff axis:
+  !> the lowest and the highest; and whether there are any.
   pure subroutine critical_velocities(slider, velocity, exist)
     type(slider_t), intent(in) :: slider
     real(wp), intent(out) :: velocity(2)
@@ -169,8 +171,8 @@ contains
     grid = least_velocity*10.0_wp**(real(i, wp)/real(steps_per_decade, wp))
   end function grid
 
-  !> The Bautin point: V [m/s] and phi [rad] at which small cycles change from stable to unstable ones, Phi' = Phi''' = 0. It depends on
-  !> the law alone.
+  !> The Bautin point: V [m/s] and phi [rad] at which small cycles change from stable to unstable ones, Phi' = Phi''' = 0. It
+  !> depends on the law alone.
   pure subroutine bautin_point(law, velocity, angle, exists)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(out) :: velocity, angle
@@ -201,8 +203,8 @@ contains
     angle = atan(sqrt(weakening(law, velocity)))
   end subroutine bautin_point
 
-  !> Slow drive: the angle of the canard, along which the motion follows the falling part of Phi, in three orders of m k_x beyond the
-  !> fold Phi'(w_f) = 0.
+  !> Slow drive: the angle of the canard, along which the motion follows the falling part of Phi, in three orders of m k_x beyond
+  !> the fold Phi'(w_f) = 0.
   pure subroutine canard_end(slider, velocity, end)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity         !! m/s, not 0
@@ -305,8 +307,9 @@ contains
     end do
   end subroutine find_fold
 
-  !> Fast drive: swings w = V c + A cos(psi) lose no energy on average if W(A) = 0, where 2 pi W is the integral of Phi cos(psi) over psi. They end
-  !> at the largest phi at which there is such an A: a fold, W = dW/dA = 0, or where the swing is `least_swing` [N].
+  !> Fast drive: swings w = V c + A cos(psi) lose no energy on average if W(A) = 0, where 2 pi W is the integral of Phi cos(psi)
+  !> over psi. They end at the largest phi at which there is such an A: a fold, W = dW/dA = 0, or where the swing is `least_swing`
+  !> [N].
   pure subroutine swing_end(slider, velocity, least_swing, end)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity         !! m/s, not 0

@@ -13,7 +13,8 @@ module dst_stick_slip_ends
 
   public :: stick_slip_ends_t, find_stick_slip_ends
 
-  !> All numbers of a scene lie between this and its inverse where ends are looked for: squares and products of them are numbers too.
+  !> All numbers of a scene lie between this and its inverse where ends are looked for: squares and products of them are numbers
+  !> too.
   real(wp), parameter :: smallest = 1.0e-30_wp
 
   !> The ends of stick-slip.
