@@ -5,7 +5,7 @@
 !> s = sin(phi) (dst_low_frequency). Small cycles begin where Phi'(V c) = 0; they are stable if Phi'''(V c) > 0 there, and the
 !> Bautin point is where that changes. Slow drives end stick-slip at a canard, fast ones at a fold of nearly harmonic swings.
 module dst_slow_laws
-  use dst_chebyshev, only: chebyshev_points, chebyshev_coefficients
+  use dst_chebyshev, only: chebyshev_points, chebyshev_coefficients, chebyshev_derivative
   use dst_friction, only: friction_law_t
   use dst_kinds, only: wp, pi
   use dst_roots, only: bracket_t
@@ -69,7 +69,7 @@ contains
     coefficient = value(:, 1)
     do k = 1, count
       derivative(k) = value_at_middle(coefficient)/radius**(k - 1)
-      coefficient = differentiated(coefficient)
+      coefficient = chebyshev_derivative(coefficient)
     end do
   end function derivatives
 
@@ -79,20 +79,6 @@ contains
 
     value_at_middle = sum(coefficient(1::4)) - sum(coefficient(3::4))
   end function value_at_middle
-
-  !> The derivative of a series in Chebyshev polynomials.
-  pure function differentiated(coefficient) result(derivative)
-    real(wp), intent(in) :: coefficient(:)
-    real(wp) :: derivative(size(coefficient)), next(0:size(coefficient) + 1)
-    integer :: k
-
-    next = 0.0_wp
-    do k = size(coefficient) - 1, 1, -1
-      next(k - 1) = next(k + 1) + 2.0_wp*real(k, wp)*coefficient(k + 1)
-    end do
-    derivative = next(0:size(coefficient) - 1)
-    derivative(1) = 0.5_wp*derivative(1)
-  end function differentiated
 
   !> -V F'(V)/F(V), the square of the tangent of the angle at which small cycles begin; negative where there is none.
   pure real(wp) function weakening(law, velocity)

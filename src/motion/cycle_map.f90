@@ -8,6 +8,7 @@ module dst_cycle_map
   use dst_archive, only: archive_t
   use dst_cycle_survey, only: cycle_survey_t
   use dst_cycle_table, only: duration, drive_work, measures
+  use dst_divergence, only: divergence_t
   use dst_errors, only: error_t
   use dst_fast_cycle, only: release_angle_t, release_at, fast_cycle_t
   use dst_kinds, only: wp, int64
@@ -30,6 +31,10 @@ module dst_cycle_map
   !> A turn against that of the cycle before which is so many times larger is an excursion. Convention; twice: no change on
   !> Fig. 3, 7 % more iterations with k_y = 1e6 N/m.
   real(wp), parameter :: far_back = 5.0_wp
+  !> The excursions by which the growth of a small difference is measured begin this share of a turn apart. Ten times: the exponent of
+  !> Fig. 3 is higher by 0.02, as excursions depend on their beginning like a square root near a touch. Of their difference no
+  !> less than this share of rtol is seen, what Newton's method leaves. Conventions.
+  real(wp), parameter :: push = 1.0e-4_wp, unseen = 1.0e-6_wp
   !> Most leaps that are remembered, excursions that can be made again, and pieces of one.
   integer, parameter :: max_leaps = 32, max_kept = 4, max_pieces = 8000
 
@@ -43,6 +48,8 @@ module dst_cycle_map
     integer :: current = 0
     !> By what time the last piece is ahead of the leap that is remembered [s].
     real(wp) :: lead = 0.0_wp
+    !> How small differences grow from slow cycle to slow cycle.
+    type(divergence_t) :: divergence
     !> Work beside that of the steps, and of the survey.
     type(work_count_t), private :: own
     !> Whether the last piece ended with a release; and the release before, if only one cycle lies between, with its time [s].
@@ -56,6 +63,7 @@ module dst_cycle_map
     logical, private :: recording = .false., keeping = .false.
     type(recording_t), private :: excursion
     type(release_angle_t), private :: excursion_from
+    integer, private :: excursion_releases = 0
     real(wp), private :: last_return = -1.0_wp
     !> Turn of a cycle that was no excursion.
     real(wp), private :: usual_turn = 0.0_wp
@@ -114,6 +122,7 @@ contains
       end if
     end if
     self%follows_leg = .false.
+    if (.not. self%recording) call self%divergence%lose()
     call self%steps%advance(error)
     self%piece%to = self%steps%piece%to
     self%piece%contact = self%steps%piece%contact
@@ -140,6 +149,7 @@ contains
       if (piece%contact == touches .or. piece%to%time >= piece%drive%end) call forget(self)
       if (.not. self%released) return
       here = release_at(piece%to%y(2))
+      self%excursion_releases = self%excursion_releases + 1
       call note_return(self, here%angle - self%before%angle)
       if (self%has_before) then
         self%survey%before = self%survey%last
@@ -206,6 +216,7 @@ contains
         ! The next one is about as far off as the last return.
         self%keeping = self%last_return >= 0.0_wp .and. longest > now%time - self%last_return
         self%excursion_from = here
+        self%excursion_releases = 0
       end if
     end associate
   end subroutine choose_leap
@@ -225,34 +236,14 @@ contains
         associate (apart => abs(leap%from%angle - here%angle))
           if (apart <= same_angle) then
             place = i
-          else if (leap%table == 0 .and. apart <= near*self%survey%rtol .and. self%survey%before%known) then
-            if (memory_of(self, i)*apart <= left_over*self%survey%rtol) place = i
+          else if (leap%table == 0 .and. leap%stretch_known .and. self%survey%before%known) then
+            if (apart*max(1.0_wp/near, exp(leap%log_stretch)/left_over) <= self%survey%rtol) place = i
           end if
         end associate
         if (place > 0) return
       end associate
     end do
   end function known_leap
-
-  !> How much of a difference in the beginning of an excursion is left at its end, by another one; huge if there is none.
-  pure real(wp) function memory_of(self, place) result(memory)
-    class(cycle_map_t), intent(in) :: self
-    integer, intent(in) :: place
-    integer :: i
-
-    memory = huge(memory)
-    associate (leap => self%leaps(place))
-      do i = 1, remembered(self)
-        associate (other => self%leaps(i))
-          if (i == place .or. other%table > 0 .or. abs(other%velocity - leap%velocity) > 0.0_wp &
-            .or. other%from%side*leap%from%side < 0.0_wp .or. other%to%side*leap%to%side < 0.0_wp) cycle
-          associate (apart => abs(other%from%angle - leap%from%angle))
-            if (apart > near*self%survey%rtol) memory = min(memory, abs(other%to%angle - leap%to%angle)/apart)
-          end associate
-        end associate
-      end do
-    end associate
-  end function memory_of
 
   !> By what time [s] the motion is ahead of a remembered excursion that begins at a slightly different angle: the cycles drift from
   !> one to the other at a rate that goes on from that of the last two.
@@ -286,6 +277,7 @@ contains
       leap%cycles = 0
       leap%duration = 0.0_wp
       leap%is_kept = .false.
+      leap%stretch_known = .false.
     end associate
   end subroutine new_place
 
@@ -297,6 +289,9 @@ contains
     self%recording = .false.
     call new_place(self, self%excursion_from, place)
     self%leaps(place)%to = release_at(self%piece%to%y(2))
+    self%leaps(place)%releases = self%excursion_releases
+    if (self%divergence%is_worth_measuring()) call measure_stretch(self, self%leaps(place))
+    call note_stretch(self, self%leaps(place))
     if (.not. self%keeping) return
     call self%leaps(place)%keep(self%excursion)
     ! Of excursions that are not reused many would come together.
@@ -310,6 +305,41 @@ contains
     end do
   end subroutine end_excursion
 
+  !> How an excursion makes a small difference grow: by two others that begin on either side of it. Both are made by the survey's scout,
+  !> so that what they differ by is no error of the steps.
+  subroutine measure_stretch(self, leap)
+    class(cycle_map_t), intent(inout) :: self
+    type(leap_t), intent(inout) :: leap
+    type(release_angle_t) :: from(2), to(2)
+    real(wp) :: apart
+    integer :: i
+
+    apart = push*abs(self%usual_turn)
+    leap%stretch_known = apart > 0.0_wp
+    from = leap%from
+    from%angle = from%angle + [-0.5_wp, 0.5_wp]*apart
+    do i = 1, 2
+      if (leap%stretch_known) call self%survey%run_releases(leap%velocity, from(i), leap%releases, to(i), leap%stretch_known)
+    end do
+    leap%stretch_known = leap%stretch_known .and. to(1)%side*to(2)%side > 0.0_wp
+    if (.not. leap%stretch_known) return
+    leap%log_stretch = log(max(abs(to(2)%angle - to(1)%angle), unseen*self%survey%rtol)/apart)
+  end subroutine measure_stretch
+
+  !> Take in how a leap, or an excursion that has been stepped, makes a small difference grow. A slow cycle ends with an excursion that
+  !> leads back.
+  pure subroutine note_stretch(self, leap)
+    class(cycle_map_t), intent(inout) :: self
+    type(leap_t), intent(in) :: leap
+
+    call self%divergence%pass(leap%log_stretch)
+    if (.not. leap%stretch_known) call self%divergence%lose()
+    if (leap%table > 0) return
+    associate (turn => leap%to%angle - leap%from%angle)
+      if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) call self%divergence%come_back()
+    end associate
+  end subroutine note_stretch
+
   !> A leap as the last piece.
   subroutine make_leap(self, place)
     class(cycle_map_t), intent(inout) :: self
@@ -317,6 +347,8 @@ contains
     type(state_t) :: to
     real(wp) :: worked
 
+    if (.not. self%leaps(place)%stretch_known) call measure_stretch(self, self%leaps(place))
+    call note_stretch(self, self%leaps(place))
     associate (leap => self%leaps(place), from => self%piece%from)
       self%lead = lead_of(self, release_at(from%y(2)), leap)
       ! The drive's work until it is where the excursion began is that of the cycles, the rest of the energy friction's.
@@ -566,5 +598,7 @@ contains
     call self%excursion_from%serialise(archive)
     call archive%serialise(self%last_return)
     call archive%serialise(self%usual_turn)
+    call self%divergence%serialise(archive)
+    call archive%serialise(self%excursion_releases)
   end subroutine serialise
 end module dst_cycle_map

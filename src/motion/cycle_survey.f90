@@ -5,10 +5,10 @@ module dst_cycle_survey
   use dst_cycle_table, only: cycle_table_t, new_cycle_table, is_cycle, measures_of, duration, turn, slip_duration, measures
   use dst_drive, only: drive_segment_t
   use dst_errors, only: error_t
-  use dst_fast_cycle, only: release_angle_t, fast_cycle_t
+  use dst_fast_cycle, only: release_angle_t, release_at, fast_cycle_t
   use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t
-  use dst_piece, only: sticks, touches
+  use dst_piece, only: slip_begins, sticks, touches
   use dst_recording, only: recording_t
   use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
@@ -48,8 +48,8 @@ module dst_cycle_survey
   !> What Newton's method leaves of its error in the cycles of a table, over rtol: it would be noise in the table. Convention;
   !> twice: no change.
   real(wp), parameter :: exact_share = 1.0e-6_wp
-  !> Most tables, places where none could be made, and pieces of a cycle.
-  integer, parameter :: max_tables = 64, max_refused = 64, max_pieces = 3000
+  !> Most tables, places where none could be made, and pieces of a cycle and of an excursion.
+  integer, parameter :: max_tables = 64, max_refused = 64, max_pieces = 3000, most_pieces = 20000
   !> A cycle that lasts so many times longer than the one before is none. Twice: 3 to 60 % more iterations.
   real(wp), parameter :: patience = 3.0_wp
 
@@ -99,6 +99,7 @@ module dst_cycle_survey
   contains
     procedure :: table_of
     procedure :: make_table
+    procedure :: run_releases
     procedure :: work
     procedure :: serialise => serialise_survey
   end type cycle_survey_t
@@ -407,11 +408,7 @@ contains
     call self%sample%clear()
     associate (scout => self%scout, last => self%last)
       longest = patience*last%duration*max(1.0_wp, sin(last%from%angle)/sin(from%angle))
-      scout%t_end = 2.0_wp*longest
-      scout%segment = 1
-      scout%drive%segment = [drive_segment_t(velocity=self%velocity)]
-      scout%piece%drive = scout%drive%segment(1)
-      call scout%place_at_release(from%theta(), state_t())
+      call place(self, self%velocity, 2.0_wp*longest, from)
       do while (self%sample%count < max_pieces)
         call scout%advance(error)
         if (allocated(error) .or. scout%contact == touches .or. scout%piece%to%time > longest) return
@@ -421,6 +418,50 @@ contains
     end associate
     found = is_cycle(self%sample)
   end subroutine run_cycle
+
+  !> Run the full model from a release under this drive velocity [m/s] to the release that comes so many after it.
+  subroutine run_releases(self, velocity, from, releases, to, found)
+    class(cycle_survey_t), intent(inout) :: self
+    real(wp), intent(in) :: velocity
+    type(release_angle_t), intent(in) :: from
+    integer, intent(in) :: releases
+    type(release_angle_t), intent(out) :: to
+    logical, intent(out) :: found
+    type(error_t), allocatable :: error
+    integer :: pieces, left
+
+    found = .false.
+    if (.not. allocated(self%scout)) return
+    left = releases
+    associate (scout => self%scout)
+      call place(self, velocity, huge(1.0_wp), from)
+      do pieces = 1, most_pieces
+        call scout%advance(error)
+        if (allocated(error) .or. scout%contact == touches) return
+        if (scout%piece%contact /= sticks .or. scout%piece%event /= slip_begins) cycle
+        left = left - 1
+        if (left > 0) cycle
+        to = release_at(scout%piece%to%y(2))
+        found = .true.
+        return
+      end do
+    end associate
+  end subroutine run_releases
+
+  !> Place the scout at a release, with a drive that is steady up to a time [s].
+  subroutine place(self, velocity, t_end, from)
+    class(cycle_survey_t), intent(inout) :: self
+    real(wp), intent(in) :: velocity, t_end
+    type(release_angle_t), intent(in) :: from
+
+    associate (scout => self%scout)
+      scout%t_end = t_end
+      scout%segment = 1
+      scout%drive%segment = [drive_segment_t(velocity=velocity)]
+      scout%piece%drive = scout%drive%segment(1)
+      call scout%place_at_release(from%theta(), state_t())
+    end associate
+  end subroutine place
 
   !> What the cycles that were run have cost.
   pure function work(self)

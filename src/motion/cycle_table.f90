@@ -7,7 +7,8 @@
 !> Angles count from the soft axis, positive on either side: K u = F_0 (cos angle, side sin angle).
 module dst_cycle_table
   use dst_archive, only: archive_t
-  use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, cardinal_functions
+  use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, chebyshev_derivative, &
+    cardinal_functions
   use dst_interpolation, only: grid_t, max_degree
   use dst_kinds, only: wp
   use dst_piece, only: piece_t, stick_begins, slip_begins, slips, sticks
@@ -57,6 +58,7 @@ module dst_cycle_table
     procedure :: settle
     procedure :: check_observed
     procedure :: measures_at
+    procedure :: log_stretch
     procedure :: serialise
   end type cycle_table_t
 
@@ -256,6 +258,21 @@ contains
     call chebyshev_polynomials(self%points, self%place(angle), polynomial)
     measure = matmul(polynomial, self%coefficient)
   end function measures_at
+
+  !> Logarithm of the factor by which a small difference of the angle grows in the cycles from these angles [rad].
+  pure real(wp) function log_stretch(self, angle)
+    class(cycle_table_t), intent(in) :: self
+    real(wp), intent(in) :: angle(:)
+    real(wp) :: polynomial(self%points), slope(self%points)
+    integer :: i
+
+    slope = chebyshev_derivative(self%coefficient(:, turn))*(2.0_wp/(self%last - self%first))
+    log_stretch = 0.0_wp
+    do i = 1, size(angle)
+      call chebyshev_polynomials(self%points, self%place(angle(i)), polynomial)
+      log_stretch = log_stretch + log(max(tiny(1.0_wp), abs(1.0_wp + dot_product(polynomial, slope))))
+    end do
+  end function log_stretch
 
   !> Follow cycle after cycle from an angle, up to a number of cycles, for `longest` [s] at most, or out of the interval. Of cycle i
   !> angle(i) and start(i) are its end; `total` is the sum of the polynomials at all cycles, for the sums of measures.

@@ -22,7 +22,11 @@ module dst_leap
     type(release_angle_t) :: from, to
     real(wp) :: duration = 0.0_wp              !! s
     real(wp) :: drive_work = 0.0_wp, friction_work = 0.0_wp, exchanged = 0.0_wp   !! J
-    !> When the soft spring is longest in an excursion [s].
+    !> Logarithm of the factor by which a small difference of the angle grows, if it is known.
+    logical :: stretch_known = .false.
+    real(wp) :: log_stretch = 0.0_wp
+    !> Of an excursion: its releases, and when the soft spring is longest [s].
+    integer :: releases = 0
     real(wp) :: slip_begins = 0.0_wp
     !> Cycles of a table, with angles and times [s] at their ends and the lengths of their slips [s].
     integer :: table = 0, cycles = 0
@@ -70,6 +74,8 @@ contains
     self%drive_work = sums(drive_work)
     self%friction_work = sums(friction_work)
     self%exchanged = sums(exchanged)
+    self%stretch_known = .true.
+    self%log_stretch = table%log_stretch(angle(0:n - 1))
   end subroutine follow
 
   !> Keep the recording of an excursion, which is handed over.
@@ -172,6 +178,9 @@ contains
     call archive%serialise(self%friction_work)
     call archive%serialise(self%exchanged)
     call archive%serialise(self%slip_begins)
+    call archive%serialise(self%releases)
+    call archive%serialise(self%stretch_known)
+    call archive%serialise(self%log_stretch)
     call archive%serialise(self%table)
     call archive%serialise(self%cycles)
     call archive%serialise(self%is_kept)

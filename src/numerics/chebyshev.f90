@@ -6,7 +6,7 @@ module dst_chebyshev
   implicit none
   private
 
-  public :: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, cardinal_functions
+  public :: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, chebyshev_derivative, cardinal_functions
 
 contains
 
@@ -52,6 +52,20 @@ contains
       coefficient(k, :) = coefficient(k, :)*(merge(1.0_wp, 2.0_wp, k == 1)/real(n, wp))
     end do
   end function chebyshev_coefficients
+
+  !> Coefficients of the derivative of a series in Chebyshev polynomials.
+  pure function chebyshev_derivative(coefficient) result(derivative)
+    real(wp), intent(in) :: coefficient(:)
+    real(wp) :: derivative(size(coefficient)), next(0:size(coefficient) + 1)
+    integer :: k
+
+    next = 0.0_wp
+    do k = size(coefficient) - 1, 1, -1
+      next(k - 1) = next(k + 1) + 2.0_wp*real(k, wp)*coefficient(k + 1)
+    end do
+    derivative = next(0:size(coefficient) - 1)
+    derivative(1) = 0.5_wp*derivative(1)
+  end function chebyshev_derivative
 
   !> The polynomials that are 1 at one of the n points and 0 at the others, at x (barycentric formula).
   pure subroutine cardinal_functions(n, points, x, cardinal)

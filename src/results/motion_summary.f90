@@ -118,6 +118,8 @@ contains
     class(motion_t), intent(in) :: motion
     real(wp), intent(out) :: value(:)
     logical, intent(out) :: given(:)
+    real(wp) :: exponent, exponent_error
+    integer :: count, verdict
 
     if (motion%in_closed_form) then
       call summary_values(self%summary_t, value, given)
@@ -125,6 +127,27 @@ contains
       call summary_values(self%summary_t, value, given, energies_t(self%first_energy, motion%energy(self%velocity), &
         motion%piece%to%drive_work, motion%piece%to%friction_work))
     end if
+    select type (motion)
+    class is (cycle_map_t)
+      call motion%divergence%estimate(exponent, exponent_error, count, verdict)
+      if (count > 1) then
+        call put('lyapunov_exponent', exponent)
+        call put('lyapunov_error', exponent_error)
+        call put('regularity', real(verdict, wp))
+      end if
+    end select
+
+  contains
+
+    subroutine put(name, number)
+      character(*), intent(in) :: name
+      real(wp), intent(in) :: number
+      integer :: place
+
+      place = findloc(summary_quantities%name == name, .true., dim=1)
+      value(place) = number
+      given(place) = .true.
+    end subroutine put
   end subroutine values
 
   !> Write summary and statistics into the outcome. A mean of nothing is left out, not invented.

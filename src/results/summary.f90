@@ -68,7 +68,10 @@ module dst_summary
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
     quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)'), &
     quantity_t('undecided_from', 's', 'time from which only roundoff keeps or ends unstable steady sliding'), &
-    quantity_t('settled_at', 's', 'when two cycles had agreed to scene.settle, which ended the run')]
+    quantity_t('settled_at', 's', 'when two cycles had agreed to scene.settle, which ended the run'), &
+    quantity_t('lyapunov_exponent', '1', 'mean ln of the growth of a small difference in a slow cycle'), &
+    quantity_t('lyapunov_error', '1', 'standard error of lyapunov_exponent'), &
+    quantity_t('regularity', '1', '1 regular, -1 irregular, 0 undecided: the sign of lyapunov_exponent')]
 
   !> A part of a run: the extremes of k_x u_x, its length so far, and of it at rest or in creep.
   type :: window_t
