@@ -193,7 +193,11 @@ contains
       place = known_leap(self, here, longest)
       if (table == 0 .and. place == 0) &
         call self%survey%make_table(self%steps, self%piece%drive%velocity, here, longest, now%until(self%t_end), table)
-      if (max(table, place) > 0 .and. self%recording) call end_excursion(self)
+      if (max(table, place) > 0 .and. self%recording) then
+        call end_excursion(self)
+        ! It may have dropped the leap, or taken its place.
+        if (place > 0) place = known_leap(self, here, longest)
+      end if
       if (place > 0) then
         if (self%leaps(place)%table == 0) self%own%excursions_reused = self%own%excursions_reused + 1
       else if (table > 0) then
