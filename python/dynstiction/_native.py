@@ -355,7 +355,12 @@ class Sweep(Session):
         """Run cases `first` (from 0) and following. Several threads may do so at once."""
         memory = self._opened()
         values, cycles, counts, codes, messages = _core.sweep_run(
-            memory.handle, first + 1, count, len(self.quantities), len(self.cycle_quantities), self.most_cycles
+            memory.handle,
+            first + 1,
+            count,
+            len(self.quantities),
+            len(self.cycle_quantities),
+            self.most_cycles,
         )
         values[:, codes < 0] = np.nan
         failed = {first + int(i): text_from(messages[i]).rstrip() for i in np.flatnonzero(codes > 0)}

@@ -138,7 +138,9 @@ def sweep(
         columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
         if core.most_cycles > 0:
             columns.append((CYCLE_COUNT, work.counts))
-            columns += [(info, work.cycles[:, :, i]) for i, info in enumerate(map(_of_cycle, core.cycle_quantities))]
+            columns += [
+                (info, work.cycles[:, :, i]) for i, info in enumerate(map(_of_cycle, core.cycle_quantities))
+            ]
         return _dataset(
             core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
         )
