@@ -47,13 +47,13 @@ SLIDER = ("mass", "stiffness_x", "misalignment_deg", "mu_0", "normal_load", "vel
 FINE = 2000
 """Values of the parameter at which steady sliding is looked at."""
 
-SMALL = 6.5
+SMALL = 7.0
 """Points of the words in the diagram."""
 
 
-CHARACTER = 0.0178
+CHARACTER = 0.019
 """Width of a small character over that of the diagram."""
-LINE = 0.052
+LINE = 0.056
 """Height of a line of small words over that of the diagram."""
 
 
