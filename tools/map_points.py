@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write the lists of points of the maps whose run time depends on the case: inputs/map_*.csv.
+"""Write the lists of points of the maps and diagrams whose run time depends on the case: inputs/*.csv.
 
     python tools/map_points.py [DIR]
 
@@ -50,8 +50,15 @@ def by_lambda() -> Iterator[Point]:
                 yield phi, m, v, 4.0 * LENGTH / v + settling
 
 
+def over_velocity() -> Iterator[Point]:
+    """Drive velocity for a bifurcation diagram: 40 lengths l_x of drive, and time to settle as above."""
+    for velocity in log_spaced(1.0e-4, 0.1, 400):
+        yield velocity, 40.0 * LENGTH / velocity + 6.0 + 1.0e3 * velocity
+
+
 LISTS = {
     "map_phi_velocity.csv": ("system.misalignment_deg,drive.velocity,scene.t_end", phi_velocity),
+    "bifurcation_velocity.csv": ("drive.velocity,scene.t_end", over_velocity),
     "map_lambda.csv": ("system.misalignment_deg,system.mass,drive.velocity,scene.t_end", by_lambda),
 }
 

@@ -4,6 +4,7 @@
 !> What lives on the heap is known by its handle, and is described by named tables and texts: there is no module state, so different
 !> runs may proceed in different threads. Status 0 is success, otherwise a code of dst_errors.
 module dst_python_api
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
   use dst_assembly, only: slider_from_scene
   use dst_build_info, only: version, git_revision, compiler, build_flags
@@ -18,7 +19,7 @@ module dst_python_api
   use dst_faults, only: not_all_faults
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
-  use dst_limit_cycles, only: limit_cycles_t, cycle_quantities, find_limit_cycles
+  use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, find_limit_cycles
   use dst_lock, only: lock_t
   use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
@@ -33,7 +34,8 @@ module dst_python_api
                            damping_scale, damping_ratio, weakening_damping_ratio
   use dst_stability_report, only: held_velocities
   use dst_stick_slip_ends, only: stick_slip_ends_t, find_stick_slip_ends
-  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities
+  use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities, &
+    table_quantities
   use dst_sweep_points, only: read_csv
   use dst_text, only: integer_text, printable
   use dst_writer, only: quantity_t, outcome_t
@@ -209,7 +211,7 @@ contains
     handle = handle_of(c_loc(holder))
     holder%session => self
     holder%sweep => self
-    call read_deck(self, text_of(deck), text_of(name), text_of(settings), .false.)
+    call read_deck(self, text_of(deck), text_of(name), text_of(settings), .false., n_names > 0)
     if (.not. allocated(self%error)) then
       lines = lines_of(text_of(names))
       if (size(lines) > 0) then
@@ -304,13 +306,14 @@ contains
     velocity = velocities(1)
   end subroutine open_steady_scene
 
-  subroutine read_deck(session, text, name, settings, alone)
+  subroutine read_deck(session, text, name, settings, alone, is_varied)
     class(session_t), intent(inout) :: session
     character(*), intent(in) :: text, name, settings
     logical, intent(in) :: alone
+    logical, intent(in), optional :: is_varied
 
     allocate (session%deck)
-    call parse_deck(text, name, lines_of(settings), session%deck, session%error, alone)
+    call parse_deck(text, name, lines_of(settings), session%deck, session%error, alone, is_varied)
   end subroutine read_deck
 
   integer(c_int) function status_of(session)
@@ -503,7 +506,8 @@ contains
     end select
   end subroutine make_run_table
 
-  !> Also 'axes' with the numbers of their values, the values of all 'points' one axis after the other, and 'quantities' of a case.
+  !> Also 'axes' with the numbers of their values, the values of all 'points' one axis after the other, 'quantities' of a case, and
+  !> those of its 'cycles', with how many are kept.
   subroutine make_sweep_table(self, which)
     class(sweep_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -529,6 +533,13 @@ contains
       end do
     case ('quantities')
       call describe(self%table, value_quantities(), 0)
+    case ('cycles')
+      if (self%sweep%keeps_cycles) then
+        call describe(self%table, table_quantities(self%sweep), 1)
+        self%table%number = real(self%sweep%table_rows(), wp)
+      else
+        call new_table(self%table, 0, 3, 1)
+      end if
     case default
       call self%session_t%make_table(which)
     end select
@@ -543,9 +554,9 @@ contains
 
     select case (which)
     case ('cycle_quantities')
-      call describe(self%table, cycle_quantities, 0)
+      call describe(self%table, limit_cycle_quantities, 0)
     case ('cycles')
-      call new_table(self%table, self%cycles%number(), 0, size(cycle_quantities))
+      call new_table(self%table, self%cycles%number(), 0, size(limit_cycle_quantities))
       self%table%number = self%cycles%value
     case ('sliding')
       call new_table(self%table, 1, 0, 3)
@@ -788,12 +799,13 @@ contains
     held%run%writer%events = 0
   end subroutine run_events
 
-  !> Run the cases `first` to `first + n - 1`: values (value, case), result X
-  subroutine sweep_run(handle, first, n, n_values, values, codes, messages)
+  !> Run the cases `first` to `first + n - 1`: values (value, case), cycles (quantity, cycle, case) with their numbers, result
+  !> codes (-1: not run) and messages.
+  subroutine sweep_run(handle, first, n, n_values, n_columns, n_rows, values, cycles, counts, codes, messages)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: first, n, n_values
-    real(c_double), intent(out) :: values(n_values, n)
-    integer(c_int), intent(out) :: codes(n)
+    integer(c_int), intent(in) :: first, n, n_values, n_columns, n_rows
+    real(c_double), intent(out) :: values(n_values, n), cycles(n_columns, n_rows, n)
+    integer(c_int), intent(out) :: counts(n), codes(n)
     character(len=400), intent(out) :: messages(n)
     !f2py threadsafe
     type(holder_t), pointer :: held
@@ -807,6 +819,8 @@ contains
     watch%session => held%sweep
     worker = held%sweep%worker
     values = 0.0_c_double
+    cycles = ieee_value(cycles, ieee_quiet_nan)
+    counts = 0
     codes = -1
     messages = ''
     next = int(first)
@@ -820,6 +834,10 @@ contains
       if (.not. finished) exit
       associate (i => case%number - int(first) + 1)
         values(:, i) = real(case%values, c_double)
+        if (n_rows > 0 .and. allocated(case%table)) then
+          counts(i) = size(case%table, 2)
+          cycles(:, :counts(i), i) = real(case%table, c_double)
+        end if
         codes(i) = int(case%result_code, c_int)
         if (case%result_code /= 0) messages(i) = case%result_text
       end associate

@@ -163,10 +163,11 @@ def _export(options: argparse.Namespace) -> None:
     name, folder = options.file.stem, options.output
     groups = groups_in(options.file)
     if "sweep" in groups:
-        _say(printable(str(export_sweep_csv(options.file, folder, name, overwrite=options.overwrite))))
-        return
-    result = open_trade(options.file) if "trade" in groups else _open(options.file)
-    for file in export_csv(result, folder, name, overwrite=options.overwrite):
+        files = export_sweep_csv(options.file, folder, name, overwrite=options.overwrite)
+    else:
+        result = open_trade(options.file) if "trade" in groups else _open(options.file)
+        files = export_csv(result, folder, name, overwrite=options.overwrite)
+    for file in files:
         _say(printable(str(file)))
 
 

@@ -89,6 +89,7 @@ KINDS = {
     "sweep/summary": COLUMN,
     "sweep/failures": Kind((1,), texts=True),
     "sweep/series": Kind((1, 2)),
+    "sweep/cycles": Kind((1, 2)),
     "trade": Kind((1,), texts=True),
 }
 """Groups of the files that dynstiction writes."""

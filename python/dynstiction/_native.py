@@ -357,6 +357,21 @@ class Ends(Session):
         """Numbers by name; what does not exist is left out."""
 
 
+class Cases(NamedTuple):
+    """What some cases of a sweep came to."""
+
+    values: NDArray[np.float64]
+    """(case, value)"""
+    cycles: NDArray[np.float64]
+    """(case, cycle, quantity); NaN where there are fewer cycles."""
+    counts: NDArray[np.int32]
+    """Cycles of each case."""
+    codes: NDArray[np.int32]
+    """-1 if stopped."""
+    messages: dict[int, str]
+    """Of those that failed, by number from 0."""
+
+
 class Sweep(Session):
     """The cases of a sweep in the core."""
 
@@ -380,18 +395,25 @@ class Sweep(Session):
         values = np.split(points, np.cumsum(sizes, dtype=int)[:-1])
         self.axes = list(zip(_infos(handle, "axes"), values, strict=True))
         self.quantities = _infos(handle, "quantities")
+        cycles, (most,) = _table(handle, "cycles", described=True)
+        self.cycle_quantities = [info for info, *_ in cycles]
+        self.most_cycles = int(max(most, default=0))
         self.resolved_deck = _named_text(handle, "resolved")
 
-    def run(self, first: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[int, str]]:
-        """Run cases `first` (from 0) and following: values (case, value), codes (-1 if stopped), messages.
-
-        Several threads may do so at once.
-        """
+    def run(self, first: int, count: int) -> Cases:
+        """Run cases `first` (from 0) and following. Several threads may do so at once."""
         memory = self._opened()
-        values, codes, messages = _core.sweep_run(memory.handle, first + 1, count, len(self.quantities))
+        values, cycles, counts, codes, messages = _core.sweep_run(
+            memory.handle,
+            first + 1,
+            count,
+            len(self.quantities),
+            len(self.cycle_quantities),
+            self.most_cycles,
+        )
         values[:, codes < 0] = np.nan
         failed = {first + int(i): text_from(messages[i]).rstrip() for i in np.flatnonzero(codes > 0)}
-        return values.T, codes, failed
+        return Cases(values.T, cycles.T, counts, codes, failed)
 
     def stop(self) -> None:
         """Let all threads give up what they do."""

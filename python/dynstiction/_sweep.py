@@ -29,11 +29,14 @@ if TYPE_CHECKING:
 __all__ = ["open_sweep", "sweep"]
 
 Floats: TypeAlias = NDArray[np.float64]
+Values: TypeAlias = Floats | NDArray[np.int32]
 Axis: TypeAlias = tuple[Info, Floats]
 """A parameter and its values: along one side of a grid, or of each case of a list."""
 
 LONGEST_PIECE = 64
 """Cases that a thread takes at once, at most."""
+
+CYCLE_COUNT = Info("cycle_count", "1", "cycles that are kept of the case")
 
 SHORTEST_PIECE = 4
 """Where cases run side by side, each place is used so often before a thread fetches more."""
@@ -78,7 +81,9 @@ def sweep(
         Summary of every case [SI units] with the parameters as coordinates (of a list: along ``case``),
         ``result_code`` (0 done, -1 not run), ``result_text`` (why a case failed) and ``wall_time`` [s].
         What a case does not have is NaN. Units are in the attributes; the attribute ``deck`` is the deck with every
-        key as used. Time series are not kept.
+        key as used. With ``sweep.keep = 'cycles'`` there are ``cycle_period``, ``cycle_peak_force``, ... with one
+        dimension more, ``cycle``: the last cycles that the means are over, the oldest first, at most ``sweep.cycles`` of
+        them, and ``cycle_count``, how many they are. Time series are not kept.
 
     Warns
     -----
@@ -131,9 +136,19 @@ def sweep(
             work.run(min(threads, core.cases, MOST_THREADS), show)
         work.warn()
         columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
+        if core.most_cycles > 0:
+            columns.append((CYCLE_COUNT, work.counts))
+            columns += [
+                (info, work.cycles[:, :, i]) for i, info in enumerate(map(_of_cycle, core.cycle_quantities))
+            ]
         return _dataset(
             core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
         )
+
+
+def _of_cycle(info: Info) -> Info:
+    """A quantity of a single cycle, whose name in the summary is that of the mean."""
+    return info._replace(name=f"cycle_{info.name}")
 
 
 def _key(key: str) -> str:
@@ -164,6 +179,8 @@ class _Work:
         self._error: BaseException | None = None
         self.values = np.full((core.cases, len(core.quantities)), np.nan)
         self.codes = np.full(core.cases, _native.NOT_RUN, dtype=np.int32)
+        self.cycles = np.full((core.cases, core.most_cycles, len(core.cycle_quantities)), np.nan)
+        self.counts = np.zeros(core.cases, dtype=np.int32)
         self.messages: dict[int, str] = {}
 
     def run(self, n_threads: int, show: Callable[[float], None]) -> None:
@@ -211,11 +228,12 @@ class _Work:
                 if left <= 0:
                     return
                 begun = time.perf_counter()
-                values, codes, messages = self._core.run(first, count)
+                cases = self._core.run(first, count)
                 passed = time.perf_counter() - begun
-                self.values[first : first + count] = values
-                self.codes[first : first + count] = codes
-                self.messages.update(messages)
+                here = slice(first, first + count)
+                self.values[here], self.codes[here] = cases.values, cases.codes
+                self.cycles[here], self.counts[here] = cases.cycles, cases.counts
+                self.messages.update(cases.messages)
                 with self._lock:
                     self._done += count
                 count = int(min(LONGEST_PIECE, count * PIECE_SECONDS / passed))
@@ -248,21 +266,24 @@ def _start(thread: threading.Thread) -> None:
 
 def _dataset(
     axes: Sequence[Axis],
-    values: Sequence[tuple[Info, Floats]],
+    values: Sequence[tuple[Info, Values]],
     codes: NDArray[np.int32],
     messages: Mapping[int, str],
     is_list: bool,
     deck: str,
 ) -> xarray.Dataset:
-    """A sweep as a dataset: `values` and `codes` by case, `messages` by number of the case from 0."""
+    """A sweep as a dataset: `values`, `codes` and cycles (case, cycle) by case, `messages` by number of the case from 0."""
     import xarray  # noqa: PLC0415  (optional)
 
     dims = ["case"] if is_list else [info.name for info, _ in axes]
     shape = [codes.size] if is_list else [axis.size for _, axis in axes]
     coordinates = {info.name: ("case" if is_list else info.name, axis, _about(info)) for info, axis in axes}
     variables: dict[str, tuple[list[str], NDArray[np.generic], dict[str, str]]] = {
-        info.name: (dims, column.reshape(shape), _about(info)) for info, column in values
-    }
+        info.name: (
+            [*dims, "cycle"][: len(dims) + column.ndim - 1], column.reshape(*shape, *column.shape[1:]), _about(info)
+        )
+        for info, column in values
+    }  # fmt: skip
     texts = np.array([messages.get(i, "") for i in range(codes.size)], dtype=object)
     about = {"units": "1", "long_name": "0 done, -1 not run, else why it failed"}
     variables["result_code"] = (dims, codes.reshape(shape), about)
@@ -285,7 +306,8 @@ def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        As `dynstiction.sweep` gives it. Series (``keep = 'series'``) are left in the file, group ``/sweep/series``.
+        As `dynstiction.sweep` gives it, cycles too. Series (``keep = 'series'``) are left in the file, group
+        ``/sweep/series``.
 
     Warns
     -----
@@ -328,6 +350,11 @@ def _read_sweep(file: h5py.File) -> xarray.Dataset:
     summary = group["summary"]
     columns = [(_info(summary, name), summary[name][:]) for name in summary]
     columns.append((_info(group, "wall_time"), group["wall_time"][:]))
+    if "cycles" in group:
+        cycles = group["cycles"]
+        columns.append((CYCLE_COUNT, cycles["count"][:].astype(np.int32)))
+        names = (name for name in cycles if name not in ("cycle", "count"))
+        columns += [(_of_cycle(_info(cycles, name)), cycles[name][:]) for name in names]
     failures = group["failures"]
     messages = dict(zip(failures["case"][:] - 1, failures["result_text"].asstr()[:], strict=True))
     codes = group["result_code"][:].astype(np.int32)

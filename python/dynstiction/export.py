@@ -59,24 +59,31 @@ def _summary_rows(result: Result) -> Iterator[Sequence[object]]:
             yield table, info.name, value, info.units, info.long_name
 
 
-def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = False) -> Path:
-    """Write the cases of a sweep file, one a row: parameters, summary, result code, wall time.
+def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
+    """Write the tables of a sweep file, and yield the files as they are there.
+
+    Cases are one a row: parameters, summary, result code, wall time; and so are the cycles that are kept of them
+    (``sweep.keep = 'cycles'``): case, parameters, number of the cycle in the case, period, peak force, ....
 
     Parameters
     ----------
     path : Path
         The sweep file.
     folder, name, overwrite
-        As for `export_csv`; the file is NAME_sweep.csv.
+        As for `export_csv`; the files are NAME_sweep.csv and, where there are cycles, NAME_cycles.csv.
 
     Raises
     ------
     FileError
-        If the sweep file cannot be read, or the CSV file is there already or cannot be written.
+        If the sweep file cannot be read, or a CSV file is there already or cannot be written.
     """
     with open_file(path) as file:
-        head, rows = _table(_sweep_columns(file["sweep"]))
-    return _write(folder / f"{name}_sweep.csv", head, rows, overwrite)
+        group = file["sweep"]
+        tables = {"sweep": _table(_sweep_columns(group))}
+        if "cycles" in group:
+            tables["cycles"] = _table(_cycle_columns(group))
+    for table, (head, rows) in tables.items():
+        yield _write(folder / f"{name}_{table}.csv", head, rows, overwrite)
 
 
 def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
@@ -87,6 +94,18 @@ def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
         for name in sorted(table, key=lambda name: name != "case"):
             if getattr(table[name], "shape", None) == cases:
                 yield info_of(name, table[name]), table[name][...]
+
+
+def _cycle_columns(group: Any) -> Iterator[tuple[Info, Any]]:
+    """All that has one number a cycle that is kept: case, parameters, number of the cycle, then what it is told by."""
+    cycles = group["cycles"]
+    counts = cycles["count"][...]
+    for name in ("case", *str(group.attrs["parameters"]).split()):
+        yield info_of(name, group[name]), np.repeat(group[name][...], counts)
+    there = np.arange(cycles["cycle"].size) < counts[:, np.newaxis]
+    yield info_of("cycle", cycles["cycle"]), np.broadcast_to(cycles["cycle"][...], there.shape)[there]
+    for name in sorted(set(cycles) - {"cycle", "count"}):
+        yield info_of(name, cycles[name]), cycles[name][...][there]
 
 
 def _table(columns: Iterable[tuple[Info, Any]]) -> tuple[list[str], Iterable[Sequence[object]]]:

@@ -23,14 +23,14 @@ class LimitCycle(NamedTuple):
     """Peak of the load [N]: of a stable cycle the apparent static friction."""
     valley_force: float
     """Valley of the load [N]."""
-    swing: float
-    """Peak less valley [N]."""
     stick_duration: float
     """Time from valley to peak [s]."""
     slip_duration: float
     """Time from peak to valley [s]."""
     slip_length: float
     """Advance in X from peak to valley [m], positive with the drive."""
+    swing: float
+    """Peak less valley [N]."""
     log_multiplier: float
     """Logarithm of the factor by which a cycle makes a small disturbance larger [-]."""
 

@@ -111,7 +111,7 @@ module dst_command_table
       'dynstiction report fig3.h5'), &
     command_entry_t('export', 'FILE.h5', python, 'write a result file''s tables as CSV', &
       'Write the tables of a result file as CSV: of a run time series, events and summary, of a sweep its '// &
-      'cases, of a comparison its points. Prints the files it wrote.', &
+      'cases and their cycles, of a comparison its points. Prints the files it wrote.', &
       'dynstiction export fig3.h5 --csv'), &
     command_entry_t('animate', 'FILE.h5', python, 'show a run from above', &
       'The object from above, while friction turns and the spring force and the position evolve.', &
@@ -157,8 +157,10 @@ module dst_command_table
     option_t('--help', '', '', '?', 'the help on the program, or on a command', ''), &
     option_t('--version', '', '', '?', 'the version of the program, and how it was built', ''), &
     option_t('--kind', 'KIND', 'plot', '?', 'of a run history, velocities, spectrogram, damping, creep, path, columns or '// &
-      'cycle_map; default: what its model is for; of a sweep map (default) or lambda; of dynstiction trade work_precision', ''), &
-    option_t('--quantity', 'NAME', 'plot', '?', 'what a map of a sweep shows, like period (swing)', ''), &
+      'cycle_map; default: what its model is for; of a sweep map (default), lambda, '// &
+      'bifurcation; of a trade work_precision', ''), &
+    option_t('--quantity', 'NAME', 'plot', '?', &
+      'what a map of a sweep shows, like period (swing), or a bifurcation diagram (peak_force)', ''), &
     option_t('-o', 'PNG', 'plot', '?', 'default: FILE.png, of several files comparison.png; also .pdf, .svg', ''), &
     option_t('-o', 'HTML', 'report', '?', 'default: FILE.html', ''), &
     option_t('--csv', '', 'export', '1', 'the format', ''), &

@@ -2,6 +2,7 @@
 !>
 !> `check`, and `run` before the first of its decks, ask the same procedure, so that they refuse the same in the same words.
 module dst_deck_check
+  use dst_cycles, only: measures
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: grid_cases, varied_key
   use dst_disk, only: folder_of, file_size, file_exists, free_space, true_path, path_t
@@ -14,7 +15,7 @@ module dst_deck_check
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: sweep_group
   use dst_simulation, only: simulation_t
-  use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, series_quantities
+  use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, table_quantities
   use dst_sweep_list, only: read_points
   use dst_sweep_shard, only: shards_of
   use dst_text, only: integer_text
@@ -110,7 +111,10 @@ contains
 
     numbers = 0.0_wp
     demand%remedy = 'use smaller counts'
-    if (deck%text_of(sweep_group, 'keep') == 'series') then
+    if (deck%text_of(sweep_group, 'keep') == 'cycles') then
+      numbers = real(measures*deck%integer_of(sweep_group, 'cycles') + 1, wp)
+      demand%remedy = demand%remedy//', fewer sweep.cycles'
+    else if (deck%text_of(sweep_group, 'keep') == 'series') then
       samples = sample_count(deck%real_of('scene', 't_end'), deck%real_of('output', 'interval'))
       call count_series(deck, samples, numbers, error)
       if (allocated(error)) return
@@ -145,7 +149,7 @@ contains
 
     one%deck = deck
     one%keeps_series = .true.
-    columns = size(series_quantities(one))
+    columns = size(table_quantities(one))
     numbers = 0.0_wp
     if (samples < most_samples) numbers = samples*real(columns, wp)
     if (numbers > most_series_values .or. .not. samples < most_samples) call raise(error, deck_error, &

@@ -20,7 +20,7 @@ module dst_sweep_runner
   use dst_schema, only: schema, sweep_group
   use dst_sha256, only: sha256
   use dst_signals, only: is_told_to_end, stopped_by
-  use dst_sweep, only: sweep_t, axis_t, new_sweep, series_quantities
+  use dst_sweep, only: sweep_t, axis_t, new_sweep, table_quantities
   use dst_sweep_file, only: block_of, merge_shards, look_at_result
   use dst_sweep_shard, only: head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &
     missing, without_concern, scan_shard, empty_shard, delete_shard
@@ -194,7 +194,7 @@ contains
     head%identity = identity
     digest = sha256(version//git_revision)
     head%build = digest(:len(head%build))
-    head%columns = size(series_quantities(sweep))
+    head%columns = size(table_quantities(sweep))
     head%cases = sweep%cases
   end function head_of
 

@@ -1,9 +1,10 @@
 !> What `dynstiction cycles` prints: the limit cycles of a scene, and steady sliding beside them.
 module dst_cycles_report
   use dst_assembly, only: slider_from_scene
+  use dst_cycles, only: peak, valley
   use dst_errors, only: error_t, raise, deck_error
   use dst_kinds, only: wp
-  use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, cycle_quantities, peak_force, valley_force
+  use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, limit_cycle_quantities
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t
   use dst_stability_report, only: held_velocities
@@ -75,16 +76,16 @@ contains
     do i = 1, cycles%number()
       call page%line('')
       call page%row('cycle '//integer_text(i), trim(merge('stable  ', 'unstable', cycles%is_stable(i))))
-      do k = 1, size(cycle_quantities)
-        call page%row('  '//trim(cycle_quantities(k)%name), formatted('(es22.14)', cycles%value(k, i))//' '// &
-          trim(cycle_quantities(k)%units))
+      do k = 1, size(limit_cycle_quantities)
+        call page%row('  '//trim(limit_cycle_quantities(k)%name), formatted('(es22.14)', cycles%value(k, i))//' '// &
+          trim(limit_cycle_quantities(k)%units))
       end do
       if (cycles%is_stable(i)) then
-        call page%row('  apparent static friction', formatted('(es22.14)', cycles%value(peak_force, i)/ &
+        call page%row('  apparent static friction', formatted('(es22.14)', cycles%value(peak, i)/ &
           slider%law%static_limit)//' mu_0')
       else if (cycles%sliding_is_stable .and. i == 1) then
-        call page%row('', '  between '//formatted('(es14.7)', cycles%value(valley_force, i))//' N and '// &
-          formatted('(es14.7)', cycles%value(peak_force, i))//' N the object comes to steady sliding')
+        call page%row('', '  between '//formatted('(es14.7)', cycles%value(valley, i))//' N and '// &
+          formatted('(es14.7)', cycles%value(peak, i))//' N the object comes to steady sliding')
       end if
     end do
   end subroutine list_cycles

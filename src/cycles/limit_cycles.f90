@@ -1,6 +1,7 @@
 !> The limit cycles of a scene: what it settles to, and what it cannot stay at.
 module dst_limit_cycles
   use dst_assembly, only: slider_from_scene
+  use dst_cycles, only: cycle_quantities, measures
   use dst_errors, only: error_t, raise, deck_error
   use dst_kinds, only: wp
   use dst_scene, only: scene_t
@@ -11,21 +12,12 @@ module dst_limit_cycles
   implicit none
   private
 
-  public :: limit_cycles_t, cycle_quantities, period, peak_force, valley_force, swing, stick_duration, slip_duration, slip_length, &
-    log_multiplier
-  public :: find_limit_cycles
+  public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, find_limit_cycles
 
-  !> What is told of a cycle, as of those of a run.
-  integer, parameter :: period = 1, peak_force = 2, valley_force = 3, swing = 4, stick_duration = 5, slip_duration = 6, &
-    slip_length = 7, log_multiplier = 8
-  type(quantity_t), parameter :: cycle_quantities(*) = [ &
-    quantity_t('period', 's', 'time from peak to peak of the load'), &
-    quantity_t('peak_force', 'N', 'peak of the load: k_x u_x, positive where the drive pulls'), &
-    quantity_t('valley_force', 'N', 'valley of the load'), &
+  !> What is told of a cycle: as of those of a run, its swing, and how it changes a small disturbance.
+  integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, quantities = measures + 2
+  type(quantity_t), parameter :: limit_cycle_quantities(quantities) = [cycle_quantities, &
     quantity_t('swing', 'N', 'peak_force less valley_force'), &
-    quantity_t('stick_duration', 's', 'time from valley to peak: dynamic stiction'), &
-    quantity_t('slip_duration', 's', 'time from peak to valley'), &
-    quantity_t('slip_length', 'm', 'advance in X from peak to valley, positive with the drive'), &
     quantity_t('log_multiplier', '1', 'log of the factor by which a disturbance grows in a cycle')]
 
   !> Accuracy of the motion. Ten times: the cycles of Fig. 3 differ by 1e-13 of themselves.
@@ -72,11 +64,11 @@ contains
     cycles%eigenvalues = eigenvalues_of(slider, map%damping)
     call find_slow_cycles(map, found, error)
     if (allocated(error)) return
-    allocate (cycles%value(size(cycle_quantities), size(found)))
+    allocate (cycles%value(quantities, size(found)))
     do i = 1, size(found)
       associate (cycle => found(i), stiffness => slider%stiffness(1))
-        cycles%value(:, i) = [cycle%rise_time + cycle%fall_time, stiffness*cycle%peak, stiffness*cycle%valley, &
-          stiffness*(cycle%peak - cycle%valley), cycle%rise_time, cycle%fall_time, cycle%slip_length, cycle%log_multiplier]
+        cycles%value(:, i) = [cycle%rise_time + cycle%fall_time, stiffness*cycle%peak, stiffness*cycle%valley, cycle%rise_time, &
+          cycle%fall_time, cycle%slip_length, stiffness*(cycle%peak - cycle%valley), cycle%log_multiplier]
       end associate
     end do
   end subroutine find_limit_cycles

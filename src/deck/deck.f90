@@ -73,16 +73,17 @@ contains
   end subroutine read_text
 
   !> Read a deck from memory; `name` stands for the file's name in messages. With `alone` each value is checked against its own key
-  !> only: a part of a deck is not refused for what it lacks, or for what does not go together.
-  subroutine parse_deck(text, name, settings, deck, error, alone)
+  !> only: a part of a deck is not refused for what it lacks, or for what does not go together. With `is_varied` its parameters are
+  !> varied by somebody else, and &sweep need not name any.
+  subroutine parse_deck(text, name, settings, deck, error, alone, is_varied)
     character(*), intent(in) :: text, name
     character(*), intent(in) :: settings(:)
     type(deck_t), intent(out) :: deck
     type(error_t), allocatable, intent(out) :: error
-    logical, intent(in), optional :: alone
+    logical, intent(in), optional :: alone, is_varied
     type(namelist_t) :: list
     integer :: line_of(word_count(group_names)), i
-    logical :: is_whole
+    logical :: is_whole, needs_no_grid
 
     deck%name = name
     deck%text = text
@@ -99,13 +100,15 @@ contains
     end if
     is_whole = list%plain
     if (present(alone)) is_whole = is_whole .and. .not. alone
+    needs_no_grid = .false.
+    if (present(is_varied)) needs_no_grid = is_varied
     if (is_whole) then
       call check_keys(deck)
       call check_missing(deck, line_of, last_line(text))
       call check_contact(deck)
       call check_drive(deck)
       call check_fields(deck)
-      call check_sweep(deck, line_of(group_number(sweep_group)))
+      call check_sweep(deck, line_of(group_number(sweep_group)), needs_no_grid)
     end if
     if (deck%faults%count > 0) call raise_lines(error, deck_error, deck%faults%report(name))
   end subroutine parse_deck

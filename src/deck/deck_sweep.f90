@@ -4,7 +4,7 @@ module dst_deck_sweep
   use dst_kinds, only: wp
   use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, unused
   use dst_schema, only: schema, sweep_group, find_key, in_range, range_text, real_kind, reals_kind, integer_kind, longest_text
-  use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word
+  use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word, alternatives
   implicit none
   private
 
@@ -12,15 +12,19 @@ module dst_deck_sweep
 
   !> Groups whose keys say how a case is written, not what it is.
   character(*), parameter :: fixed_groups = 'output sweep'
+  !> Models whose load on the soft spring rises and falls.
+  character(*), parameter :: models_with_cycles = 'full low_frequency'
   !> More cases than one result file presents.
   real(wp), parameter :: many_cases = 1.0e9_wp
 
 contains
 
-  !> All faults of the group; `line` is its line in the deck, 0 if it is absent. What follows from another fault is not one.
-  subroutine check_sweep(deck, line)
+  !> All faults of the group; `line` is its line in the deck, 0 if it is absent. What follows from another fault is not one. What is
+  !> varied may come from elsewhere (`is_varied`), the deck's own grid then is of no interest.
+  subroutine check_sweep(deck, line, is_varied)
     type(deck_t), intent(inout) :: deck
     integer, intent(in) :: line
+    logical, intent(in) :: is_varied
     character(longest_text), allocatable :: names(:)
     integer :: i, n
     logical :: keeps_series
@@ -33,6 +37,7 @@ contains
       call note(deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
     if (keeps_series .and. deck%text_of('integrator', 'method') == 'rodas4p') &
       call note(deck, 'integrator', 'method', "method 'rodas4p' keeps no series: use radau9, or keep = 'summary'")
+    if (deck%text_of(sweep_group, 'keep') == 'cycles') call check_cycles(deck)
     allocate (names, source=deck%texts_of(sweep_group, 'parameter'))
     n = size(names)
     if (keeps_series .and. any(lower_case_of(names) == 'scene.t_end')) &
@@ -42,7 +47,7 @@ contains
       call check_no_grid(deck)
       return
     else if (names(1) == '') then
-      call note_nothing_varied(deck, line)
+      if (.not. is_varied) call note_nothing_varied(deck, line)
       return
     end if
     call check_lengths(deck, n)
@@ -54,6 +59,17 @@ contains
     if (is_known(deck, 'count') .and. grid_cases(deck) > many_cases) &
       call note(deck, sweep_group, 'count', 'more than '//real_text(many_cases)//' cases: use smaller counts')
   end subroutine check_sweep
+
+  !> Cycles are kept of what has some.
+  subroutine check_cycles(deck)
+    type(deck_t), intent(inout) :: deck
+    character(:), allocatable :: model
+
+    model = deck%text_of('scene', 'model')
+    if (.not. is_known(deck, 'keep') .or. model == 'auto' .or. has_word(models_with_cycles, model)) return
+    call note(deck, sweep_group, 'keep', "keep 'cycles': model '"//model//"' has no stick-slip cycles: use keep = 'summary', "// &
+      'or model '//alternatives(models_with_cycles))
+  end subroutine check_cycles
 
   !> Whether the value of a key of the group is as the deck means it: neither faulty, nor given under a wrong name.
   pure logical function is_known(deck, key)

@@ -87,6 +87,8 @@ module dst_schema
 
   type(condition_t), parameter :: leaping(2) = [condition_t('method', adaptive_methods), condition_t('contact', 'exact')]
 
+  type(condition_t), parameter :: keeping_cycles(2) = [condition_t('keep', 'cycles'), none]
+
   logical, parameter :: must = .true., may = .false.
 
   !> group, key, kind, unit, range, required?, default, sample, choices, used_by, meaning
@@ -175,8 +177,10 @@ module dst_schema
           'distance of the values: one for all parameters, or one for each'), &
     key_t('sweep', 'points', text_kind, '', any_real, may, '', '', '', always, &
           'CSV or HDF5 file, a column for each GROUP.KEY and a case a row, in place of the above'), &
-    key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series', always, &
-          'what is kept of a case: its summary, or the time series too')]
+    key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series cycles', always, &
+          'what is kept of a case: its summary, or the time series too, or its last stick-slip cycles too'), &
+    key_t('sweep', 'cycles', integer_kind, '1', range_t(low=1.0_wp, high=100.0_wp), may, '50', '', '', keeping_cycles, &
+          'most cycles kept of a case: the last of those that the means are over')]
 
   !> Number of keys.
   integer, parameter :: key_count = size(schema)

@@ -144,7 +144,11 @@ contains
     if (h5%status < 0 .or. program /= this_program) return
     text = 'run'
     if (has(file, 'trade')) text = 'comparison of methods'
-    if (has(file, 'sweep')) text = 'sweep'
+    if (has(file, 'sweep')) then
+      text = 'sweep'
+      if (has(file, 'sweep/series')) text = 'sweep with series'
+      if (has(file, 'sweep/cycles')) text = 'sweep with cycles'
+    end if
     text = printable(text//' of model '//model//', method '//method//', '//created//', dynstiction '//version//' ('// &
       revision//'): '//trim(merge('complete    ', 'not complete', complete == 1))//', '//ending)
   end function description

@@ -14,7 +14,7 @@ module dst_sweep_file
   use dst_result_file, only: result_file_t, check_target
   use dst_schema, only: schema
   use dst_signals, only: is_told_to_end, stopped_by
-  use dst_sweep, only: sweep_t, case_t, axis_t, value_count, value_quantities, wall_time_value, series_quantities
+  use dst_sweep, only: sweep_t, case_t, axis_t, value_count, value_quantities, wall_time_value, table_quantities
   use dst_seal, only: has_sound_seal
   use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, shard_t, without_concern, open_records, &
     read_record, shards_of
@@ -25,15 +25,16 @@ module dst_sweep_file
 
   public :: block_of, merge_shards, look_at_result, is_of_unfinished_sweep
 
-  !> Cases held in memory; values of the series held in memory.
-  integer, parameter :: usual_block = 16384, most_series_values = 4000000
+  !> Cases held in memory; values of their series or cycles held in memory.
+  integer, parameter :: usual_block = 16384, most_table_values = 4000000
   !> result_code of a case that has not been run.
   integer, parameter :: not_run = -1
 
   type :: output_t
     integer(hid_t) :: file = -1
     type(dataset_t), allocatable :: columns(:)   !! number of the case, parameters, values, result code
-    type(dataset_t), allocatable :: series(:)
+    type(dataset_t), allocatable :: table(:)     !! of the series or of the cycles
+    type(dataset_t) :: count                     !! of the cycles of a case
     type(dataset_t) :: failed, failure
   end type output_t
 
@@ -41,7 +42,8 @@ module dst_sweep_file
   type :: block_t
     integer :: first = 0, count = 0
     real(real64), allocatable :: columns(:, :)   !! (case, column)
-    real(real64), allocatable :: series(:, :, :) !! (row, case, column)
+    real(real64), allocatable :: table(:, :, :)  !! (row, case, column)
+    integer, allocatable :: rows(:)              !! of the table of each case
     type(path_t), allocatable :: message(:)
   end type block_t
 
@@ -157,7 +159,7 @@ contains
     type(sweep_t), intent(in) :: sweep
 
     block_of = min(sweep%cases, usual_block)
-    if (sweep%keeps_series) block_of = max(1, min(block_of, most_series_values/max(1, sweep%series_values())))
+    if (sweep%table_rows() > 0) block_of = max(1, min(block_of, most_table_values/max(1, sweep%table_values())))
   end function block_of
 
   subroutine create_columns(output, sweep, h5)
@@ -172,7 +174,7 @@ contains
     axes = size(sweep%axes)
     allocate (columns, source=[quantity_t('case', '1', 'number of the case'), (parameter_of(sweep%axes(i)), i=1, axes), &
       value_quantities(), quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see docs/errors.md')])
-    allocate (output%columns(size(columns)), output%series(0))
+    allocate (output%columns(size(columns)), output%table(0))
     call create_group(output%file, 'sweep', group, h5)
     call create_group(group, 'summary', summary, h5)
     allocate (places, source=[group, (group, i=1, axes), (merge(group, summary, i == wall_time_value), i=1, value_count), group])
@@ -189,7 +191,11 @@ contains
     call make_scale(output%failed, 'case', h5)
     call create_dataset(failures, quantity_t('result_text', '1', 'why it failed'), 1024, output%failure, h5)
     call attach_scale(output%failure, output%failed, 1, h5)
-    if (sweep%keeps_series) call create_series(output, sweep, group, h5)
+    if (sweep%keeps_series) then
+      call create_series(output, sweep, group, h5)
+    else if (sweep%keeps_cycles) then
+      call create_cycles(output, sweep, group, h5)
+    end if
   end subroutine create_columns
 
   type(quantity_t) function parameter_of(axis) result(parameter)
@@ -206,26 +212,61 @@ contains
     type(sweep_t), intent(in) :: sweep
     integer(hid_t), intent(in) :: group
     type(hdf5_t), intent(inout) :: h5
-    integer, parameter :: usual_chunk = 16384   ! values
-    type(quantity_t), allocatable :: columns(:)
     type(dataset_t) :: time
     integer(hid_t) :: series
+
+    call create_group(group, 'series', series, h5)
+    call create_dataset(series, quantity_t('time', 's', 'time of the samples'), min(8192, sweep%table_rows()), time, h5, &
+      h5t_ieee_f64le)
+    call make_scale(time, 'time', h5)
+    call append(time, sweep%table_rows(), real(sweep%series_times(), real64), h5)
+    call create_table(output, sweep, series, time, h5)
+  end subroutine create_series
+
+  !> The cycles of a case in a row, the last one that was run in the last place that has one.
+  subroutine create_cycles(output, sweep, group, h5)
+    type(output_t), intent(inout) :: output
+    type(sweep_t), intent(in) :: sweep
+    integer(hid_t), intent(in) :: group
+    type(hdf5_t), intent(inout) :: h5
+    type(dataset_t) :: cycle
+    integer(hid_t) :: cycles
+    integer :: i
+
+    associate (rows => sweep%table_rows())
+      call create_group(group, 'cycles', cycles, h5)
+      call create_dataset(cycles, quantity_t('cycle', '1', 'number of the cycle among those that are kept'), rows, cycle, h5, &
+        h5t_std_i32le)
+      call make_scale(cycle, 'cycle', h5)
+      call append(cycle, rows, [(real(i, real64), i=1, rows)], h5)
+    end associate
+    call create_dataset(cycles, quantity_t('count', '1', 'cycles that are kept of the case'), block_of(sweep), output%count, h5, &
+      h5t_std_i32le, whole_chunks=.true.)
+    call attach_scale(output%count, output%columns(1), 1, h5)
+    call create_table(output, sweep, cycles, cycle, h5)
+  end subroutine create_cycles
+
+  !> What is kept of each sample or cycle, a row a case.
+  subroutine create_table(output, sweep, group, scale, h5)
+    type(output_t), intent(inout) :: output
+    type(sweep_t), intent(in) :: sweep
+    integer(hid_t), intent(in) :: group
+    type(dataset_t), intent(in) :: scale          !! of the samples or cycles
+    type(hdf5_t), intent(inout) :: h5
+    integer, parameter :: usual_chunk = 16384     ! values
+    type(quantity_t), allocatable :: columns(:)
     integer :: i, rows
 
-    rows = sweep%series_rows()
-    allocate (columns, source=series_quantities(sweep))
-    deallocate (output%series)
-    allocate (output%series(size(columns)))
-    call create_group(group, 'series', series, h5)
-    call create_dataset(series, quantity_t('time', 's', 'time of the samples'), min(8192, rows), time, h5, h5t_ieee_f64le)
-    call make_scale(time, 'time', h5)
-    call append(time, rows, real(sweep%series_times(), real64), h5)
+    rows = sweep%table_rows()
+    allocate (columns, source=table_quantities(sweep))
+    deallocate (output%table)
+    allocate (output%table(size(columns)))
     do i = 1, size(columns)
-      call create_dataset(series, columns(i), max(1, usual_chunk/rows), output%series(i), h5, h5t_ieee_f64le, row_length=rows)
-      call attach_scale(output%series(i), output%columns(1), 1, h5)
-      call attach_scale(output%series(i), time, 2, h5)
+      call create_dataset(group, columns(i), max(1, usual_chunk/rows), output%table(i), h5, h5t_ieee_f64le, row_length=rows)
+      call attach_scale(output%table(i), output%columns(1), 1, h5)
+      call attach_scale(output%table(i), scale, 2, h5)
     end do
-  end subroutine create_series
+  end subroutine create_table
 
   !> '40 40', or 'list'.
   function grid_text(sweep) result(text)
@@ -255,11 +296,11 @@ contains
 
     layout = layout_of(sweep)
     length = index%block
-    allocate (block%message(length), block%columns(length, size(output%columns)))
-    allocate (block%series(sweep%series_rows(), length, size(output%series)), stat=no_memory)
+    allocate (block%message(length), block%columns(length, size(output%columns)), block%rows(length))
+    allocate (block%table(sweep%table_rows(), length, size(output%table)), stat=no_memory)
     if (no_memory /= 0) then
-      call raise(error, out_of_memory, 'no memory for the series of '//integer_text(length)//' cases: the shards keep what is '// &
-        'done: merge them where there is more')
+      call raise(error, out_of_memory, 'no memory for the '//merge('cycles', 'series', sweep%keeps_cycles)//' of '// &
+        integer_text(length)//' cases: the shards keep what is done: merge them where there is more')
       return
     end if
     do first = 1, sweep%cases, length
@@ -287,7 +328,8 @@ contains
 
     nan = ieee_value(nan, ieee_quiet_nan)
     block%columns = nan
-    block%series = nan
+    block%table = nan
+    block%rows = 0
     do i = 1, block%count
       associate (number => block%first + i - 1, axes => size(sweep%axes))
         block%columns(i, :axes + 1) = [real(number, real64), real(sweep%coordinates(number), real64)]
@@ -346,8 +388,9 @@ contains
     if (nint(block%columns(n, last)) /= not_run) return
     block%columns(n, last - value_count:) = [real(case%values, real64), real(case%result_code, real64)]
     if (case%result_code /= result_done) block%message(n)%text = case%result_text
+    if (layout%columns > 0) block%rows(n) = size(case%table, 2)
     do j = 1, layout%columns
-      block%series(:size(case%series, 2), n, j) = real(case%series(j, :), real64)
+      block%table(:size(case%table, 2), n, j) = real(case%table(j, :), real64)
     end do
   end subroutine take_case
 
@@ -363,8 +406,9 @@ contains
     do i = 1, last
       call append(output%columns(i), block%count, block%columns(:block%count, i), h5)
     end do
-    do i = 1, size(output%series)
-      call append(output%series(i), block%count, block%series(:, :, i), h5)
+    if (output%count%id >= 0) call append(output%count, block%count, real(block%rows(:block%count), real64), h5)
+    do i = 1, size(output%table)
+      call append(output%table(i), block%count, block%table(:, :, i), h5)
     end do
     failed = pack([(i, i=1, block%count)], block%columns(:block%count, last) > 0.0_real64)
     allocate (messages(size(failed)))

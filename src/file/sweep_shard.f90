@@ -2,7 +2,7 @@
 !>
 !> A process that is killed leaves whole records and at most a part of one at the end, which its checksum tells; the next
 !> process that opens the shard cuts it off. A record is a row of 64-bit words in the order of this machine:
-!> case and result code, length and bytes of the message, the values, the message, the series, the checksum.
+!> case and result code, length and bytes of the message, the values, the message, the series or the cycles, the checksum.
 !> Anybody may have written a file of that name: it is emptied or removed only if it begins with the magic word, and what a
 !> record says of itself is believed only as far as this sweep allows.
 !>
@@ -18,7 +18,7 @@ module dst_sweep_shard
   use dst_division, only: division_t
   use dst_errors, only: error_t, raise, file_error, out_of_memory, stopped_early
   use dst_kinds, only: wp, int64, real64
-  use dst_sweep, only: sweep_t, case_t, value_count, series_quantities
+  use dst_sweep, only: sweep_t, case_t, value_count, table_quantities
   use dst_text, only: integer_text, printable
   implicit none
   private
@@ -41,9 +41,9 @@ module dst_sweep_shard
     procedure, private :: show
   end type shard_t
 
-  !> The series that a record of a sweep may hold.
+  !> The samples or cycles that a record of a sweep may hold.
   type :: layout_t
-    integer :: columns = 0   !! 0 = none is kept
+    integer :: columns = 0   !! 0 = none are kept
     integer :: rows = 0      !! at most
   end type layout_t
 
@@ -83,7 +83,7 @@ module dst_sweep_shard
   type :: head_t
     character(24) :: identity = ''               !! of the sweep: deck as used, list
     character(16) :: build = ''                  !! of the program: version, revision
-    integer :: values = value_count, columns = 0 !! of a case, of its series
+    integer :: values = value_count, columns = 0 !! of a case, of its series or cycles
     integer :: cases = 0
     integer(int64) :: begun = 0                  !! s since 1970
     type(division_t) :: division
@@ -100,7 +100,7 @@ module dst_sweep_shard
   !> Of the header: magic word, identity of the sweep (3) and the build (2), values and columns, cases and time, I and N, first and
   !> last index of the array, its step and the processes of a task, checksum.
   integer, parameter :: header_words = 12
-  !> Of a record without message and series.
+  !> Of a record without message, series and cycles.
   integer, parameter :: shortest_record = 2 + value_count + 1
   integer, parameter :: longest_message = 4096  !! bytes
   integer(int64), parameter :: window_words = 8192   !! read at once
@@ -156,7 +156,7 @@ contains
     type(sweep_t), intent(in) :: sweep
     type(layout_t) :: layout
 
-    layout = layout_t(size(series_quantities(sweep)), sweep%series_rows())
+    layout = layout_t(size(table_quantities(sweep)), sweep%table_rows())
   end function layout_of
 
   !> Open a shard of worker `number` to append; what a killed process left unfinished at its end is cut off. Shards of another
@@ -365,14 +365,14 @@ contains
     class(shard_t), intent(inout), target :: self
     type(case_t), intent(in) :: case
     type(error_t), allocatable, intent(out) :: error
-    real(real64), pointer :: series(:, :)
+    real(real64), pointer :: table(:, :)
     character(:), allocatable :: reason
     integer :: length, message_bytes, message_words, first, no_memory
 
     message_bytes = min(len(case%result_text), longest_message)
     message_words = words_for(message_bytes)
     length = shortest_record + message_words
-    if (allocated(case%series)) length = length + size(case%series)
+    if (allocated(case%table)) length = length + size(case%table)
     if (allocated(self%window)) then
       if (size(self%window) < length) deallocate (self%window)
     end if
@@ -387,9 +387,9 @@ contains
       words(:first - 1) = [transfer([case%number, case%result_code, length, message_bytes], words, 2), &
         transfer(real(case%values, real64), words)]
       words(first:first + message_words - 1) = transfer(padded, words, message_words)
-      if (allocated(case%series)) then
-        call c_f_pointer(c_loc(words(first + message_words)), series, shape(case%series))
-        series = real(case%series, real64)
+      if (allocated(case%table)) then
+        call c_f_pointer(c_loc(words(first + message_words)), table, shape(case%table))
+        table = real(case%table, real64)
       end if
       words(length) = checksum(words(:length - 1))
       call append_words(self%descriptor, words(:length), reason)
@@ -663,7 +663,7 @@ contains
     type(layout_t), intent(in) :: layout
     type(record_t) :: record
     integer(int64), pointer, contiguous :: start(:)
-    integer :: n(4), series
+    integer :: n(4), numbers
 
     if (word_bytes*(place + shortest_record) > shard%bytes) return
     call shard%show(place, 2_int64, start)
@@ -673,11 +673,11 @@ contains
     record%result_code = n(2)
     record%length = n(3)
     record%message_bytes = n(4)
-    series = n(3) - shortest_record - words_for(n(4))
-    if (series < 0 .or. series > int(layout%columns, int64)*layout%rows) return
+    numbers = n(3) - shortest_record - words_for(n(4))
+    if (numbers < 0 .or. numbers > int(layout%columns, int64)*layout%rows) return
     if (layout%columns > 0) then
-      if (modulo(series, layout%columns) > 0) return
-      record%rows = series/layout%columns
+      if (modulo(numbers, layout%columns) > 0) return
+      record%rows = numbers/layout%columns
     end if
     record%is_possible = word_bytes*(place + record%length) <= shard%bytes
   end function record_at
@@ -692,7 +692,7 @@ contains
     logical, intent(out) :: is_possible
     type(record_t) :: record
     integer(int64), pointer, contiguous :: words(:)
-    real(real64), pointer :: series(:, :)
+    real(real64), pointer :: table(:, :)
     character(longest_message) :: message
     integer :: first
 
@@ -707,9 +707,9 @@ contains
     first = value_count + 3
     message = transfer(words(first:first + words_for(record%message_bytes) - 1), message)
     case%result_text = printable(message(:record%message_bytes))
-    if (allocated(case%series)) deallocate (case%series)
+    if (allocated(case%table)) deallocate (case%table)
     if (layout%columns == 0) return
-    call c_f_pointer(c_loc(words(first + words_for(record%message_bytes))), series, [layout%columns, record%rows])
-    case%series = real(series, wp)
+    call c_f_pointer(c_loc(words(first + words_for(record%message_bytes))), table, [layout%columns, record%rows])
+    case%table = real(table, wp)
   end subroutine read_record
 end module dst_sweep_shard

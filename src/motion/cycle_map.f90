@@ -203,7 +203,11 @@ contains
       place = known_leap(self, here, longest)
       if (table == 0 .and. place == 0) &
         call self%survey%make_table(self%steps, self%piece%drive%velocity, here, longest, now%until(self%t_end), table)
-      if (max(table, place) > 0 .and. self%recording) call end_excursion(self)
+      if (max(table, place) > 0 .and. self%recording) then
+        call end_excursion(self)
+        ! It may have dropped the leap, or taken its place.
+        if (place > 0) place = known_leap(self, here, longest)
+      end if
       if (place > 0) then
         if (self%leaps(place)%table == 0) self%own%excursions_reused = self%own%excursions_reused + 1
       else if (table > 0) then
@@ -255,7 +259,8 @@ contains
     lead = 0.0_wp
     if (leap%table > 0 .or. .not. self%survey%before%known) return
     associate (last => self%survey%last, before => self%survey%before)
-      if (.not. abs(last%turn*before%turn) > 0.0_wp) return
+      ! Slow cycles with one stick each are excursions themselves, and do not drift: where they repeat their turns are roundoff.
+      if (.not. max(last%duration, before%duration) < 0.5_wp*leap%duration) return
       lead = (here%angle - leap%from%angle)*(1.5_wp*last%duration/last%turn - 0.5_wp*before%duration/before%turn)
     end associate
   end function lead_of
@@ -387,12 +392,15 @@ contains
     end associate
   end subroutine make_leap
 
-  !> Mean power of the drive [W] in the last cycle, which was one of a table.
+  !> Mean power of the drive [W] in the last cycle, if it was one of a table that is still remembered; else that of the release.
   pure real(wp) function drive_power(self)
     class(cycle_map_t), intent(in) :: self
     real(wp) :: measure(measures)
 
+    drive_power = self%piece%drive%velocity*dot_product(self%slider%stiffness*self%piece%from%u, self%slider%along)
+    if (self%current == 0) return
     associate (leap => self%leaps(self%current))
+      if (leap%table == 0 .or. leap%cycles == 0) return
       measure = self%survey%table(leap%table)%measures_at(leap%angle(leap%cycles))
     end associate
     drive_power = measure(drive_work)/measure(duration)

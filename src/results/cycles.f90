@@ -10,11 +10,12 @@
 module dst_cycles
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64, pi
+  use dst_writer, only: quantity_t
   implicit none
   private
 
   public :: cycles_t, extremum_t, threshold
-  public :: period, peak, valley, stick_time, slip_time, slip_length, measures
+  public :: period, peak, valley, stick_time, slip_time, slip_length, measures, cycle_quantities, most_cycles
 
   ! What "twice" does was measured on 21 motions: those of tests/python/test_settled.py, stick-slip of 3 to 30 s, driven unsteadily.
   !
@@ -22,7 +23,7 @@ module dst_cycles
   !> seen, and one of eight such has a period; where stick-slip lasts, no change.
   real(wp), parameter :: threshold = 0.01_wp
   !> Cycles that are remembered. Convention. Means are over half of the cycles: below 200 of them twice is no change.
-  integer, parameter :: kept = 100
+  integer, parameter :: kept = 100, most_cycles = kept
   !> Swings that shrink to less than this share ring down; one cycle alone has to lose more. Conventions. Half: one of eight
   !> motions that ring down has a period; no change. Twice is no shrinking at all: stick-slip that lasts has no period either.
   real(wp), parameter :: ring_down = 0.9_wp, ring_down_of_one = 0.5_wp
@@ -38,6 +39,14 @@ module dst_cycles
 
   !> What is measured of a cycle: lengths in time [s], loads [N] and the advance in X in the direction of the drive [m].
   integer, parameter :: period = 1, peak = 2, valley = 3, stick_time = 4, slip_time = 5, slip_length = 6, measures = 6
+  !> What a cycle is told by, in the order of these numbers.
+  type(quantity_t), parameter :: cycle_quantities(measures) = [ &
+    quantity_t('period', 's', 'time from peak to peak of the load'), &
+    quantity_t('peak_force', 'N', 'peak of the load with which the cycle begins: k_x u_x, positive where the drive pulls'), &
+    quantity_t('valley_force', 'N', 'valley of the load'), &
+    quantity_t('stick_duration', 's', 'time from valley to peak: dynamic stiction'), &
+    quantity_t('slip_duration', 's', 'time from peak to valley'), &
+    quantity_t('slip_length', 'm', 'advance in X from peak to valley, positive with the drive')]
   !> And besides these the rise of the load to the next peak [N] and the advance in X from peak to peak [m].
   integer, parameter :: rise = 7, travel = 8, remembered = 8
 
@@ -84,6 +93,8 @@ module dst_cycles
     procedure :: consider
     procedure :: may_be_extremum
     procedure :: means
+    procedure :: lasting
+    procedure :: last_cycles
     procedure :: mean_swing
     procedure :: agree
     procedure :: last_period
@@ -296,6 +307,24 @@ contains
     longest = maxval(self%cycle(travel, last_places(self, settled(self))))
   end function longest
 
+  !> How many cycles count for the means, and are what the motion goes on with: none if there is no cycle, or if it rings down.
+  pure integer function lasting(self)
+    class(cycles_t), intent(in) :: self
+
+    lasting = settled(self)
+    if (lasting == 0) return
+    if (rings_down(self)) lasting = 0
+  end function lasting
+
+  !> The measures of the last `n` cycles, (measure, cycle), the oldest first; there must be as many.
+  pure function last_cycles(self, n) result(cycles)
+    class(cycles_t), intent(in) :: self
+    integer, intent(in) :: n
+    real(wp) :: cycles(measures, n)
+
+    cycles = self%cycle(:measures, last_places(self, n))
+  end function last_cycles
+
   !> Mean and scatter, the standard deviation (n - 1), of all measures, and over how many cycles: none if there is no cycle or the
   !> motion rings down, and no scatter of one.
   pure subroutine means(self, n, mean, scatter)
@@ -306,10 +335,7 @@ contains
 
     mean = 0.0_wp
     scatter = 0.0_wp
-    n = settled(self)
-    if (n > 0) then
-      if (rings_down(self)) n = 0
-    end if
+    n = self%lasting()
     if (n == 0) return
     associate (cycle => self%cycle(:measures, last_places(self, n)))
       mean = sum(cycle, dim=2)/real(n, wp)

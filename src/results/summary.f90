@@ -112,6 +112,7 @@ module dst_summary
     procedure :: follow_slip
     procedure :: passage
     procedure :: add
+    procedure :: kept_cycles
     procedure :: serialise
   end type summary_t
 
@@ -567,6 +568,19 @@ contains
     x = min(1.0_wp, max(0.0_wp, x))
     largest = max(largest, rate_at(stretch, x))
   end function largest_near
+
+  !> The last cycles that count for the means, at most so many, (measure, cycle) as `cycle_quantities`, the oldest first. A motion
+  !> that was ended because it has settled goes on with its last cycle, and has no other.
+  pure function kept_cycles(self, most) result(cycles)
+    class(summary_t), intent(in) :: self
+    integer, intent(in) :: most
+    real(wp), allocatable :: cycles(:, :)
+    integer :: n
+
+    n = min(most, self%cycles%lasting())
+    if (self%settled_at >= 0.0_wp) n = 1
+    cycles = self%cycles%last_cycles(n)
+  end function kept_cycles
 
   !> The values of all `summary_quantities`, and which of them this motion has; the others are 0. A motion in closed form has no
   !> energies and no cycles.

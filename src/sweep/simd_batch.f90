@@ -42,6 +42,7 @@ module dst_simd_batch
     procedure :: put_case
     procedure :: advance
     procedure :: values
+    procedure :: kept_cycles
   end type simd_batch_t
 
   !> The last step of a lane, as the summary sees it: u [m] and w [m/s] as polynomials in its share.
@@ -357,6 +358,15 @@ contains
     end associate
     self%done(lane) = .false.
   end subroutine values
+
+  !> The last cycles that count for the means of a lane that was taken out last, at most so many, as `summary_t%kept_cycles`.
+  pure function kept_cycles(self, lane, most) result(cycles)
+    class(simd_batch_t), intent(in) :: self
+    integer, intent(in) :: lane, most
+    real(wp), allocatable :: cycles(:, :)
+
+    cycles = self%summary(lane)%kept_cycles(most)
+  end function kept_cycles
 
   !> Why a lane has stopped before its end.
   subroutine explain(self, lane, error)

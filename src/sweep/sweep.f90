@@ -12,6 +12,7 @@ module dst_sweep
   use dst_memory_writer, only: memory_writer_t
   use dst_model_columns, only: gives_column
   use dst_columns, only: columns, find_column
+  use dst_cycles, only: cycle_quantities
   use dst_output_size, only: sample_count
   use dst_scene, only: scene_t, scene_from_deck, set_number
   use dst_schema, only: schema, sweep_group
@@ -25,7 +26,7 @@ module dst_sweep
   private
 
   public :: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once
-  public :: value_count, value_quantities, wall_time_value, series_quantities
+  public :: value_count, value_quantities, wall_time_value, table_quantities
 
   !> A parameter and its values: along one side of a grid, or of each case of a list.
   type :: axis_t
@@ -39,14 +40,15 @@ module dst_sweep
     type(deck_t) :: deck
     type(axis_t), allocatable :: axes(:)
     logical :: is_list = .false.          !! the axes are columns of a list of cases, not sides of a grid
-    logical :: keeps_series = .false.
+    !> What a case keeps beside its values: its time series, or its last stick-slip cycles.
+    logical :: keeps_series = .false., keeps_cycles = .false.
     integer :: cases = 0
   contains
     procedure :: coordinates
     procedure :: parameters
-    procedure :: series_rows
+    procedure :: table_rows
     procedure :: series_times
-    procedure :: series_values
+    procedure :: table_values
   end type sweep_t
 
   !> What a case came to.
@@ -55,7 +57,7 @@ module dst_sweep
     integer :: result_code = 0
     character(:), allocatable :: result_text          !! '' if done
     real(wp), allocatable :: values(:)                !! as value_quantities; NaN where the case has none
-    real(wp), allocatable :: series(:, :)             !! (column, row); not allocated if it is not kept
+    real(wp), allocatable :: table(:, :)              !! (column, row): samples or cycles; not allocated if none are kept
   end type case_t
 
   !> Who decides whether a case under way goes on; asked every `slice`.
@@ -80,6 +82,7 @@ module dst_sweep
     real(wp), allocatable :: begun(:)
     type(simd_batch_t), allocatable :: lanes
     integer :: kept = 0                   !! columns of the series beside time; the others are for the last state
+    integer :: most_cycles = 0            !! cycles that are kept
   contains
     procedure :: has_room
     procedure :: is_idle
@@ -134,6 +137,7 @@ contains
     end if
     sweep%deck = deck
     sweep%keeps_series = deck%text_of(sweep_group, 'keep') == 'series'
+    sweep%keeps_cycles = deck%text_of(sweep_group, 'keep') == 'cycles'
     if (sweep%keeps_series .and. deck%real_of('scene', 'settle') > 0.0_wp) then
       call raise(error, deck_error, "keep 'series' needs the same times in every case: leave scene.settle out", 'scene.settle')
       return
@@ -275,14 +279,15 @@ contains
     end do
   end function coordinates
 
-  !> Samples of a case; 0 if they are not kept.
-  pure integer function series_rows(self)
+  !> Samples of a case, or the cycles that it has at most; 0 if neither are kept.
+  pure integer function table_rows(self)
     class(sweep_t), intent(in) :: self
 
-    series_rows = 0
+    table_rows = 0
     if (self%keeps_series) &
-      series_rows = nint(sample_count(self%deck%real_of('scene', 't_end'), self%deck%real_of('output', 'interval')))
-  end function series_rows
+      table_rows = nint(sample_count(self%deck%real_of('scene', 't_end'), self%deck%real_of('output', 'interval')))
+    if (self%keeps_cycles) table_rows = int(self%deck%integer_of(sweep_group, 'cycles'))
+  end function table_rows
 
   !> Times of the samples [s].
   pure function series_times(self) result(times)
@@ -290,30 +295,34 @@ contains
     real(wp), allocatable :: times(:)
     integer :: i
 
-    allocate (times(self%series_rows()))
+    allocate (times(self%table_rows()))
     do i = 1, size(times)
       times(i) = real(i - 1, wp)*self%deck%real_of('output', 'interval')
     end do
     if (size(times) > 0) times(size(times)) = self%deck%real_of('scene', 't_end')
   end function series_times
 
-  !> Values of the series of a case.
-  integer function series_values(self)
+  !> Values of the series, or of the cycles, of a case.
+  integer function table_values(self)
     class(sweep_t), intent(in) :: self
 
-    series_values = self%series_rows()*size(series_quantities(self))
-  end function series_values
+    table_values = self%table_rows()*size(table_quantities(self))
+  end function table_values
 
-  !> Columns of the series but time, which is the same in all cases; none if it is not kept.
-  function series_quantities(sweep) result(quantities)
+  !> What is kept of each sample, but time, which is the same in all cases, or of each cycle; nothing if neither are kept.
+  function table_quantities(sweep) result(quantities)
     type(sweep_t), intent(in) :: sweep
     type(quantity_t), allocatable :: quantities(:)
     type(worker_t) :: worker
     integer :: i
 
+    if (sweep%keeps_cycles) then
+      quantities = cycle_quantities
+      return
+    end if
     call new_worker(sweep, worker)
     quantities = [(columns(find_column(worker%scene%fields(i))), i=1, worker%kept)]
-  end function series_quantities
+  end function table_quantities
 
   !> What one thread needs to run cases of the sweep.
   subroutine new_worker(sweep, worker)
@@ -322,6 +331,7 @@ contains
 
     call scene_from_deck(sweep%deck, worker%scene)
     call adapt_output(worker%scene, sweep%keeps_series, worker%kept)
+    if (sweep%keeps_cycles) worker%most_cycles = sweep%table_rows()
     associate (places => cases_at_once(sweep))
       if (places > 1) then
         allocate (worker%lanes)
@@ -382,9 +392,9 @@ contains
     place = 1
     if (allocated(self%lanes)) then
       call run_lanes(self%lanes, watch, place, done)
-      if (done) call take_lane(self%lanes, place, result%values, error)
+      if (done) call take_lane(self%lanes, place, self%most_cycles, result, error)
     else
-      call run_case(self%scene, self%kept, watch, result, done, error)
+      call run_case(self%scene, self%kept, self%most_cycles, watch, result, done, error)
     end if
     if (.not. done) return
     result%number = self%number(place)
@@ -419,25 +429,29 @@ contains
   end subroutine run_lanes
 
   !> What the case in a lane came to.
-  subroutine take_lane(lanes, place, values, error)
+  subroutine take_lane(lanes, place, most_cycles, result, error)
     type(simd_batch_t), intent(inout) :: lanes
-    integer, intent(in) :: place
-    real(wp), intent(inout) :: values(:)
+    integer, intent(in) :: place, most_cycles
+    type(case_t), intent(inout) :: result
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: final(final_count)
     logical :: given(summary_count)
     integer(int64) :: steps
 
-    call lanes%values(place, values(:summary_count), given, final, steps, error)
-    where (.not. given) values(:summary_count) = not_there()
-    if (.not. allocated(error)) values(summary_count + 1:summary_count + final_count) = final
-    values(steps_value) = real(steps, wp)
+    associate (values => result%values)
+      call lanes%values(place, values(:summary_count), given, final, steps, error)
+      where (.not. given) values(:summary_count) = not_there()
+      if (.not. allocated(error)) values(summary_count + 1:summary_count + final_count) = final
+      values(steps_value) = real(steps, wp)
+    end associate
+    if (most_cycles > 0) result%table = lanes%kept_cycles(place, most_cycles)
   end subroutine take_lane
 
   !> Run one case.
-  subroutine run_case(scene, kept, watch, result, done, error)
+  subroutine run_case(scene, kept, most_cycles, watch, result, done, error)
     type(scene_t), intent(inout) :: scene
     integer, intent(in) :: kept           !! columns of the series
+    integer, intent(in) :: most_cycles    !! that are kept
     class(watch_t), intent(inout) :: watch
     type(case_t), intent(inout) :: result
     logical, intent(out) :: done
@@ -459,7 +473,7 @@ contains
       if (done) exit
       if (watch%asked_to_stop()) return
     end do
-    if (allocated(result%series)) deallocate (result%series)
+    if (allocated(result%table)) deallocate (result%table)
     if (.not. allocated(simulation%rows)) return
     call simulation%summary%values(simulation%motion, result%values(:summary_count), given)
     where (.not. given) result%values(:summary_count) = not_there()
@@ -475,7 +489,8 @@ contains
         end do
       end do
     end if
-    if (kept > 0) result%series = writer%samples(2:kept + 1, :writer%rows)
+    if (kept > 0) result%table = writer%samples(2:kept + 1, :writer%rows)
+    if (most_cycles > 0) result%table = simulation%summary%kept_cycles(most_cycles)
   end subroutine run_case
 
   !> What stands for a value that a case does not have.

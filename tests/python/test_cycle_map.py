@@ -164,6 +164,28 @@ def test_other_models_do_not_know_it(program, model: str) -> None:
     assert "integrator.cycle_map" in done.stderr
 
 
+def test_an_excursion_that_has_just_been_dropped_is_not_reused() -> None:
+    """Here the end of one excursion drops the earlier one that the same release would reuse: that crashed."""
+    stiff = ds.Scene(FIG3, system={"stiffness_y": 53872320.50775176}, integrator={"method": "radau13", "rtol": 1e-6})
+    result = ds.run(stiff, scene={"t_end": 50.0}, output={"interval": 1.0})
+    stepped = ds.run(stiff, scene={"t_end": 50.0}, output={"interval": 1.0}, integrator={"cycle_map": "off"})
+    assert result.summary["cycles"] == stepped.summary["cycles"] > 40
+    assert result.summary["period"] == pytest.approx(stepped.summary["period"], rel=1e-3)
+
+
+def test_slow_cycles_that_repeat_are_leapt_in_their_order() -> None:
+    """One stick a slow cycle, each like the one before: no drift between fast cycles tells when the next one slips."""
+    scene = ds.Scene(FIG3, system={"misalignment_deg": 6.65}, integrator={"method": "radau13", "rtol": 1e-6})
+    leapt, stepped = (
+        ds.run(scene, scene={"t_end": 50.0}, output={"interval": 1.0}, integrator={"cycle_map": how}) for how in ("auto", "off")
+    )
+    assert leapt.statistics["excursions_reused"] > 10
+    assert (np.diff(leapt.events["time"]) >= 0).all()
+    assert leapt.summary["cycles"] == stepped.summary["cycles"] > 40
+    for name in ("period", "peak_force", "slip_length"):
+        assert leapt.summary[name] == pytest.approx(stepped.summary[name], rel=1e-6), name
+
+
 # Runs that end where they have settled.
 
 LASTING = ("period", "peak_force", "valley_force", "slip_duration", "stick_duration", "slip_length", "swing", "creep_share")

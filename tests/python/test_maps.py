@@ -90,7 +90,7 @@ def test_slip_angle_depends_on_one_number():
 def test_lists_are_those_of_the_tool(tmp_path):
     tool = runpy.run_path(str(ROOT / "tools" / "map_points.py"))
     tool["main"](tmp_path)
-    lists = sorted(path.name for path in INPUTS.glob("map_*.csv"))
+    lists = sorted(path.name for path in INPUTS.glob("*.csv"))
     assert lists == sorted(tool["LISTS"])
     for name in lists:
         assert (tmp_path / name).read_text() == (INPUTS / name).read_text()

@@ -348,20 +348,127 @@ def test_lambda_puts_every_case_at_its_number(grid) -> None:
     assert texts == ["1°", "3°", "9°", "$V < v_f/2$", r"$V \geq v_f/2$"]
 
 
-@pytest.mark.parametrize("kind", plot.SWEEP_KINDS)
+@pytest.mark.parametrize("kind", ["map", "lambda"])
 def test_figures_of_sweeps_are_readable_in_one_column(grid, kind: str) -> None:
     assert_readable_in_one_column(plot.draw(grid, kind), units=False)
 
 
-def test_what_a_sweep_cannot_show_is_refused(grid, fig4_result: ds.Result) -> None:
-    with pytest.raises(ds.UsageError, match="the kinds are map, lambda"):
+KEEP = {"keep": "cycles", "cycles": 8}
+
+
+@pytest.fixture(scope="module")
+def cycles():
+    """Stick-slip below 8.2 degrees, steady sliding beyond."""
+    pytest.importorskip("xarray")
+    return ds.sweep(LOW, {"system.misalignment_deg": np.linspace(1.0, 12.0, 23)}, scene={"t_end": 20.0}, sweep=KEEP, threads=1)
+
+
+def dots(figure) -> np.ndarray:
+    return np.asarray(figure.axes[0].collections[0].get_offsets())
+
+
+def lines_of(figure) -> list[np.ndarray]:
+    return [np.column_stack([line.get_xdata(), line.get_ydata()]) for line in figure.axes[0].lines]
+
+
+def words(figure) -> str:
+    return "; ".join(text.get_text() for text in figure.axes[0].texts)
+
+
+def test_a_bifurcation_diagram_has_every_cycle_and_steady_sliding(cycles) -> None:
+    figure = plot.draw(cycles, "bifurcation")
+    axis = figure.axes[0]
+    phi, counts = cycles["system.misalignment_deg"].values, cycles["cycle_count"].values
+    expected = cycles["cycle_peak_force"].values
+    np.testing.assert_array_equal(dots(figure), np.column_stack([np.repeat(phi, counts), expected[np.isfinite(expected)]]))
+    assert axis.collections[0].get_rasterized()
+    assert (axis.get_xscale(), axis.get_xlabel()) == ("linear", r"$\varphi$ [deg]")
+    assert axis.get_ylabel() == "peak of the load $k_x u_x$ [N]"
+    measured, limit, stable, unstable = lines_of(figure)
+    # What ended in steady sliding is where k_x u_x = F(V) cos(phi).
+    np.testing.assert_array_equal(measured[:, 0], phi[counts == 0])
+    load = (1.5 + 0.5 * np.exp(-0.1)) * np.cos(np.radians(phi[counts == 0]))
+    np.testing.assert_allclose(measured[:, 1], load, rtol=2e-3)
+    np.testing.assert_allclose(limit[:, 0], 8.6560, atol=1e-3)
+    assert "steady sliding stable above 8.66 deg" in words(figure)
+    for line, is_stable in ((stable, True), (unstable, False)):
+        there = np.isfinite(line[:, 1])
+        np.testing.assert_array_equal(there, (line[:, 0] > limit[0, 0]) == is_stable)
+        np.testing.assert_allclose(line[there, 1], (1.5 + 0.5 * np.exp(-0.1)) * np.cos(np.radians(line[there, 0])))
+    assert_readable_in_one_column(figure, units=False)
+
+
+def test_a_bifurcation_diagram_over_the_velocity_is_logarithmic(cycles) -> None:
+    data = ds.sweep(
+        LOW, {"drive.velocity": np.geomspace(1e-4, 0.1, 13)}, scene={"t_end": 30.0}, system={"misalignment_deg": 5.0}, sweep=KEEP,
+        threads=1,
+    )  # fmt: skip
+    figure = plot.draw(data, "bifurcation", "period")
+    axis = figure.axes[0]
+    assert (axis.get_xscale(), axis.get_xlabel(), axis.get_ylabel()) == ("log", "$V$ [mm/s]", "period [s]")
+    expected = data["cycle_period"].values
+    np.testing.assert_array_equal(dots(figure)[:, 1], expected[np.isfinite(expected)])
+    # tan^2(phi) = -V F'(V)/F(V), at a slow and at a fast drive.
+    slow, fast = (line[0, 0] for line in lines_of(figure)[-2:])
+    for speed in (slow, fast):
+        fall = 0.5 * np.exp(-speed / 10.0)
+        assert np.degrees(np.arctan(np.sqrt(speed / 10.0 * fall / (1.5 + fall)))) == pytest.approx(5.0, rel=1e-6)
+    assert slow < 0.4 and fast > 50.0
+    assert "stable below 0.313 mm/s" in words(figure) and "stable above 54.7 mm/s" in words(figure)
+    # A period has no steady sliding: a mark below for each such case.
+    assert "steady sliding" in words(figure).split("; ")
+    # The same from a list in which the end of the run follows.
+    listed = ds.sweep(
+        LOW, {"drive.velocity": np.geomspace(1e-4, 0.1, 13), "scene.t_end": np.full(13, 30.0)}, points=True,
+        system={"misalignment_deg": 5.0}, sweep=KEEP, threads=1,
+    )  # fmt: skip
+    np.testing.assert_array_equal(dots(plot.draw(listed, "bifurcation", "period")), dots(figure))
+
+
+def test_a_bifurcation_diagram_says_what_has_no_cycle(cycles) -> None:
+    short = ds.sweep(LOW, {"drive.velocity": np.geomspace(1e-4, 1e-2, 9)}, scene={"t_end": 6.0}, sweep=KEEP, threads=1)
+    assert "no settled cycle yet" in words(plot.draw(short, "bifurcation"))
+    with pytest.warns(ds.IncompleteWarning):
+        failing = ds.sweep(LOW, {"drive.velocity": np.geomspace(1e-4, 1e-2, 9)}, integrator={"max_steps": 500}, sweep=KEEP, threads=1)
+    assert (failing["result_code"] > 0).any()
+    assert "failed" in words(plot.draw(failing, "bifurcation"))
+    assert "failed" not in words(plot.draw(cycles, "bifurcation"))
+
+
+def test_a_bifurcation_diagram_of_two_parameters_has_colours(cycles) -> None:
+    data = ds.sweep(
+        LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, sweep=KEEP, threads=1
+    )
+    figure = plot.draw(data, "bifurcation")
+    there = np.isfinite(data["cycle_peak_force"].values)
+    shape = there.shape
+    phi = np.broadcast_to(PHI[:, np.newaxis, np.newaxis], shape)[there]
+    np.testing.assert_array_equal(dots(figure)[:, 0], phi)
+    colours = np.broadcast_to(1e3 * VELOCITY[:, np.newaxis], shape)[there]
+    np.testing.assert_allclose(figure.axes[0].collections[0].get_array(), colours)
+    assert figure.axes[1].get_ylabel() == "$V$ [mm/s]"
+    # On one axis only lines of one parameter mean something.
+    assert "stable" not in words(figure)
+    many = ds.sweep(
+        LOW, {"system.misalignment_deg": [1.0], "drive.velocity": [1e-3], "system.mass": [0.25]}, sweep=KEEP, threads=1
+    )
+    with pytest.raises(ds.UsageError, match="one or two parameters, not 3"):
+        plot.draw(many, "bifurcation")
+
+
+def test_what_a_sweep_cannot_show_is_refused(grid, cycles, fig4_result: ds.Result) -> None:
+    with pytest.raises(ds.UsageError, match="the kinds are map, lambda, bifurcation"):
         plot.draw(grid, "history")
     with pytest.raises(ds.UsageError, match=r"no quantity 'perod', only .*period"):
         plot.draw(grid, quantity="perod")
-    with pytest.raises(ds.UsageError, match="for the map of a sweep only"):
+    with pytest.raises(ds.UsageError, match="for the map or the bifurcation diagram of a sweep only"):
         plot.draw(fig4_result, quantity="period")
-    with pytest.raises(ds.UsageError, match="for the map of a sweep only"):
+    with pytest.raises(ds.UsageError, match="for the map or the bifurcation diagram of a sweep only"):
         plot.draw(grid, "lambda", "period")
+    with pytest.raises(ds.UsageError, match=r"keeps no cycles: run it with sweep\.keep = 'cycles'"):
+        plot.draw(grid, "bifurcation")
+    with pytest.raises(ds.UsageError, match=r"no quantity 'swing' of a cycle, only .*peak_force"):
+        plot.draw(cycles, "bifurcation", "swing")
     with pytest.raises(ds.UsageError, match="no case has a value of 'period'"):
         plot.draw(grid.where(grid["period"] > 1e9), quantity="period")
     with pytest.raises(ds.UsageError, match="lacks a number 'mu_0'"):
@@ -374,7 +481,8 @@ def test_command_draws_a_sweep(program: Program, package: Program, tmp_path: Pat
     done = package("plot", "few.h5", "--quantity", "period")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "few.png").exists()
-    assert "for the map of a sweep only" in package("plot", "few.h5", "--kind", "lambda", "--quantity", "period", status=1).stderr
+    refused = package("plot", "few.h5", "--kind", "lambda", "--quantity", "period", status=1)
+    assert "for the map or the bifurcation diagram of a sweep only" in refused.stderr
 
 
 # The cycle map

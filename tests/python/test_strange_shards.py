@@ -18,7 +18,7 @@ pytestmark = pytest.mark.deck
 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 0.2")
 GRID = "\n&sweep parameter = 'system.misalignment_deg' first = 1.0 last = 2.0 count = 3{} /\n"
-SERIES = " keep = 'series'"
+SERIES, CYCLES = " keep = 'series'", " keep = 'cycles'"
 
 
 # --- series of any length
@@ -85,10 +85,10 @@ def forge(data, dice):
     return struct.pack(f"<{len(words)}Q", *words)
 
 
-@pytest.mark.parametrize("kept", ["", SERIES], ids=["summaries", "series"])
+@pytest.mark.parametrize("kept", ["", SERIES, CYCLES], ids=["summaries", "series", "cycles"])
 @pytest.mark.parametrize("count", [80, pytest.param(500, marks=pytest.mark.full)])
 def test_forged_shards_are_read_or_refused(tmp_path, kept, count):
-    sweep = Sweep(tmp_path, SHORT + GRID.format(kept))
+    sweep = Sweep(tmp_path, (SCENE if kept == CYCLES else SHORT) + GRID.format(kept))
     assert sweep.run("good.h5").returncode == 0
     assert sweep.run("a.h5", "--shard", "1/1", threads=1).returncode == 0
     (shard,) = sweep.shards("a.h5")

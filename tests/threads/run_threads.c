@@ -16,8 +16,8 @@ void __dst_python_api_MOD_sweep_open(const int *n_deck, const char *deck, const 
                                      long long *handle, int *cases, int *at_once, int *found_list, int *status, size_t, size_t, size_t, size_t);
 void __dst_python_api_MOD_table_size(const long long *handle, const char *which, int *n_rows, int *n_texts, int *n_numbers, int *n_bytes,
                                      size_t);
-void __dst_python_api_MOD_sweep_run(const long long *handle, const int *first, const int *n, const int *n_values, double *values,
-                                    int *codes, char *messages, size_t);
+void __dst_python_api_MOD_sweep_run(const long long *handle, const int *first, const int *n, const int *n_values, const int *n_columns,
+                                    const int *n_rows, double *values, double *cycles, int *counts, int *codes, char *messages, size_t);
 void __dst_python_api_MOD_sweep_stop(const long long *handle);
 void __dst_python_api_MOD_release(const long long *handle);
 
@@ -77,9 +77,10 @@ static void *run_pieces(void *nothing) {
   int number;
 
   while ((number = __atomic_fetch_add(&next_piece, 1, __ATOMIC_RELAXED)) < pieces) {
-    const int first = number * piece + 1, n = piece;
+    const int first = number * piece + 1, n = piece, none = 0;
+    int counts[piece];
     if (number == pieces - 2) __dst_python_api_MOD_sweep_stop(&sweep);
-    __dst_python_api_MOD_sweep_run(&sweep, &first, &n, &n_values, values, codes[number], messages, message_length);
+    __dst_python_api_MOD_sweep_run(&sweep, &first, &n, &n_values, &none, &none, values, NULL, counts, codes[number], messages, message_length);
   }
   return nothing;
 }

@@ -1,9 +1,11 @@
-!> The values of a grid: from end to end of what a number may be, and no more cases than can be counted.
+!> The values of a grid: from end to end of what a number may be, and no more cases than can be counted; and what a case may keep.
 program test_sweep_grid
   use checks, only: check, finish
+  use dst_cycles, only: most_cycles
   use dst_deck, only: deck_t, parse_deck
   use dst_errors, only: error_t
   use dst_kinds, only: wp
+  use dst_schema, only: schema, find_key, sweep_group
   use dst_sweep, only: sweep_t, new_sweep
   implicit none
 
@@ -18,6 +20,8 @@ program test_sweep_grid
   call check_values('difference beyond the numbers', 'initial.elongation_x', '-9.9e307', '9.9e307', 'linear')
   call check_values('usual, log', 'friction.v_f', '1e-3', '1e-1', 'log')
   call check_values('usual, linear', 'system.misalignment_deg', '-3.0', '7.0', 'linear')
+  call check('as many cycles may be kept as the means are over at most', &
+    nint(schema(find_key(sweep_group, 'cycles'))%range%high) == most_cycles)
   call finish()
 
 contains

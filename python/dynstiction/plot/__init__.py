@@ -17,6 +17,7 @@ from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
+from .bifurcation import draw_bifurcation
 from .creep import draw_creep
 from .cycle_map import draw_cycle_map
 from .damping import draw_damping
@@ -60,8 +61,12 @@ KINDS: dict[str, Callable[..., None]] = {
 SWEEP_KINDS: dict[str, Callable[..., None]] = {
     "map": draw_map,
     "lambda": draw_lambda,
+    "bifurcation": draw_bifurcation,
 }
 """Kinds of figure of a sweep by name."""
+
+WITH_QUANTITY = (None, "map", "bifurcation")
+"""Kinds of figure of a sweep for which a quantity can be chosen."""
 
 KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequency": "velocities"}
 """What shows best what a model is for; of the others the history."""
@@ -89,7 +94,7 @@ def draw(result: Drawable, kind: str | None = None, quantity: str | None = None)
         where that needs more than the result has; of a sweep one in `SWEEP_KINDS`, by default ``"map"``;
         of a comparison `WORK_PRECISION`, the only one.
     quantity : str, optional
-        What a map of a sweep shows, by default ``"swing"``.
+        What a map of a sweep shows, by default ``"swing"``, or a bifurcation diagram, by default ``"peak_force"``.
 
     Returns
     -------
@@ -103,8 +108,8 @@ def draw(result: Drawable, kind: str | None = None, quantity: str | None = None)
         can show; the text says what would be right.
     """
     kinds, usual = _kinds_of(result)
-    if quantity is not None and (kinds is not SWEEP_KINDS or kind not in (None, "map")):
-        raise UsageError("a quantity can be chosen for the map of a sweep only")
+    if quantity is not None and (kinds is not SWEEP_KINDS or kind not in WITH_QUANTITY):
+        raise UsageError("a quantity can be chosen for the map or the bifurcation diagram of a sweep only")
     if kind is not None and kind not in kinds:
         raise UsageError(f"no kind of figure '{kind}': the kinds are {', '.join(kinds)}")
     chosen = {} if quantity is None else {"quantity": quantity}

@@ -1,0 +1,211 @@
+"""Sweeps that keep the settled cycles of each case: those that the means are over, the same however the sweep is run."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import dynstiction as ds
+import h5py
+import numpy as np
+import pytest
+from programs import INPUTS, Program, wait_until
+from sweeps import GRID, SCENE, Sweep, cases_in, same, values
+
+QUANTITIES = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
+MOST = 20
+KEEP = f"  keep = 'cycles'\n  cycles = {MOST}\n/\n"
+# 60 cases: stick-slip at small angles, steady sliding at large ones.
+DECK = SCENE.replace("t_end = 10.0", "t_end = 12.0") + GRID.replace("last = 8.0", "last = 14.0").removesuffix("/\n") + KEEP
+
+
+@pytest.fixture
+def sweep(tmp_path) -> Sweep:
+    return Sweep(tmp_path, DECK)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory) -> dict[str, np.ndarray]:
+    folder = tmp_path_factory.mktemp("cycles")
+    Sweep(folder, DECK).run("a.h5", status=0)
+    return values(folder / "a.h5")
+
+
+def test_cycles_are_padded_and_counted(found):
+    counts = found["cycles/count"]
+    assert counts.min() == 0 and counts.max() == MOST and len(set(counts.tolist())) > 5
+    for name in QUANTITIES:
+        table = found[f"cycles/{name}"]
+        assert table.shape == (60, MOST)
+        np.testing.assert_array_equal(np.isfinite(table), np.arange(MOST) < counts[:, np.newaxis])
+    np.testing.assert_allclose(
+        found["cycles/period"], found["cycles/stick_duration"] + found["cycles/slip_duration"], rtol=1e-12
+    )
+
+
+def test_they_are_what_the_means_are_over(found):
+    # Where there are more of them than are kept, the means are over more.
+    whole = (found["cycles/count"] > 1) & (found["cycles/count"] < MOST)
+    assert whole.sum() > 20
+    for name in QUANTITIES:
+        kept = found[f"cycles/{name}"][whole]
+        np.testing.assert_allclose(np.nanmean(kept, axis=1), found[f"summary/{name}"][whole], rtol=1e-13)
+        np.testing.assert_allclose(
+            np.nanstd(kept, axis=1, ddof=1), found[f"summary/{name}_scatter"][whole], rtol=1e-6, atol=1e-12 * np.nanmax(np.abs(kept))
+        )
+    none = found["cycles/count"] == 0
+    assert np.isnan(found["summary/period"][none]).all() and np.isfinite(found["summary/period"][~none]).all()
+
+
+@pytest.mark.parametrize("model", ["low_frequency", "full"])
+def test_they_are_the_cycles_of_the_single_run(model):
+    """By their samples, which are fine enough to tell peaks and valleys."""
+    pytest.importorskip("xarray")
+    deck = INPUTS / ("fig3.nml" if model == "full" else "low_frequency.nml")
+    keep = {"keep": "cycles", "cycles": 4}
+    stiffness = {"stiffness_y": 1e6} if model == "full" else {}
+    data = ds.sweep(deck, {"system.misalignment_deg": [1.0, 3.0]}, scene={"t_end": 8.0}, sweep=keep, system=stiffness)
+    for case, phi in enumerate((1.0, 3.0)):
+        single = ds.run(deck, scene={"t_end": 8.0}, system={"misalignment_deg": phi, **stiffness}, output={"interval": 1e-4})
+        table = ds.stick_slip_statistics(single)
+        settled = np.flatnonzero(table.settled)
+        count = int(data["cycle_count"][case])
+        assert count == min(4, settled.size) > 1
+        for name in QUANTITIES:
+            np.testing.assert_allclose(data[f"cycle_{name}"][case, :count], table[name][settled[-count:]], rtol=2e-3, err_msg=name)
+
+
+@pytest.mark.parametrize("method", ["radau9", "rodas4p"])
+def test_a_settled_case_keeps_its_last_cycle(method):
+    """Which is what the motion goes on with; the cycles before have only led there."""
+    pytest.importorskip("xarray")
+    deck = ds.Scene(INPUTS / "low_frequency.nml", scene={"t_end": 60.0}, integrator={"method": method, "rtol": 1e-7})
+    angles = {"system.misalignment_deg": np.linspace(1.0, 7.0, 7)}
+    keep = {"keep": "cycles", "cycles": 10}
+    settled, long = (ds.sweep(deck, angles, scene={"settle": settle}, sweep=keep) for settle in (1e-4, 0.0))
+    assert (settled["cycle_count"] == 1).all() and (settled["settled_at"] < 20.0).all()
+    assert (long["cycle_count"] == 10).all()
+    for name in QUANTITIES:
+        kept = settled[f"cycle_{name}"].values
+        assert np.isnan(kept[:, 1:]).all()
+        np.testing.assert_allclose(kept[:, 0], long[f"cycle_{name}"].values[:, -1], rtol=1e-3, err_msg=name)
+
+
+def test_shards_and_threads_change_nothing(sweep, tmp_path, found):
+    sweep.run("one.h5", threads=1, status=0)
+    assert same(values(tmp_path / "one.h5"), found)
+    for i in (1, 3):
+        sweep.run("parts.h5", "--shard", f"{i}/3", status=0)
+    sweep.run("parts.h5", command="merge", status=75)
+    part = values(tmp_path / "parts.h5")
+    missing = part["result_code"] == -1
+    assert missing.sum() == 20 and (part["cycles/count"][missing] == 0).all() and np.isnan(part["cycles/period"][missing]).all()
+    assert part["cycles/period"][~missing].tobytes() == found["cycles/period"][~missing].tobytes()
+    sweep.run("parts.h5", "--shard", "2/3", "--overwrite", status=0)
+    sweep.run("parts.h5", "--overwrite", command="merge", status=0)
+    assert same(values(tmp_path / "parts.h5"), found)
+
+
+def test_a_killed_sweep_goes_on(sweep, tmp_path, found):
+    longer = ("--set", "scene.t_end=300")
+    process = sweep.start("s.h5", *longer)
+    shard = tmp_path / "s.h5.shard-000000"
+    wait_until(lambda: len(cases_in(shard)) > 5)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait(60)
+    # The last record in part, as a process that is killed may leave it.
+    with shard.open("r+b") as file:
+        file.truncate(shard.stat().st_size - 24)
+    done = cases_in(shard)
+    assert 4 < len(done) < 60
+    sweep.run("s.h5", *longer, "--keep-shards", status=0)
+    assert cases_in(shard)[: len(done)] == done and sorted(cases_in(shard)) == list(range(1, 61))
+    sweep.run("t.h5", *longer, status=0)
+    assert same(values(tmp_path / "s.h5"), values(tmp_path / "t.h5"))
+
+
+def test_another_number_of_cycles_is_another_sweep(sweep, tmp_path):
+    sweep.run("s.h5", "--shard", "1/2", status=0)
+    assert "another sweep" in sweep.run("s.h5", "--shard", "2/2", "--set", "sweep.cycles=19", status=3).stderr
+    assert "another sweep" in sweep.run("s.h5", "--shard", "2/2", "--set", "sweep.keep=summary", "--set", "sweep.cycles=50", status=3).stderr
+
+
+def test_a_file_opens_as_what_the_sweep_returns(sweep, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    sweep.run("o.h5", status=0)
+    opened, made = ds.open_sweep(tmp_path / "o.h5"), ds.sweep(sweep.deck)
+    xarray.testing.assert_identical(opened.drop_vars("wall_time"), made.drop_vars("wall_time"))
+    assert made["cycle_peak_force"].dims == ("system.misalignment_deg", "drive.velocity", "cycle")
+    assert made["cycle_peak_force"].attrs["units"] == "N"
+    assert made["cycle_count"].dtype == np.int32
+    with h5py.File(tmp_path / "o.h5") as file:
+        for name in QUANTITIES:
+            table = file["sweep/cycles"][name]
+            assert [table.dims[i][0].name for i in (0, 1)] == ["/sweep/case", "/sweep/cycles/cycle"]
+            assert table.attrs["units"] and table.attrs["long_name"]
+
+
+def test_a_file_opens_in_xarray(sweep, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    sweep.run("o.h5", status=0)
+    with xarray.open_dataset(tmp_path / "o.h5", group="sweep/cycles", engine="h5netcdf") as data:
+        assert dict(data.sizes) == {"case": 60, "cycle": MOST}
+        assert set(data.data_vars) == {"count", *QUANTITIES}
+
+
+def test_it_is_shown_and_exported(sweep, tmp_path, package: Program, found):
+    sweep.run("o.h5", status=0)
+    assert "sweep with cycles of model low_frequency" in sweep.program("show", tmp_path / "o.h5", status=0).stdout
+    done = package("export", "o.h5", "--csv")
+    assert (done.returncode, done.stdout.split()) == (0, ["o_sweep.csv", "o_cycles.csv"])
+    head, *rows = (tmp_path / "o_cycles.csv").read_text().splitlines()
+    assert head.split(",")[:4] == ["case", "system.misalignment_deg [deg]", "drive.velocity [m/s]", "cycle"]
+    assert len(rows) == found["cycles/count"].sum()
+    table = np.loadtxt(tmp_path / "o_cycles.csv", delimiter=",", skiprows=1)
+    peaks = table[:, head.split(",").index("peak_force [N]")]
+    np.testing.assert_array_equal(peaks, found["cycles/peak_force"][np.isfinite(found["cycles/peak_force"])])
+    np.testing.assert_array_equal(table[:, 0], np.repeat(found["case"], found["cycles/count"]))
+
+
+def test_a_case_that_fails_keeps_what_it_has(sweep, tmp_path):
+    sweep.run("f.h5", "--set", "integrator.max_steps=1500", status=5)
+    some = values(tmp_path / "f.h5")
+    failed = some["result_code"] != 0
+    assert 0 < failed.sum() < 60
+    assert np.isfinite(some["cycles/peak_force"]).sum() == some["cycles/count"].sum()
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (("sweep.keep=summary",), "'cycles' is not used with keep summary"),
+        (("sweep.keep=series", "output.interval=0.1"), "'cycles' is not used with keep series"),
+        (("sweep.cycles=0",), "it must be >= 1 and <= 100"),
+        (("sweep.cycles=101",), "it must be >= 1 and <= 100"),
+        (("sweep.cycles=2.5",), "takes an integer"),
+        (("sweep.keep=cycle",), "the nearest is 'cycles'"),
+    ],
+)
+def test_refused(sweep, settings, words):
+    done = sweep.program("check", sweep.deck, settings=settings, status=2)
+    assert words in done.stderr and done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("model", ["creep", "creep_asymptotic", "high_frequency"])
+def test_a_model_without_cycles_is_refused(tmp_path, model):
+    grid = "\n&sweep parameter = 'system.misalignment_deg' first = 1.0 last = 6.0 count = 3 keep = 'cycles' /\n"
+    refused = Sweep(tmp_path, (INPUTS / f"{model}.nml").read_text() + grid)
+    assert f"model '{model}' has no stick-slip cycles" in refused.run("x.h5", status=2).stderr
+    pytest.importorskip("xarray")
+    with pytest.raises(ds.DeckError, match="has no stick-slip cycles"):
+        ds.sweep(INPUTS / f"{model}.nml", {"system.misalignment_deg": [1.0]}, sweep={"keep": "cycles"})
+
+
+def test_what_is_varied_may_come_from_elsewhere_only_in_a_sweep(tmp_path, program: Program):
+    (tmp_path / "x.nml").write_text(SCENE + "&sweep keep = 'cycles' /\n")
+    assert "&sweep varies nothing" in program("run", "x.nml", status=2).stderr
+    pytest.importorskip("xarray")
+    with pytest.raises(ds.DeckError, match="varies nothing"):
+        ds.sweep(tmp_path / "x.nml")
+    assert ds.sweep(tmp_path / "x.nml", {"drive.velocity": [1e-3]})["cycle_peak_force"].shape == (1, 50)
