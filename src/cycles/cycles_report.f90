@@ -1,10 +1,12 @@
 !> What `dynstiction cycles` prints: the limit cycles of a scene, and steady sliding beside them.
 module dst_cycles_report
   use dst_assembly, only: slider_from_scene
-  use dst_cycles, only: peak, valley
+  use dst_cycles, only: cycle_quantities, peak, valley
+  use dst_divergence, only: regular, irregular
   use dst_errors, only: error_t, raise, deck_error
+  use dst_full_cycles, only: regularity_t
   use dst_kinds, only: wp
-  use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, limit_cycle_quantities
+  use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, limit_cycle_quantities, log_multiplier
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t
   use dst_stability_report, only: held_velocities
@@ -46,6 +48,7 @@ contains
         formatted('(f11.6)', scene%misalignment_deg)//' deg, model '//cycles%model)
       call list_sliding(page, cycles)
       call list_cycles(page, cycles, slider)
+      if (cycles%model == 'full') call list_regularity(page, cycles%regularity)
       call page%line('')
     end do
     text = page%content()
@@ -77,6 +80,7 @@ contains
       call page%line('')
       call page%row('cycle '//integer_text(i), trim(merge('stable  ', 'unstable', cycles%is_stable(i))))
       do k = 1, size(limit_cycle_quantities)
+        if (k == log_multiplier .and. .not. cycles%has_multiplier(i)) cycle
         call page%row('  '//trim(limit_cycle_quantities(k)%name), formatted('(es22.14)', cycles%value(k, i))//' '// &
           trim(limit_cycle_quantities(k)%units))
       end do
@@ -89,4 +93,28 @@ contains
       end if
     end do
   end subroutine list_cycles
+
+  !> What the motion from the scene's beginning on is like: a cycle that it comes to, or a distribution of cycles.
+  subroutine list_regularity(page, regularity)
+    type(text_builder_t), intent(inout) :: page
+    type(regularity_t), intent(in) :: regularity
+    integer :: k
+
+    call page%line('')
+    select case (regularity%verdict)
+    case (regular)
+      call page%row('motion of the scene', 'regular: it comes to a cycle')
+    case (irregular)
+      call page%row('motion of the scene', 'irregular: its cycles have a distribution, and no value')
+    case default
+      call page%row('motion of the scene', 'undecided whether regular or irregular')
+    end select
+    if (regularity%slow_cycles > 2) call page%row('  Lyapunov exponent', formatted('(f10.4)', regularity%exponent)//' +- '// &
+      formatted('(f10.4)', regularity%error)//' for a slow cycle, over '//integer_text(regularity%slow_cycles)//' of them')
+    if (regularity%verdict == regular .or. regularity%cycles < 2) return
+    do k = 1, size(cycle_quantities)
+      call page%row('  '//cycle_quantities(k)%name, formatted('(es13.5)', regularity%mean(k))//' +- '// &
+        formatted('(es8.1)', regularity%scatter(k))//' '//trim(cycle_quantities(k)%units)//' (standard deviation)')
+    end do
+  end subroutine list_regularity
 end module dst_cycles_report

@@ -1,13 +1,15 @@
 !> The limit cycles of a scene: what it settles to, and what it cannot stay at.
 module dst_limit_cycles
   use dst_assembly, only: slider_from_scene
-  use dst_cycles, only: cycle_quantities, measures
+  use dst_cycles, only: cycle_quantities, measures, peak, valley
   use dst_errors, only: error_t, raise, deck_error
+  use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles
   use dst_kinds, only: wp
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t
   use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
   use dst_slow_map, only: slow_map_t, new_slow_map
+  use dst_stability, only: steady_sliding_eigenvalues, is_stable
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -28,50 +30,128 @@ module dst_limit_cycles
     character(:), allocatable :: model
     real(wp) :: velocity = 0.0_wp                  !! |V|, m/s
     real(wp), allocatable :: value(:, :)           !! (quantity, cycle)
+    !> Whether the object can stay at a cycle, and whether its multiplier is known.
+    logical, allocatable :: is_stable(:), has_multiplier(:)
     !> Steady sliding: the load k_x u_x [N], and how a small disturbance of it changes [1/s].
     real(wp) :: sliding_load = 0.0_wp
     logical :: sliding_is_stable = .false.
     complex(wp), allocatable :: eigenvalues(:)
+    !> Of the full model: what its motion is like that begins as the scene says.
+    type(regularity_t) :: regularity
   contains
     procedure :: number
-    procedure :: is_stable
   end type limit_cycles_t
 
 contains
 
-  !> The cycles of the slow motion of a scene, at one drive velocity [m/s].
+  !> The cycles of a scene at one drive velocity [m/s], in its own model.
   subroutine find_limit_cycles(scene, velocity, cycles, error)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
     type(limit_cycles_t), intent(out) :: cycles
     type(error_t), allocatable, intent(out) :: error
     type(slider_t) :: slider
+
+    call slider_from_scene(scene, slider)
+    cycles%velocity = abs(velocity)
+    cycles%model = trim(scene%model)
+    if (cycles%model == 'auto') cycles%model = 'full'
+    if (cycles%model /= 'full' .and. cycles%model /= 'low_frequency') then
+      call raise(error, deck_error, "scene.model: model '"//cycles%model//"' has no limit cycles that are known here: "// &
+        "give 'full' or 'low_frequency'", 'scene.model')
+    else if (.not. minval(abs(slider%along)) > 0.0_wp) then
+      call raise(error, deck_error, 'system.misalignment_deg: the cycles are known for angles that are no multiple of 90: '// &
+        'change it a little', 'system.misalignment_deg')
+    else if (cycles%model == 'full' .and. scene%contact /= 'exact') then
+      call raise(error, deck_error, "friction.contact: the cycles of the full model are known for contact 'exact': its rest is "// &
+        'what they are found by', 'friction.contact')
+    else if (cycles%model == 'full') then
+      call take_full(scene, slider, velocity, cycles, error)
+    else
+      call take_slow(slider, velocity, cycles, error)
+    end if
+  end subroutine find_limit_cycles
+
+  !> The cycles of the full model, and its steady sliding.
+  subroutine take_full(scene, slider, velocity, cycles, error)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    type(limit_cycles_t), intent(inout) :: cycles
+    type(error_t), allocatable, intent(out) :: error
+    type(full_cycle_t), allocatable :: found(:)
+    real(wp) :: force(1), slope(1)
+    integer :: i, order
+
+    allocate (cycles%eigenvalues(4))
+    call steady_sliding_eigenvalues(slider, velocity, cycles%eigenvalues, error)
+    if (.not. allocated(error)) call is_stable(slider, velocity, cycles%sliding_is_stable, error)
+    if (allocated(error)) return
+    call slider%law%evaluate(1, [abs(velocity)], force, slope)
+    cycles%sliding_load = force(1)*abs(slider%along(1))
+    call find_full_cycles(scene, velocity, found, cycles%regularity, error)
+    if (allocated(error)) return
+    call make_room(cycles, size(found))
+    do i = 1, size(found)
+      associate (cycle => found(i))
+        order = 1 + number_below(found, swing_of(cycle))
+        cycles%value(:, order) = [cycle%measure, swing_of(cycle), cycle%log_multiplier]
+        cycles%is_stable(order) = cycle%log_multiplier < 0.0_wp .or. .not. cycle%has_multiplier
+        cycles%has_multiplier(order) = cycle%has_multiplier
+      end associate
+    end do
+
+  contains
+
+    pure real(wp) function swing_of(cycle)
+      type(full_cycle_t), intent(in) :: cycle
+
+      swing_of = cycle%measure(peak) - cycle%measure(valley)
+    end function swing_of
+
+    pure integer function number_below(list, limit)
+      type(full_cycle_t), intent(in) :: list(:)
+      real(wp), intent(in) :: limit
+      integer :: k
+
+      number_below = count([(swing_of(list(k)) < limit, k=1, size(list))])
+    end function number_below
+  end subroutine take_full
+
+  !> The cycles of the slow motion, and its steady sliding.
+  subroutine take_slow(slider, velocity, cycles, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    type(limit_cycles_t), intent(inout) :: cycles
+    type(error_t), allocatable, intent(out) :: error
     type(slow_map_t) :: map
     type(slow_cycle_t), allocatable :: found(:)
     integer :: i
 
-    call slider_from_scene(scene, slider)
-    if (.not. (abs(slider%along(1)) > 0.0_wp .and. abs(slider%along(2)) > 0.0_wp)) then
-      call raise(error, deck_error, 'system.misalignment_deg: the cycles of the slow motion are known for angles that are '// &
-        'no multiple of 90: change it a little', 'system.misalignment_deg')
-      return
-    end if
-    cycles%model = 'low_frequency'
-    cycles%velocity = abs(velocity)
     call new_slow_map(slider, velocity, rtol, map)
     cycles%sliding_load = slider%stiffness(1)*map%equilibrium
     cycles%sliding_is_stable = map%damping > 0.0_wp
     cycles%eigenvalues = eigenvalues_of(slider, map%damping)
     call find_slow_cycles(map, found, error)
     if (allocated(error)) return
-    allocate (cycles%value(quantities, size(found)))
+    call make_room(cycles, size(found))
     do i = 1, size(found)
       associate (cycle => found(i), stiffness => slider%stiffness(1))
         cycles%value(:, i) = [cycle%rise_time + cycle%fall_time, stiffness*cycle%peak, stiffness*cycle%valley, cycle%rise_time, &
           cycle%fall_time, cycle%slip_length, stiffness*(cycle%peak - cycle%valley), cycle%log_multiplier]
+        cycles%is_stable(i) = cycle%log_multiplier < 0.0_wp
       end associate
     end do
-  end subroutine find_limit_cycles
+  end subroutine take_slow
+
+  subroutine make_room(cycles, n)
+    type(limit_cycles_t), intent(inout) :: cycles
+    integer, intent(in) :: n
+
+    allocate (cycles%value(quantities, n))
+    allocate (cycles%is_stable(n), source=.false.)
+    allocate (cycles%has_multiplier(n), source=.true.)
+  end subroutine make_room
 
   !> The roots of m x^2 + d x + k_x, by falling real part [1/s].
   pure function eigenvalues_of(slider, damping) result(eigenvalues)
@@ -95,12 +175,4 @@ contains
 
     number = size(self%value, 2)
   end function number
-
-  !> Whether a cycle is one that the object can stay at.
-  elemental logical function is_stable(self, i)
-    class(limit_cycles_t), intent(in) :: self
-    integer, intent(in) :: i
-
-    is_stable = self%value(log_multiplier, i) < 0.0_wp
-  end function is_stable
 end module dst_limit_cycles

@@ -48,8 +48,13 @@ module dst_cycle_map
     integer :: current = 0
     !> By what time the last piece is ahead of the leap that is remembered [s].
     real(wp) :: lead = 0.0_wp
-    !> How small differences grow from slow cycle to slow cycle.
+    !> How small differences grow from slow cycle to slow cycle; and the release at the end of the last excursion that led back, with
+    !> its time [s].
     type(divergence_t) :: divergence
+    type(release_angle_t) :: returned_to
+    real(wp) :: returned_at = 0.0_wp
+    !> Whether excursions are made again from their recordings.
+    logical :: reuses = .true.
     !> Work beside that of the steps, and of the survey.
     type(work_count_t), private :: own
     !> Whether the last piece ended with a release; and the release before, if only one cycle lies between, with its time [s].
@@ -69,6 +74,7 @@ module dst_cycle_map
     real(wp), private :: usual_turn = 0.0_wp
   contains
     procedure :: go_on
+    procedure :: begin_at_release
     procedure :: instant
     procedure :: state_in_leap
     procedure :: next_in_leap
@@ -133,6 +139,29 @@ contains
     self%segment = self%steps%segment
     call note_piece(self)
   end subroutine go_on
+
+  !> Begin anew at time 0 with a release under the first stretch of the drive. What is known of cycles is kept.
+  subroutine begin_at_release(self, from)
+    class(cycle_map_t), intent(inout) :: self
+    type(release_angle_t), intent(in) :: from
+
+    self%segment = 1
+    self%steps%segment = 1
+    self%steps%piece%drive = self%drive%segment(1)
+    self%piece%drive = self%drive%segment(1)
+    call self%steps%place_at_release(from%theta(), state_t())
+    self%piece%to = self%steps%piece%to
+    self%piece%from = self%piece%to
+    self%contact = slips
+    call forget(self)
+    self%released = .true.
+    self%has_before = .true.
+    self%before = from
+    self%before_time = 0.0_wp
+    self%follows_leg = .false.
+    self%last_return = -1.0_wp
+    call self%divergence%begin()
+  end subroutine begin_at_release
 
   !> Whether the last piece by steps ended with a release under a steady drive; and what its cycle was like.
   subroutine note_piece(self)
@@ -238,9 +267,9 @@ contains
         if (abs(leap%velocity - self%piece%drive%velocity) > 0.0_wp .or. leap%from%side*here%side < 0.0_wp) cycle
         if (leap%duration > longest .or. .not. leap%is_kept) cycle
         associate (apart => abs(leap%from%angle - here%angle))
-          if (apart <= same_angle) then
+          if (apart <= same_angle .and. (self%reuses .or. leap%table > 0)) then
             place = i
-          else if (leap%table == 0 .and. leap%stretch_known .and. self%survey%before%known) then
+          else if (self%reuses .and. leap%table == 0 .and. leap%stretch_known .and. self%survey%before%known) then
             if (apart*max(1.0_wp/near, exp(leap%log_stretch)/left_over) <= self%survey%rtol) place = i
           end if
         end associate
@@ -341,7 +370,11 @@ contains
     if (.not. leap%stretch_known) call self%divergence%lose()
     if (leap%table > 0) return
     associate (turn => leap%to%angle - leap%from%angle)
-      if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) call self%divergence%come_back()
+      if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) then
+        call self%divergence%come_back()
+        self%returned_to = leap%to
+        self%returned_at = self%piece%to%time
+      end if
     end associate
   end subroutine note_stretch
 

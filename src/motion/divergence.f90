@@ -35,6 +35,8 @@ module dst_divergence
     real(wp), private :: sum = 0.0_wp
     logical, private :: known = .false.
   contains
+    procedure :: begin
+    procedure :: last
     procedure :: is_worth_measuring
     procedure :: pass
     procedure :: lose
@@ -44,6 +46,22 @@ module dst_divergence
   end type divergence_t
 
 contains
+
+  !> Begin with a slow cycle that is known from here on.
+  pure subroutine begin(self)
+    class(divergence_t), intent(inout) :: self
+
+    self%sum = 0.0_wp
+    self%known = .true.
+  end subroutine begin
+
+  !> The logarithm of the last slow cycle that is known, 0 if there is none.
+  pure real(wp) function last(self)
+    class(divergence_t), intent(in) :: self
+
+    last = 0.0_wp
+    if (self%known_count > 0) last = self%logarithm(int(modulo(self%known_count - 1, int(kept, int64))) + 1)
+  end function last
 
   !> Whether the slow cycle under way is one of those for which work is done.
   pure logical function is_worth_measuring(self)

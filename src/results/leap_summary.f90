@@ -64,7 +64,7 @@ contains
   subroutine observe_cycles(map)
     class(cycle_map_t), intent(inout) :: map
 
-    allocate (map%survey%observer, source=observer_t(values=values))
+    if (.not. allocated(map%survey%observer)) allocate (map%survey%observer, source=observer_t(values=values))
   end subroutine observe_cycles
 
   !> A cycle by its own summary.

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import INPUTS
 
+GROWTH = ("lyapunov_exponent", "lyapunov_error", "regularity")
 COUNTERS = ("cycles_leapt", "cycles_sampled", "excursions_reused")
 FIG3 = INPUTS / "fig3.nml"
 SAMPLED = {"interval": 1e-3, "fields": ["u_x", "u_y", "w_x", "w_y", "X"]}
@@ -86,7 +87,8 @@ def compare(scene: ds.Scene, rtol: float = 1e-10) -> int:
     scatter = distances(finer, by_steps)
     for name, distance in distances(by_map, by_steps).items():
         assert distance <= max(1e-6, 30 * scatter[name]), (name, distance, scatter[name])
-    assert list(by_map.summary) == list(by_steps.summary)
+    # Only the map knows how a small difference grows.
+    assert [name for name in by_map.summary if name not in GROWTH] == list(by_steps.summary)
     for name, value in by_steps.summary.items():
         if name == "energy_residual":
             assert abs(by_map.summary[name]) < 1e-7
