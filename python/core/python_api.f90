@@ -13,13 +13,14 @@ module dst_python_api
   use dst_kinds, only: wp, pi
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
+  use dst_cycles, only: cycle_quantities
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_deck_values, only: element_count
   use dst_errors, only: error_t, raise, file_error, usage_error
   use dst_faults, only: not_all_faults
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
-  use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, find_limit_cycles
+  use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, log_multiplier, find_limit_cycles
   use dst_lock, only: lock_t
   use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
@@ -545,8 +546,9 @@ contains
     end select
   end subroutine make_sweep_table
 
-  !> Also 'cycle_quantities', the values of all 'cycles' (a row each), 'sliding' (load, whether it is stable, velocity), its
-  !> 'eigenvalues', and 'ends', a number with a name each: what does not exist is left out.
+  !> Also 'cycle_quantities', the values of all 'cycles' (a row each, the last one whether it is stable), 'sliding' (load, whether it
+  !> is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict' (with exponent, error,
+  !> slow cycles, cycles), and 'ends', a number with a name each: what does not exist is left out.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -556,8 +558,12 @@ contains
     case ('cycle_quantities')
       call describe(self%table, limit_cycle_quantities, 0)
     case ('cycles')
-      call new_table(self%table, self%cycles%number(), 0, size(limit_cycle_quantities))
-      self%table%number = self%cycles%value
+      associate (cycles => self%cycles, n => size(limit_cycle_quantities))
+        call new_table(self%table, cycles%number(), 0, n + 1)
+        self%table%number(:n, :) = cycles%value
+        where (.not. cycles%has_multiplier) self%table%number(log_multiplier, :) = ieee_value(1.0_wp, ieee_quiet_nan)
+        self%table%number(n + 1, :) = merge(1.0_wp, 0.0_wp, cycles%is_stable)
+      end associate
     case ('sliding')
       call new_table(self%table, 1, 0, 3)
       self%table%number(:, 1) = [self%cycles%sliding_load, merge(1.0_wp, 0.0_wp, self%cycles%sliding_is_stable), &
@@ -567,6 +573,18 @@ contains
       do i = 1, size(self%cycles%eigenvalues)
         self%table%number(:, i) = [real(self%cycles%eigenvalues(i), wp), aimag(self%cycles%eigenvalues(i))]
       end do
+    case ('regularity')
+      associate (regularity => self%cycles%regularity)
+        call describe(self%table, cycle_quantities, 2)
+        self%table%number(1, :) = regularity%mean
+        self%table%number(2, :) = regularity%scatter
+      end associate
+    case ('verdict')
+      call new_table(self%table, 1, 0, 5)
+      associate (regularity => self%cycles%regularity)
+        self%table%number(:, 1) = [real(regularity%verdict, wp), regularity%exponent, min(regularity%error, huge(1.0_wp)), &
+          real(regularity%slow_cycles, wp), real(regularity%cycles, wp)]
+      end associate
     case ('ends')
       call make_table_of_ends(self%ends, self%table)
     case default

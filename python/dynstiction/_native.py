@@ -329,8 +329,16 @@ class Cycles(Session):
         self._raise(deck, status)
         self.model = _named_text(handle, "model")
         self.quantities = _infos(handle, "cycle_quantities")
-        self.values = _table(handle, "cycles")[1].T
+        *values, stable = _table(handle, "cycles")[1]
+        self.values = np.array(values).T
         """Values (cycle, quantity)."""
+        self.are_stable = [one == 1.0 for one in stable]
+        cells, (mean, scatter) = _table(handle, "regularity", described=True)
+        self.mean, self.scatter = (
+            {info.name: value for (info,), value in zip(cells, row.tolist(), strict=True)} for row in (mean, scatter)
+        )
+        self.verdict, self.exponent, self.error, slow, count = _table(handle, "verdict")[1][:, 0].tolist()
+        self.slow_cycles, self.count = int(slow), int(count)
         load, stable, velocity = _table(handle, "sliding")[1][:, 0].tolist()
         self.sliding_load, self.sliding_is_stable, self.velocity = load, stable == 1.0, velocity
         real, imaginary = _table(handle, "eigenvalues")[1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from . import _native
 from .scene import DeckLike, Scene
 
-__all__ = ["Cycles", "End", "LimitCycle", "StickSlipEnds", "cycles", "stick_slip_ends"]
+__all__ = ["Cycles", "End", "LimitCycle", "Regularity", "StickSlipEnds", "cycles", "stick_slip_ends"]
 
 
 class LimitCycle(NamedTuple):
@@ -32,17 +32,31 @@ class LimitCycle(NamedTuple):
     swing: float
     """Peak less valley [N]."""
     log_multiplier: float
-    """Logarithm of the factor by which a cycle makes a small disturbance larger [-]."""
+    """Logarithm of the factor by which a cycle makes a small disturbance larger [-]; NaN where it is not known."""
+    stable: bool
+    """Whether the object can stay at it."""
 
     @property
     def multiplier(self) -> float:
         """Factor by which a cycle makes a small disturbance larger [-]; 0 if it is below the smallest number."""
         return math.exp(min(self.log_multiplier, 700.0))
 
-    @property
-    def stable(self) -> bool:
-        """Whether the object can stay at it."""
-        return self.log_multiplier < 0.0
+
+class Regularity(NamedTuple):
+    """What the motion of a scene is like, from its own beginning on."""
+
+    verdict: Literal["regular", "irregular", "undecided"]
+    """Whether it comes to a cycle; if it is irregular, its cycles have a distribution and not a value."""
+    exponent: float
+    """Lyapunov exponent for a slow cycle [-]."""
+    error: float
+    """Its standard error."""
+    slow_cycles: int
+    """Over how many slow cycles."""
+    mean: dict[str, float]
+    """Mean of period, peak_force, ..., over the later half of the cycles; empty if there are none."""
+    scatter: dict[str, float]
+    """Their standard deviations."""
 
 
 class Cycles(NamedTuple):
@@ -57,7 +71,9 @@ class Cycles(NamedTuple):
     """k_x u_x in steady sliding [N]."""
     sliding_is_stable: bool
     eigenvalues: NDArray[np.complex128]
-    """Of a small disturbance of steady sliding [1/s], by falling real part; shape (2,)."""
+    """Of a small disturbance of steady sliding [1/s], by falling real part; shape (2,), of the full model (4,)."""
+    regularity: Regularity | None
+    """Of the full model."""
 
     @property
     def stable(self) -> tuple[LimitCycle, ...]:
@@ -112,7 +128,7 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     scene : str, PathLike or Scene
         A deck or a scene. Of a drive with several velocities the first one counts that is held and is not 0.
     model : str
-        Whose cycles; default: the scene's own model.
+        Whose cycles; default: the scene's own model, which has to be 'full' or 'low_frequency'.
 
     Returns
     -------
@@ -122,7 +138,7 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     Raises
     ------
     DeckError, FileError
-        As for `dynstiction.run`; also if the misalignment is a multiple of 90 degrees.
+        As for `dynstiction.run`; also if the misalignment is a multiple of 90 degrees, or the contact of the full model is smoothed.
     UsageError
         If the drive holds no velocity but 0.
     SolverError
@@ -131,17 +147,35 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     Notes
     -----
     The slow motion is planar, so that every cycle is a fixed point of its map from valley to valley, and the multiplier
-    follows from the divergence along it: docs/cycles.md.
+    follows from the divergence along it. The cycles of the full model are fixed points of its map from release to release;
+    where it has no releases, only the cycle to which it settles is known. docs/cycles.md.
     """
     with _native.Cycles(Scene(scene).source, model) as found:
         return Cycles(
             found.model,
             found.velocity,
-            tuple(LimitCycle(*row) for row in found.values.tolist()),
+            tuple(
+                LimitCycle(*row, stable)
+                for row, stable in zip(found.values.tolist(), found.are_stable, strict=True)
+            ),
             found.sliding_load,
             found.sliding_is_stable,
             found.eigenvalues,
+            _regularity(found) if found.model == "full" else None,
         )
+
+
+def _regularity(found: _native.Cycles) -> Regularity:
+    verdicts: dict[float, Literal["regular", "irregular", "undecided"]] = {1.0: "regular", -1.0: "irregular"}
+    there = found.count > 0
+    return Regularity(
+        verdicts.get(found.verdict, "undecided"),
+        found.exponent,
+        found.error,
+        found.slow_cycles,
+        found.mean if there else {},
+        found.scatter if there else {},
+    )
 
 
 def stick_slip_ends(scene: DeckLike) -> StickSlipEnds:
