@@ -332,7 +332,7 @@ class Cycles(Session):
         *values, stable = _table(handle, "cycles")[1]
         self.values = np.array(values).T
         """Values (cycle, quantity)."""
-        self.are_stable = [one == 1.0 for one in stable]
+        self.are_stable = (stable == 1.0).tolist()
         cells, (mean, scatter) = _table(handle, "regularity", described=True)
         self.mean, self.scatter = (
             {info.name: value for (info,), value in zip(cells, row.tolist(), strict=True)} for row in (mean, scatter)

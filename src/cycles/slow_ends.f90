@@ -30,15 +30,18 @@ module dst_slow_ends
   real(wp), parameter :: first_reach = 0.25_wp, last_reach = 50.0_wp
   !> Step along the curve, and how far behind its farthest p it is left. Conventions. Half the step: the same ends.
   real(wp), parameter :: curve_step = 0.25_wp, far_behind = 0.7_wp
+  !> A curve that is so flat is a canard, and the step there. Conventions.
+  real(wp), parameter :: along_canard = 1.0e-5_wp, flat_step = 1.0_wp
   !> The steps are halved where the curve is not found so far aside of its chord, over the step, down to the least. Conventions.
   real(wp), parameter :: aside = 0.7_wp, least_step = 1.0e-7_wp
   !> Over the step along the curve: the difference of p for the gradient of the gain, and the first step aside. Conventions.
   real(wp), parameter :: gradient_share = 0.004_wp, first_share = 0.01_wp
   integer, parameter :: max_points = 60, max_iterations = 80
-  !> Width to which p and x are found: a few roundoffs of p, which is of order one.
-  real(wp), parameter :: fine = 16.0_wp*epsilon(1.0_wp)
+  !> Width to which p and x are found: a few roundoffs of p, which is of order one; and while the curve is followed. Twice: the same
+  !> ends.
+  real(wp), parameter :: fine = 16.0_wp*epsilon(1.0_wp), coarse = 1.0e-9_wp
   !> An extremum of p(x) that stands out by less is roundoff: where stick-slip ends at once, the curve is flat to all digits.
-  real(wp), parameter :: flat = 1.0e-11_wp
+  real(wp), parameter :: flat = 1.0e-8_wp
   !> Largest value of a function that root finding looks at: beyond, only its sign counts.
   real(wp), parameter :: enough = 1.0_wp
 
@@ -197,14 +200,15 @@ contains
     ahead = [0.0_wp, family%outwards]
     call turn_ahead(family, curve(1), gradient_share*step, ahead, error)
     do while (.not. allocated(error) .and. n < max_points)
-      call find_point(family, curve(n)%place + step*ahead, across(ahead), aside*step, curve(n + 1), found, error)
+      call find_point(family, curve(n)%place + step*ahead, across(ahead), aside*step, coarse, curve(n + 1), found, error)
       if (allocated(error)) return
       if (.not. found) then
         step = 0.5_wp*step
         if (step < least_step) return
         cycle
       end if
-      step = min(curve_step, 2.0_wp*step)
+      ! Along a canard only the size changes.
+      step = min(merge(flat_step, curve_step, abs(ahead(2)) < along_canard), 2.0_wp*step)
       n = n + 1
       if (curve(n)%swing <= least_swing) return
       if (family%outwards*curve(n)%place(2) < maxval(family%outwards*curve(:n)%place(2)) - far_behind) return
@@ -255,7 +259,7 @@ contains
       share = bracket%false_position()
       if (modulo(iteration, 4) == 0) share = bracket%middle()
       call find_point(family, first%place + share*chord, across(chord/norm2(chord)), norm2(chord), &
-        point, found, error)
+        fine, point, found, error)
       if (allocated(error) .or. .not. found) return
       if (.not. abs(value_of(point)) > 0.0_wp) return
       call bracket%narrow(share, value_of(point))
@@ -273,9 +277,10 @@ contains
   end subroutine refine
 
   !> The point of the curve that lies nearest to a place, on the line through it in a direction, within some reach.
-  subroutine find_point(family, place, direction, reach, point, found, error)
+  subroutine find_point(family, place, direction, reach, width, point, found, error)
     type(family_t), intent(in) :: family
     real(wp), intent(in) :: place(2), direction(2), reach
+    real(wp), intent(in) :: width            !! to which it is found
     type(point_t), intent(out) :: point
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
@@ -313,7 +318,7 @@ contains
       if (allocated(error)) return
       if (.not. abs(here%gain) > 0.0_wp) exit
       call bracket%narrow(t, limited(here%gain))
-      if (abs(bracket%width()) <= fine*max(1.0_wp, maxval(abs(place)))) exit
+      if (abs(bracket%width()) <= width*max(1.0_wp, maxval(abs(place)))) exit
     end do
     point = point_t(place + t*direction, (here%turn%peak - here%turn%from)/family%limit, here)
   end subroutine find_point

@@ -1,0 +1,246 @@
+"""Limit cycles and ends of stick-slip are those that runs come to, and that an independent code finds."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from programs import INPUTS, Program
+
+FIG3 = ds.Scene(INPUTS / "fig3.nml")
+LIMIT = 2.0
+TIGHT = {"method": "radau13", "rtol": 1e-12}
+
+# Angles [deg] at which the stick-slip of Fig. 3's slow model ends, by V [m/s], from another integration of the same equations
+# (scipy, Radau with rtol 1e-12), a fold or a swing of 5 % of F_0.
+ENDS = {
+    1e-4: (2.740068864302916, False),
+    1e-3: (8.18422726698844, False),
+    3e-3: (12.356845808925039, False),
+    10e-3: (17.1665104916, False),
+    75e-3: (4.3832563823545, True),
+}
+
+
+def slow(scene: ds.Scene) -> ds.Scene:
+    """The same scene with the slow model."""
+    return scene.replace(scene={"model": "low_frequency"}, system={"stiffness_y": None}, friction={"contact": None})
+
+
+def at(velocity: float, angle: float) -> ds.Scene:
+    return FIG3.replace(drive={"velocity": velocity}, system={"misalignment_deg": angle})
+
+
+@pytest.mark.parametrize("model", ["low_frequency", "full"])
+def test_the_stable_cycle_is_that_of_a_settled_run(model: str) -> None:
+    scene = slow(FIG3) if model == "low_frequency" else FIG3
+    run = ds.run(scene, scene={"t_end": 60.0, "settle": 1e-10}, integrator=TIGHT, output={"interval": 60.0})
+    found = ds.cycles(scene)
+    (cycle,) = found.cycles
+    assert found.model == model
+    assert cycle.stable
+    for name in ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length"):
+        assert getattr(cycle, name) == pytest.approx(run.summary[name], rel=1e-9), name
+    assert cycle.swing == cycle.peak_force - cycle.valley_force
+
+
+def test_an_unstable_cycle_parts_what_sticks_and_slips_from_what_slides() -> None:
+    found = ds.cycles(at(75e-3, 3.5), model="low_frequency")
+    small, large = found.cycles
+    assert (small.stable, large.stable, found.sliding_is_stable) == (False, True, True)
+    assert (found.unstable, found.stable) == ((small,), (large,))
+    for share, swing in ((0.999, 0.0), (1.001, large.swing)):
+        middle = found.sliding_load
+        start = (middle + share * (small.valley_force - middle)) / 1e3
+        run = ds.run(
+            slow(at(75e-3, 3.5)),
+            scene={"t_end": 200.0},
+            initial={"elongation_x": start, "velocity_ratio": 1.0},
+            integrator=TIGHT,
+            output={"interval": 200.0},
+        )
+        assert run.summary["swing"] == pytest.approx(swing, abs=1e-3 * large.swing)
+
+
+def test_the_multiplier_is_how_a_small_difference_grows() -> None:
+    small, large = ds.cycles(at(75e-3, 3.5), model="low_frequency").cycles
+    for cycle in (small, large):
+        push = 1e-5 * cycle.swing
+        begun = ds.run(
+            slow(at(75e-3, 3.5)),
+            initial={"elongation_x": (cycle.valley_force - push) / 1e3, "velocity_ratio": 1.0},
+            scene={"t_end": 1.3 * cycle.period},
+            integrator=TIGHT,
+            output={"interval": cycle.period / 2000, "fields": ["u_x"]},
+        )
+        load = 1e3 * begun["u_x"]
+        # The valley one period later, on a parabola through the lowest samples.
+        lowest = int(np.argmin(load[1000:])) + 1000
+        a, b, c = np.polyfit(np.arange(-3, 4), load[lowest - 3 : lowest + 4], 2)
+        grown = cycle.valley_force - (c - b * b / (4 * a))
+        assert math.log(grown / push) == pytest.approx(cycle.log_multiplier, abs=2e-3)
+
+
+def test_no_cycle_of_a_random_scene_is_overlooked() -> None:
+    """Runs from many valleys end at one of the stable cycles, or in steady sliding where that is stable."""
+    chance = random.Random(18)
+    ended = set()
+    for _ in range(12):
+        velocity = math.exp(chance.uniform(math.log(5e-3), math.log(0.15)))
+        scene = slow(at(velocity, chance.uniform(1.0, 12.0)))
+        found = ds.cycles(scene)
+        swings = [cycle.swing for cycle in found.stable] + ([0.0] if found.sliding_is_stable else [])
+        for share in (0.02, 0.3, 2.0):
+            run = ds.run(
+                scene,
+                scene={"t_end": 400.0},
+                initial={"elongation_x": (found.sliding_load - share * LIMIT) / 1e3, "velocity_ratio": 1.0},
+                integrator={"method": "radau13", "rtol": 1e-8},
+                output={"interval": 400.0},
+            )
+            nearest = min(swings, key=lambda swing: abs(swing - run.summary["swing"]))
+            assert run.summary["swing"] == pytest.approx(nearest, abs=0.02 * LIMIT), (scene.groups(), share)
+            ended.add(nearest == 0.0)
+    assert ended == {True, False}
+
+
+def test_cycles_of_mirrored_scenes_are_the_same() -> None:
+    first = ds.cycles(at(75e-3, 3.5), model="low_frequency")
+    for velocity, angle in ((-75e-3, 3.5), (75e-3, -3.5), (75e-3, 176.5)):
+        for cycle, mirrored in zip(first.cycles, ds.cycles(at(velocity, angle), model="low_frequency").cycles, strict=True):
+            assert mirrored == pytest.approx(cycle, rel=1e-10)
+
+
+@pytest.mark.parametrize(("velocity", "end"), ENDS.items())
+def test_ends_of_stick_slip_are_those_of_another_code(velocity: float, end: tuple[float, bool]) -> None:
+    found = ds.stick_slip_ends(at(velocity, 1.0))
+    assert found.misalignment is not None
+    assert math.degrees(found.misalignment.at) == pytest.approx(end[0], rel=1e-10)
+    assert found.misalignment.is_fold == end[1]
+
+
+def test_at_the_end_two_cycles_meet_or_the_swing_is_least() -> None:
+    for velocity in (3e-3, 75e-3):
+        end = ds.stick_slip_ends(at(velocity, 1.0)).misalignment
+        assert end is not None
+        inside, beyond = (
+            ds.cycles(at(velocity, math.degrees(end.at * (1.0 + side * 1e-4))), model="low_frequency") for side in (-1, 1)
+        )
+        if end.is_fold:
+            assert ([cycle.stable for cycle in inside.cycles], beyond.cycles) == ([False, True], ())
+        else:
+            assert inside.stable[-1].swing > 0.05 * LIMIT > beyond.stable[-1].swing > 0.04 * LIMIT
+
+
+def test_ends_in_velocity_are_those_in_the_angle() -> None:
+    """Where stick-slip at 3.5 degrees ends, it ends at 3.5 degrees."""
+    low, high = ds.stick_slip_ends(at(1e-3, 3.5)).velocity
+    assert low is not None
+    assert high is not None
+    assert (low.is_fold, high.is_fold) == (False, True)
+    assert low.at < 1e-3 < high.at
+    for end in (low, high):
+        angle = ds.stick_slip_ends(at(end.at, 1.0)).misalignment
+        assert angle is not None
+        assert math.degrees(angle.at) == pytest.approx(3.5, rel=1e-8)
+
+
+def test_laws_hold_in_their_range() -> None:
+    for velocity, law in ((0.03e-3, "slow"), (1e-3, "slow"), (30e-3, "fast"), (100e-3, "fast")):
+        ends = ds.stick_slip_ends(at(velocity, 1.0))
+        assert ends.misalignment is not None
+        assert getattr(ends, f"{law}_drive_law") == pytest.approx(ends.misalignment.at, rel=5e-3)
+        assert getattr(ends, f"{law}_drive_doubt") < 0.05
+
+
+def test_bautin_point_parts_gradual_ends_from_folds() -> None:
+    ends = ds.stick_slip_ends(at(1e-3, 1.0))
+    assert ends.bautin_point is not None
+    velocity, angle = ends.bautin_point
+    assert (velocity / 0.010, math.degrees(angle)) == pytest.approx((3.60403, 10.20385), rel=1e-5)
+    assert ds.stick_slip_ends(at(0.98 * velocity, 1.0)).is_supercritical
+    assert not ds.stick_slip_ends(at(1.02 * velocity, 1.0)).is_supercritical
+
+
+def test_constant_friction_has_no_stick_slip() -> None:
+    constant = FIG3.replace(friction={"law": "constant", "mu_inf": None, "v_f": None})
+    ends = ds.stick_slip_ends(constant)
+    assert (ends.critical_misalignment, ends.misalignment, ends.velocity) == (None, None, (None, None))
+    assert ds.cycles(constant, model="low_frequency").cycles == ()
+
+
+# The full model: regular and irregular motion.
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict", "exponent", "within"),
+    [
+        ({}, 1, -9.17, 0.05),
+        ({"system": {"stiffness_y": 1e6}, "scene": {"t_end": 100.0}}, -1, 2.3, 0.5),
+        ({"system": {"stiffness_y": 5e6}, "scene": {"t_end": 30.0}}, 1, -1.28, 0.05),
+    ],
+)
+def test_a_run_says_whether_it_is_regular(changes: dict, verdict: int, exponent: float, within: float) -> None:
+    run = ds.run(FIG3.replace(**changes), integrator={"method": "radau13", "rtol": 1e-9}, output={"interval": 1.0})
+    assert run.summary["regularity"] == verdict
+    assert run.summary["lyapunov_exponent"] == pytest.approx(exponent, abs=within)
+    assert (run.summary["period_scatter"] > 1e-4 * run.summary["period"]) == (verdict < 0)
+
+
+def test_two_motions_part_as_the_exponent_says() -> None:
+    """Of an irregular scene: the distance of two motions, from slow cycle to slow cycle."""
+    scene = FIG3.replace(system={"stiffness_y": 1e6}, scene={"t_end": 14.0}, output={"interval": 1e-3, "fields": ["u_x"]})
+    tight = {"method": "radau13", "rtol": 1e-12}
+    loads = [
+        ds.run(scene, integrator=tight, initial={"elongation_x": 1e-3 * (1.0 + push)})["u_x"] for push in (0.0, 1e-9)
+    ]
+    apart = np.abs(loads[0] - loads[1]).reshape(-1)[:-1].reshape(14, -1).max(axis=1) / 2e-3
+    growth = np.log(apart[7] / apart[1]) / (6.0 / 0.886)
+    assert growth == pytest.approx(2.3, abs=0.9)
+
+
+def test_an_irregular_scene_has_many_unstable_cycles() -> None:
+    scene = FIG3.replace(system={"stiffness_y": 1e6})
+    found = ds.cycles(scene)
+    assert found.regularity is not None
+    assert found.regularity.verdict == "irregular"
+    assert len(found.cycles) > 5
+    assert not found.stable
+    assert found.regularity.exponent > 5 * found.regularity.error
+    mean, scatter = found.regularity.mean["period"], found.regularity.scatter["period"]
+    periods = [cycle.period for cycle in found.cycles]
+    assert min(periods) < mean < max(periods)
+    assert 1e-3 * mean < scatter < 0.05 * mean
+
+
+def test_several_stable_cycles_of_the_full_model_are_all_found() -> None:
+    """At k_y = 5e6 N/m the fast oscillation may make a whole number of swings more or less in a slow cycle."""
+    found = ds.cycles(FIG3.replace(system={"stiffness_y": 5e6}))
+    assert [cycle.stable for cycle in sorted(found.cycles, key=lambda cycle: cycle.period)] == [True, False, True]
+
+
+# The command.
+
+
+def test_the_command_prints_every_cycle(program: Program) -> None:
+    told = program(
+        "cycles", INPUTS / "fig3.nml", settings=["drive.velocity=0.075", "system.misalignment_deg=3.5", "system.stiffness_y=1e9"]
+    ).stdout
+    assert "model full" in told
+    assert "apparent static friction" in told
+
+
+@pytest.mark.parametrize(
+    ("settings", "remedy"),
+    [
+        (["system.misalignment_deg=0"], "change it a little"),
+        (["drive.velocity=0"], "give one value"),
+        (["scene.model=high_frequency", "initial.elongation_x=1e-3"], "give 'full' or 'low_frequency'"),
+        (["friction.contact=smoothed", "friction.v_smooth=1e-7"], "contact 'exact'"),
+    ],
+)
+def test_refusals_of_the_command_name_the_remedy(program: Program, settings: list[str], remedy: str) -> None:
+    assert remedy in program("cycles", INPUTS / "fig3.nml", settings=settings, status=2).stderr
