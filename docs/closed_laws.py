@@ -1,0 +1,371 @@
+"""Evaluate the closed laws of docs/closed_laws.md, compare them with accurate values, and draw docs/figures/closed_laws.png.
+
+    python docs/closed_laws.py [--short]
+
+Prints the tables of the page in Markdown: where stick-slip of `low_frequency` ends by each law, the same for the universal
+problem of slow drive, and the cycles at 75 mm/s and 3.5 degrees.
+"""
+
+import argparse
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, root
+
+DOCS = Path(__file__).resolve().parent
+Values = NDArray[np.float64]
+
+END_OF_SWING = 0.05
+"""Amplitude of k_x u_x, peak to peak, over F_0, at which stick-slip has ended where it fades gradually."""
+
+ACCURATE = (
+    (0.03, "swing", 1.507040136),
+    (0.1, "swing", 2.740068864),
+    (0.3, "swing", 4.689152700),
+    (1.0, "swing", 8.184227267),
+    (1.5, "swing", 9.677737129),
+    (2.0, "swing", 10.782545988),
+    (2.5, "swing", 11.647536479),
+    (3.0, "swing", 12.356845809),
+    (4.0, "swing", 13.488093213),
+    (5.0, "swing", 14.389143281),
+    (6.0, "swing", 15.151501019),
+    (7.0, "swing", 15.813266759),
+    (8.0, "swing", 16.377203637),
+    (9.0, "swing", 16.830765215),
+    (10.0, "swing", 17.166510492),
+    (12.0, "swing", 17.506272718),
+    (15.0, "swing", 17.373513305),
+    (20.0, "swing", 16.153752523),
+    (30.0, "swing", 12.443330415),
+    (36.0, "swing", 10.217714671),
+    (38.0, "fold", 9.550895447),
+    (40.0, "fold", 8.966840336),
+    (50.0, "fold", 6.881555673),
+    (75.0, "fold", 4.383256382),
+    (100.0, "fold", 3.226635834),
+)
+"""V [mm/s], how stick-slip ends there, phi [deg]. From the return map of the half-line w = V cos phi, integrated by Radau IIA of
+seven stages at a relative tolerance of 1e-13; 1e-11 gives the same digits. bench/continuation.py computes them another way."""
+
+ROWS = (0.03, 0.1, 0.3, 1.0, 10.0, 30.0, 50.0, 75.0, 100.0)
+"""Those of the table in docs/maps.md."""
+
+UNIVERSAL = (
+    (2.2, 0.901073),
+    (2.3, 0.914317),
+    (2.5, 0.932482),
+    (3.0, 0.957196),
+    (3.162, 0.96214),
+    (5.0, 0.98604),
+    (8.0, 0.994701),
+)
+"""Gamma and tan phi_end/tan phi_c of the universal problem, by bisection of runs."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Mass, soft stiffness and weakening friction, in SI units: those of Fig. 3."""
+
+    mass: float = 0.25
+    stiffness: float = 1e3
+    mu_0: float = 0.20
+    mu_inf: float = 0.15
+    v_f: float = 0.010
+    load: float = 10.0
+
+    @property
+    def static_limit(self) -> float:
+        return self.mu_0 * self.load
+
+    @property
+    def impedance(self) -> float:
+        """The square root of m k_x, which turns a velocity into a force."""
+        return math.sqrt(self.mass * self.stiffness)
+
+    def friction(self, v: Values) -> tuple[Values, Values, Values]:
+        """F and its first two derivatives."""
+        drop = (self.mu_0 - self.mu_inf) * self.load * np.exp(-v / self.v_f)
+        return self.mu_inf * self.load + drop, -drop / self.v_f, drop / self.v_f**2
+
+    def phi(self, w: Values, across: Values) -> tuple[Values, Values, Values]:
+        """Phi(w) = F(v) w/v and its first two derivatives; across is V sin phi."""
+        v = np.hypot(w, across)
+        f, f1, f2 = self.friction(v)
+        x, y = w / v, across / v
+        return f * x, f1 * x**2 + f * y**2 / v, f2 * x**3 + 3.0 * x * y**2 * (f1 / v - f / v**2)
+
+    def taylor(self, w: float, across: float, count: int) -> Values:
+        """Derivatives 0 to count - 1 of Phi at w, by arithmetic of power series."""
+        square = np.zeros(count)
+        square[:3] = [w**2 + across**2, 2.0 * w, 1.0][:count]
+        speed, inverse = power(square, 0.5), power(square, -0.5)
+        law = (self.mu_0 - self.mu_inf) * self.load * exponential(-speed / self.v_f)
+        law[0] += self.mu_inf * self.load
+        velocity = np.zeros(count)
+        velocity[:2] = [w, 1.0][:count]
+        series = np.convolve(np.convolve(law, inverse)[:count], velocity)[:count]
+        return series * [math.factorial(n) for n in range(count)]
+
+
+def power(series: Values, exponent: float) -> Values:
+    result = np.zeros_like(series)
+    result[0] = series[0] ** exponent
+    for k in range(1, series.size):
+        j = np.arange(1, k + 1)
+        result[k] = ((exponent * j - (k - j)) * series[j] * result[k - j]).sum() / (k * series[0])
+    return result
+
+
+def exponential(series: Values) -> Values:
+    result = np.zeros_like(series)
+    result[0] = np.exp(series[0])
+    for k in range(1, series.size):
+        j = np.arange(1, k + 1)
+        result[k] = (j * series[j] * result[k - j]).sum() / k
+    return result
+
+
+def hopf(rig: Rig, drive: float) -> float:
+    """Critical angle of steady sliding [rad]."""
+    f, f1, _ = rig.friction(np.array(drive))
+    return float(np.arctan(np.sqrt(-drive * f1 / f)))
+
+
+def bautin(rig: Rig) -> tuple[float, float]:
+    """Velocity [m/s] and angle [rad] where the Hopf bifurcation becomes subcritical."""
+
+    def third(drive: float) -> float:
+        angle = hopf(rig, drive)
+        return float(rig.taylor(drive * math.cos(angle), drive * math.sin(angle), 4)[3])
+
+    drive = brentq(third, 2.0 * rig.v_f, 6.0 * rig.v_f, xtol=1e-15)
+    return drive, hopf(rig, drive)
+
+
+def near_bautin(rig: Rig, drive: float) -> float:
+    """The fold of cycles for small cycles [rad]."""
+
+    def excess(angle: float) -> float:
+        p = rig.taylor(drive * math.cos(angle), drive * math.sin(angle), 6)
+        return float(p[1] - 0.75 * p[3] ** 2 / p[5])
+
+    start = hopf(rig, drive)
+    return float(brentq(excess, start, 1.2 * start))
+
+
+def canard(rig: Rig, drive: float, order: int) -> float:
+    """Where stick-slip ends under slow drive [rad], by the expansion to this order (1 to 3) in m k_x; nan if it has no solution."""
+
+    def excess(angle: float) -> float:
+        across = drive * math.sin(angle)
+        top = maximum_of_phi(rig, across, drive)
+        _, _, a, b, c, d, e, f = rig.taylor(top, across, 8)
+        terms = (
+            -b / (2.0 * a**3),
+            -(3.0 * a**2 * d - 26.0 * a * b * c + 36.0 * b**3) / (24.0 * a**7),
+            -(
+                3.0 * a**4 * f
+                - 51.0 * a**3 * b * e
+                - 81.0 * a**3 * c * d
+                + 432.0 * a**2 * b**2 * d
+                + 556.0 * a**2 * b * c**2
+                - 2268.0 * a * b**3 * c
+                + 1557.0 * b**5
+            )
+            / (144.0 * a**11),
+        )
+        shift = sum(term * rig.impedance ** (2 * n) for n, term in enumerate(terms[:order], 1))
+        return float(top + shift - drive * math.cos(angle))
+
+    angles = np.linspace(1.0, 0.7, 200) * hopf(rig, drive) * (1.0 - 1e-9)
+    before = angles[0]
+    for angle in angles[1:]:
+        if excess(angle) < 0.0:
+            return float(brentq(excess, angle, before, xtol=1e-15))
+        before = angle
+    return math.nan
+
+
+def maximum_of_phi(rig: Rig, across: float, drive: float) -> float:
+    """The smallest w at which Phi' = 0, not far beyond the drive velocity."""
+    w = np.geomspace(across, 3.0 * drive, 400)
+    falls = np.flatnonzero(rig.phi(w, np.array(across))[1] < 0.0)
+    if not falls.size:
+        return math.inf
+    return float(
+        brentq(lambda x: rig.phi(x, across)[1], w[max(falls[0] - 1, 0)], w[falls[0]], xtol=1e-18, rtol=1e-15)
+    )
+
+
+TURN = 2.0 * np.pi * np.arange(256) / 256
+WAVES = np.arange(100)
+SINES, COSINES = np.sin(np.outer(TURN, WAVES)), np.cos(np.outer(TURN, WAVES))
+
+
+def averaged(rig: Rig, drive: float, angle: float, amplitude: float) -> tuple[float, float]:
+    """The first cosine coefficient g_1 of Phi/sqrt(m k_x) on w = V c + A cos psi [m/s], and its derivative by A."""
+    w = drive * math.cos(angle) + amplitude * np.cos(TURN)
+    force, slope, _ = rig.phi(w, np.array(drive * math.sin(angle)))
+    return (
+        float(2.0 * np.mean(force * np.cos(TURN)) / rig.impedance),
+        float(2.0 * np.mean(slope * np.cos(TURN) ** 2) / rig.impedance),
+    )
+
+
+def averaged_third(rig: Rig, drive: float, angle: float, amplitude: float) -> tuple[float, float, float]:
+    """The condition for a cycle to third order, half its swing over sqrt(m k_x) [m/s], its frequency over omega."""
+    w = drive * math.cos(angle) + amplitude * np.cos(TURN)
+    force, slope, bend = (x / rig.impedance for x in rig.phi(w, np.array(drive * math.sin(angle))))
+    higher = 1.0 / np.maximum(WAVES**2 - 1.0, 1.0) * (WAVES > 1)
+    g = 2.0 * np.mean(force[:, None] * COSINES, axis=0)
+    zeta_1_rate = -SINES @ (WAVES * g * higher)
+    s = 2.0 * np.mean((slope * zeta_1_rate)[:, None] * SINES, axis=0)
+    shift = s[1] / (2.0 * amplitude)
+    zeta_2_rate = COSINES @ (WAVES * s * higher)
+    push = slope * (shift * amplitude * np.cos(TURN) + zeta_2_rate) + 0.5 * bend * zeta_1_rate**2
+    quarter = TURN.size // 4
+    half = amplitude + SINES[quarter] @ (s * higher) + zeta_1_rate[quarter] ** 2 / (2.0 * amplitude)
+    return float(g[1] + 2.0 * np.mean(push * np.cos(TURN))), float(half), float(1.0 + shift)
+
+
+def averaged_angle(rig: Rig, drive: float, amplitude: float) -> float:
+    """The angle at which there is a cycle of this amplitude of velocity, by first-order averaging [rad]; nan if none."""
+    angles = np.linspace(0.3, 8.0, 400) * hopf(rig, drive)
+    values = np.array([averaged(rig, drive, angle, amplitude)[0] for angle in angles])
+    rises = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
+    if not rises.size:
+        return math.nan
+    return float(
+        brentq(lambda x: averaged(rig, drive, x, amplitude)[0], angles[rises[-1]], angles[rises[-1] + 1], xtol=1e-15)
+    )
+
+
+def averaged_fold(rig: Rig, drive: float) -> tuple[float, float]:
+    """Angle [rad] and amplitude of velocity [m/s] of the fold of cycles, g_1 = dg_1/dA = 0; nan below the Bautin point."""
+    if drive <= bautin(rig)[0]:
+        return math.nan, math.nan
+    amplitudes = np.linspace(0.05, 0.95, 19) * drive
+    angles = [averaged_angle(rig, drive, amplitude) for amplitude in amplitudes]
+    best = int(np.nanargmax(angles))
+    solution = root(
+        lambda x: averaged(rig, drive, x[0], x[1] * drive), [angles[best], amplitudes[best] / drive], tol=1e-13
+    )
+    return float(solution.x[0]), float(solution.x[1] * drive)
+
+
+def averaged_end(rig: Rig, drive: float) -> float:
+    """Where stick-slip ends by first-order averaging [rad]."""
+    angle, _ = averaged_fold(rig, drive)
+    if math.isfinite(angle):
+        return angle
+    return averaged_angle(rig, drive, 0.5 * END_OF_SWING * rig.static_limit / rig.impedance)
+
+
+def averaged_third_end(rig: Rig, drive: float) -> float:
+    """Where stick-slip ends by third-order averaging [rad]; nan if Newton's method does not find it."""
+    half_swing = 0.5 * END_OF_SWING * rig.static_limit / rig.impedance
+    angle, amplitude = averaged_fold(rig, drive)
+    if math.isfinite(angle):
+        step = 1e-3 * amplitude
+
+        def fold(x: Values) -> list[float]:
+            low, middle, high = (averaged_third(rig, drive, x[0], x[1] * drive + d)[0] for d in (-step, 0.0, step))
+            return [middle, (high - low) / (2.0 * step)]
+
+        solution = root(fold, [angle, amplitude / drive], tol=1e-9)
+    else:
+
+        def end(x: Values) -> list[float]:
+            condition, half, _ = averaged_third(rig, drive, x[0], x[1] * half_swing)
+            return [condition / half_swing, half / half_swing - 1.0]
+
+        start = averaged_angle(rig, drive, half_swing)
+        solution = root(end, [start if math.isfinite(start) else hopf(rig, drive), 1.0], tol=1e-12)
+    return float(solution.x[0]) if solution.success else math.nan
+
+
+def universal(gamma: float, order: int) -> float:
+    """tan phi_end over tan phi_c for V << v_f."""
+    return 1.0 - sum(c / gamma ** (2 * n) for n, c in enumerate((1 / 3, 29 / 81, 1529 / 2187)[:order], 1))
+
+
+def next_valley(rig: Rig, drive: float, angle: float, valley: float) -> tuple[float, float, float, float]:
+    """From a smallest k_x u_x [N] to the next: it, the peak between [N], the time [s], the integral of Phi'/m."""
+    across, centre = drive * math.sin(angle), drive * math.cos(angle)
+
+    def motion(_: float, y: Values) -> list[float]:
+        force, slope, _ = rig.phi(y[1], across)
+        return [rig.stiffness * (centre - y[1]), (y[0] - force) / rig.mass, slope / rig.mass]
+
+    def rising(_: float, y: Values) -> float:
+        return y[1] - centre
+
+    rising.terminal, rising.direction = 2, 0.0  # type: ignore[attr-defined]
+    run = solve_ivp(
+        motion, (0.0, 1e3), [valley, centre * (1.0 - 1e-15), 0.0], "DOP853", events=rising, rtol=1e-11, atol=1e-14
+    )
+    peak, last = run.y_events[0][-2:] if len(run.y_events[0]) > 1 else (run.y_events[0][0],) * 2
+    return float(last[0]), float(peak[0]), float(run.t_events[0][-1]), float(last[2])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs; writes nothing")
+    options = parser.parse_args()
+    rig = Rig()
+    table = compare(rig, [row for row in ACCURATE if not options.short or row[0] in (1.0, 10.0, 75.0)])
+    print_table(table)
+    print_universal()
+    drive, angle = bautin(rig)
+    print(f"\nBautin point: {drive * 1e3:.4f} mm/s = {drive / rig.v_f:.5f} v_f, {math.degrees(angle):.4f} deg")
+
+
+Table = list[tuple[float, str, float, dict[str, float]]]
+
+
+def compare(rig: Rig, accurate: list[tuple[float, str, float]]) -> Table:
+    """For each row V, kind, accurate angle, and the angle of each law [deg]."""
+    table = []
+    for velocity, kind, angle in accurate:
+        drive = velocity * 1e-3
+        laws = {"Hopf": hopf(rig, drive)}
+        if velocity <= 5.0:
+            laws |= {f"canard {order}": canard(rig, drive, order) for order in (1, 2, 3)}
+        if velocity >= 5.0:
+            laws |= {"averaged": averaged_end(rig, drive), "averaged 3": averaged_third_end(rig, drive)}
+        table.append((velocity, kind, angle, {name: math.degrees(value) for name, value in laws.items()}))
+    return table
+
+
+def print_table(table: Table) -> None:
+    names = ("Hopf", "canard 1", "canard 2", "canard 3", "averaged", "averaged 3")
+    print("| V [mm/s] | accurate | " + " | ".join(names) + " |")
+    print("| --- " * (2 + len(names)) + "|")
+    for velocity, kind, angle, laws in table:
+        cells = []
+        for name in names:
+            value = laws.get(name, math.nan)
+            cells.append(f"{value:.4f}° {100.0 * (value / angle - 1.0):+.3g} %" if math.isfinite(value) else "")
+        print(f"| {velocity:g} | {angle:.6f}°, {kind} | " + " | ".join(cells) + " |")
+
+
+def print_universal() -> None:
+    print("\n| Γ | accurate | order 1 | order 2 | order 3 |\n| --- | --- | --- | --- | --- |")
+    for gamma, accurate in UNIVERSAL:
+        values = [universal(gamma, order) for order in (1, 2, 3)]
+        print(
+            f"| {gamma:g} | {accurate} | "
+            + " | ".join(f"{value:.5f} {100.0 * (value / accurate - 1.0):+.2g} %" for value in values)
+            + " |"
+        )
+
+
+if __name__ == "__main__":
+    main()
