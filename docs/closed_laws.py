@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from dynstiction.plot.style import BLACK, BLUE, DOTS_PER_INCH, MM, ORANGE, SKY, STYLE, VERMILION
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -243,7 +245,12 @@ def averaged_angle(rig: Rig, drive: float, amplitude: float) -> float:
     if not rises.size:
         return math.nan
     return float(
-        brentq(lambda x: averaged(rig, drive, x, amplitude)[0], angles[rises[-1]], angles[rises[-1] + 1], xtol=1e-15)
+        brentq(
+            lambda x: averaged(rig, drive, x, amplitude)[0],
+            angles[rises[-1]],
+            angles[rises[-1] + 1],
+            xtol=1e-15,
+        )
     )
 
 
@@ -255,7 +262,9 @@ def averaged_fold(rig: Rig, drive: float) -> tuple[float, float]:
     angles = [averaged_angle(rig, drive, amplitude) for amplitude in amplitudes]
     best = int(np.nanargmax(angles))
     solution = root(
-        lambda x: averaged(rig, drive, x[0], x[1] * drive), [angles[best], amplitudes[best] / drive], tol=1e-13
+        lambda x: averaged(rig, drive, x[0], x[1] * drive),
+        [angles[best], amplitudes[best] / drive],
+        tol=1e-13,
     )
     return float(solution.x[0]), float(solution.x[1] * drive)
 
@@ -269,30 +278,33 @@ def averaged_end(rig: Rig, drive: float) -> float:
 
 
 def averaged_third_end(rig: Rig, drive: float) -> float:
-    """Where stick-slip ends by third-order averaging [rad]; nan if Newton's method does not find it."""
+    """Where stick-slip ends by third-order averaging [rad]; nan if Newton's method finds nothing near the first-order angle."""
     half_swing = 0.5 * END_OF_SWING * rig.static_limit / rig.impedance
     angle, amplitude = averaged_fold(rig, drive)
     if math.isfinite(angle):
         step = 1e-3 * amplitude
 
         def fold(x: Values) -> list[float]:
-            low, middle, high = (averaged_third(rig, drive, x[0], x[1] * drive + d)[0] for d in (-step, 0.0, step))
-            return [middle, (high - low) / (2.0 * step)]
+            low, middle, high = (
+                averaged_third(rig, drive, x[0], x[1] * amplitude + d)[0] for d in (-step, 0.0, step)
+            )
+            return [middle / amplitude, (high - low) / (2.0 * step)]
 
-        solution = root(fold, [angle, amplitude / drive], tol=1e-9)
+        solution = root(fold, [angle, 1.0], tol=1e-9)
     else:
 
         def end(x: Values) -> list[float]:
             condition, half, _ = averaged_third(rig, drive, x[0], x[1] * half_swing)
             return [condition / half_swing, half / half_swing - 1.0]
 
-        start = averaged_angle(rig, drive, half_swing)
-        solution = root(end, [start if math.isfinite(start) else hopf(rig, drive), 1.0], tol=1e-12)
-    return float(solution.x[0]) if solution.success else math.nan
+        angle = averaged_angle(rig, drive, half_swing)
+        solution = root(end, [angle, 1.0], tol=1e-12)
+    near = math.isfinite(angle) and abs(solution.x[0] / angle - 1.0) < 0.2
+    return float(solution.x[0]) if near and np.max(np.abs(solution.fun)) < 1e-7 else math.nan
 
 
 def universal(gamma: float, order: int) -> float:
-    """tan phi_end over tan phi_c for V << v_f."""
+    """The ratio tan phi_end/tan phi_c for V << v_f."""
     return 1.0 - sum(c / gamma ** (2 * n) for n, c in enumerate((1 / 3, 29 / 81, 1529 / 2187)[:order], 1))
 
 
@@ -301,30 +313,46 @@ def next_valley(rig: Rig, drive: float, angle: float, valley: float) -> tuple[fl
     across, centre = drive * math.sin(angle), drive * math.cos(angle)
 
     def motion(_: float, y: Values) -> list[float]:
-        force, slope, _ = rig.phi(y[1], across)
-        return [rig.stiffness * (centre - y[1]), (y[0] - force) / rig.mass, slope / rig.mass]
+        force, slope, _ = rig.phi(y[1], np.array(across))
+        return [rig.stiffness * (centre - y[1]), (y[0] - float(force)) / rig.mass, float(slope) / rig.mass]
 
-    def rising(_: float, y: Values) -> float:
-        return y[1] - centre
+    def turn(_: float, y: Values) -> float:
+        return float(y[1] - centre)
 
-    rising.terminal, rising.direction = 2, 0.0  # type: ignore[attr-defined]
-    run = solve_ivp(
-        motion, (0.0, 1e3), [valley, centre * (1.0 - 1e-15), 0.0], "DOP853", events=rising, rtol=1e-11, atol=1e-14
-    )
-    peak, last = run.y_events[0][-2:] if len(run.y_events[0]) > 1 else (run.y_events[0][0],) * 2
-    return float(last[0]), float(peak[0]), float(run.t_events[0][-1]), float(last[2])
+    turn.terminal = 2
+    start = [valley, centre * (1.0 - 1e-15), 0.0]
+    run = solve_ivp(motion, (0.0, 1e3), start, "DOP853", events=turn, rtol=1e-11, atol=1e-14)
+    (peak, *_), (last, _, damping) = run.y_events[0]
+    return float(last), float(peak), float(run.t_events[0][1]), float(damping)
+
+
+def cycle_through(
+    rig: Rig, drive: float, valley: float, low: float, high: float
+) -> tuple[float, float, float]:
+    """The cycle with this smallest k_x u_x [N], its angle between two [rad]: angle, peak [N], multiplier."""
+    angle = float(brentq(lambda x: next_valley(rig, drive, x, valley)[0] - valley, low, high, xtol=1e-13))
+    _, peak, _, damping = next_valley(rig, drive, angle, valley)
+    return angle, peak, math.exp(-damping)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs; writes nothing")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--short", action="store_true", help="a few seconds: whether it still runs; writes nothing"
+    )
     options = parser.parse_args()
     rig = Rig()
     table = compare(rig, [row for row in ACCURATE if not options.short or row[0] in (1.0, 10.0, 75.0)])
     print_table(table)
     print_universal()
     drive, angle = bautin(rig)
-    print(f"\nBautin point: {drive * 1e3:.4f} mm/s = {drive / rig.v_f:.5f} v_f, {math.degrees(angle):.4f} deg")
+    print(
+        f"\nBautin point: {drive * 1e3:.4f} mm/s = {drive / rig.v_f:.5f} v_f, {math.degrees(angle):.4f} deg"
+    )
+    if not options.short:
+        draw(rig, table, DOCS / "figures" / "closed_laws.png")
 
 
 Table = list[tuple[float, str, float, dict[str, float]]]
@@ -352,7 +380,9 @@ def print_table(table: Table) -> None:
         cells = []
         for name in names:
             value = laws.get(name, math.nan)
-            cells.append(f"{value:.4f}° {100.0 * (value / angle - 1.0):+.3g} %" if math.isfinite(value) else "")
+            cells.append(
+                f"{value:.4f}° {100.0 * (value / angle - 1.0):+.3g} %" if math.isfinite(value) else ""
+            )
         print(f"| {velocity:g} | {angle:.6f}°, {kind} | " + " | ".join(cells) + " |")
 
 
@@ -365,6 +395,123 @@ def print_universal() -> None:
             + " | ".join(f"{value:.5f} {100.0 * (value / accurate - 1.0):+.2g} %" for value in values)
             + " |"
         )
+
+
+def draw(rig: Rig, table: Table, file: Path) -> None:
+    with rc_context(STYLE):
+        figure = Figure(figsize=(178.0 * MM, 66.0 * MM), layout="constrained")
+        ends, errors, both = figure.subplots(1, 3)
+        draw_ends(rig, table, ends)
+        draw_errors(table, errors)
+        draw_bistability(rig, both)
+        for axes, letter in zip((ends, errors, both), "abc", strict=True):
+            axes.set_title(f"({letter})", loc="left", fontsize=8.0)
+        figure.savefig(file, dpi=0.5 * DOTS_PER_INCH)
+
+
+LAWS = {
+    "canard 1": (SKY, ":"),
+    "canard 2": (SKY, "--"),
+    "canard 3": (BLUE, "-"),
+    "averaged": (ORANGE, "--"),
+    "averaged 3": (VERMILION, "-"),
+}
+NAMES = {
+    "canard 1": "canard, order 1",
+    "canard 2": "order 2",
+    "canard 3": "order 3",
+    "averaged": "averaging, order 1",
+    "averaged 3": "order 3",
+}
+
+
+def draw_ends(rig: Rig, table: Table, axes: Axes) -> None:
+    slow, fast = (
+        np.geomspace(0.025, 4.0, 30),
+        np.concatenate([np.geomspace(6.0, 35.9, 30), np.geomspace(36.1, 110.0, 20)]),
+    )
+    for name, (colour, line) in LAWS.items():
+        velocities = slow if name.startswith("canard") else fast
+        law = {
+            "canard 1": lambda drive: canard(rig, drive, 1),
+            "canard 2": lambda drive: canard(rig, drive, 2),
+            "canard 3": lambda drive: canard(rig, drive, 3),
+            "averaged": lambda drive: averaged_end(rig, drive),
+            "averaged 3": lambda drive: averaged_third_end(rig, drive),
+        }[name]
+        ratio = [law(1e-3 * velocity) / hopf(rig, 1e-3 * velocity) for velocity in velocities]
+        axes.plot(velocities, ratio, line, color=colour, linewidth=1.0)
+    axes.plot(
+        [row[0] for row in table],
+        [row[2] / row[3]["Hopf"] for row in table],
+        "o",
+        color=BLACK,
+        markersize=2.5,
+    )
+    axes.axhline(1.0, color=BLACK, linewidth=0.5)
+    axes.set(
+        xscale="log",
+        xlim=(0.02, 120.0),
+        ylim=(0.84, 1.16),
+        xlabel="$V$ [mm/s]",
+        ylabel=r"$\varphi_\mathrm{end}/\varphi_\mathrm{Hopf}$",
+    )
+
+
+def draw_errors(table: Table, axes: Axes) -> None:
+    for name, (colour, line) in LAWS.items():
+        points = [
+            (velocity, 100.0 * abs(laws[name] / angle - 1.0))
+            for velocity, _, angle, laws in table
+            if name in laws
+        ]
+        axes.plot(
+            *zip(*points, strict=True),
+            line,
+            color=colour,
+            linewidth=1.0,
+            marker="o",
+            markersize=2.0,
+            label=NAMES[name],
+        )
+    axes.axhline(0.5, color=BLACK, linewidth=0.5)
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlim=(0.02, 120.0),
+        ylim=(1e-6, 30.0),
+        xlabel="$V$ [mm/s]",
+        ylabel="deviation [%]",
+    )
+    axes.legend(loc="lower left", fontsize=6.5, handlelength=1.8)
+
+
+def draw_bistability(rig: Rig, axes: Axes, drive: float = 0.075) -> None:
+    amplitudes = np.linspace(0.02, 1.0, 60) * drive
+    angles = np.degrees([averaged_angle(rig, drive, amplitude) for amplitude in amplitudes])
+    swings = 2.0 * amplitudes * rig.impedance / rig.static_limit
+    fold = int(np.argmax(angles))
+    axes.plot(angles[fold:], swings[fold:], color=VERMILION, linewidth=1.0)
+    axes.plot(angles[: fold + 1], swings[: fold + 1], "--", color=VERMILION, linewidth=1.0)
+    for valley in (0.3, 0.34, 0.42, 0.52, 0.6, 0.68, 0.8, 1.0, 1.2, 1.36):
+        low, high = np.radians((1.5, 4.6))
+        angle, peak, multiplier = cycle_through(rig, drive, valley, low, high)
+        face = VERMILION if multiplier < 1.0 else "white"
+        axes.plot(
+            math.degrees(angle),
+            (peak - valley) / rig.static_limit,
+            "o",
+            color=VERMILION,
+            markerfacecolor=face,
+            markersize=3.5,
+        )
+    critical = math.degrees(hopf(rig, drive))
+    axes.plot([1.5, critical], [0.0, 0.0], "--", color=BLACK, linewidth=1.0)
+    axes.plot([critical, 5.0], [0.0, 0.0], color=BLACK, linewidth=1.5)
+    axes.set(
+        xlim=(1.5, 5.0), ylim=(-0.05, 1.4), xlabel=r"$\varphi$ [deg]", ylabel="$k_x u_x/F_0$, peak to peak"
+    )
+    axes.text(0.97, 0.95, "75 mm/s", transform=axes.transAxes, ha="right", va="top")
 
 
 if __name__ == "__main__":
