@@ -8,11 +8,13 @@ problem of slow drive, and the cycles at 75 mm/s and 3.5 degrees.
 
 import argparse
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from dynstiction.plot.style import BLACK, BLUE, DOTS_PER_INCH, MM, ORANGE, SKY, STYLE, VERMILION
+from dynstiction.plot.style import BLACK, BLUE, DOTS_PER_INCH, GREEN, MM, ORANGE, SKY, STYLE, VERMILION
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -162,6 +164,26 @@ def near_bautin(rig: Rig, drive: float) -> float:
     return float(brentq(excess, start, 1.2 * start))
 
 
+def small_cycle(rig: Rig, drive: float, order: int) -> float:
+    """Where the cycle has the last swing, by the expansion to this order (2 or 4) in its amplitude [rad]; nan if it has no solution."""
+    half = 0.5 * END_OF_SWING * rig.static_limit / rig.impedance
+
+    def excess(angle: float) -> float:
+        _, a, b, c, _, e = rig.taylor(drive * math.cos(angle), drive * math.sin(angle), 6)
+        fourth = e / 192.0 - 7.0 * b**2 * c / (384.0 * rig.impedance**2) if order == 4 else 0.0
+        return float(a + c * half**2 / 8.0 + fourth * half**4)
+
+    return first_zero(excess, np.linspace(1.0, 0.5, 200) * hopf(rig, drive))
+
+
+def first_zero(function: Callable[[float], float], places: Values) -> float:
+    values = [function(place) for place in places]
+    for low, high, before, after in zip(places, places[1:], values, values[1:], strict=False):
+        if before * after < 0.0:
+            return float(brentq(function, low, high, xtol=1e-15))
+    return math.nan
+
+
 def canard(rig: Rig, drive: float, order: int) -> float:
     """Where stick-slip ends under slow drive [rad], by the expansion to this order (1 to 3) in m k_x; nan if it has no solution."""
 
@@ -186,13 +208,7 @@ def canard(rig: Rig, drive: float, order: int) -> float:
         shift = sum(term * rig.impedance ** (2 * n) for n, term in enumerate(terms[:order], 1))
         return float(top + shift - drive * math.cos(angle))
 
-    angles = np.linspace(1.0, 0.7, 200) * hopf(rig, drive) * (1.0 - 1e-9)
-    before = angles[0]
-    for angle in angles[1:]:
-        if excess(angle) < 0.0:
-            return float(brentq(excess, angle, before, xtol=1e-15))
-        before = angle
-    return math.nan
+    return first_zero(excess, np.linspace(1.0, 0.7, 200) * hopf(rig, drive) * (1.0 - 1e-9))
 
 
 def maximum_of_phi(rig: Rig, across: float, drive: float) -> float:
@@ -239,7 +255,7 @@ def averaged_third(rig: Rig, drive: float, angle: float, amplitude: float) -> tu
 
 def averaged_angle(rig: Rig, drive: float, amplitude: float) -> float:
     """The angle at which there is a cycle of this amplitude of velocity, by first-order averaging [rad]; nan if none."""
-    angles = np.linspace(0.3, 8.0, 400) * hopf(rig, drive)
+    angles = np.linspace(0.3, 8.0, 120) * hopf(rig, drive)
     values = np.array([averaged(rig, drive, angle, amplitude)[0] for angle in angles])
     rises = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
     if not rises.size:
@@ -258,7 +274,7 @@ def averaged_fold(rig: Rig, drive: float) -> tuple[float, float]:
     """Angle [rad] and amplitude of velocity [m/s] of the fold of cycles, g_1 = dg_1/dA = 0; nan below the Bautin point."""
     if drive <= bautin(rig)[0]:
         return math.nan, math.nan
-    amplitudes = np.linspace(0.05, 0.95, 19) * drive
+    amplitudes = np.linspace(0.1, 0.95, 12) * drive
     angles = [averaged_angle(rig, drive, amplitude) for amplitude in amplitudes]
     best = int(np.nanargmax(angles))
     solution = root(
@@ -335,6 +351,28 @@ def cycle_through(
     return angle, peak, math.exp(-damping)
 
 
+@dataclass(frozen=True)
+class Law:
+    """The angle it gives [rad] for a rig and a drive velocity, the velocities it is shown for [mm/s], and how it is drawn."""
+
+    angle: Callable[[Rig, float], float]
+    velocities: tuple[float, float]
+    colour: str
+    line: str
+    label: str
+
+
+LAWS = {
+    "canard 1": Law(partial(canard, order=1), (0.0, 5.0), SKY, ":", "canard, order 1"),
+    "canard 2": Law(partial(canard, order=2), (0.0, 5.0), SKY, "--", "order 2"),
+    "canard 3": Law(partial(canard, order=3), (0.0, 5.0), BLUE, "-", "order 3"),
+    "small 2": Law(partial(small_cycle, order=2), (8.0, 36.0), GREEN, ":", "small cycle, order 2"),
+    "small 4": Law(partial(small_cycle, order=4), (8.0, 36.0), GREEN, "--", "order 4"),
+    "averaged": Law(averaged_end, (6.0, 110.0), ORANGE, "--", "averaging, order 1"),
+    "averaged 3": Law(averaged_third_end, (6.0, 110.0), VERMILION, "-", "order 3"),
+}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -364,16 +402,15 @@ def compare(rig: Rig, accurate: list[tuple[float, str, float]]) -> Table:
     for velocity, kind, angle in accurate:
         drive = velocity * 1e-3
         laws = {"Hopf": hopf(rig, drive)}
-        if velocity <= 5.0:
-            laws |= {f"canard {order}": canard(rig, drive, order) for order in (1, 2, 3)}
-        if velocity >= 5.0:
-            laws |= {"averaged": averaged_end(rig, drive), "averaged 3": averaged_third_end(rig, drive)}
+        for name, law in LAWS.items():
+            if law.velocities[0] <= velocity <= law.velocities[1]:
+                laws[name] = law.angle(rig, drive)
         table.append((velocity, kind, angle, {name: math.degrees(value) for name, value in laws.items()}))
     return table
 
 
 def print_table(table: Table) -> None:
-    names = ("Hopf", "canard 1", "canard 2", "canard 3", "averaged", "averaged 3")
+    names = ("Hopf", *LAWS)
     print("| V [mm/s] | accurate | " + " | ".join(names) + " |")
     print("| --- " * (2 + len(names)) + "|")
     for velocity, kind, angle, laws in table:
@@ -409,38 +446,12 @@ def draw(rig: Rig, table: Table, file: Path) -> None:
         figure.savefig(file, dpi=0.5 * DOTS_PER_INCH)
 
 
-LAWS = {
-    "canard 1": (SKY, ":"),
-    "canard 2": (SKY, "--"),
-    "canard 3": (BLUE, "-"),
-    "averaged": (ORANGE, "--"),
-    "averaged 3": (VERMILION, "-"),
-}
-NAMES = {
-    "canard 1": "canard, order 1",
-    "canard 2": "order 2",
-    "canard 3": "order 3",
-    "averaged": "averaging, order 1",
-    "averaged 3": "order 3",
-}
-
-
 def draw_ends(rig: Rig, table: Table, axes: Axes) -> None:
-    slow, fast = (
-        np.geomspace(0.025, 4.0, 30),
-        np.concatenate([np.geomspace(6.0, 35.9, 30), np.geomspace(36.1, 110.0, 20)]),
-    )
-    for name, (colour, line) in LAWS.items():
-        velocities = slow if name.startswith("canard") else fast
-        law = {
-            "canard 1": lambda drive: canard(rig, drive, 1),
-            "canard 2": lambda drive: canard(rig, drive, 2),
-            "canard 3": lambda drive: canard(rig, drive, 3),
-            "averaged": lambda drive: averaged_end(rig, drive),
-            "averaged 3": lambda drive: averaged_third_end(rig, drive),
-        }[name]
-        ratio = [law(1e-3 * velocity) / hopf(rig, 1e-3 * velocity) for velocity in velocities]
-        axes.plot(velocities, ratio, line, color=colour, linewidth=1.0)
+    velocities = np.concatenate([np.geomspace(0.025, 35.9, 100), np.geomspace(36.1, 110.0, 20)])
+    for law in LAWS.values():
+        shown = velocities[(velocities >= law.velocities[0]) & (velocities <= law.velocities[1])]
+        ratio = [law.angle(rig, 1e-3 * velocity) / hopf(rig, 1e-3 * velocity) for velocity in shown]
+        axes.plot(shown, ratio, law.line, color=law.colour, linewidth=1.0)
     axes.plot(
         [row[0] for row in table],
         [row[2] / row[3]["Hopf"] for row in table],
@@ -459,7 +470,7 @@ def draw_ends(rig: Rig, table: Table, axes: Axes) -> None:
 
 
 def draw_errors(table: Table, axes: Axes) -> None:
-    for name, (colour, line) in LAWS.items():
+    for name, law in LAWS.items():
         points = [
             (velocity, 100.0 * abs(laws[name] / angle - 1.0))
             for velocity, _, angle, laws in table
@@ -467,12 +478,12 @@ def draw_errors(table: Table, axes: Axes) -> None:
         ]
         axes.plot(
             *zip(*points, strict=True),
-            line,
-            color=colour,
+            law.line,
+            color=law.colour,
             linewidth=1.0,
             marker="o",
             markersize=2.0,
-            label=NAMES[name],
+            label=law.label,
         )
     axes.axhline(0.5, color=BLACK, linewidth=0.5)
     axes.set(
@@ -490,7 +501,7 @@ def draw_bistability(rig: Rig, axes: Axes, drive: float = 0.075) -> None:
     amplitudes = np.linspace(0.02, 1.0, 60) * drive
     angles = np.degrees([averaged_angle(rig, drive, amplitude) for amplitude in amplitudes])
     swings = 2.0 * amplitudes * rig.impedance / rig.static_limit
-    fold = int(np.argmax(angles))
+    fold = int(np.nanargmax(angles))
     axes.plot(angles[fold:], swings[fold:], color=VERMILION, linewidth=1.0)
     axes.plot(angles[: fold + 1], swings[: fold + 1], "--", color=VERMILION, linewidth=1.0)
     for valley in (0.3, 0.34, 0.42, 0.52, 0.6, 0.68, 0.8, 1.0, 1.2, 1.36):
