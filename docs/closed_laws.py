@@ -190,25 +190,30 @@ def canard(rig: Rig, drive: float, order: int) -> float:
     def excess(angle: float) -> float:
         across = drive * math.sin(angle)
         top = maximum_of_phi(rig, across, drive)
-        _, _, a, b, c, d, e, f = rig.taylor(top, across, 8)
-        terms = (
-            -b / (2.0 * a**3),
-            -(3.0 * a**2 * d - 26.0 * a * b * c + 36.0 * b**3) / (24.0 * a**7),
-            -(
-                3.0 * a**4 * f
-                - 51.0 * a**3 * b * e
-                - 81.0 * a**3 * c * d
-                + 432.0 * a**2 * b**2 * d
-                + 556.0 * a**2 * b * c**2
-                - 2268.0 * a * b**3 * c
-                + 1557.0 * b**5
-            )
-            / (144.0 * a**11),
-        )
-        shift = sum(term * rig.impedance ** (2 * n) for n, term in enumerate(terms[:order], 1))
+        terms = canard_terms(rig.taylor(top, across, 8))[:order]
+        shift = sum(term * rig.impedance ** (2 * n) for n, term in enumerate(terms, 1))
         return float(top + shift - drive * math.cos(angle))
 
     return first_zero(excess, np.linspace(1.0, 0.7, 200) * hopf(rig, drive) * (1.0 - 1e-9))
+
+
+def canard_terms(derivatives: Values) -> tuple[float, float, float]:
+    """The coefficients of m k_x, of its square and of its cube, from the derivatives 0 to 7 of Phi at its maximum."""
+    _, _, a, b, c, d, e, f = map(float, derivatives)
+    return (
+        -b / (2.0 * a**3),
+        -(3.0 * a**2 * d - 26.0 * a * b * c + 36.0 * b**3) / (24.0 * a**7),
+        -(
+            3.0 * a**4 * f
+            - 51.0 * a**3 * b * e
+            - 81.0 * a**3 * c * d
+            + 432.0 * a**2 * b**2 * d
+            + 556.0 * a**2 * b * c**2
+            - 2268.0 * a * b**3 * c
+            + 1557.0 * b**5
+        )
+        / (144.0 * a**11),
+    )
 
 
 def maximum_of_phi(rig: Rig, across: float, drive: float) -> float:
