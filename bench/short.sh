@@ -48,5 +48,11 @@ else
   say "skip  dealer.f90: $mpi has not been built: tests/mpi/run.sh build/mpi"
 fi
 short peers/run.sh bench/peers/run.sh --short
+if [[ -e ${AUTO_DIR:-/usr/lib/auto-07p}/lib/libauto_c.a ]]; then
+  short peers/continuation.py python bench/peers/continuation.py --short
+else
+  skipped=$((skipped + 1))
+  say 'skip  peers/continuation.py: AUTO-07p is not installed'
+fi
 printf 'Benchmarks: %d passed, %d failed, %d skipped\n' "$passed" "$failed" "$skipped"
 ((failed == 0))
