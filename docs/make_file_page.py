@@ -66,7 +66,8 @@ SWEEP = """\
 ## Sweeps
 
 The file of a deck with `&sweep` has, in place of `/time_series`, `/events` and `/summary`, one row a case. Besides these there is a dataset for each
-parameter that is varied, `/sweep/<key>`, and with `keep = 'series'` the group `/sweep/series`, a row of samples a case, padded with NaN; a case that failed has its message in
+parameter that is varied, `/sweep/<key>`, and with `keep = 'series'` the group `/sweep/series`, a row of samples a case, padded with NaN; with `keep = 'cycles'` the group
+`/sweep/cycles` below, a row of cycles a case, padded with NaN ([sweeps.md](sweeps.md#cycles)); a case that failed has its message in
 `/sweep/failures`. The attribute `grid` of `/sweep` tells the shape.
 """
 
@@ -85,7 +86,7 @@ def main() -> None:
         run = written(executable, Path(folder) / "run.h5", "--set", "scene.t_end=5")
         sweep = written(
             executable, Path(folder) / "sweep.h5", "--set", "scene.t_end=0.02", "--set", "sweep.parameter=drive.velocity",
-            "--set", "sweep.first=1e-3", "--set", "sweep.last=2e-3", "--set", "sweep.count=2",
+            "--set", "sweep.first=1e-3", "--set", "sweep.last=2e-3", "--set", "sweep.count=2", "--set", "sweep.keep=cycles",
         )  # fmt: skip
         with h5py.File(run) as file, h5py.File(sweep) as cases:
             parts = [INTRODUCTION, root(file)]
@@ -95,6 +96,7 @@ def main() -> None:
                 SWEEP,
                 rows(cases["sweep"], skip=("velocity",)),
                 rows(cases["sweep/summary"], "summary/"),
+                rows(cases["sweep/cycles"], "cycles/"),
                 ELSEWHERE,
             ]
     (FOLDER / "file.md").write_text("\n".join(parts), encoding="utf-8")

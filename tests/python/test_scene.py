@@ -280,7 +280,8 @@ def values(key: Any) -> st.SearchStrategy[Any]:
         case "reals":
             return st.lists(numbers(key), min_size=1, max_size=40)
         case "integer":
-            return st.integers(0, 2**62)
+            bounds = dict(re.findall(r"([<>]=) (\d+)", key.range))
+            return st.integers(int(bounds[">="]), int(bounds.get("<=", 2**62)))
         case "choice":
             return st.sampled_from(key.choices)
         case "texts":

@@ -312,7 +312,10 @@ def _quiet_place(
             continue
         for y in (near.max() + 0.015, near.min() - LINE - 0.005):
             inside = (dots[:, 0] > x - 0.01) & (dots[:, 0] < x + width + 0.01)
-            inside &= (dots[:, 1] > y - 0.01) & (dots[:, 1] < y + LINE)
+            # Dots between words and branch would be taken for what they name.
+            inside &= (dots[:, 1] > min(y, near.min()) - 0.02) & (
+                dots[:, 1] < max(y + LINE, near.max()) + 0.02
+            )
             # Far from the line that it names it would say nothing.
             cost = (
                 np.count_nonzero(inside)
