@@ -7,7 +7,7 @@
 !> change the choice. Where the calibration does not reach, it is the full model.
 !> A column that is asked for by name counts like a quantity: it must be the full model's, to the same accuracy.
 module dst_model_choice
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_creep, only: creep_t, creep_exact, position_third_order
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_errors, only: error_t
@@ -19,6 +19,7 @@ module dst_model_choice
   use dst_assembly, only: slider_from_scene
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
+  use dst_stepper, only: work_count_t
   use dst_text, only: formatted, has_word
   use dst_writer, only: outcome_t
   implicit none
@@ -38,6 +39,7 @@ module dst_model_choice
     real(wp) :: cycles = 0.0_wp
     real(wp) :: fastest = 0.0_wp   !! largest |X'|, m/s
     real(wp) :: load = 0.0_wp      !! largest |k_x u_x|, N
+    integer(int64) :: iterations = 0   !! of Newton, what it has cost
   end type slow_motion_t
 
   !> The advance X/l_x at equal times in two ways.
@@ -110,6 +112,7 @@ contains
     type(slider_t) :: slider
     type(smallness_t) :: small
     character(:), allocatable :: passed_over
+    character(20) :: cost
 
     reason = ''
     if (scene%model /= 'auto') return
@@ -123,16 +126,24 @@ contains
     small = smallness_of(scene, slider)
     passed_over = ''
     if (scene%quantities == 'creep') then
-      if (accept('creep_asymptotic')) then
+      if (.not. accept('creep_asymptotic')) then
+        if (.not. accept('creep')) call settle_on_integration()
+      else
         scene%form = 'third_order'
-        return
       end if
-      if (accept('creep')) return
+    else
+      call settle_on_integration()
     end if
-    if (accept('low_frequency')) return
-    reason = 'full: '//passed_over
+    if (slow%tried) then
+      write (cost, '(i0)') slow%iterations
+      reason = reason//'; the choice took '//trim(cost)//' Newton iterations'
+    end if
 
   contains
+
+    subroutine settle_on_integration()
+      if (.not. accept('low_frequency')) reason = 'full: '//passed_over
+    end subroutine settle_on_integration
 
     logical function accept(model)
       character(*), intent(in) :: model
@@ -290,6 +301,7 @@ contains
     type(memory_writer_t) :: writer
     type(outcome_t) :: outcome
     type(error_t), allocatable :: error
+    type(work_count_t) :: work
 
     slow%tried = .true.
     sketch = scene
@@ -308,6 +320,8 @@ contains
     call simulation%start(sketch, error)
     if (allocated(error)) return
     call simulation%proceed(huge(1.0_wp), writer, error)
+    work = simulation%motion%work()
+    slow%iterations = work%newton
     if (allocated(error)) return
     call simulation%outcome(error, outcome)
     slow%known = .true.
