@@ -14,7 +14,7 @@
 !> k_x u_x' = k_x V sin(theta - phi)/sin(theta) = d(F cos theta)/dt: an integral over theta, no motion is needed. Where D is large
 !> slip does not know of the fast oscillation; where it is small the oscillation sets off slip, and slow cycles need not repeat.
 !>
-!> Source: the limit k_y to infinity of Nakano & Popov (2020), Eqs. (1)-(4), linearised; docs/theory_stability.md, section 4. SI units.
+!> Source: Nakano & Popov (2020), Eqs. (1)-(4), linearised about creep; docs/theory_stability.md, section 4. SI units.
 module dst_creep_end
   use dst_kinds, only: wp, pi
   use dst_roots, only: bracket_t

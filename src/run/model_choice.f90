@@ -39,6 +39,7 @@ module dst_model_choice
     real(wp) :: cycles = 0.0_wp
     real(wp) :: fastest = 0.0_wp   !! largest |X'|, m/s
     real(wp) :: load = 0.0_wp      !! largest |k_x u_x|, N
+    real(wp) :: swing = 0.0_wp     !! mean fall of k_x u_x over the static limit
     integer(int64) :: iterations = 0   !! of Newton, what it has cost
   end type slow_motion_t
 
@@ -62,6 +63,7 @@ module dst_model_choice
     real(wp) :: drift = 0.0_wp                 !! fall of friction over F_0, up to the velocity V sin(phi)
     real(wp) :: weakening = 0.0_wp             !! -F'(0)/sqrt(m k_x)
     real(wp) :: share = 0.0_wp                 !! tan(phi)^2 over its critical value, where friction weakens at V
+    real(wp) :: speed = 0.0_wp                 !! V/v_f
     real(wp) :: length = 0.0_wp                !! V t_end/l_x
     real(wp) :: sine = 0.0_wp                  !! |sin(phi)|
     type(creep_end_t) :: end
@@ -74,8 +76,8 @@ module dst_model_choice
   !> Accuracy of the low-frequency motion that the choice follows: far below any accuracy that is asked for. Convention.
   real(wp), parameter :: slow_rtol = 1.0e-8_wp
 
-  ! All below is fitted to some 6000 random scenes and tried on 4000 others of free lengths (bench/model_choice.py): the largest error
-  ! is 0.8 of its estimate, half of them are below 0.1; docs/models.md gives the formulas. A larger margin reduces fewer scenes, and
+  ! All below is fitted to some 6000 random scenes and tried on 4000 others of free lengths: the largest error is 0.8 of its
+  ! estimate (bench/model_choice.py draws others); docs/models.md gives the formulas. A larger margin reduces fewer scenes, and
   ! changes no number of a chosen model. A wider range admits scenes that nobody has tried.
   !
   !> Over the errors that were met.
@@ -93,10 +95,15 @@ module dst_model_choice
   !> Of stick-slip: weights of delay, inertia, feeding, drift, k_x/(k_y sin(theta)^2) and exp(-D).
   real(wp), parameter :: delay_weight = 0.03_wp, inertia_weight = 0.2_wp, feeding_weight = 0.05_wp, drift_weight = 0.4_wp, &
     elastic_weight = 0.2_wp, decay_weight = 0.1_wp
-  !> Of creep: weights of what inertia does to a closed form, without and with weakening, and to low_frequency with weakening; of the
-  !> ripple beside 1; of a finite k_y as it raises both, as it remains after slip, and in low_frequency; of k_x/k_y after slip.
-  real(wp), parameter :: inertia_in_creep = 2.0_wp, inertia_in_weak_creep = 5.0_wp, inertia_in_slow = 3.0_wp, &
-    ripple_weight = 10.0_wp, elastic_gain = 50.0_wp, elastic_remainder = 0.2_wp, elastic_in_slow = 1.5_wp, softness_in_slow = 3.0_wp
+  !> Of creep: weights of what inertia does to a closed form, and to low_frequency with weakening; of the ripple beside 1; of a
+  !> finite k_y as it raises both, as it remains after slip, and in low_frequency; of k_x/k_y after slip.
+  real(wp), parameter :: inertia_in_creep = 2.0_wp, inertia_in_slow = 1.0_wp, ripple_weight = 10.0_wp, elastic_gain = 50.0_wp, &
+    elastic_remainder = 0.2_wp, elastic_in_slow = 1.5_wp, softness_in_slow = 3.0_wp
+  !> Of strong stick-slip, fitted to 2700 scenes: its own margin, the weight of k_x/k_y beside the feeding, and the swing over F_0
+  !> below which cycles are sensitive, with their power. Its range: largest feeding, largest k_x/k_y, least cycles, largest V/v_f.
+  real(wp), parameter :: strong_margin = 5.0_wp, softness_weight = 30.0_wp, small_swing = 0.45_wp, swing_power = 1.5_wp
+  real(wp), parameter :: largest_strong_feeding = 0.03_wp, largest_softness = 1.0e-3_wp, least_cycles = 2.0_wp, &
+    largest_speed = 0.5_wp
 
   !> Format of the numbers in messages.
   character(*), parameter :: short = '(es8.1)'
@@ -331,6 +338,7 @@ contains
     slow%cycles = outcome%summary_of('cycles')
     slow%fastest = abs(outcome%summary_of('max_X_rate'))
     slow%load = slider%stiffness(1)*maxval(abs(slow%elongation))
+    slow%swing = simulation%summary%cycles%mean_swing()/slider%law%static_limit
     slow%has_slipped = simulation%summary%has_slipped
   end subroutine follow_slow_motion
 
@@ -358,6 +366,7 @@ contains
         small%drift = min(-minval(slope)*across, limit - minval(friction))/limit
         small%share = excluded
         if (slope(3) < 0.0_wp) small%share = (slider%along(2)/slider%along(1))**2*friction(3)/(-speed*slope(3))
+        small%speed = speed/scene%v_f
         small%end = creep_end(slider, speed)
       end if
     end associate
@@ -439,8 +448,7 @@ contains
         error = margin*error*max(1.0_wp, creep%reached/advance)
       else
         if (inertia > largest_inertia) return
-        weight = merge(inertia_in_weak_creep, inertia_in_creep, small%weakens)
-        error = (weight*inertia + ripple_in_creep(small))*(1.0_wp + elastic_gain*creep%elasticity)
+        error = (inertia_in_creep*inertia + ripple_in_creep(small))*(1.0_wp + elastic_gain*creep%elasticity)
         if (beyond) error = error + elastic_remainder*creep%elasticity
         error = margin*error
         if (model == 'creep_asymptotic') error = error + expansion_error(small)
@@ -488,8 +496,9 @@ contains
     type(smallness_t), intent(in) :: small
 
     error = error_in_force(small)
-    if (small%weakens .and. error < excluded) &
-      error = min(error + margin*(feeding_weight*small%feeding + drift_weight*small%drift), error_in_cycles(small))
+    if (.not. small%weakens) return
+    if (error < excluded) error = error + margin*(feeding_weight*small%feeding + drift_weight*small%drift)
+    error = min(error, error_in_cycles(small, huge(1.0_wp), huge(1.0_wp)))
   end function least_error_in_stick_slip
 
   !> Largest relative error of period, peak force and slip length; of the force, over friction, where there is no cycle.
@@ -500,32 +509,37 @@ contains
     real(wp) :: feeding
 
     error = error_in_force(small)
-    if (.not. small%weakens .or. error >= excluded) return
+    if (.not. small%weakens) return
     if (slow%has_slipped .or. slow%cycles > 0.0_wp) then
       error = excluded
-      if (slow%cycles > 0.0_wp) error = error_in_cycles(small)
+      if (slow%cycles > 0.0_wp) error = error_in_cycles(small, slow%cycles, slow%swing)
       return
     end if
+    if (error >= excluded) return
     feeding = feeding_in_creep(slider, small, slow)
     error = error + margin*(feeding_weight*feeding + drift_weight*small%drift)
     if (is_near_slip(small, slow) .or. feeding > largest_feeding) error = excluded
   end function error_in_stick_slip
 
-  !> The same for stick-slip by weakening. What remains of the fast oscillation at slip, exp(-D), and how far the stiff spring is from
-  !> rigid there: F'^2/(m k_y sin(theta)^2) and k_x/(k_y sin(theta)^2). Where D is small the fast oscillation sets off slip, and the
-  !> cycles of the full model need not repeat.
-  pure real(wp) function error_in_cycles(small) result(error)
+  !> The same for stick-slip by weakening, from its cycles and their mean fall of k_x u_x over F_0. What remains of the fast
+  !> oscillation at slip, exp(-D), and how far the stiff spring is from rigid there: F'^2/(m k_y sin(theta)^2) and
+  !> k_x/(k_y sin(theta)^2). Where D is small the fast oscillation sets off slip, and the cycles of the full model need not repeat.
+  !> Strong stick-slip has a bound that may be lower.
+  pure real(wp) function error_in_cycles(small, cycles, swing) result(error)
     type(smallness_t), intent(in) :: small
+    real(wp), intent(in) :: cycles, swing
     real(wp) :: gain
 
-    error = error_in_force(small)
-    if (error >= excluded) return
-    gain = merge(sensitivity, 1.0_wp, small%weakening < gradual)
-    if (small%end%exists .and. small%end%decay >= least_decay .and. small%share <= largest_share) then
-      error = error + margin*(gain*(feeding_weight*small%end%feeding + elastic_weight*small%end%softness) &
+    error = excluded
+    if (.not. (small%end%exists .and. small%end%decay >= least_decay .and. small%share <= largest_share)) return
+    if (small%ripple <= largest_weak_ripple) then
+      gain = merge(sensitivity, 1.0_wp, small%weakening < gradual)
+      error = error_in_force(small) + margin*(gain*(feeding_weight*small%end%feeding + elastic_weight*small%end%softness) &
         + decay_weight*exp(-small%end%decay))
-    else
-      error = excluded
     end if
+    if (small%weakening >= gradual .and. small%speed <= largest_speed .and. cycles >= least_cycles .and. &
+      small%feeding <= largest_strong_feeding .and. small%softness <= largest_softness) &
+      error = min(error, strong_margin*max(small%feeding, softness_weight*small%softness) &
+        *max(1.0_wp, small_swing/swing)**swing_power)
   end function error_in_cycles
 end module dst_model_choice
