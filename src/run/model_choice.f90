@@ -55,6 +55,7 @@ module dst_model_choice
   !> What is small where a reduced model holds. Without unit.
   type :: smallness_t
     logical :: weakens = .false.
+    logical :: will_slip = .false.             !! it has been driven far beyond where creep ends
     real(wp) :: softness = 0.0_wp              !! k_x/k_y
     real(wp) :: delay = 0.0_wp                 !! k_x/(k_y tan(phi)), about V t/l_x up to which the object truly sticks
     real(wp) :: ripple = 0.0_wp                !! V sin(phi) sqrt(m k_y)/F_0, force of the fast oscillation
@@ -90,6 +91,8 @@ module dst_model_choice
   !> creep ends up to which it is creep, least D, largest share of the critical tan(phi)^2.
   real(wp), parameter :: largest_weak_ripple = 0.5_wp, largest_feeding = 0.3_wp, near_slip = 0.95_wp, least_decay = 1.0_wp, &
     largest_share = 0.6_wp
+  !> V t/l_x from which on an object whose creep ends has slipped; what lies between is looked at. Convention.
+  real(wp), parameter :: surely_slipped = 2.0_wp
   !> Weakening over sqrt(m k_x) below which slip is gradual and cycles are sensitive, and by how much.
   real(wp), parameter :: gradual = 2.5_wp, sensitivity = 2.0_wp
   !> Of stick-slip: weights of delay, inertia, feeding, drift, k_x/(k_y sin(theta)^2) and exp(-D).
@@ -368,6 +371,7 @@ contains
         if (slope(3) < 0.0_wp) small%share = (slider%along(2)/slider%along(1))**2*friction(3)/(-speed*slope(3))
         small%speed = speed/scene%v_f
         small%end = creep_end(slider, speed)
+        small%will_slip = small%end%exists .and. small%length > surely_slipped
       end if
     end associate
     if (scene%quantities == 'creep' .or. scene%fields(1) /= 'default') small%creep = creep_in_two_ways(slider, small)
@@ -408,7 +412,7 @@ contains
 
     error = excluded
     if (.not. small%creep%reached > 0.0_wp) return
-    if (small%ripple > merge(largest_weak_ripple, largest_ripple, small%weakens)) return
+    if (small%ripple > merge(largest_weak_ripple, largest_ripple, small%weakens) .or. small%will_slip) return
     if (model == 'creep_asymptotic' .and. small%length >= 1.0_wp) return
     error = margin*ripple_in_creep(small)
     if (model == 'low_frequency') then
@@ -498,6 +502,7 @@ contains
     error = error_in_force(small)
     if (.not. small%weakens) return
     if (error < excluded) error = error + margin*(feeding_weight*small%feeding + drift_weight*small%drift)
+    if (small%will_slip) error = excluded
     error = min(error, error_in_cycles(small, huge(1.0_wp), huge(1.0_wp)))
   end function least_error_in_stick_slip
 
