@@ -74,8 +74,9 @@ def newton(result: ds.Result) -> float:
     return float(result.statistics["newton"])
 
 
-def cost_before(exe: str, drawn_scene: Drawn, full: float) -> float:
-    """Newton iterations of another version, whose choice follows the low-frequency motion unless the deck alone rules it out."""
+def cost_before(exe: str, drawn_scene: Drawn, full: float) -> tuple[str, float]:
+    """The model that another version chooses, and its Newton iterations. Its choice follows the low-frequency motion
+    unless the deck alone rules it out."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "auto.nml"
         file.write_text(asked(drawn_scene, COMMON))
@@ -84,14 +85,14 @@ def cost_before(exe: str, drawn_scene: Drawn, full: float) -> float:
         model, choice = (str(result.attributes[name]) for name in ("model", "model_choice"))
         run = full if model == "full" else newton(result)
     if re.match("full: (the |stiffness_y is|weakening feeds|without friction)", choice):
-        return run
+        return model, run
     scene, _, lengths = drawn_scene
     followed = ds.run(
         deck(scene, "low_frequency", lengths),
         system={"stiffness_y": None},
         integrator={"method": "radau9", "rtol": 1e-8},
     )
-    return run + newton(followed)
+    return model, run + newton(followed)
 
 
 def judge(before: str | None) -> None:
@@ -99,6 +100,7 @@ def judge(before: str | None) -> None:
     exceeded = 0
     costs: dict[str, list[float]] = {"always full": [], "auto": [], "auto before": []}
     chosen: dict[float, Counter[str]] = {accuracy: Counter() for accuracy in ACCURACIES}
+    chosen_before: Counter[str] = Counter()
     for drawn_scene in judged_scenes():
         scene, quantities, lengths = drawn_scene
         full = ds.run(deck(scene, "full", lengths))
@@ -117,9 +119,13 @@ def judge(before: str | None) -> None:
                 exceeded += 1
                 print(f"{quantities} {lengths} {accuracy}: {error:.3g}", scene, result.attributes["model_choice"])
         if before:
-            costs["auto before"].append(cost_before(before, drawn_scene, newton(full)))
+            model, cost = cost_before(before, drawn_scene, newton(full))
+            chosen_before[model] += 1
+            costs["auto before"].append(cost)
     for accuracy, models in chosen.items():
         print(f"accuracy {accuracy:g}: {dict(models)}")
+    if before:
+        print(f"accuracy {COMMON:g}, before: {dict(chosen_before)}")
     for name, values in costs.items():
         if values:
             print(

@@ -241,7 +241,7 @@ def test_small_cycles_are_sensitive() -> None:
     assert estimate[1] / estimate[0] == pytest.approx(expected, rel=0.06)
 
 
-@pytest.mark.parametrize(("stiffness", "least"), [(1e6, 1.0), (1e8, 100.0)])
+@pytest.mark.parametrize(("stiffness", "least"), [(3e6, 1.0), (1e8, 100.0)])
 def test_stick_slip_depends_on_how_creep_ends(stiffness: float, least: float) -> None:
     """Where weakening is not strong: exp(-D) and how far the stiff spring is from rigid at slip (docs/models.md)."""
     scene = FIG3 | {"v_f": 0.2, "stiffness_y": stiffness, "mu_inf": 0.05, "misalignment_deg": 0.5}
