@@ -1,14 +1,23 @@
-"""Whether `model = 'auto'` keeps its word on random scenes: what a reader can rerun.
+"""Whether `model = 'auto'` keeps its word on random scenes, and what its choice costs: what a reader can rerun.
 
     python bench/model_choice.py [--seconds S] [--seed N] [--short]
+    python bench/model_choice.py --judge [--before EXE]
 
 Draws scenes log-uniformly over several decades of every parameter, asks for several accuracies, and compares the chosen model
 with the full one, in the quantities or in one column. Prints the cases in which the error exceeds the accuracy asked for,
 and the counts by model; it fails if there is such a case.
+
+With --judge these are 300 scenes that were drawn before the rule was made, and their quantities: also, the Newton iterations
+that the choice at accuracy 1e-2 and the run of the chosen model take together, against those of the full model alone and, with
+--before, of the executable of another version. A low-frequency run for the choice counts; closed forms take none.
 """
 
 import argparse
+import re
+import statistics
+import subprocess
 import sys
+import tempfile
 import time
 from collections import Counter
 from pathlib import Path
@@ -27,8 +36,103 @@ from test_model_choice import (
     random_scene,
 )
 
+# The scenes that a rule is judged by, drawn before it was made: 300 of this seed. Do not tune on them.
+JUDGED_SEED, JUDGED_SCENES = 20261123, 300
+# The accuracy whose cost is told.
+COMMON = 1e-2
 ACCURACIES = (0.3, 0.1, 0.03, 1e-2, 1e-3, 1e-5)
 MOST_CYCLES = 3e4
+
+
+def drawn(random: np.random.Generator) -> tuple[dict[str, float], str, float]:
+    """A scene, what is asked of it, and how many l_x the drive moves: such that it has at most MOST_CYCLES fast cycles."""
+    while True:
+        scene = random_scene(random)
+        quantities = str(random.choice(["creep", "stick_slip"]))
+        lengths = float(
+            random.choice([0.1, 0.3, 0.6, 0.9, 1.2, 2.6] if quantities == "creep" else [0.5, 2.6, 4.0])
+        )
+        if fast_cycles(scene, lengths) <= MOST_CYCLES:
+            return scene, quantities, lengths
+
+
+def judged_scenes() -> list[tuple[dict[str, float], str, float]]:
+    """The 300 scenes."""
+    random = np.random.default_rng(JUDGED_SEED)
+    return [drawn(random) for _ in range(JUDGED_SCENES)]
+
+
+Drawn = tuple[dict[str, float], str, float]
+
+
+def asked(drawn_scene: Drawn, accuracy: float) -> str:
+    scene, quantities, lengths = drawn_scene
+    return deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}")
+
+
+def newton(result: ds.Result) -> float:
+    return float(result.statistics["newton"])
+
+
+def cost_before(exe: str, drawn_scene: Drawn, full: float) -> tuple[str, float]:
+    """The model that another version chooses, and its Newton iterations. Its choice follows the low-frequency motion
+    unless the deck alone rules it out."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "auto.nml"
+        file.write_text(asked(drawn_scene, COMMON))
+        subprocess.run([exe, "run", str(file), "--quiet"], check=True, cwd=folder)
+        result = ds.open(file.with_suffix(".h5"))
+        model, choice = (str(result.attributes[name]) for name in ("model", "model_choice"))
+        run = full if model == "full" else newton(result)
+    if re.match("full: (the |stiffness_y is|weakening feeds|without friction)", choice):
+        return model, run
+    scene, _, lengths = drawn_scene
+    followed = ds.run(
+        deck(scene, "low_frequency", lengths),
+        system={"stiffness_y": None},
+        integrator={"method": "radau9", "rtol": 1e-8},
+    )
+    return model, run + newton(followed)
+
+
+def judge(before: str | None) -> None:
+    """Promises and costs on the 300 scenes."""
+    exceeded = 0
+    costs: dict[str, list[float]] = {"always full": [], "auto": [], "auto before": []}
+    chosen: dict[float, Counter[str]] = {accuracy: Counter() for accuracy in ACCURACIES}
+    chosen_before: Counter[str] = Counter()
+    for drawn_scene in judged_scenes():
+        scene, quantities, lengths = drawn_scene
+        full = ds.run(deck(scene, "full", lengths))
+        costs["always full"].append(newton(full))
+        for accuracy in ACCURACIES:
+            result = ds.run(asked(drawn_scene, accuracy))
+            model = str(result.attributes["model"])
+            chosen[accuracy][model] += 1
+            if accuracy == COMMON:
+                spent = re.search(r"the choice took (\d+) Newton", str(result.attributes["model_choice"]))
+                costs["auto"].append(newton(result) + (float(spent[1]) if spent else 0.0))
+            if model == "full":
+                continue
+            error = (error_in_creep if quantities == "creep" else error_in_stick_slip)(result, full)
+            if error > accuracy:
+                exceeded += 1
+                print(f"{quantities} {lengths} {accuracy}: {error:.3g}", scene, result.attributes["model_choice"])
+        if before:
+            model, cost = cost_before(before, drawn_scene, newton(full))
+            chosen_before[model] += 1
+            costs["auto before"].append(cost)
+    for accuracy, models in chosen.items():
+        print(f"accuracy {accuracy:g}: {dict(models)}")
+    if before:
+        print(f"accuracy {COMMON:g}, before: {dict(chosen_before)}")
+    for name, values in costs.items():
+        if values:
+            print(
+                f"Newton iterations, {name}: median {statistics.median(values):.0f}, mean {statistics.mean(values):.0f}"
+            )
+    print(f"{JUDGED_SCENES} scenes, {exceeded} errors above the accuracy asked for")
+    sys.exit(exceeded > 0)
 
 
 def main() -> None:
@@ -38,7 +142,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument(
+        "--judge", action="store_true", help="the 300 scenes drawn before the rule, and what it costs"
+    )
+    parser.add_argument("--before", metavar="EXE", help="the executable of another version, to compare costs")
     options = parser.parse_args()
+    if options.judge:
+        judge(options.before)
     if options.short:
         options.seconds = 5.0
     random = np.random.default_rng(options.seed)
@@ -46,14 +156,8 @@ def main() -> None:
     scenes = exceeded = 0
     end = time.monotonic() + options.seconds
     while time.monotonic() < end:
-        scene = random_scene(random)
-        quantities = str(random.choice(["creep", "stick_slip"]))
-        lengths = float(
-            random.choice([0.1, 0.3, 0.6, 0.9, 1.2, 2.6] if quantities == "creep" else [0.5, 2.6, 4.0])
-        )
+        scene, quantities, lengths = drawn(random)
         column = str(random.choice(["default", "default", *COLUMNS]))
-        if fast_cycles(scene, lengths) > MOST_CYCLES:
-            continue
         scenes += 1
         full = None
         for accuracy in ACCURACIES:

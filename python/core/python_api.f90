@@ -15,6 +15,7 @@ module dst_python_api
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
   use dst_cycles, only: cycle_quantities
   use dst_deck, only: deck_t, parse_deck, resolved
+  use dst_creep_end, only: creep_end_t, creep_end
   use dst_deck_values, only: element_count
   use dst_errors, only: error_t, raise, file_error, usage_error
   use dst_faults, only: not_all_faults
@@ -970,6 +971,7 @@ contains
   !> 'eigenvalues' of steady sliding [1/s]: four real parts, four imaginary parts, by falling real part.
   !> 'critical' misalignment, whatever a slider's own: whether there is one (0/1), two angles [rad], frequencies [rad/s] of the low
   !> and the fast branch, stable window [rad], rigid limit of the low branch [rad].
+  !> 'creep_end': whether slow creep ends in slip (0/1), the angle of friction there [rad], slip speed [m/s], load [N], decay D.
   !> 'damping' ratio of the slow motion at the angles `theta` [rad]: Eq. (10), with friction held at mu_0 W; 'weakening': with the
   !> law's own friction.
   !> On failure `failed` is the first slider (from 1) that has none, and `message` says why.
@@ -1004,6 +1006,7 @@ contains
       real(wp), intent(in) :: velocity, angle
       real(c_double), intent(out) :: found(:)
       type(critical_t) :: branches
+      type(creep_end_t) :: end
       complex(wp) :: roots(4)
       real(wp) :: value
 
@@ -1015,6 +1018,11 @@ contains
         call critical_misalignment(slider, velocity, branches, error)
         if (.not. allocated(error)) call low_frequency_limit(slider, velocity, value, error)
         found = real([merge(1.0_wp, 0.0_wp, branches%exists), branches%angle, branches%frequency, branches%window, value], c_double)
+      else if (what == 'creep_end') then
+        ! It asks for what steady sliding asks for.
+        call low_frequency_limit(slider, velocity, value, error)
+        if (.not. allocated(error)) end = creep_end(slider, velocity)
+        found = real([merge(1.0_wp, 0.0_wp, end%exists), end%angle, end%speed, end%load, end%decay], c_double)
       else
         if (.not. abs(angle) <= huge(angle)) then
           call raise(error, usage_error, 'theta is not a number or infinite: it must be finite')

@@ -44,7 +44,9 @@ from .scene import Scene
 from .simulation import Simulation
 from .spectrum import Spectrogram, creep_frequency, oscillation_frequency, ridge, spectrogram
 from .stability import (
+    CreepEnd,
     CriticalMisalignment,
+    creep_end,
     critical_misalignment,
     damping_ratio,
     steady_sliding_eigenvalues,
@@ -56,6 +58,7 @@ __version__ = _native.origin()["version"]
 __all__ = [
     "ColumnError",
     "Creep",
+    "CreepEnd",
     "CriticalMisalignment",
     "Cycles",
     "DeckError",
@@ -84,6 +87,7 @@ __all__ = [
     "Trade",
     "UsageError",
     "creep_asymptotic",
+    "creep_end",
     "creep_exact",
     "creep_frequency",
     "creep_velocity",

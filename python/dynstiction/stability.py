@@ -1,4 +1,4 @@
-"""Linear theory of steady sliding, for arrays of parameters (docs/theory_stability.md).
+"""Linear theory of steady sliding and of slow creep, for arrays of parameters (docs/theory_stability.md).
 
 Every parameter may be a number or an array; arrays broadcast against each other as in numpy.
 """
@@ -14,7 +14,14 @@ from . import _native
 from ._arguments import reals, shape_of
 from .equations import slider_parameters
 
-__all__ = ["CriticalMisalignment", "critical_misalignment", "damping_ratio", "steady_sliding_eigenvalues"]
+__all__ = [
+    "CreepEnd",
+    "CriticalMisalignment",
+    "creep_end",
+    "critical_misalignment",
+    "damping_ratio",
+    "steady_sliding_eigenvalues",
+]
 
 
 class CriticalMisalignment(NamedTuple):
@@ -32,6 +39,19 @@ class CriticalMisalignment(NamedTuple):
     """Steady sliding is stable between these angles [rad], shape (..., 2); NaN where it is at none."""
     limit: NDArray[np.float64]
     """Critical angle [rad] of the slow mode for ``k_y`` to infinity, shape (...); 0 if friction does not weaken."""
+
+
+class CreepEnd(NamedTuple):
+    """Where slow creep ends in slip; NaN where it does not. ``...`` is the broadcast shape of the parameters."""
+
+    angle: NDArray[np.float64]
+    """Angle [rad] from the soft axis to the friction, shape (...)."""
+    speed: NDArray[np.float64]
+    """Mean slip speed [m/s], shape (...)."""
+    load: NDArray[np.float64]
+    """``|k_x u_x|`` [N], the largest that quasi-static creep reaches, shape (...)."""
+    decay: NDArray[np.float64]
+    """D [-]: before slip the fast oscillation decays by ``exp(-D)``; 0 if it grows up to slip. Shape (...)."""
 
 
 def steady_sliding_eigenvalues(
@@ -129,6 +149,49 @@ def critical_misalignment(
         np.where(window[:, 1:] > window[:, :1], window, np.nan).reshape(*shape, 2),
         limit.copy().reshape(shape),
     )
+
+
+def creep_end(
+    *,
+    mass: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike,
+    misalignment: ArrayLike,
+    mu_0: ArrayLike,
+    mu_inf: ArrayLike | None = None,
+    v_f: ArrayLike | None = None,
+    normal_load: ArrayLike,
+    velocity: ArrayLike,
+) -> CreepEnd:
+    """Where slow creep ends in slip, and how far the fast oscillation has decayed by then.
+
+    During creep ``v = V sin(phi)/sin(theta)`` and ``k_x u_x = F(v) cos(theta)``, whose maximum is the end. The fast
+    oscillation grows at ``sigma = [-F'(v)/m - v k_y cos^2(theta)/F(v)]/2``; D is the integral of ``-sigma`` over the time
+    from its zero to the end. Where D is large slip does not know of the fast oscillation; where it is small slow cycles
+    need not repeat.
+
+    Parameters
+    ----------
+    mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity : array_like
+        As for `steady_sliding_eigenvalues`.
+
+    Returns
+    -------
+    CreepEnd
+        Angle [rad], speed [m/s], load [N] and decay [-]. NaN where friction does not weaken, where the misalignment is a
+        multiple of pi/2, and where creep goes over into steady sliding.
+
+    Raises
+    ------
+    UsageError
+        As for `steady_sliding_eigenvalues`.
+    """
+    sliders, shape = _sliders(
+        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, 0.0
+    )
+    values = _native.steady_sliding("creep_end", 5, sliders)
+    exists = values[:, 0] == 1.0
+    return CreepEnd(*(np.where(exists, column, np.nan).reshape(shape) for column in values.T[1:]))
 
 
 def damping_ratio(

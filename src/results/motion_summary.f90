@@ -1,6 +1,7 @@
 !> The summary of a single run: what dst_summary looks at, read from the pieces of the motion.
 module dst_motion_summary
   use dst_archive, only: archive_t
+  use dst_creep_end, only: creep_end_t, creep_end
   use dst_cycle_map, only: cycle_map_t
   use dst_kinds, only: wp
   use dst_leap_summary, only: leap_summary_t, observe_cycles
@@ -53,6 +54,7 @@ contains
     class(motion_summary_t), intent(inout) :: self
     class(motion_t), intent(inout) :: motion
     real(wp), intent(in) :: settle    !! to what two cycles have to agree to end the run, 0 if they do not
+    type(creep_end_t) :: end
 
     if (motion%piece%event == stick_begins) self%sticks = 1
     select type (motion)
@@ -63,6 +65,10 @@ contains
     self%velocity = motion%velocity_now()
     associate (slider => motion%slider)
       ! High frequency: the longitudinal load is given.
+      if (minval(slider%free) > 0.0_wp .and. .not. slider%smoothing > 0.0_wp .and. size(motion%drive%segment) == 1) then
+        end = creep_end(slider, motion%drive%segment(1)%velocity)
+        if (end%exists) self%fast_decay = end%decay
+      end if
       call self%cycles%begin(slider%along(1)*merge(1.0_wp, 0.0_wp, slider%free(1) > 0.0_wp), slider%law%static_limit, &
         slider%stiffness(1), slider%mass)
     end associate

@@ -67,6 +67,7 @@ module dst_summary
     quantity_t('swing', 'N', 'largest less smallest k_x u_x in the second half of the run'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
     quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)'), &
+    quantity_t('fast_decay', '1', 'D: the fast oscillation decays by exp(-D) before slip, in theory; full model, steady drive'), &
     quantity_t('undecided_from', 's', 'time from which only roundoff keeps or ends unstable steady sliding'), &
     quantity_t('settled_at', 's', 'when two cycles had agreed to scene.settle, which ended the run'), &
     quantity_t('lyapunov_exponent', '1', 'mean ln of the growth of a small difference in a slow cycle'), &
@@ -103,6 +104,8 @@ module dst_summary
     !> Whether slip has begun, and how friction pointed then [rad].
     logical :: has_slipped = .false.
     real(wp), private :: slip_angle = 0.0_wp
+    !> D of dst_creep_end; negative if the scene has none.
+    real(wp) :: fast_decay = -1.0_wp
     !> From when on disturbances too small to be seen would have ended steady sliding [s]; negative if never.
     real(wp) :: undecided_from = -1.0_wp
   contains
@@ -623,6 +626,7 @@ contains
       call put('creep_share', self%late%creep_time/self%late%length)
     end if
     if (self%has_slipped) call put('slip_angle', self%slip_angle)
+    if (self%fast_decay >= 0.0_wp) call put('fast_decay', self%fast_decay)
     if (self%undecided_from >= 0.0_wp) call put('undecided_from', self%undecided_from)
     if (self%settled_at >= 0.0_wp) call put('settled_at', self%settled_at)
 

@@ -349,11 +349,11 @@ def object_call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[],
 
 
 NUMERICAL = [
-    "creep_asymptotic", "creep_exact", "creep_frequency", "creep_velocity", "critical_misalignment", "damping_ratio", "jacobian",
+    "creep_asymptotic", "creep_end", "creep_exact", "creep_frequency", "creep_velocity", "critical_misalignment", "damping_ratio", "jacobian",
     "oscillation_frequency", "rhs", "ridge", "spectrogram", "steady_sliding_eigenvalues",
 ]  # fmt: skip
 
-MAY_BE_NAN = {"ridge", "critical_misalignment"}
+MAY_BE_NAN = {"ridge", "critical_misalignment", "creep_end"}
 """Their documentation says where."""
 
 

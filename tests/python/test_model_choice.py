@@ -112,8 +112,8 @@ def test_error_stays_below_accuracy(change: dict[str, float]) -> None:
     [
         ("creep", 2e-2, 0.5, 1.0, "creep_asymptotic"),
         ("creep", 1e-1, 0.9, 1.0, "creep_asymptotic"),
-        ("creep", 5e-2, 0.95, 4.0, "creep"),
-        ("creep", 3e-2, 0.95, 5.0, "low_frequency"),
+        ("creep", 6e-2, 0.95, 4.0, "creep"),
+        ("creep", 4e-2, 0.95, 4.0, "low_frequency"),
         ("creep", 1e-9, 0.5, 1.0, "full"),
         ("creep", 3e-1, 5.0, 1.0, "full"),
         ("stick_slip", 3e-2, 5.0, 1.0, "low_frequency"),
@@ -139,8 +139,8 @@ UNITS = [(2.0**10, 1.0, 1.0), (1.0, 2.0**-6, 1.0), (1.0, 1.0, 2.0**12), (2.0**-2
     ("quantities", "accuracy", "lengths", "change"),
     [
         ("creep", 1e-1, 0.6, {}),
-        ("creep", 5e-2, 0.95, {"misalignment_deg": 4.0}),
-        ("creep", 3e-2, 0.95, {"misalignment_deg": 5.0}),
+        ("creep", 6e-2, 0.95, {"misalignment_deg": 4.0}),
+        ("creep", 4e-2, 0.95, {"misalignment_deg": 4.0}),
         ("creep", 1e-9, 0.5, {"mass": 2.0, "velocity": 4e-3}),
         ("stick_slip", 3e-2, 5.0, {}),
         ("stick_slip", 1e-6, 5.0, {"mu_inf": 0.17}),
@@ -190,9 +190,8 @@ def test_the_choice_depends_on_ratios_only(
         ({"system": {"misalignment_deg": 90.0}}, "0 < |misalignment_deg| < 90"),
         ({"system": {"misalignment_deg": 135.0}}, "0 < |misalignment_deg| < 90"),
         ({"system": {"misalignment_deg": 1e-3}}, "the misalignment is not above"),
-        ({"system": {"stiffness_y": 0.9e6}}, "below 1000 stiffness_x"),
+        ({"system": {"stiffness_y": 2.9e5}}, "below 300 stiffness_x"),
         ({"friction": {"normal_load": 0.0}}, "without friction"),
-        ({"friction": {"v_f": 1e-3}}, "weakening feeds the fast oscillation"),
         ({"integrator": {"method": "moreau_jean", "step": 1e-5, "rtol": None}}, "a fixed step"),
     ],
     ids=str,
@@ -204,9 +203,9 @@ def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object
     assert reason in choice
 
 
-def estimated(choice: str) -> float:
+def estimated(choice: str, model: str) -> float:
     """The error that a choice speaks of."""
-    found = re.search(r"may err by +([-+.\dE]+)", choice)
+    found = re.search(model + r" may err by +([-+.\dE]+)", choice)
     assert found, choice
     return float(found[1])
 
@@ -214,17 +213,19 @@ def estimated(choice: str) -> float:
 @pytest.mark.parametrize("velocity", [1e-3, 2e-3])
 @pytest.mark.parametrize(("stiffness", "mass"), [(1e9, 0.25), (1e7, 2.5), (1e9, 0.025)])
 def test_what_the_fast_oscillation_may_do_to_creep(velocity: float, stiffness: float, mass: float) -> None:
-    """The square of its force over the static limit, and the way of half a period over the advance (docs/models.md)."""
+    """The way of a radian over the advance, more where its force is large, and a finite k_y (docs/models.md)."""
     scene = FIG3 | {"stiffness_y": stiffness, "mass": mass, "mu_inf": 0.20, "velocity": velocity}
-    estimate = estimated(choice_of(scene, 0.5, 1e-9, "creep"))
+    choice = choice_of(scene, 0.5, 1e-9, "creep")
     across, limit, length = velocity * np.sin(np.radians(1.0)), 2.0, 2e-3
     tau = np.linspace(0.0, 0.5, 65)
     elastic, rigid = (ds.creep_exact(tau, np.radians(1.0), kappa).X for kappa in (1e3 / stiffness, 0.0))
-    ripple = 6.0 * across * np.sqrt(mass / stiffness) / (elastic[-1] * length)
-    ripple += 2.0 * (across / limit) ** 2 * mass * stiffness
-    expected = 2.0 * ripple + 3.0 * np.abs(elastic - rigid).max() / elastic[-1]
+    elasticity = np.abs(elastic - rigid).max() / elastic[-1]
+    way = across * np.sqrt(mass / stiffness) / (elastic[-1] * length)
+    ripple = way * (1.0 + 10.0 * across * np.sqrt(mass * stiffness) / limit)
     # The text has one digit or two.
-    assert estimate == pytest.approx(expected, rel=0.1)
+    assert estimated(choice, "creep") == pytest.approx(4.0 * ripple * (1.0 + 50.0 * elasticity), rel=0.06)
+    assert estimated(choice, "low_frequency") == pytest.approx(4.0 * (ripple + 1.5 * elasticity), rel=0.06)
+    assert "the choice took" not in choice
 
 
 def test_small_cycles_are_sensitive() -> None:
@@ -232,12 +233,39 @@ def test_small_cycles_are_sensitive() -> None:
     estimate, swing = [], []
     for mu_inf in (0.15, 0.16):
         scene = FIG3 | {"mu_inf": mu_inf}
-        estimate.append(estimated(choice_of(scene, 5.0, 1e-6)))
+        estimate.append(estimated(choice_of(scene, 5.0, 1.6e-2), "low_frequency"))
         summary = ds.run(deck(scene, "low_frequency", 5.0), system={"stiffness_y": None}).summary
         swing.append(abs(summary["peak_force"] - summary["valley_force"]) / 2.0)
     assert swing[1] < 0.9 * swing[0]
     expected = (max(1.0, 0.45 / swing[1]) / max(1.0, 0.45 / swing[0])) ** 1.5
     assert estimate[1] / estimate[0] == pytest.approx(expected, rel=0.06)
+
+
+@pytest.mark.parametrize(("stiffness", "least"), [(3e6, 1.0), (1e8, 100.0)])
+def test_stick_slip_depends_on_how_creep_ends(stiffness: float, least: float) -> None:
+    """Where weakening is not strong: exp(-D) and how far the stiff spring is from rigid at slip (docs/models.md)."""
+    scene = FIG3 | {"v_f": 0.2, "stiffness_y": stiffness, "mu_inf": 0.05, "misalignment_deg": 0.5}
+    across, limit, softness = 1e-3 * np.sin(np.radians(0.5)), 2.0, 1e3 / stiffness
+    end = ds.creep_end(
+        mass=0.25, stiffness_x=1e3, stiffness_y=stiffness, misalignment=np.radians(0.5),
+        mu_0=0.2, mu_inf=0.05, v_f=0.2, normal_load=10.0, velocity=1e-3,
+    )  # fmt: skip
+    assert least < end.decay < 4.0 * least
+    square = np.sin(end.angle) ** 2
+    slope = 1.5 / 0.2 * np.exp(-end.speed / 0.2)
+    ripple = across / limit * np.sqrt(0.25 * stiffness)
+    expected = 0.03 * softness / np.tan(np.radians(0.5)) + softness + 0.2 * across / limit * np.sqrt(0.25 * 1e3) * min(1.0, ripple)
+    expected += 2.0 * (0.05 * slope**2 / (0.25 * stiffness * square) + 0.2 * softness / square) + 0.1 * np.exp(-end.decay)
+    assert estimated(choice_of(scene, 5.0, 1e-9), "low_frequency") == pytest.approx(4.0 * expected, rel=0.06)
+
+
+@pytest.mark.parametrize("change", [{"stiffness_y": 1e6}, {"velocity": 2e-4}, {"v_f": 1e-3}], ids=str)
+@pytest.mark.parametrize("lengths", [1.3, 5.0])
+def test_where_the_fast_oscillation_sets_off_slip_it_is_full(change: dict[str, float], lengths: float) -> None:
+    """D < 1: slow cycles need not repeat, and no accuracy is promised."""
+    assert choice_of(FIG3 | change, lengths, 1.0).startswith("full: low_frequency is not known to be that accurate here")
+    given = {name: (FIG3 | change)[name] for name in ("mass", "stiffness_x", "stiffness_y", "mu_0", "mu_inf", "v_f", "velocity")}
+    assert ds.creep_end(**given, normal_load=10.0, misalignment=np.radians(1.0)).decay < 1.0
 
 
 COLUMNS = tuple(name for name in ds.run(deck(FIG3, "full", 1e-4)) if name != "time")

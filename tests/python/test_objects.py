@@ -292,7 +292,7 @@ def test_further_interpreters_say_what_to_do(fig3_text: str) -> None:
 
 
 def test_linear_theory_at_the_edges_of_the_numbers(fig3_text: str) -> None:
-    """Values, or an error; never the end of the interpreter. NaN only where there is no critical angle."""
+    """Values, or an error; never the end of the interpreter. NaN only where there is no critical angle, or creep does not end."""
     script = f"""
 import numpy as np
 slider = {SLIDER!r}
@@ -315,6 +315,8 @@ for change in edges:
         for pair in (found.angle, found.frequency, found.window):
             assert np.all(np.isnan(pair)) or np.all(np.isfinite(pair)), (case, found)
         case.pop("v_smooth", None)
+        end = np.array(ds.creep_end(**case))
+        assert np.all(np.isnan(end)) or np.all(np.isfinite(end) & (end >= 0)), (case, end)
         assert np.isfinite(ds.damping_ratio(0.3, **case))
     except ds.UsageError:
         pass
@@ -359,6 +361,7 @@ NUMERICAL: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "jacobian": (ds.jacobian, {"state": [[1e-3, 1e-7, 1e-3, 1e-4]], **SLIDER, "v_smooth": 1e-5}),
     "steady_sliding_eigenvalues": (ds.steady_sliding_eigenvalues, {**SLIDER, "v_smooth": 1e-5}),
     "critical_misalignment": (ds.critical_misalignment, {**SLIDER, "v_smooth": 1e-5}),
+    "creep_end": (ds.creep_end, {**SLIDER}),
     "damping_ratio": (ds.damping_ratio, {"theta": 0.3, **SLIDER}),
     "creep_exact": (ds.creep_exact, {"tau": 0.5, "phi": 0.1, "kappa": 1e-3}),
     "creep_asymptotic": (ds.creep_asymptotic, {"tau": 0.5, "phi": 0.1, "form": "printed"}),
@@ -398,13 +401,13 @@ def test_every_numerical_function_is_tried() -> None:
 
 @pytest.mark.parametrize("argument", ["mass", "stiffness_x", "velocity", "mu_0", "normal_load", "v_f"])
 def test_a_negative_or_no_mass_gives_no_frequency(argument: str) -> None:
-    for name in ("rhs", "jacobian", "steady_sliding_eigenvalues", "damping_ratio", "creep_velocity", "creep_frequency",
+    for name in ("rhs", "jacobian", "steady_sliding_eigenvalues", "creep_end", "damping_ratio", "creep_velocity", "creep_frequency",
                  "oscillation_frequency"):  # fmt: skip
         function, good = NUMERICAL[name]
         for value in (-1.0, 0.0):
-            if argument not in good or (argument == "velocity" and "creep" not in name):
+            if argument not in good or (argument == "velocity" and name not in ("creep_velocity", "creep_frequency")):
                 continue
-            if value == 0.0 and argument in ("mu_0", "normal_load") and "creep" not in name:
+            if value == 0.0 and argument in ("mu_0", "normal_load") and name not in ("creep_velocity", "creep_frequency"):
                 continue
             with pytest.raises(ds.UsageError, match=argument):
                 function(**{**good, argument: value})

@@ -1,0 +1,84 @@
+"""The end of slow creep: the decay of the fast oscillation in runs, and who has it in the summary."""
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from fig3 import DRIVE, FRICTION, SYSTEM
+from programs import INPUTS
+
+SLIDER = {
+    **{name: value for name, value in {**SYSTEM, **FRICTION, **DRIVE}.items() if name not in ("law", "misalignment_deg")},
+    "misalignment": np.radians(SYSTEM["misalignment_deg"]),
+}
+
+
+def test_the_oscillation_of_a_run_decays_as_sigma_says() -> None:
+    """Its amplitude in w_y, between 20 and 11 degrees: exp of the integral of sigma, times sin(theta)^(3/2), because the
+    action of an oscillation with the mass m/sin(theta)^2 is kept while its frequency sqrt(k_y/m) sin(theta) falls."""
+    run = ds.run(
+        INPUTS / "fig3.nml",
+        scene={"t_end": 2.0},
+        integrator={"rtol": 1e-10},
+        output={"interval": 1e-5, "fields": ["w_y", "spring_force_x"]},
+    )
+    time, across = run.time, run["w_y"]
+    inner = across[1:-1]
+    tops = 1 + np.flatnonzero((inner > across[:-2]) & (inner >= across[2:]))
+    bottoms = 1 + np.flatnonzero((inner < across[:-2]) & (inner <= across[2:]))
+    amplitude = across[tops] - np.interp(time[tops], time[bottoms], across[bottoms])
+
+    drift = SLIDER["velocity"] * np.sin(SLIDER["misalignment"])
+
+    def friction(theta: np.ndarray) -> np.ndarray:
+        return 1.5 + 0.5 * np.exp(-drift / np.sin(theta) / 0.01)
+
+    path = np.radians(np.linspace(89.9, 4.4, 40000))
+    theta = np.interp(run["spring_force_x"][tops], friction(path) * np.cos(path), path)
+    speed = drift / np.sin(theta)
+    feeding = 50.0 * np.exp(-speed / 0.01) / 0.25
+    sigma = 0.5 * (feeding - speed * 1e7 * np.cos(theta) ** 2 / friction(theta))
+    degrees = np.degrees(theta)
+    for above, below in ((20.0, 18.0), (18.0, 16.0), (16.0, 14.0), (14.0, 12.0), (12.0, 11.0)):
+        first, last = (int(np.argmin(abs(degrees - angle))) for angle in (above, below))
+        part = slice(first, last + 1)
+        expected = np.trapezoid(sigma[part], time[tops][part]) + 1.5 * np.log(np.sin(theta[last]) / np.sin(theta[first]))
+        assert np.log(amplitude[last] / amplitude[first]) == pytest.approx(expected, rel=0.02), (above, below)
+
+
+@pytest.mark.parametrize("change", [{}, {"misalignment_deg": 3.0}, {"stiffness_y": 1e6}, {"stiffness_y": 1e8}])
+def test_the_summary_has_it(change: dict[str, float]) -> None:
+    summary = ds.run(INPUTS / "fig3.nml", scene={"t_end": 0.01}, system=change, output={"interval": 0.01}).summary
+    angle = np.radians(change.get("misalignment_deg", SYSTEM["misalignment_deg"]))
+    given = {name: value for name, value in change.items() if name != "misalignment_deg"}
+    assert summary["fast_decay"] == pytest.approx(ds.creep_end(**(SLIDER | given | {"misalignment": angle})).decay, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"friction": {"law": "constant", "mu_inf": None, "v_f": None}},
+        {"system": {"misalignment_deg": 0.0}},
+        {"system": {"misalignment_deg": 9.0}},
+        {"friction": {"contact": "smoothed", "v_smooth": 1e-6}},
+        {"drive": {"time": [0.0, 1.0], "velocity": [1e-3, 2e-3]}},
+        {"drive": {"velocity": 0.0}},
+        {"scene": {"model": "low_frequency"}, "system": {"stiffness_y": None}},
+        {"scene": {"model": "high_frequency"}},
+    ],
+    ids=str,
+)
+def test_scenes_without_it(change: dict[str, dict[str, object]]) -> None:
+    groups = {"scene": {"t_end": 0.01}, "output": {"interval": 0.01}}
+    for group, keys in change.items():
+        groups[group] = {**groups.get(group, {}), **keys}
+    assert "fast_decay" not in ds.run(INPUTS / "fig3.nml", **groups).summary
+
+
+def test_arrays_of_scenes() -> None:
+    """Broadcast, and NaN where creep does not end."""
+    end = ds.creep_end(**(SLIDER | {"misalignment": np.radians([1.0, 3.0, 9.0, 0.0]), "stiffness_y": [[1e7], [1e8]]}))
+    assert end.decay.shape == (2, 4)
+    assert np.isnan(np.array(end)[:, :, 2:]).all()
+    assert end.decay[0, :2] == pytest.approx([10.3402141787, 88.588356007], rel=1e-9)
+    drift = SLIDER["velocity"] * np.sin(np.radians([1.0, 3.0]))
+    np.testing.assert_allclose(end.speed[0, :2] * np.sin(end.angle[0, :2]), drift, rtol=1e-14)
