@@ -229,7 +229,7 @@ contains
     call gain_at(family, point%place + [0.0_wp, difference], beside, error)
     if (allocated(error)) return
     along = [(beside%gain - point%gain%gain)/difference, -point%gain%slope]
-    ahead = sign(1.0_wp, dot_product(along, ahead))*along/norm2(along)
+    ahead = sign(1.0_wp, dot_product(along, ahead))*along/hypot(along(1), along(2))
   end subroutine turn_ahead
 
   !> At right angles to a direction.
@@ -248,18 +248,19 @@ contains
     type(point_t), intent(inout) :: point
     type(error_t), allocatable, intent(out) :: error
     type(bracket_t) :: bracket
-    real(wp) :: share, chord(2)
+    real(wp) :: share, chord(2), length
     logical :: found
     integer :: iteration
 
     bracket = bracket_t([0.0_wp, 1.0_wp], [value_of(first), value_of(second)])
     if (bracket%f(1)*bracket%f(2) > 0.0_wp) return
     chord = second%place - first%place
+    length = hypot(chord(1), chord(2))
     do iteration = 1, max_iterations
       share = bracket%false_position()
       if (modulo(iteration, 4) == 0) share = bracket%middle()
-      call find_point(family, first%place + share*chord, across(chord/norm2(chord)), norm2(chord), &
-        fine, point, found, error)
+      call find_point(family, first%place + share*chord, across(chord/length), length, fine, point, &
+        found, error)
       if (allocated(error) .or. .not. found) return
       if (.not. abs(value_of(point)) > 0.0_wp) return
       call bracket%narrow(share, value_of(point))
