@@ -23,6 +23,7 @@ module dst_run
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_simulation, only: simulation_t
+  use dst_text, only: formatted
   use dst_writer, only: outcome_t
   implicit none
   private
@@ -274,6 +275,9 @@ contains
       if (allocated(save_error)) call move_alloc(save_error, error)
     end if
     call run%simulation%outcome(error, outcome)
+    if (is_irregular(outcome)) call run%progress%remark('the motion is irregular, its cycles have a distribution and no value: '// &
+      'Lyapunov exponent '//formatted('(f8.2)', outcome%summary_of('lyapunov_exponent'))//' +- '// &
+      formatted('(f8.2)', outcome%summary_of('lyapunov_error'))//' for a slow cycle')
     call run%writer%finish(outcome, end_error)
     if (.not. allocated(end_error)) call run%file%seal(run%checkpoint%result_checksum, end_error)
     ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
@@ -287,6 +291,14 @@ contains
       call run%file%delete_checkpoint()
     end if
   end subroutine carry_out
+
+  !> Whether the run is known to be irregular.
+  logical function is_irregular(outcome)
+    type(outcome_t), intent(in) :: outcome
+
+    is_irregular = .false.
+    if (any(outcome%summary%name == 'regularity')) is_irregular = outcome%summary_of('regularity') < 0.0_wp
+  end function is_irregular
 
   !> Why the run was stopped, and how to go on with it.
   function stop_text(run) result(text)

@@ -24,7 +24,7 @@ from ..record import Described, Info, Record
 from ..scene import Scene
 from ..simulation import Simulation
 from .plan import Candidate, Settings, Subject, candidates
-from .quantities import QUANTITIES, Observer, Quantity
+from .quantities import QUANTITIES, Observer, Quantity, of_distributions
 
 __all__ = ["RESOLUTION", "Comparison", "Point", "StoppedEarlyError"]
 
@@ -141,6 +141,7 @@ class Comparison:
             replace(self.second.candidate, rtol=SURVEY_RTOL), self._t_end / SURVEY_SAMPLES
         )
         self.has_reference = False
+        self.is_irregular = False
         """Whether there is something to compare with."""
         self._begun = time.monotonic()
 
@@ -182,6 +183,10 @@ class Comparison:
         self.second.candidate = replace(self.second.candidate, rtol=10.0 * self.best.candidate.rtol)
         with (yield from self._finish_loosened(self.second)) as check:
             errors = self._observer.errors(self._observer.observe(check), self._true)
+        spread = of_distributions(result.summary)
+        self.is_irregular = bool(spread)
+        # Three standard errors are resolved: a distribution is known no better, however small the tolerance.
+        errors |= {name: 3.0 * error / RESOLUTION for name, error in spread.items() if name in errors}
         errors = {name: max(error, ROUNDOFF) for name, error in errors.items() if error <= WORST_REFERENCE}
         self._true = {name: self._true[name] for name in errors}
         self.second.errors = errors

@@ -20,7 +20,7 @@ from ..simulation import Simulation
 from ..stick_slip import first_release
 from .plan import Subject
 
-__all__ = ["QUANTITIES", "Observer", "Quantity"]
+__all__ = ["QUANTITIES", "Observer", "Quantity", "of_distributions"]
 
 Quantity = Callable[[Result], ArrayLike]
 """A quantity of the user: of a result a number or an array; NaN where it has no value."""
@@ -149,6 +149,22 @@ class Observer:
                     else _distance(name, values - true) / scale
                 )
         return errors
+
+
+def of_distributions(summary: Mapping[str, float]) -> dict[str, float]:
+    """Of an irregular motion, whose cycles have a distribution: by how much the means of two such runs differ, relative to them.
+
+    That is the standard error of a difference, from the scatter over the later half of the cycles. Empty if the motion is regular,
+    or if that is not known.
+    """
+    if summary.get("regularity") != -1.0:
+        return {}
+    cycles = max(2.0, min(100.0, summary["cycles"] // 2))
+    return {
+        name: math.sqrt(2.0 / cycles) * summary[f"{name}_scatter"] / abs(summary[name])
+        for name in ("period", "peak_force", "valley_force", "slip_length")
+        if f"{name}_scatter" in summary
+    }
 
 
 def _distance(name: str, difference: Any) -> float:

@@ -52,6 +52,12 @@ def report(comparison: Comparison) -> str:
         row(comparison.second, "its error"),
         *(row(point) for point in comparison.points if point.done),
     ]
+    if comparison.is_irregular:
+        lines.insert(
+            1,
+            "The motion is irregular: period, peak, valley and slip length have a distribution and no value. Their errors are those of its\n"
+            "means, and none is told below three standard errors.",
+        )
     failed = [f"{_name(point)}  {point.text}" for point in comparison.points if not point.done]
     return "\n".join([*lines, *(["Without result:", *failed] if failed else [])]) + "\n"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,7 +12,8 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..errors import UsageError
+from ..errors import Error, UsageError
+from ..limit_cycles import stick_slip_ends
 from ..stability import critical_misalignment
 from .samples import Floats
 from .style import BLACK, BLUE, COLUMN_WIDTH, MM, VERMILION
@@ -69,7 +71,7 @@ class VerticalLine(NamedTuple):
 
 def vertical_lines(table: Table, side: Axis) -> list[VerticalLine]:
     """All vertical lines of a diagram over a parameter: whoever knows another kind of critical value adds it here."""
-    return [*_limits_of_steady_sliding(table, side)]
+    return [*_limits_of_steady_sliding(table, side), *_ends_of_stick_slip(table, side)]
 
 
 def draw_bifurcation(data: xarray.Dataset, figure: Figure, quantity: str = "peak_force") -> None:
@@ -345,6 +347,22 @@ def _limits_of_steady_sliding(table: Table, side: Axis) -> Iterator[VerticalLine
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     for value, was_stable in zip(high, before, strict=True):
         yield VerticalLine(float(value), f"steady sliding stable {'below' if was_stable else 'above'}", BLUE)
+
+
+def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
+    """Where the cycles of the slow motion fold over, or become too small to count, along the misalignment or the velocity."""
+    if side.key not in ("system.misalignment_deg", "drive.velocity"):
+        return
+    try:
+        ends = stick_slip_ends(str(table.data.attrs["deck"]))
+    except (Error, KeyError):
+        return
+    if side.key == "drive.velocity":
+        found = [(end, end.at) for end in ends.velocity if end]
+    else:
+        found = [(end, math.degrees(end.at)) for end in (ends.misalignment,) if end]
+    for end, value in found:
+        yield VerticalLine(value, "fold of cycles at" if end.is_fold else "swing 5 % of $F_0$ at", VERMILION)
 
 
 def _draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:

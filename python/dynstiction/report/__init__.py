@@ -89,7 +89,10 @@ def write_report(result: Result, path: str | os.PathLike[str], name: str, *, ove
 def _heading(result: Result) -> str:
     model, method = (str(result.attributes.get(key, "")) for key in ("model", "method"))
     end = f"{result.time[-1]:g} s" if result.time.size else "no samples"
-    return f"Model {model}, method {method}, {end}, {result.sticks()} sticks"
+    irregular = ""
+    if result.summary.get("regularity") == -1.0:
+        irregular = ". The motion is irregular: its cycles have a distribution, of which means and scatters are told"
+    return f"Model {model}, method {method}, {end}, {result.sticks()} sticks{irregular}"
 
 
 def _described(values: Described[float] | Described[float | str]) -> str:
