@@ -48,11 +48,9 @@ module dst_cycle_map
     integer :: current = 0
     !> By what time the last piece is ahead of the leap that is remembered [s].
     real(wp) :: lead = 0.0_wp
-    !> How small differences grow from slow cycle to slow cycle; and the release at the end of the last excursion that led back, with
-    !> its time [s].
+    !> How small differences grow from slow cycle to slow cycle; and the release at the end of the last excursion that led back.
     type(divergence_t) :: divergence
     type(release_angle_t) :: returned_to
-    real(wp) :: returned_at = 0.0_wp
     !> Whether excursions are made again from their recordings.
     logical :: reuses = .true.
     !> Work beside that of the steps, and of the survey.
@@ -255,8 +253,8 @@ contains
   end subroutine choose_leap
 
   !> A leap that began at the same release and ends in time, 0 if there is none.
-  pure integer function known_leap(self, here, longest) result(place)
-    class(cycle_map_t), intent(in) :: self
+  integer function known_leap(self, here, longest) result(place)
+    class(cycle_map_t), intent(inout) :: self
     type(release_angle_t), intent(in) :: here
     real(wp), intent(in) :: longest
     integer :: i
@@ -269,8 +267,9 @@ contains
         associate (apart => abs(leap%from%angle - here%angle))
           if (apart <= same_angle .and. (self%reuses .or. leap%table > 0)) then
             place = i
-          else if (self%reuses .and. leap%table == 0 .and. leap%stretch_known .and. self%survey%before%known) then
-            if (apart*max(1.0_wp/near, exp(leap%log_stretch)/left_over) <= self%survey%rtol) place = i
+          else if (self%reuses .and. leap%table == 0 .and. apart <= near*self%survey%rtol .and. self%survey%before%known) then
+            if (.not. leap%is_measured) call measure_stretch(self, i)
+            if (leap%stretch_known .and. exp(leap%log_stretch)*apart <= left_over*self%survey%rtol) place = i
           end if
         end associate
         if (place > 0) return
@@ -312,6 +311,7 @@ contains
       leap%duration = 0.0_wp
       leap%is_kept = .false.
       leap%stretch_known = .false.
+      leap%is_measured = .false.
     end associate
   end subroutine new_place
 
@@ -324,8 +324,8 @@ contains
     call new_place(self, self%excursion_from, place)
     self%leaps(place)%to = release_at(self%piece%to%y(2))
     self%leaps(place)%releases = self%excursion_releases
-    if (self%divergence%is_worth_measuring()) call measure_stretch(self, self%leaps(place))
-    call note_stretch(self, self%leaps(place))
+    if (self%divergence%is_worth_measuring()) call measure_stretch(self, place)
+    call note_stretch(self, place)
     if (.not. self%keeping) return
     call self%leaps(place)%keep(self%excursion)
     ! Of excursions that are not reused many would come together.
@@ -341,40 +341,45 @@ contains
 
   !> How an excursion makes a small difference grow: by two others that begin on either side of it. Both are made by the survey's scout,
   !> so that what they differ by is no error of the steps.
-  subroutine measure_stretch(self, leap)
+  subroutine measure_stretch(self, place)
     class(cycle_map_t), intent(inout) :: self
-    type(leap_t), intent(inout) :: leap
+    integer, intent(in) :: place
     type(release_angle_t) :: from(2), to(2)
     real(wp) :: apart
+    logical :: found
     integer :: i
 
-    apart = push*abs(self%usual_turn)
-    leap%stretch_known = apart > 0.0_wp
-    from = leap%from
-    from%angle = from%angle + [-0.5_wp, 0.5_wp]*apart
-    do i = 1, 2
-      if (leap%stretch_known) call self%survey%run_releases(leap%velocity, from(i), leap%releases, to(i), leap%stretch_known)
-    end do
-    leap%stretch_known = leap%stretch_known .and. to(1)%side*to(2)%side > 0.0_wp
-    if (.not. leap%stretch_known) return
-    leap%log_stretch = log(max(abs(to(2)%angle - to(1)%angle), unseen*self%survey%rtol)/apart)
+    associate (leap => self%leaps(place))
+      apart = push*abs(self%usual_turn)
+      found = apart > 0.0_wp
+      from = leap%from
+      from%angle = from%angle + [-0.5_wp, 0.5_wp]*apart
+      do i = 1, 2
+        if (found) call self%survey%run_releases(leap%velocity, from(i), leap%releases, to(i), found)
+      end do
+      found = found .and. to(1)%side*to(2)%side > 0.0_wp
+      leap%is_measured = .true.
+      leap%stretch_known = found
+      if (found) leap%log_stretch = log(max(abs(to(2)%angle - to(1)%angle), unseen*self%survey%rtol)/apart)
+    end associate
   end subroutine measure_stretch
 
   !> Take in how a leap, or an excursion that has been stepped, makes a small difference grow. A slow cycle ends with an excursion that
   !> leads back.
-  pure subroutine note_stretch(self, leap)
+  pure subroutine note_stretch(self, place)
     class(cycle_map_t), intent(inout) :: self
-    type(leap_t), intent(in) :: leap
+    integer, intent(in) :: place
 
-    call self%divergence%pass(leap%log_stretch)
-    if (.not. leap%stretch_known) call self%divergence%lose()
-    if (leap%table > 0) return
-    associate (turn => leap%to%angle - leap%from%angle)
-      if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) then
-        call self%divergence%come_back()
-        self%returned_to = leap%to
-        self%returned_at = self%piece%to%time
-      end if
+    associate (leap => self%leaps(place))
+      call self%divergence%pass(leap%log_stretch)
+      if (.not. leap%stretch_known) call self%divergence%lose()
+      if (leap%table > 0) return
+      associate (turn => leap%to%angle - leap%from%angle)
+        if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) then
+          call self%divergence%come_back()
+          self%returned_to = leap%to
+        end if
+      end associate
     end associate
   end subroutine note_stretch
 
@@ -385,8 +390,8 @@ contains
     type(state_t) :: to
     real(wp) :: worked
 
-    if (.not. self%leaps(place)%stretch_known) call measure_stretch(self, self%leaps(place))
-    call note_stretch(self, self%leaps(place))
+    if (.not. self%leaps(place)%is_measured) call measure_stretch(self, place)
+    call note_stretch(self, place)
     associate (leap => self%leaps(place), from => self%piece%from)
       self%lead = lead_of(self, release_at(from%y(2)), leap)
       ! The drive's work until it is where the excursion began is that of the cycles, the rest of the energy friction's.

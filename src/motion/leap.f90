@@ -22,8 +22,8 @@ module dst_leap
     type(release_angle_t) :: from, to
     real(wp) :: duration = 0.0_wp              !! s
     real(wp) :: drive_work = 0.0_wp, friction_work = 0.0_wp, exchanged = 0.0_wp   !! J
-    !> Logarithm of the factor by which a small difference of the angle grows, if it is known.
-    logical :: stretch_known = .false.
+    !> Logarithm of the factor by which a small difference of the angle grows, if it is known, and whether that was tried.
+    logical :: stretch_known = .false., is_measured = .false.
     real(wp) :: log_stretch = 0.0_wp
     !> Of an excursion: its releases, and when the soft spring is longest [s].
     integer :: releases = 0
@@ -75,6 +75,7 @@ contains
     self%friction_work = sums(friction_work)
     self%exchanged = sums(exchanged)
     self%stretch_known = .true.
+    self%is_measured = .true.
     self%log_stretch = table%log_stretch(angle(0:n - 1))
   end subroutine follow
 
@@ -180,6 +181,7 @@ contains
     call archive%serialise(self%slip_begins)
     call archive%serialise(self%releases)
     call archive%serialise(self%stretch_known)
+    call archive%serialise(self%is_measured)
     call archive%serialise(self%log_stretch)
     call archive%serialise(self%table)
     call archive%serialise(self%cycles)
