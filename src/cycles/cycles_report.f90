@@ -40,10 +40,7 @@ contains
     call slider_from_scene(scene, slider)
     do i = 1, size(velocities)
       call find_limit_cycles(scene, velocities(i), cycles, error)
-      if (allocated(error)) then
-        error%code = deck_error
-        return
-      end if
+      if (allocated(error)) return
       call page%line('# '//name//': limit cycles at V = '//formatted('(es13.6)', velocities(i))//' m/s, phi = '// &
         formatted('(f11.6)', scene%misalignment_deg)//' deg, model '//cycles%model)
       call list_sliding(page, cycles)

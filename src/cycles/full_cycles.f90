@@ -20,8 +20,8 @@ module dst_full_cycles
   !> Conventions.
   integer, parameter :: followed = 48
   real(wp), parameter :: same = 1.0e-10_wp
-  !> Releases between which fixed points are looked for: where the motion settles, and where it does not. Conventions; twice: no more
-  !> cycles of the scenes of tests/python/test_limit_cycles.py.
+  !> Releases between which fixed points are looked for: where the motion settles, and where it does not. Conventions; twice: no
+  !> more cycles of the scenes of tests/python/test_limit_cycles.py.
   integer, parameter :: few = 8, many = 96
   integer, parameter :: max_iterations = 40
   !> A jump of the map from one side of the diagonal to the other is no fixed point: there the map misses by more than this [rad].

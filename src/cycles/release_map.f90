@@ -75,7 +75,8 @@ contains
     call self%summary%start(self%motion, 0.0_wp)
   end subroutine begin
 
-  !> Go on to the next return: its release, and the logarithm of the factor by which a small difference has grown since the last one.
+  !> Go on to the next return: its release, and the logarithm of the factor by which a small difference has grown since the last
+  !> one.
   subroutine come_back(self, to, log_stretch, found, error)
     class(release_map_t), intent(inout) :: self
     type(release_angle_t), intent(out) :: to

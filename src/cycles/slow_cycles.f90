@@ -25,6 +25,8 @@ module dst_slow_cycles
   !> Iterations for a zero, and its width in x: roundoff.
   integer, parameter :: max_iterations = 80
   real(wp), parameter :: close = 8.0_wp*epsilon(1.0_wp)
+  !> Slope of the gain below which Newton's step is none. Convention.
+  real(wp), parameter :: least_slope = 1.0e-6_wp
 
   !> The map at one place.
   type :: slow_gain_t
@@ -142,8 +144,9 @@ contains
       call bracket%narrow(x, limited(root%gain))
       if (bracket%width() <= close*max(1.0_wp, abs(x))) return
       ! Newton's step, and a little more, so that the zero is enclosed from both sides.
-      x = root%x - root%gain/root%slope
-      if (abs(x - root%x) <= close*max(1.0_wp, abs(x))) return
+      x = root%x
+      if (abs(root%slope) > least_slope) x = root%x - root%gain/root%slope
+      if (abs(x - root%x) <= close*max(1.0_wp, abs(x)) .and. abs(root%slope) > least_slope) return
       if (.not. (x > bracket%x(1) .and. x < bracket%x(2))) x = bracket%false_position()
       if (modulo(iteration, 4) == 0) x = bracket%middle()
     end do

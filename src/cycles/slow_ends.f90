@@ -8,7 +8,7 @@
 !> Stick-slip ends at the farthest p at which there is a cycle with a swing of at least a share of F_0: at a fold, or where the
 !> swing passes this share.
 module dst_slow_ends
-  use dst_errors, only: error_t
+  use dst_errors, only: error_t, raise, too_many_steps
   use dst_kinds, only: wp
   use dst_roots, only: bracket_t
   use dst_slider, only: slider_t
@@ -36,7 +36,7 @@ module dst_slow_ends
   real(wp), parameter :: aside = 0.7_wp, least_step = 1.0e-7_wp
   !> Over the step along the curve: the difference of p for the gradient of the gain, and the first step aside. Conventions.
   real(wp), parameter :: gradient_share = 0.004_wp, first_share = 0.01_wp
-  integer, parameter :: max_points = 60, max_iterations = 80
+  integer, parameter :: max_points = 60, max_iterations = 80, max_turns = 8000
   !> Width to which p and x are found: a few roundoffs of p, which is of order one; and while the curve is followed. Twice: the same
   !> ends.
   real(wp), parameter :: fine = 16.0_wp*epsilon(1.0_wp), coarse = 1.0e-9_wp
@@ -61,6 +61,7 @@ module dst_slow_ends
     real(wp) :: velocity = 0.0_wp          !! V [m/s] if it is not varied
     real(wp) :: outwards = 1.0_wp          !! the direction of p in which stick-slip ends
     real(wp) :: limit = 0.0_wp             !! F_0/k_x, m
+    integer :: turns = 0                   !! that were followed
   end type family_t
 
   !> A point of the curve: the cycle with the valley exp(x) F_0/k_x below the equilibrium.
@@ -108,7 +109,7 @@ contains
 
   !> The farthest cycle that is large enough; steady sliding changes its stability at the parameter `first`. `end%at` is p.
   subroutine find_end(family, first, end, error)
-    type(family_t), intent(in) :: family
+    type(family_t), intent(inout) :: family
     real(wp), intent(in) :: first
     type(slow_end_t), intent(out) :: end
     type(error_t), allocatable, intent(out) :: error
@@ -139,7 +140,7 @@ contains
 
   !> The largest cycle at a parameter as far out as there is one, by steps that double from the parameter `first` on.
   subroutine find_large_cycle(family, first, point, found, error)
-    type(family_t), intent(in) :: family
+    type(family_t), intent(inout) :: family
     real(wp), intent(in) :: first
     type(point_t), intent(out) :: point
     logical, intent(out) :: found
@@ -188,7 +189,7 @@ contains
   !> The curve from its first point on, outwards, as far as it matters: until the cycles are too small, or p is far behind. Each
   !> point is looked for across the direction of the last one, some way ahead: the curve may turn back in x as in p.
   subroutine trace(family, curve, n, error)
-    type(family_t), intent(in) :: family
+    type(family_t), intent(inout) :: family
     type(point_t), intent(inout) :: curve(max_points)
     integer, intent(out) :: n
     type(error_t), allocatable, intent(out) :: error
@@ -218,7 +219,7 @@ contains
 
   !> Turn a direction along the curve into that at a point of it, at right angles to the gradient of the gain.
   subroutine turn_ahead(family, point, difference, ahead, error)
-    type(family_t), intent(in) :: family
+    type(family_t), intent(inout) :: family
     type(point_t), intent(in) :: point
     real(wp), intent(in) :: difference      !! of p, for the gradient
     real(wp), intent(inout) :: ahead(2)
@@ -242,7 +243,7 @@ contains
 
   !> The point of the curve between two others at which the cycles fold over, or at which the swing is the least one.
   subroutine refine(family, at_fold, first, second, point, error)
-    type(family_t), intent(in) :: family
+    type(family_t), intent(inout) :: family
     logical, intent(in) :: at_fold
     type(point_t), intent(in) :: first, second
     type(point_t), intent(inout) :: point
@@ -279,7 +280,7 @@ contains
 
   !> The point of the curve that lies nearest to a place, on the line through it in a direction, within some reach.
   subroutine find_point(family, place, direction, reach, width, point, found, error)
-    type(family_t), intent(in) :: family
+    type(family_t), intent(inout) :: family
     real(wp), intent(in) :: place(2), direction(2), reach
     real(wp), intent(in) :: width            !! to which it is found
     type(point_t), intent(out) :: point
@@ -326,12 +327,17 @@ contains
 
   !> The gain at x with the parameter p.
   subroutine gain_at(family, place, here, error)
-    type(family_t), intent(in) :: family
+    type(family_t), intent(inout) :: family
     real(wp), intent(in) :: place(2)       !! x and p
     type(slow_gain_t), intent(out) :: here
     type(error_t), allocatable, intent(out) :: error
     type(slow_map_t) :: map
 
+    family%turns = family%turns + 1
+    if (family%turns > max_turns) then
+      call raise(error, too_many_steps, 'it was not found in a reasonable time: bring the parameters nearer to each other')
+      return
+    end if
     call map_at(family, place(2), map)
     call slow_gain(map, place(1) + log(family%limit/map%length), here, error)
   end subroutine gain_at

@@ -243,7 +243,8 @@ contains
       call find_fold(slider%law, across, w, is_fold)
       if (.not. is_fold) return
       p = derivatives(slider%law, across, w, 7)
-      is_fold = p(2) < 0.0_wp
+      ! Where inertia rules, the series is none.
+      is_fold = -p(2)*w > sqrt(slider%mass)*sqrt(slider%stiffness(1))
       if (.not. is_fold) return
       ! In units of w_f and Phi''(w_f).
       q = [(p(k)/p(2)*w**(k - 2), k=1, 7)]

@@ -14,7 +14,7 @@
 module dst_slow_map
   use dst_dense_output, only: column_y, n_columns
   use dst_drive, only: new_drive
-  use dst_errors, only: error_t
+  use dst_errors, only: error_t, raise, too_many_steps
   use dst_kinds, only: wp
   use dst_low_frequency, only: new_low_frequency
   use dst_piece, only: piece_t
@@ -30,7 +30,7 @@ module dst_slow_map
   public :: slow_map_t, slow_turn_t, new_slow_map
 
   !> Steps of one turn after which it is given up. Convention; a turn of Fig. 3 takes 300 at rtol 1e-12.
-  integer, parameter :: max_steps = 200000
+  integer, parameter :: max_steps = 20000
   !> Distance from a stable equilibrium, over that of the valley before, at which the motion has come to its end. Convention;
   !> twice: no change.
   real(wp), parameter :: arrived = 1.0e-6_wp
@@ -162,6 +162,8 @@ contains
         end associate
       end do
     end associate
+    call raise(error, too_many_steps, 'the slow motion takes too many steps from valley to valley: bring the parameters '// &
+      'nearer to each other')
   end subroutine turn
 
   !> Position in (0, 1] of a piece at which the slip velocity passes a value [m/s].

@@ -31,8 +31,8 @@ module dst_cycle_map
   !> A turn against that of the cycle before which is so many times larger is an excursion. Convention; twice: no change on
   !> Fig. 3, 7 % more iterations with k_y = 1e6 N/m.
   real(wp), parameter :: far_back = 5.0_wp
-  !> The excursions by which the growth of a small difference is measured begin this share of a turn apart. Ten times: the exponent of
-  !> Fig. 3 is higher by 0.02, as excursions depend on their beginning like a square root near a touch. Of their difference no
+  !> The excursions by which the growth of a small difference is measured begin this share of a turn apart. Ten times: the exponent
+  !> of Fig. 3 is higher by 0.02, as excursions depend on their beginning like a square root near a touch. Of their difference no
   !> less than this share of rtol is seen, what Newton's method leaves. Conventions.
   real(wp), parameter :: push = 1.0e-4_wp, unseen = 1.0e-6_wp
   !> Most leaps that are remembered, excursions that can be made again, and pieces of one.
@@ -339,8 +339,8 @@ contains
     end do
   end subroutine end_excursion
 
-  !> How an excursion makes a small difference grow: by two others that begin on either side of it. Both are made by the survey's scout,
-  !> so that what they differ by is no error of the steps.
+  !> How an excursion makes a small difference grow: by two others that begin on either side of it. Both are made by the survey's
+  !> scout, so that what they differ by is no error of the steps.
   subroutine measure_stretch(self, place)
     class(cycle_map_t), intent(inout) :: self
     integer, intent(in) :: place
@@ -364,8 +364,8 @@ contains
     end associate
   end subroutine measure_stretch
 
-  !> Take in how a leap, or an excursion that has been stepped, makes a small difference grow. A slow cycle ends with an excursion that
-  !> leads back.
+  !> Take in how a leap, or an excursion that has been stepped, makes a small difference grow. A slow cycle ends with an excursion
+  !> that leads back.
   pure subroutine note_stretch(self, place)
     class(cycle_map_t), intent(inout) :: self
     integer, intent(in) :: place

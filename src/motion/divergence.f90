@@ -1,8 +1,9 @@
 !> How fast two motions that differ by little part or come together: the Lyapunov exponent of a map, from the stretching along one
 !> orbit.
 !>
-!> With P the map from release to release, a small difference of the angle grows by P' in each cycle. The exponent for a slow cycle is
-!> the mean of the sum of ln|P'| over its cycles, here over the later half of the slow cycles: what the motion settles to. Above 0 the motion is chaotic: no tolerance fixes when its hundredth slip comes.
+!> With P the map from release to release, a small difference of the angle grows by P' in each cycle. The exponent for a slow cycle
+!> is the mean of the sum of ln|P'| over its cycles, here over the later half of the slow cycles: what the motion settles to. Above
+!> 0 the motion is chaotic: no tolerance fixes when its hundredth slip comes.
 module dst_divergence
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
@@ -16,8 +17,8 @@ module dst_divergence
   !> Slow cycles at least, and standard errors that the exponent has to differ from 0. Conventions.
   integer, parameter :: least_count = 3
   real(wp), parameter :: certain = 3.0_wp
-  !> Slow cycles that are remembered, and those that are measured one by one: of as many again every second one is, and so on, so that a
-  !> long run costs little more. Conventions; twice: the same verdicts.
+  !> Slow cycles that are remembered, and those that are measured one by one: of as many again every second one is, and so on, so
+  !> that a long run costs little more. Conventions; twice: the same verdicts.
   integer, parameter :: kept = 128
   integer(int64), parameter :: one_by_one = 64
   !> Slow cycles before the first that is measured: what begins counts in a short run only. Convention; none: half as much work
@@ -30,7 +31,8 @@ module dst_divergence
 
   !> The stretching along an orbit.
   type :: divergence_t
-    !> Slow cycles so far, and those of them that are known: their numbers and their logarithms, the last ones at places modulo `kept`.
+    !> Slow cycles so far, and those of them that are known: their numbers and their logarithms, the last ones at places modulo
+    !> `kept`.
     integer(int64) :: returns = 0
     integer(int64), private :: known_count = 0, number(kept) = 0
     real(wp), private :: logarithm(kept) = 0.0_wp
