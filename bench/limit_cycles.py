@@ -35,7 +35,9 @@ def main() -> None:
         found = ds.cycles(FIG3, model=model)
         seconds = median(timed(lambda model=model: ds.cycles(FIG3, model=model)) for _ in range(repetitions))
         print(f"cycles, {model:13s} {1e3 * seconds:8.1f} ms, from the settled run {distance(found):.1e}")
-    print(f"{'V [mm/s]':>9s} {'end [deg]':>16s} {'by':>6s} {'runs: apart':>12s} {'slow law':>10s} {'fast law':>10s}")
+    print(
+        f"{'V [mm/s]':>9s} {'end [deg]':>16s} {'by':>6s} {'runs: apart':>12s} {'slow law':>10s} {'fast law':>10s}"
+    )
     for velocity in VELOCITIES[3:5] if options.short else VELOCITIES:
         scene = FIG3.replace(drive={"velocity": velocity})
         ends = ds.stick_slip_ends(scene)
@@ -56,7 +58,9 @@ def main() -> None:
             )
         ]
         kind = "fold" if is_fold else "swing"
-        print(f"{1e3 * velocity:9g} {math.degrees(at):16.12f} {kind:>6s} {agreement:>12s} {laws[0]:>10s} {laws[1]:>10s}")
+        print(
+            f"{1e3 * velocity:9g} {math.degrees(at):16.12f} {kind:>6s} {agreement:>12s} {laws[0]:>10s} {laws[1]:>10s}"
+        )
 
 
 def timed(call) -> float:
@@ -97,15 +101,21 @@ def slow_scene(scene: ds.Scene, angle: float, valley: float, t_end: float) -> ds
 
 def swings(scene: ds.Scene, at: float, angle: float) -> bool:
     """Whether runs at an angle near the end `at` settle to a swing that counts, begun beside the cycle at the end."""
-    cycle = ds.cycles(scene.replace(system={"misalignment_deg": math.degrees(at)}), model="low_frequency").stable[-1]
+    cycle = ds.cycles(
+        scene.replace(system={"misalignment_deg": math.degrees(at)}), model="low_frequency"
+    ).stable[-1]
     begun = slow_scene(scene, angle, cycle.valley_force - 0.01 * LEAST, MOST_CYCLES * cycle.period)
     return ds.run(begun, scene={"settle": 1e-10}).summary["swing"] > LEAST
 
 
 def lasts(scene: ds.Scene, angle: float) -> bool:
     """Whether stick-slip that begins somewhat larger goes on for a long time."""
-    cycle = ds.cycles(scene.replace(system={"misalignment_deg": 0.999 * math.degrees(angle)}), model="low_frequency").stable[-1]
-    run = ds.run(slow_scene(scene, angle, cycle.valley_force, 2e6 * cycle.period), integrator={"max_steps": 10**9})
+    cycle = ds.cycles(
+        scene.replace(system={"misalignment_deg": 0.999 * math.degrees(angle)}), model="low_frequency"
+    ).stable[-1]
+    run = ds.run(
+        slow_scene(scene, angle, cycle.valley_force, 2e6 * cycle.period), integrator={"max_steps": 10**9}
+    )
     return run.summary["swing"] > 0.5 * cycle.swing
 
 

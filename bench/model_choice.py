@@ -76,7 +76,8 @@ def newton(result: ds.Result) -> float:
 
 def cost_before(exe: str, drawn_scene: Drawn, full: float) -> tuple[str, float]:
     """The model that another version chooses, and its Newton iterations. Its choice follows the low-frequency motion
-    unless the deck alone rules it out."""
+    unless the deck alone rules it out.
+    """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "auto.nml"
         file.write_text(asked(drawn_scene, COMMON))
@@ -117,7 +118,11 @@ def judge(before: str | None) -> None:
             error = (error_in_creep if quantities == "creep" else error_in_stick_slip)(result, full)
             if error > accuracy:
                 exceeded += 1
-                print(f"{quantities} {lengths} {accuracy}: {error:.3g}", scene, result.attributes["model_choice"])
+                print(
+                    f"{quantities} {lengths} {accuracy}: {error:.3g}",
+                    scene,
+                    result.attributes["model_choice"],
+                )
         if before:
             model, cost = cost_before(before, drawn_scene, newton(full))
             chosen_before[model] += 1

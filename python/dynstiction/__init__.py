@@ -35,9 +35,9 @@ from ._run import run
 from ._sweep import open_sweep, sweep
 from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
-from .limit_cycles import Cycles, LimitCycle, StickSlipEnds, cycles, stick_slip_ends
 from .equations import jacobian, rhs
 from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
+from .limit_cycles import Cycles, LimitCycle, StickSlipEnds, cycles, stick_slip_ends
 from .record import Described
 from .result import Result, open
 from .scene import Scene

@@ -335,7 +335,8 @@ class Cycles(Session):
         self.are_stable = (stable == 1.0).tolist()
         cells, (mean, scatter) = _table(handle, "regularity", described=True)
         self.mean, self.scatter = (
-            {info.name: value for (info,), value in zip(cells, row.tolist(), strict=True)} for row in (mean, scatter)
+            {info.name: value for (info,), value in zip(cells, row.tolist(), strict=True)}
+            for row in (mean, scatter)
         )
         self.verdict, self.exponent, self.error, slow, count = _table(handle, "verdict")[1][:, 0].tolist()
         self.slow_cycles, self.count = int(slow), int(count)

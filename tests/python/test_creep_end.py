@@ -14,7 +14,8 @@ SLIDER = {
 
 def test_the_oscillation_of_a_run_decays_as_sigma_says() -> None:
     """Its amplitude in w_y, between 20 and 11 degrees: exp of the integral of sigma, times sin(theta)^(3/2), because the
-    action of an oscillation with the mass m/sin(theta)^2 is kept while its frequency sqrt(k_y/m) sin(theta) falls."""
+    action of an oscillation with the mass m/sin(theta)^2 is kept while its frequency sqrt(k_y/m) sin(theta) falls.
+    """
     run = ds.run(
         INPUTS / "fig3.nml",
         scene={"t_end": 2.0},

@@ -194,9 +194,7 @@ def test_two_motions_part_as_the_exponent_says() -> None:
     """Of an irregular scene: the distance of two motions, from slow cycle to slow cycle."""
     scene = FIG3.replace(system={"stiffness_y": 1e6}, scene={"t_end": 14.0}, output={"interval": 1e-3, "fields": ["u_x"]})
     tight = {"method": "radau13", "rtol": 1e-12}
-    loads = [
-        ds.run(scene, integrator=tight, initial={"elongation_x": 1e-3 * (1.0 + push)})["u_x"] for push in (0.0, 1e-9)
-    ]
+    loads = [ds.run(scene, integrator=tight, initial={"elongation_x": 1e-3 * (1.0 + push)})["u_x"] for push in (0.0, 1e-9)]
     apart = np.abs(loads[0] - loads[1]).reshape(-1)[:-1].reshape(14, -1).max(axis=1) / 2e-3
     growth = np.log(apart[7] / apart[1]) / (6.0 / 0.886)
     assert growth == pytest.approx(2.3, abs=0.9)

@@ -429,16 +429,16 @@ def test_a_bifurcation_diagram_says_what_has_no_cycle(cycles) -> None:
     short = ds.sweep(LOW, {"drive.velocity": np.geomspace(1e-4, 1e-2, 9)}, scene={"t_end": 6.0}, sweep=KEEP, threads=1)
     assert "no settled cycle yet" in words(plot.draw(short, "bifurcation"))
     with pytest.warns(ds.IncompleteWarning):
-        failing = ds.sweep(LOW, {"drive.velocity": np.geomspace(1e-4, 1e-2, 9)}, integrator={"max_steps": 500}, sweep=KEEP, threads=1)
+        failing = ds.sweep(
+            LOW, {"drive.velocity": np.geomspace(1e-4, 1e-2, 9)}, integrator={"max_steps": 500}, sweep=KEEP, threads=1
+        )
     assert (failing["result_code"] > 0).any()
     assert "failed" in words(plot.draw(failing, "bifurcation"))
     assert "failed" not in words(plot.draw(cycles, "bifurcation"))
 
 
 def test_a_bifurcation_diagram_of_two_parameters_has_colours(cycles) -> None:
-    data = ds.sweep(
-        LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, sweep=KEEP, threads=1
-    )
+    data = ds.sweep(LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, sweep=KEEP, threads=1)
     figure = plot.draw(data, "bifurcation")
     there = np.isfinite(data["cycle_peak_force"].values)
     shape = there.shape
@@ -449,9 +449,7 @@ def test_a_bifurcation_diagram_of_two_parameters_has_colours(cycles) -> None:
     assert figure.axes[1].get_ylabel() == "$V$ [mm/s]"
     # On one axis only lines of one parameter mean something.
     assert "stable" not in words(figure)
-    many = ds.sweep(
-        LOW, {"system.misalignment_deg": [1.0], "drive.velocity": [1e-3], "system.mass": [0.25]}, sweep=KEEP, threads=1
-    )
+    many = ds.sweep(LOW, {"system.misalignment_deg": [1.0], "drive.velocity": [1e-3], "system.mass": [0.25]}, sweep=KEEP, threads=1)
     with pytest.raises(ds.UsageError, match="one or two parameters, not 3"):
         plot.draw(many, "bifurcation")
 

@@ -38,9 +38,7 @@ def test_cycles_are_padded_and_counted(found):
         table = found[f"cycles/{name}"]
         assert table.shape == (60, MOST)
         np.testing.assert_array_equal(np.isfinite(table), np.arange(MOST) < counts[:, np.newaxis])
-    np.testing.assert_allclose(
-        found["cycles/period"], found["cycles/stick_duration"] + found["cycles/slip_duration"], rtol=1e-12
-    )
+    np.testing.assert_allclose(found["cycles/period"], found["cycles/stick_duration"] + found["cycles/slip_duration"], rtol=1e-12)
 
 
 def test_they_are_what_the_means_are_over(found):
@@ -51,7 +49,10 @@ def test_they_are_what_the_means_are_over(found):
         kept = found[f"cycles/{name}"][whole]
         np.testing.assert_allclose(np.nanmean(kept, axis=1), found[f"summary/{name}"][whole], rtol=1e-13)
         np.testing.assert_allclose(
-            np.nanstd(kept, axis=1, ddof=1), found[f"summary/{name}_scatter"][whole], rtol=1e-6, atol=1e-12 * np.nanmax(np.abs(kept))
+            np.nanstd(kept, axis=1, ddof=1),
+            found[f"summary/{name}_scatter"][whole],
+            rtol=1e-6,
+            atol=1e-12 * np.nanmax(np.abs(kept)),
         )
     none = found["cycles/count"] == 0
     assert np.isnan(found["summary/period"][none]).all() and np.isfinite(found["summary/period"][~none]).all()
@@ -127,7 +128,10 @@ def test_a_killed_sweep_goes_on(sweep, tmp_path, found):
 def test_another_number_of_cycles_is_another_sweep(sweep, tmp_path):
     sweep.run("s.h5", "--shard", "1/2", status=0)
     assert "another sweep" in sweep.run("s.h5", "--shard", "2/2", "--set", "sweep.cycles=19", status=3).stderr
-    assert "another sweep" in sweep.run("s.h5", "--shard", "2/2", "--set", "sweep.keep=summary", "--set", "sweep.cycles=50", status=3).stderr
+    assert (
+        "another sweep"
+        in sweep.run("s.h5", "--shard", "2/2", "--set", "sweep.keep=summary", "--set", "sweep.cycles=50", status=3).stderr
+    )
 
 
 def test_a_file_opens_as_what_the_sweep_returns(sweep, tmp_path):

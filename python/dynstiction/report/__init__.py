@@ -91,7 +91,9 @@ def _heading(result: Result) -> str:
     end = f"{result.time[-1]:g} s" if result.time.size else "no samples"
     irregular = ""
     if result.summary.get("regularity") == -1.0:
-        irregular = ". The motion is irregular: its cycles have a distribution, of which means and scatters are told"
+        irregular = (
+            ". The motion is irregular: its cycles have a distribution, of which means and scatters are told"
+        )
     return f"Model {model}, method {method}, {end}, {result.sticks()} sticks{irregular}"
 
 
