@@ -18,6 +18,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import dynstiction as ds
 import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
@@ -30,6 +31,9 @@ MASS, STIFFNESS, LIMIT, MU_RATIO, V_F = 0.25, 1e3, 2.0, 0.75, 10.0
 OMEGA = math.sqrt(STIFFNESS / MASS)
 IMPEDANCE = 1e-3 * math.sqrt(MASS * STIFFNESS) / LIMIT
 
+VELOCITIES = (0.03, 0.1, 0.3, 1.0, 10.0, 30.0, 38.0, 40.0, 50.0, 75.0, 100.0)
+"""Drive velocities [mm/s] at which the ends are compared."""
+
 PHI, DRIVE, SWING, PERIOD = 1, 2, 3, 11
 HOPF, FOLD, USER = 3, 5, -4
 """AUTO's types of points: a Hopf bifurcation, a fold of cycles, a value asked for."""
@@ -39,32 +43,35 @@ CLOSE = 1e-7
 
 
 def reference_values() -> dict[str, list[dict[str, float]]]:
-    """What AUTO's values are compared with: `ends` and `drive_ends` have V [mm/s], phi [deg]; `cycles` V, phi, valley and peak of k_x u_x/F_0, period [s].
+    """What AUTO's values are compared with, by `dynstiction.stick_slip_ends` and `dynstiction.cycles`.
 
-    From the return map of the half-line w_x = V cos phi below the equilibrium, integrated with Radau IIA of seven stages at a
-    relative tolerance of 1e-13.
+    `ends` and `drive_ends` have V [mm/s] and phi [deg]; `cycles` V, phi, valley and peak of k_x u_x/F_0, period [s], multiplier.
     """
-    return {
-        "ends": [
-            {"V": 0.03, "phi": 1.50704013648},
-            {"V": 0.1, "phi": 2.74006886430},
-            {"V": 0.3, "phi": 4.68915270040},
-            {"V": 1.0, "phi": 8.18422726699},
-            {"V": 10.0, "phi": 17.1665104916},
-            {"V": 30.0, "phi": 12.4433304150},
-            {"V": 38.0, "phi": 9.55089544679},
-            {"V": 40.0, "phi": 8.96684033671},
-            {"V": 50.0, "phi": 6.88155567330},
-            {"V": 75.0, "phi": 4.38325638235},
-            {"V": 100.0, "phi": 3.22663583364},
-        ],
-        "drive_ends": [{"V": 92.5838509277, "phi": 3.5}],
-        "cycles": [
-            {"V": 75.0, "phi": 3.5, "valley": 0.209330198039, "peak": 1.289672996761, "period": 0.0993769912527, "multiplier": 0.242084267218},
-            {"V": 75.0, "phi": 3.5, "valley": 0.449520735193, "peak": 1.049034943999, "period": 0.0993462114055, "multiplier": 1.032218745172},
-            {"V": 1.0, "phi": 1.0, "valley": 0.583562878095, "peak": 0.996646603946, "period": 0.916813990394, "multiplier": 0.0},
-        ],
-    }  # fmt: skip
+    fig3 = ds.Scene(Path(__file__).resolve().parents[2] / "inputs" / "fig3.nml")
+
+    def scene(velocity: float, angle: float) -> ds.Scene:
+        return fig3.replace(drive={"velocity": 1e-3 * velocity}, system={"misalignment_deg": angle})
+
+    ends = []
+    for velocity in VELOCITIES:
+        end = ds.stick_slip_ends(scene(velocity, 1.0)).misalignment
+        assert end is not None
+        ends.append({"V": velocity, "phi": math.degrees(end.at)})
+    _, high = ds.stick_slip_ends(scene(75.0, 3.5)).velocity
+    assert high is not None
+    cycles = [
+        {
+            "V": velocity,
+            "phi": angle,
+            "valley": cycle.valley_force / LIMIT,
+            "peak": cycle.peak_force / LIMIT,
+            "period": cycle.period,
+            "multiplier": cycle.multiplier,
+        }
+        for velocity, angle in ((75.0, 3.5), (1.0, 1.0))
+        for cycle in reversed(ds.cycles(scene(velocity, angle), model="low_frequency").cycles)
+    ]
+    return {"ends": ends, "drive_ends": [{"V": 1e3 * high.at, "phi": 3.5}], "cycles": cycles}
 
 
 @dataclass

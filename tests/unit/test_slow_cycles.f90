@@ -1,0 +1,148 @@
+!> The map of the slow motion, its cycles and their ends, and the estimate of a Lyapunov exponent.
+program test_slow_cycles
+  use checks, only: check, check_close, finish
+  use dst_chebyshev, only: chebyshev_coefficients, chebyshev_derivative, chebyshev_points, chebyshev_polynomials
+  use dst_divergence, only: divergence_t, regular, irregular, undecided
+  use dst_errors, only: error_t
+  use dst_friction, only: new_friction_law
+  use dst_kinds, only: wp, degree
+  use dst_slider, only: slider_t, cos_sin_degrees
+  use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
+  use dst_slow_ends, only: slow_end_t, misalignment_end, velocity_end, ends_at_fold, ends_small
+  use dst_slow_laws, only: bautin_point, critical_velocities
+  use dst_slow_map, only: slow_map_t, slow_turn_t, new_slow_map
+  implicit none
+
+  call check_slope()
+  call check_cycles()
+  call check_ends()
+  call check_derivative()
+  call check_estimate()
+  call finish()
+
+contains
+
+  !> Fig. 3 at another misalignment [deg].
+  function slider_at(angle) result(slider)
+    real(wp), intent(in) :: angle
+    type(slider_t) :: slider
+
+    slider%mass = 0.25_wp
+    slider%stiffness = [1.0e3_wp, 1.0e7_wp]
+    slider%along = cos_sin_degrees(angle)
+    call new_friction_law('weakening', 0.20_wp, 0.15_wp, 0.010_wp, 10.0_wp, slider%law)
+  end function slider_at
+
+  !> Liouville's formula against a difference.
+  subroutine check_slope()
+    type(slow_map_t) :: map
+    type(slow_turn_t) :: turn, beside(2)
+    type(error_t), allocatable :: error
+    real(wp), parameter :: push = 1.0e-8_wp
+    real(wp) :: from, slope
+
+    call new_slow_map(slider_at(3.5_wp), 0.075_wp, 1.0e-12_wp, map)
+    from = map%equilibrium - 0.9e-3_wp
+    call map%turn(from, turn, error)
+    call map%turn(from - push, beside(1), error)
+    call map%turn(from + push, beside(2), error)
+    slope = (map%equilibrium - from)/(map%equilibrium - turn%to)*exp(turn%log_area)
+    call check('a motion comes back', turn%returns .and. .not. allocated(error))
+    call check_close('slope of the map', (beside(2)%to - beside(1)%to)/(2.0_wp*push), slope, 1.0e-6_wp)
+    call check('the peak lies above the equilibrium', turn%peak > map%equilibrium .and. turn%to < map%equilibrium)
+  end subroutine check_slope
+
+  subroutine check_cycles()
+    type(slow_map_t) :: map
+    type(slow_cycle_t), allocatable :: cycles(:)
+    type(error_t), allocatable :: error
+
+    call new_slow_map(slider_at(3.5_wp), 0.075_wp, 1.0e-12_wp, map)
+    call find_slow_cycles(map, cycles, error)
+    call check('two cycles beside stable sliding', size(cycles) == 2 .and. map%damping > 0.0_wp)
+    if (size(cycles) /= 2) return
+    ! From another integration of the same equations, and from AUTO-07p.
+    call check_close('stable: valley', cycles(2)%valley/2.0e-3_wp, 0.209330198039_wp, 1.0e-11_wp)
+    call check_close('stable: peak', cycles(2)%peak/2.0e-3_wp, 1.289672996761_wp, 1.0e-11_wp)
+    call check_close('stable: multiplier', exp(cycles(2)%log_multiplier), 0.242084267218_wp, 1.0e-10_wp)
+    call check_close('unstable: multiplier', exp(cycles(1)%log_multiplier), 1.032218745172_wp, 1.0e-10_wp)
+    call check_close('unstable: period', cycles(1)%rise_time + cycles(1)%fall_time, 0.0993462114055_wp, 1.0e-12_wp)
+    call new_slow_map(slider_at(4.40_wp), 0.075_wp, 1.0e-12_wp, map)
+    call find_slow_cycles(map, cycles, error)
+    call check('none beyond the fold', size(cycles) == 0)
+    ! A pair between two points of the scan.
+    call new_slow_map(slider_at(4.3832_wp), 0.075_wp, 1.0e-12_wp, map)
+    call find_slow_cycles(map, cycles, error)
+    call check('a pair just before the fold', size(cycles) == 2)
+  end subroutine check_cycles
+
+  subroutine check_ends()
+    type(slow_end_t) :: end
+    type(error_t), allocatable :: error
+    type(slider_t) :: slider
+    real(wp) :: velocity(2), angle
+    logical :: exists
+
+    slider = slider_at(3.5_wp)
+    call misalignment_end(slider, 0.075_wp, 2.129_wp*degree, end, error)
+    call check('a fold', end%kind == ends_at_fold)
+    call check_close('at 75 mm/s', end%at/degree, 4.38325638235_wp, 1.0e-10_wp)
+    call check_close('its multiplier is 1', end%cycle%log_multiplier, 0.0_wp, 1.0e-9_wp)
+    call misalignment_end(slider, 0.001_wp, 8.655_wp*degree, end, error)
+    call check('a small swing', end%kind == ends_small)
+    call check_close('at 1 mm/s', end%at/degree, 8.18422726699_wp, 1.0e-10_wp)
+    call critical_velocities(slider, velocity, exists)
+    call velocity_end(slider, velocity(2), 1.0_wp, end, error)
+    call check_close('fold at 3.5 degrees', end%at, 0.0925838509277_wp, 1.0e-11_wp)
+    call bautin_point(slider%law, velocity(1), angle, exists)
+    call check_close('Bautin point', velocity(1), 0.0360403_wp, 1.0e-7_wp)
+    call check_close('its angle', angle/degree, 10.20385_wp, 1.0e-5_wp)
+  end subroutine check_ends
+
+  !> The derivative of T_0 + 2 T_1 + 3 T_2 + 4 T_3 is 2 + 12 x + 12 (4 x^2 - 1).
+  subroutine check_derivative()
+    real(wp), parameter :: coefficient(4) = [1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp], x = 0.3_wp
+    real(wp) :: polynomial(4), values(4, 1)
+
+    call chebyshev_polynomials(4, x, polynomial)
+    call check_close('derivative', dot_product(polynomial, chebyshev_derivative(coefficient)), &
+      2.0_wp + 12.0_wp*x + 12.0_wp*(4.0_wp*x**2 - 1.0_wp), 1.0e-13_wp)
+    values(:, 1) = exp(chebyshev_points(4))
+    values = chebyshev_coefficients(values)
+    call check('of a constant', all(abs(chebyshev_derivative([values(1, 1), 0.0_wp])) <= 0.0_wp))
+  end subroutine check_derivative
+
+  !> Growth by known factors.
+  subroutine check_estimate()
+    type(divergence_t) :: orbit
+    real(wp) :: exponent, error
+    integer :: i, count, verdict
+
+    do i = 1, 40
+      call orbit%pass(merge(7.0_wp, 2.0_wp + merge(0.5_wp, -0.5_wp, modulo(i, 2) == 0), i <= 15))
+      if (modulo(i, 10) == 0) call orbit%lose()
+      call orbit%come_back()
+    end do
+    call orbit%estimate(exponent, error, count, verdict)
+    call check('the later half, without what is not known', count == 18)
+    call check_close('its mean', exponent, 2.0_wp, 0.06_wp)
+    call check('irregular', verdict == irregular .and. error < 0.1_wp)
+    orbit = divergence_t()
+    call orbit%begin()
+    do i = 1, 10
+      call orbit%pass(-1.0_wp)
+      call orbit%pass(-2.0_wp)
+      call orbit%come_back()
+    end do
+    call orbit%estimate(exponent, error, count, verdict)
+    call check('regular', verdict == regular .and. abs(exponent + 3.0_wp) <= 1.0e-14_wp)
+    call check_close('the last one', orbit%last(), -3.0_wp, 1.0e-14_wp)
+    orbit = divergence_t()
+    do i = 1, 12
+      call orbit%come_back()
+      call orbit%pass(real(modulo(7*i, 12), wp) - 5.5_wp)
+    end do
+    call orbit%estimate(exponent, error, count, verdict)
+    call check('undecided', verdict == undecided)
+  end subroutine check_estimate
+end program test_slow_cycles
