@@ -139,6 +139,8 @@ def print_parting(program: Path, name: str, push: float, rtol: str, t_end: float
         if min(i.size, j.size) <= FAST:
             break
         first, last = (sum(time[part][i[k]] - other[part][j[k]] for part in (0, 1)) for k in (0, FAST))
+        if last == first:
+            break
         differences.append(abs(last - first))
     logarithm = np.log(differences)
     growth = np.diff(logarithm)
