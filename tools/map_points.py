@@ -56,9 +56,17 @@ def over_velocity() -> Iterator[Point]:
         yield velocity, 40.0 * LENGTH / velocity + 6.0 + 1.0e3 * velocity
 
 
+def regularity() -> Iterator[Point]:
+    """Stiffness of the stiff axis against drive velocity: 20 lengths l_x of drive, some 40 slow cycles of Fig. 3, and 40 slow periods."""
+    for stiffness in log_spaced(1.0e5, 1.0e9, 30):
+        for velocity in log_spaced(1.0e-4, 2.0e-2, 25):
+            yield stiffness, velocity, 20.0 * LENGTH / velocity + 4.0
+
+
 LISTS = {
     "map_phi_velocity.csv": ("system.misalignment_deg,drive.velocity,scene.t_end", phi_velocity),
     "bifurcation_velocity.csv": ("drive.velocity,scene.t_end", over_velocity),
+    "map_regularity.csv": ("system.stiffness_y,drive.velocity,scene.t_end", regularity),
     "map_lambda.csv": ("system.misalignment_deg,system.mass,drive.velocity,scene.t_end", by_lambda),
 }
 

@@ -17,7 +17,7 @@ module dst_divergence
   !> Slow cycles at least, and standard errors that the exponent has to differ from 0. Conventions.
   integer, parameter :: least_count = 3
   real(wp), parameter :: certain = 3.0_wp
-  !> Slow cycles that are remembered, and those that are measured one by one: of as many again every second one is, and so on, so
+  !> Slow cycles that are remembered, and those that are measured one by one: of as many again every second group is, and so on, so
   !> that a long run costs little more. Conventions; twice: the same verdicts.
   integer, parameter :: kept = 128
   integer(int64), parameter :: one_by_one = 64
@@ -72,12 +72,14 @@ contains
   pure logical function is_worth_measuring(self)
     class(divergence_t), intent(in) :: self
     integer(int64) :: stride
+    !> Slow cycles are taken in groups, so that a motion which repeats after a few is seen in all its phases. Convention.
+    integer(int64), parameter :: group = 8
 
     stride = 1
     do while (self%returns > one_by_one*stride)
       stride = 2*stride
     end do
-    is_worth_measuring = self%known .and. self%returns >= first_measured .and. modulo(self%returns, stride) == 0
+    is_worth_measuring = self%known .and. self%returns >= first_measured .and. modulo(self%returns/group, stride) == 0
   end function is_worth_measuring
 
   !> Go on by a part of a slow cycle that stretches a difference by exp(log_stretch).

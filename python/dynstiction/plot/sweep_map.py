@@ -32,7 +32,14 @@ RELATIVE = {
 }
 """Quantities that are drawn in units of the static limit F_0 = mu_0 W or of the run's length: label, unit."""
 
-LABELS = {"creep_share": "share of the time with $|X'| \\leq V/10$"}
+LABELS = {
+    "creep_share": "share of the time with $|X'| \\leq V/10$",
+    "lyapunov_exponent": "Lyapunov exponent of a slow cycle",
+}
+
+SIGNED = {"lyapunov_exponent": 5.0}
+"""Quantities whose sign matters: what the colours reach to on either side of 0."""
+SIGNED_COLOURS = "RdBu_r"
 
 SLIDER = ("mass", "stiffness_x", "stiffness_y", "mu_0", "mu_inf", "v_f", "normal_load", "velocity")
 """What the lines of stability depend on, besides the misalignment."""
@@ -52,7 +59,7 @@ def draw_map(data: xarray.Dataset, figure: Figure, quantity: str = "swing") -> N
     if len(table.axes) == 1:
         _draw_line(axis, table, values, label)
     elif table.is_grid and len(table.axes) == 2:
-        _draw_colours(figure, axis, table, values, label)
+        _draw_colours(figure, axis, table, quantity, values, label)
     elif table.is_grid:
         raise UsageError(f"a map has one or two parameters, not {len(table.axes)}: select some with xarray")
     else:
@@ -90,24 +97,42 @@ def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label:
     axis.set(xscale=first.scale, xlabel=first.label, ylabel=label)
 
 
-def _draw_colours(figure: Figure, axis: Axes, table: Table, values: Floats, label: str) -> None:
+def _draw_colours(
+    figure: Figure, axis: Axes, table: Table, quantity: str, values: Floats, label: str
+) -> None:
     """The first parameter upwards, the second to the right; or the other way round if that is the misalignment."""
     up, right = table.axes
-    if right.name == "misalignment_deg":
+    is_turned = right.name == "misalignment_deg"
+    if is_turned:
         up, right, values = right, up, values.T
     axis.set_facecolor(NOTHING)
-    highest = np.nanmax(values)
-    lowest = min(0.0, np.nanmin(values))
+    if quantity in SIGNED:
+        colours, highest = SIGNED_COLOURS, SIGNED[quantity]
+        lowest = -highest
+    else:
+        colours, highest = COLOURS, np.nanmax(values)
+        lowest = min(0.0, np.nanmin(values))
     picture = axis.pcolormesh(
-        _edges(right), _edges(up), values, cmap=COLOURS, vmin=lowest, vmax=highest, rasterized=True
+        _edges(right), _edges(up), values, cmap=colours, vmin=lowest, vmax=highest, rasterized=True
     )
-    figure.colorbar(picture, ax=axis, label=label)
+    extend = "both" if quantity in SIGNED else "neither"
+    figure.colorbar(picture, ax=axis, label=label, extend=extend)
+    if quantity == "lyapunov_exponent" and "fast_decay" in table.data:
+        decay = table.quantity("fast_decay")
+        _draw_decay(axis, up, right, decay.T if is_turned else decay)
     if up.name == "misalignment_deg":
         _draw_stability(axis, table, up, right)
     axis.set(xscale=right.scale, xlim=_edges(right)[[0, -1]], xlabel=right.label)
     axis.set(yscale=up.scale, ylim=_edges(up)[[0, -1]], ylabel=up.label)
     # Ticks inside would be lost in the colours.
     axis.tick_params(which="both", direction="out", top=False, right=False)
+
+
+def _draw_decay(axis: Axes, up: Axis, right: Axis, decay: Floats) -> None:
+    """Where D = 1: from there on the fast oscillation decays before slip."""
+    if min(decay.shape) > 1 and np.nanmin(decay) < 1.0 < np.nanmax(decay):
+        line = axis.contour(right.shown, up.shown, decay, levels=[1.0], colors=BLACK, linewidths=1.2)
+        axis.clabel(line, fmt={1.0: "$D=1$"}, fontsize="small")
 
 
 def _edges(side: Axis) -> Floats:
