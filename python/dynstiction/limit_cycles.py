@@ -155,7 +155,7 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
             found.model,
             found.velocity,
             tuple(
-                LimitCycle(*row, stable)
+                LimitCycle(*(*row, stable))
                 for row, stable in zip(found.values.tolist(), found.are_stable, strict=True)
             ),
             found.sliding_load,

@@ -428,16 +428,18 @@ contains
     type(release_angle_t), intent(out) :: to
     logical, intent(out) :: found
     type(error_t), allocatable :: error
+    !> Time in which that has come, over the one in which the drive stretches the softer spring to the limit. Convention.
+    real(wp), parameter :: long = 1000.0_wp
     integer :: pieces, left
 
     found = .false.
     if (.not. allocated(self%scout)) return
     left = releases
-    associate (scout => self%scout)
-      call place(self, velocity, huge(1.0_wp), from)
+    associate (scout => self%scout, slider => self%scout%slider)
+      call place(self, velocity, long*slider%law%static_limit/(minval(slider%stiffness)*abs(velocity)), from)
       do pieces = 1, most_pieces
         call scout%advance(error)
-        if (allocated(error) .or. scout%contact == touches) return
+        if (allocated(error) .or. scout%contact == touches .or. scout%finished()) return
         if (scout%piece%contact /= sticks .or. scout%piece%event /= slip_begins) cycle
         left = left - 1
         if (left > 0) cycle
