@@ -106,8 +106,10 @@ contains
     case default
       call page%row('motion of the scene', 'undecided whether regular or irregular')
     end select
-    if (regularity%slow_cycles > 2) call page%row('  Lyapunov exponent', formatted('(f10.4)', regularity%exponent)//' +- '// &
-      formatted('(f10.4)', regularity%error)//' for a slow cycle, over '//integer_text(regularity%slow_cycles)//' of them')
+    if (regularity%slow_cycles > 2 .and. regularity%error < huge(1.0_wp)) then
+      call page%row('  Lyapunov exponent', formatted('(f10.4)', regularity%exponent)//' +- '// &
+        formatted('(f10.4)', regularity%error)//' for a slow cycle, over '//integer_text(regularity%slow_cycles)//' of them')
+    end if
     if (regularity%verdict == regular .or. regularity%cycles < 2) return
     do k = 1, size(cycle_quantities)
       call page%row('  '//cycle_quantities(k)%name, formatted('(es13.5)', regularity%mean(k))//' +- '// &

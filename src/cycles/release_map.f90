@@ -77,10 +77,11 @@ contains
 
   !> Go on to the next return: its release, and the logarithm of the factor by which a small difference has grown since the last
   !> one.
-  subroutine come_back(self, to, log_stretch, found, error)
+  subroutine come_back(self, to, log_stretch, is_known, found, error)
     class(release_map_t), intent(inout) :: self
     type(release_angle_t), intent(out) :: to
     real(wp), intent(out) :: log_stretch
+    logical, intent(out) :: is_known         !! whether this logarithm is
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: before, returns
@@ -105,11 +106,12 @@ contains
 
       count = 0
       log_stretch = 0.0_wp
+      is_known = .false.
       select type (motion => self%motion)
       class is (cycle_map_t)
         count = motion%divergence%returns
         to = motion%returned_to
-        log_stretch = motion%divergence%last()
+        call motion%divergence%last(log_stretch, is_known)
       end select
     end subroutine look
   end subroutine come_back

@@ -24,10 +24,11 @@ module dst_slow_ends
   integer, parameter :: ends_nowhere = 0, ends_at_fold = 1, ends_small = 2
   !> Swing over F_0 below which a cycle counts as none: as in docs/maps.md. Convention.
   real(wp), parameter :: least_swing = 0.05_wp
-  !> Accuracy of the motion. Ten times: the ends of docs/maps.md differ by less than 1e-10 of themselves.
+  !> Accuracy of the motion. Ten times: the ends of 60 random scenes differ by 1e-10 of themselves at most.
   real(wp), parameter :: rtol = 1.0e-12_wp
-  !> The search for a large cycle begins so far from where steady sliding changes its stability, and ends so far, in p. Conventions.
-  real(wp), parameter :: first_reach = 0.25_wp, last_reach = 50.0_wp
+  !> The search for a large cycle begins so far from where steady sliding changes its stability, and ends so far, in p; it has come
+  !> near enough to where there is none. Conventions.
+  real(wp), parameter :: first_reach = 0.25_wp, last_reach = 100.0_wp, near_enough = 0.5_wp
   !> Step along the curve, and how far behind its farthest p it is left. Conventions. Half the step: the same ends.
   real(wp), parameter :: curve_step = 0.25_wp, far_behind = 0.7_wp
   !> A curve that is so flat is a canard, and the step there. Conventions.
@@ -130,15 +131,17 @@ contains
     if (k == n .and. farthest%swing <= least_swing) then
       end%kind = ends_small
       call refine(family, .false., curve(n - 1), curve(n), farthest, error)
-    else if (k > 1 .and. k < n) then
+    else if (k < n) then
+      ! The first point may be just before the fold.
       end%kind = ends_at_fold
-      call refine(family, .true., curve(k - 1), curve(k + 1), farthest, error)
+      call refine(family, .true., curve(max(1, k - 1)), curve(k + 1), farthest, error)
     end if
     end%at = farthest%place(2)
     end%cycle = slow_cycle_of(farthest%gain)
   end subroutine find_end
 
-  !> The largest cycle at a parameter as far out as there is one, by steps that double from the parameter `first` on.
+  !> The largest cycle at a parameter nearly as far out as there is one: by steps that double from the parameter `first` on, then by
+  !> halves.
   subroutine find_large_cycle(family, first, point, found, error)
     type(family_t), intent(inout) :: family
     real(wp), intent(in) :: first
@@ -146,22 +149,40 @@ contains
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
     type(point_t) :: next
-    real(wp) :: step
-    logical :: goes_on
+    real(wp) :: step, inside, beyond, middle
+    logical :: there, is_bracketed
 
-    goes_on = .false.
     call look_at(first, point, found)
     if (allocated(error)) return
+    inside = first
+    beyond = first
+    is_bracketed = .false.
+    there = found
     step = merge(family%outwards, -family%outwards, found)*first_reach
-    do while (abs(step) < last_reach)
-      call look_at(first + step, next, goes_on)
+    do while (abs(step) < last_reach .and. .not. is_bracketed)
+      call look_at(first + step, next, there)
       if (allocated(error)) return
-      if (found .and. .not. goes_on) return
-      if (goes_on) point = next
-      if (.not. found .and. goes_on) exit
+      is_bracketed = there .neqv. found
+      if (there) then
+        point = next
+        inside = first + step
+      else
+        beyond = first + step
+      end if
       step = 2.0_wp*step
     end do
-    found = goes_on
+    found = is_bracketed
+    do while (found .and. abs(beyond - inside) > near_enough)
+      middle = 0.5_wp*(inside + beyond)
+      call look_at(middle, next, there)
+      if (allocated(error)) return
+      if (there) then
+        point = next
+        inside = middle
+      else
+        beyond = middle
+      end if
+    end do
 
   contains
 

@@ -57,6 +57,7 @@ module dst_slow_map
     real(wp) :: velocity = 0.0_wp            !! |V|, m/s
     real(wp) :: equilibrium = 0.0_wp         !! u_x in steady sliding, m
     real(wp) :: damping = 0.0_wp             !! Phi'(V c) in steady sliding, N s/m
+    real(wp) :: impedance = 0.0_wp           !! sqrt(m k_x), N s/m
     real(wp) :: length = 0.0_wp              !! l_x = F_0/k_x and the amplitude of a free oscillation at V, summed, m
     type(stepping_t), private :: motion
     type(collocation_t), private :: method
@@ -87,6 +88,7 @@ contains
       call own%law%evaluate(1, [map%velocity], force, slope)
       map%equilibrium = force(1)*own%along(1)/own%stiffness(1)
       map%length = own%law%static_limit/own%stiffness(1) + map%velocity*own%along(1)*sqrt(own%mass/own%stiffness(1))
+      map%impedance = sqrt(own%mass)*sqrt(own%stiffness(1))
       map%motion%system = new_low_frequency(own)
       map%motion%stepper = new_radau(stages, 1, 1, rtol)
       map%motion%stepper%memory = memory*sqrt(own%mass/own%stiffness(1))

@@ -17,6 +17,8 @@ module dst_stability_report
 
   public :: stability_report, held_velocities
 
+  character(*), parameter :: nowhere = 'not found: no cycle swings by 5 % of mu_0 W'
+
 contains
 
   !> One table for each velocity that the drive holds.
@@ -231,7 +233,7 @@ contains
     type(slow_end_t), intent(in) :: end
     character(:), allocatable :: text
 
-    text = 'not found'
+    text = nowhere
     if (end%kind /= ends_nowhere) text = angle_text(end%at)//how(end)
   end function angle_end
 
@@ -239,7 +241,7 @@ contains
     type(slow_end_t), intent(in) :: end
     character(:), allocatable :: text
 
-    text = 'not found'
+    text = nowhere
     if (end%kind /= ends_nowhere) text = formatted('(es14.7)', end%at)//' m/s'//how(end)
   end function velocity_end_text
 

@@ -18,13 +18,13 @@ module dst_divergence
   integer, parameter :: least_count = 3
   real(wp), parameter :: certain = 3.0_wp
   !> Slow cycles that are remembered, and those that are measured one by one: of as many again every second group is, and so on, so
-  !> that a long run costs little more. Conventions; twice: the same verdicts.
+  !> that a long run costs little more. Conventions.
   integer, parameter :: kept = 128
   integer(int64), parameter :: one_by_one = 64
   !> Slow cycles before the first that is measured: what begins counts in a short run only. Convention; none: half as much work
   !> again for Fig. 3, the same exponent.
   integer(int64), parameter :: first_measured = 3
-  !> Batches for the standard error. Convention; twice: the same verdicts.
+  !> Batches for the standard error. Convention.
   integer, parameter :: most_batches = 8
   !> Least standard error of a few values that are alike: of a motion that repeats itself they are all the same.
   real(wp), parameter :: least_error = 0.01_wp
@@ -39,6 +39,9 @@ module dst_divergence
     !> The logarithm since the last return, and whether it is known.
     real(wp), private :: sum = 0.0_wp
     logical, private :: known = .false.
+    !> The same of the last slow cycle; and whether every one is of interest.
+    real(wp), private :: last_sum = 0.0_wp
+    logical, private :: last_known = .false., of_interest = .false.
   contains
     procedure :: begin
     procedure :: last
@@ -52,21 +55,24 @@ module dst_divergence
 
 contains
 
-  !> Begin with a slow cycle that is known from here on.
+  !> Begin with a slow cycle that is known from here on, and is of interest as those that follow are.
   pure subroutine begin(self)
     class(divergence_t), intent(inout) :: self
 
     self%sum = 0.0_wp
     self%known = .true.
+    self%of_interest = .true.
   end subroutine begin
 
-  !> The logarithm of the last slow cycle that is known, 0 if there is none.
-  pure real(wp) function last(self)
+  !> The logarithm of the last slow cycle, if it is known.
+  pure subroutine last(self, logarithm, is_known)
     class(divergence_t), intent(in) :: self
+    real(wp), intent(out) :: logarithm
+    logical, intent(out) :: is_known
 
-    last = 0.0_wp
-    if (self%known_count > 0) last = self%logarithm(int(modulo(self%known_count - 1, int(kept, int64))) + 1)
-  end function last
+    logarithm = self%last_sum
+    is_known = self%last_known
+  end subroutine last
 
   !> Whether the slow cycle under way is one of those for which work is done.
   pure logical function is_worth_measuring(self)
@@ -79,7 +85,8 @@ contains
     do while (self%returns > one_by_one*stride)
       stride = 2*stride
     end do
-    is_worth_measuring = self%known .and. self%returns >= first_measured .and. modulo(self%returns/group, stride) == 0
+    is_worth_measuring = self%known .and. (self%of_interest &
+      .or. (self%returns >= first_measured .and. modulo(self%returns/group, stride) == 0))
   end function is_worth_measuring
 
   !> Go on by a part of a slow cycle that stretches a difference by exp(log_stretch).
@@ -109,6 +116,8 @@ contains
       self%number(place) = self%returns
       self%logarithm(place) = self%sum
     end if
+    self%last_sum = self%sum
+    self%last_known = self%known
     self%sum = 0.0_wp
     self%known = .true.
   end subroutine come_back

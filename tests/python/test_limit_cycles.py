@@ -207,6 +207,8 @@ def test_an_irregular_scene_has_many_unstable_cycles() -> None:
     assert found.regularity.verdict == "irregular"
     assert len(found.cycles) > 5
     assert not found.stable
+    # Each has its own: the map falls and rises by turns where it meets the diagonal.
+    assert len({round(cycle.log_multiplier, 3) for cycle in found.cycles}) == len(found.cycles)
     assert found.regularity.exponent > 5 * found.regularity.error
     mean, scatter = found.regularity.mean["period"], found.regularity.scatter["period"]
     periods = [cycle.period for cycle in found.cycles]
@@ -217,7 +219,13 @@ def test_an_irregular_scene_has_many_unstable_cycles() -> None:
 def test_several_stable_cycles_of_the_full_model_are_all_found() -> None:
     """At k_y = 5e6 N/m the fast oscillation may make a whole number of swings more or less in a slow cycle."""
     found = ds.cycles(FIG3.replace(system={"stiffness_y": 5e6}))
-    assert [cycle.stable for cycle in sorted(found.cycles, key=lambda cycle: cycle.period)] == [True, False, True]
+    cycles = sorted(found.cycles, key=lambda cycle: cycle.period)
+    assert [cycle.stable for cycle in cycles] == [True, False, True]
+    assert found.regularity is not None
+    assert found.regularity.verdict == "regular"
+    assert found.regularity.exponent == cycles[2].log_multiplier
+    run = ds.run(FIG3, system={"stiffness_y": 5e6}, scene={"t_end": 30.0}, integrator={"rtol": 1e-10}, output={"interval": 1.0})
+    assert cycles[2].log_multiplier == pytest.approx(run.summary["lyapunov_exponent"], abs=1e-3)
 
 
 # The command.

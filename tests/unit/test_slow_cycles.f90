@@ -116,6 +116,7 @@ contains
   subroutine check_estimate()
     type(divergence_t) :: orbit
     real(wp) :: exponent, error
+    logical :: is_known
     integer :: i, count, verdict
 
     do i = 1, 40
@@ -136,7 +137,12 @@ contains
     end do
     call orbit%estimate(exponent, error, count, verdict)
     call check('regular', verdict == regular .and. abs(exponent + 3.0_wp) <= 1.0e-14_wp)
-    call check_close('the last one', orbit%last(), -3.0_wp, 1.0e-14_wp)
+    call orbit%last(exponent, is_known)
+    call check_close('the last one', exponent, -3.0_wp, 1.0e-14_wp)
+    call orbit%lose()
+    call orbit%come_back()
+    call orbit%last(exponent, is_known)
+    call check('one that is not known', .not. is_known)
     orbit = divergence_t()
     do i = 1, 12
       call orbit%come_back()
