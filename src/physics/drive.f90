@@ -27,6 +27,7 @@ module dst_drive
   contains
     procedure :: largest_speed
     procedure :: never_reverses
+    procedure :: is_steady
     procedure :: distance
     procedure :: with_rests
   end type drive_t
@@ -131,6 +132,17 @@ contains
     end do
     never_reverses = .not. (lowest < 0.0_wp .and. highest > 0.0_wp)
   end function never_reverses
+
+  !> Whether the velocity is the same at all times up to one [s], however many knots say so.
+  pure logical function is_steady(self, until)
+    class(drive_t), intent(in) :: self
+    real(wp), intent(in) :: until
+
+    associate (segment => self%segment)
+      is_steady = .not. any(segment%start < until .and. (abs(segment%acceleration) > 0.0_wp &
+        .or. abs(segment%velocity - segment(1)%velocity) > 0.0_wp))
+    end associate
+  end function is_steady
 
   !> Distance driven [m] up to a time [s].
   pure real(wp) function distance(self, time)

@@ -65,7 +65,7 @@ contains
     self%velocity = motion%velocity_now()
     associate (slider => motion%slider)
       ! High frequency: the longitudinal load is given.
-      if (minval(slider%free) > 0.0_wp .and. .not. slider%smoothing > 0.0_wp .and. size(motion%drive%segment) == 1) then
+      if (minval(slider%free) > 0.0_wp .and. .not. slider%smoothing > 0.0_wp .and. motion%drive%is_steady(motion%t_end)) then
         end = creep_end(slider, motion%drive%segment(1)%velocity)
         if (end%exists) self%fast_decay = end%decay
       end if

@@ -83,6 +83,7 @@ COLUMN_UNITS = {
 }
 SUMMARY_UNITS = {
     **dict.fromkeys(("creep_share", "cycles", "energy_residual", "slip_angle", "sticks"), NUMBER),
+    **dict.fromkeys(("fast_decay", "lyapunov_exponent", "lyapunov_error", "regularity"), NUMBER),
     **dict.fromkeys(("drive_work", "friction_work"), ENERGY),
     **dict.fromkeys(("first_peak_force", "peak_force", "valley_force", "swing"), FORCE),
     **dict.fromkeys(("period", "slip_duration", "stick_duration", "sticking_time"), TIME),

@@ -84,7 +84,8 @@ class Objects:
         self.fork_safe = ds.Simulation(self.scene)
         self.closed = ds.Simulation(self.scene)
         self.closed.close()
-        self.busy = ds.Simulation(self.scene, scene={"t_end": 1e9}, output={"interval": 1e9})
+        # By steps: the map would leap so many sticks a second that their events fill the memory.
+        self.busy = ds.Simulation(self.scene, scene={"t_end": 1e9}, output={"interval": 1e9}, integrator={"cycle_map": "off"})
         self.thread = threading.Thread(target=self._keep_busy, daemon=True)
         self.thread.start()
         time = np.arange(500) * 1e-3
