@@ -35,6 +35,9 @@ module dst_cycle_map
   !> of Fig. 3 is higher by 0.02, as excursions depend on their beginning like a square root near a touch. Of their difference no
   !> less than this share of rtol is seen, what Newton's method leaves. Conventions.
   real(wp), parameter :: push = 1.0e-4_wp, unseen = 1.0e-6_wp
+  !> They begin no nearer than this share of rtol, and have to end within so many times the time of the one that is measured.
+  !> Conventions.
+  real(wp), parameter :: least_push = 0.1_wp, long = 2.0_wp
   !> Most leaps that are remembered, excursions that can be made again, and pieces of one.
   integer, parameter :: max_leaps = 32, max_kept = 4, max_pieces = 8000
 
@@ -67,6 +70,7 @@ module dst_cycle_map
     type(recording_t), private :: excursion
     type(release_angle_t), private :: excursion_from
     integer, private :: excursion_releases = 0
+    real(wp), private :: excursion_at = 0.0_wp     !! s
     real(wp), private :: last_return = -1.0_wp
     !> Turn of a cycle that was no excursion.
     real(wp), private :: usual_turn = 0.0_wp
@@ -248,6 +252,7 @@ contains
         self%keeping = self%last_return >= 0.0_wp .and. longest > now%time - self%last_return
         self%excursion_from = here
         self%excursion_releases = 0
+        self%excursion_at = now%time
       end if
     end associate
   end subroutine choose_leap
@@ -312,6 +317,7 @@ contains
       leap%is_kept = .false.
       leap%stretch_known = .false.
       leap%is_measured = .false.
+      leap%uses = 0
     end associate
   end subroutine new_place
 
@@ -323,6 +329,7 @@ contains
     self%recording = .false.
     call new_place(self, self%excursion_from, place)
     self%leaps(place)%to = release_at(self%piece%to%y(2))
+    self%leaps(place)%duration = self%piece%to%time - self%excursion_at
     self%leaps(place)%releases = self%excursion_releases
     if (self%divergence%is_worth_measuring()) call measure_stretch(self, place)
     call note_stretch(self, place)
@@ -350,12 +357,13 @@ contains
     integer :: i
 
     associate (leap => self%leaps(place))
-      apart = push*abs(self%usual_turn)
-      found = apart > 0.0_wp
+      apart = max(push*abs(self%usual_turn), least_push*self%survey%rtol)
+      found = leap%duration > 0.0_wp
       from = leap%from
       from%angle = from%angle + [-0.5_wp, 0.5_wp]*apart
       do i = 1, 2
-        if (found) call self%survey%run_releases(leap%velocity, from(i), leap%releases, to(i), found)
+        if (found) call self%survey%run_releases(leap%velocity, from(i), leap%releases, &
+          long*leap%duration, to(i), found)
       end do
       found = found .and. to(1)%side*to(2)%side > 0.0_wp
       leap%is_measured = .true.
@@ -390,7 +398,9 @@ contains
     type(state_t) :: to
     real(wp) :: worked
 
-    if (.not. self%leaps(place)%is_measured) call measure_stretch(self, place)
+    ! One that is made again once may never be again.
+    if (self%leaps(place)%uses > 0 .and. .not. self%leaps(place)%is_measured) call measure_stretch(self, place)
+    self%leaps(place)%uses = self%leaps(place)%uses + 1
     call note_stretch(self, place)
     associate (leap => self%leaps(place), from => self%piece%from)
       self%lead = lead_of(self, release_at(from%y(2)), leap)
@@ -646,5 +656,6 @@ contains
     call archive%serialise(self%usual_turn)
     call self%divergence%serialise(archive)
     call archive%serialise(self%excursion_releases)
+    call archive%serialise(self%excursion_at)
   end subroutine serialise
 end module dst_cycle_map

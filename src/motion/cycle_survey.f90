@@ -420,23 +420,22 @@ contains
   end subroutine run_cycle
 
   !> Run the full model from a release under this drive velocity [m/s] to the release that comes so many after it.
-  subroutine run_releases(self, velocity, from, releases, to, found)
+  subroutine run_releases(self, velocity, from, releases, longest, to, found)
     class(cycle_survey_t), intent(inout) :: self
     real(wp), intent(in) :: velocity
     type(release_angle_t), intent(in) :: from
     integer, intent(in) :: releases
+    real(wp), intent(in) :: longest          !! time in which that has to come, s
     type(release_angle_t), intent(out) :: to
     logical, intent(out) :: found
     type(error_t), allocatable :: error
-    !> Time in which that has come, over the one in which the drive stretches the softer spring to the limit. Convention.
-    real(wp), parameter :: long = 1000.0_wp
     integer :: pieces, left
 
     found = .false.
     if (.not. allocated(self%scout)) return
     left = releases
-    associate (scout => self%scout, slider => self%scout%slider)
-      call place(self, velocity, long*slider%law%static_limit/(minval(slider%stiffness)*abs(velocity)), from)
+    associate (scout => self%scout)
+      call place(self, velocity, longest, from)
       do pieces = 1, most_pieces
         call scout%advance(error)
         if (allocated(error) .or. scout%contact == touches .or. scout%finished()) return

@@ -27,6 +27,8 @@ module dst_leap
     real(wp) :: log_stretch = 0.0_wp
     !> Of an excursion: its releases, and when the soft spring is longest [s].
     integer :: releases = 0
+    !> How often it has been made again.
+    integer :: uses = 0
     real(wp) :: slip_begins = 0.0_wp
     !> Cycles of a table, with angles and times [s] at their ends and the lengths of their slips [s].
     integer :: table = 0, cycles = 0
@@ -180,6 +182,7 @@ contains
     call archive%serialise(self%exchanged)
     call archive%serialise(self%slip_begins)
     call archive%serialise(self%releases)
+    call archive%serialise(self%uses)
     call archive%serialise(self%stretch_known)
     call archive%serialise(self%is_measured)
     call archive%serialise(self%log_stretch)
