@@ -181,7 +181,8 @@ def test_slow_cycles_that_repeat_are_leapt_in_their_order() -> None:
     leapt, stepped = (
         ds.run(scene, scene={"t_end": 50.0}, output={"interval": 1.0}, integrator={"cycle_map": how}) for how in ("auto", "off")
     )
-    assert leapt.statistics["excursions_reused"] > 10
+    # By roundoff they are excursions made again, or cycles of a table.
+    assert leapt.statistics["cycles_leapt"] > 1000
     assert (np.diff(leapt.events["time"]) >= 0).all()
     assert leapt.summary["cycles"] == stepped.summary["cycles"] > 40
     for name in ("period", "peak_force", "slip_length"):
