@@ -13,6 +13,7 @@ program test_creep_end
   call test_figure_3()
   call test_growth_rate()
   call test_random_sliders()
+  call test_a_steep_angle()
   call test_where_creep_does_not_end()
   call test_symmetries_and_units()
   call test_extremes()
@@ -30,6 +31,18 @@ contains
     slider%along = cos_sin_degrees(misalignment_deg)
     call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
   end function fig3
+
+  !> Where friction falls to nothing creep ends with friction far from the soft axis: tan(theta)^2 = v/v_f.
+  subroutine test_a_steep_angle()
+    type(slider_t) :: slider
+    type(creep_end_t) :: end
+
+    slider = fig3(1.0e9_wp, 10.0_wp)
+    call new_friction_law('weakening', 0.2_wp, 0.0_wp, 0.01_wp, 10.0_wp, slider%law)
+    end = creep_end(slider, 0.12_wp)
+    call check('creep ends', end%exists .and. end%angle > 45.0_wp*degree)
+    call check_close('at a steep angle', tan(end%angle)**2, 0.12_wp*slider%along(2)/sin(end%angle)/0.01_wp, 1.0e-9_wp)
+  end subroutine test_a_steep_angle
 
   !> D by scipy.integrate.quad of -sigma dt over theta, to nine digits.
   subroutine test_figure_3()
