@@ -34,7 +34,7 @@ module dst_full_cycles
     real(wp) :: measure(measures) = 0.0_wp
     logical :: has_multiplier = .true.
     real(wp) :: log_multiplier = 0.0_wp
-    type(release_angle_t) :: release
+    type(release_angle_t) :: release = release_angle_t()
   end type full_cycle_t
 
   !> What a motion that has gone on for a while is like.

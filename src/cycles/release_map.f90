@@ -65,13 +65,14 @@ contains
     class(release_map_t), intent(inout) :: self
     type(release_angle_t), intent(in) :: from
     logical, intent(in) :: with_growth
+    type(motion_summary_t) :: empty
 
     select type (motion => self%motion)
     class is (cycle_map_t)
       call motion%begin_at_release(from)
       if (.not. with_growth) call motion%divergence%lose()
     end select
-    self%summary = motion_summary_t()
+    self%summary = empty
     call self%summary%start(self%motion, 0.0_wp)
   end subroutine begin
 

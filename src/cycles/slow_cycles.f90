@@ -36,7 +36,7 @@ module dst_slow_cycles
   type :: slow_gain_t
     real(wp) :: x = 0.0_wp
     real(wp) :: gain = 0.0_wp, slope = 0.0_wp      !! G and dG/dx
-    type(slow_turn_t) :: turn
+    type(slow_turn_t) :: turn = slow_turn_t()
   end type slow_gain_t
 
   !> A limit cycle of the slow motion.

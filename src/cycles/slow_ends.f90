@@ -325,7 +325,10 @@ contains
         call gain_at(family, place + t*direction, here, error)
         if (allocated(error)) return
         found = here%gain*middle <= 0.0_wp
-        if (found) exit
+        if (found) then
+          bracket = bracket_t([far(side), t], limited([gain(side), here%gain]))
+          exit
+        end if
         far(side) = t
         gain(side) = here%gain
       end do
@@ -333,7 +336,6 @@ contains
       step = 2.0_wp*step
       if (step > reach) return
     end do
-    bracket = bracket_t([far(side), t], limited([gain(side), here%gain]))
     do iteration = 1, max_iterations
       t = bracket%false_position()
       if (modulo(iteration, 5) == 0) t = bracket%middle()

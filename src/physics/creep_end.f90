@@ -45,7 +45,7 @@ module dst_creep_end
     real(wp) :: feeding = 0.0_wp          !! F_0^2/(m k_x V^2)
   end type path_t
 
-  !> Panels of ln(theta), for the search and for the integral. Twice: D of random sliders changes by less than 1e-6 of it.
+  !> Panels, for the search and for the integral. Twice: D of random sliders differs by less than 2e-6 from a fine midpoint rule.
   integer, parameter :: panels = 64
   !> Ratios beyond this power of two and its inverse are not multiplied. Convention: far from overflow, far from any rig.
   integer, parameter :: most_power = maxexponent(1.0_wp)/8
@@ -180,7 +180,7 @@ contains
     type(slider_t), intent(in) :: slider
     type(path_t), intent(in) :: path
     real(wp), intent(in) :: last
-    real(wp) :: knots(0:panels), rise(0:panels), decay(0:panels), x(3), first, part, half
+    real(wp) :: knots(0:panels), rise(0:panels), decay(0:panels), angle(3), away(2), first, part, half
     integer :: i
 
     total = 0.0_wp
@@ -190,12 +190,14 @@ contains
     if (.not. decay(0) > 0.0_wp) return
     i = findloc(decay > 0.0_wp, .false., dim=1) - 1
     if (i > 0) first = zero_between(slider, path, knots([i - 1, i]), .false.)
-    part = (first - last)/real(panels, wp)
+    ! Near phi creep takes long, dt ~ dtheta/(theta - phi): even steps of ln(theta - phi).
+    away = log(max(exp([last, first]) - path%phi, roundoff*path%phi))
+    part = (away(2) - away(1))/real(panels, wp)
     half = 0.5_wp*part
     do i = 1, panels
-      x = last + (real(i, wp) - 0.5_wp)*part + half*node
-      call look(slider, path, x, rise(1:3), decay(1:3))
-      total = total + half*0.5_wp*sum(weight*decay(1:3)*rise(1:3)*exp(x)/sin(exp(x) - path%phi))
+      angle = exp(away(1) + (real(i, wp) - 0.5_wp)*part + half*node)
+      call look(slider, path, log(path%phi + angle), rise(1:3), decay(1:3))
+      total = total + half*0.5_wp*sum(weight*decay(1:3)*rise(1:3)*angle/sin(angle))
     end do
   end function decay_until
 end module dst_creep_end

@@ -1,6 +1,6 @@
 !> Reproducible random numbers for the unit tests.
 module random_numbers
-  use dst_kinds, only: wp
+  use dst_kinds, only: int64, wp
   implicit none
   private
 
@@ -14,7 +14,7 @@ contains
     integer :: n, i
 
     call random_seed(size=n)
-    call random_seed(put=[(104729*number + 7919*i, i=1, n)])
+    call random_seed(put=[(int(modulo(104729_int64*number + 7919*i, int(huge(1), int64))), i=1, n)])
   end subroutine start_random
 
   !> n numbers between `low` and `high`.

@@ -98,7 +98,7 @@ contains
 
   !> The load has its first maximum at the end, and D is the integral over theta by the midpoint rule.
   subroutine test_random_sliders()
-    integer, parameter :: points = 20000
+    integer, parameter :: points = 60000
     type(slider_t) :: slider
     type(creep_end_t) :: end
     real(wp) :: velocity, angle, theta, width, rate, total, least
