@@ -52,6 +52,8 @@ from .stability import (
     steady_sliding_eigenvalues,
 )
 from .stick_slip import StickSlip, stick_slip_statistics
+from .trace import Trace, read_trace
+from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
 
 __version__ = _native.origin()["version"]
 
@@ -84,8 +86,11 @@ __all__ = [
     "StickSlipEnds",
     "Sweep",
     "System",
+    "Trace",
+    "TraceCycles",
     "Trade",
     "UsageError",
+    "Waveform",
     "creep_asymptotic",
     "creep_end",
     "creep_exact",
@@ -94,11 +99,15 @@ __all__ = [
     "critical_misalignment",
     "cycles",
     "damping_ratio",
+    "find_cycles",
     "jacobian",
+    "mean_slip",
+    "mean_waveform",
     "open",
     "open_sweep",
     "open_trade",
     "oscillation_frequency",
+    "read_trace",
     "rhs",
     "ridge",
     "run",

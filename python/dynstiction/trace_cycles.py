@@ -1,0 +1,440 @@
+"""Stick-slip cycles of a force trace: one code for measured traces and for runs, made for noise.
+
+A slip is a fall of the force. Falls are found on a smoothed trace, by turns of more than 30 % of the usual fall; what is told of
+them comes from the samples themselves. Times are means over a band of the fall, peaks and valleys are values of parabolas fitted
+beside the fall: none hangs on an extreme sample, which noise would push outwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._arguments import instance, number, whole
+from .errors import FileError, UsageError
+from .record import Described, Info, Table
+from .stick_slip import _turns
+from .trace import Trace
+
+__all__ = ["CYCLE_COLUMNS", "TraceCycles", "Waveform", "find_cycles", "mean_slip", "mean_waveform", "noise_level"]
+
+_Floats = NDArray[np.float64]
+
+FEWEST_CYCLES = 3
+"""Whole cycles below which a scatter says nothing."""
+FEWEST_SAMPLES = 20
+"""Samples in a cycle, at least."""
+THRESHOLD = 0.3
+"""Of the usual fall: what the force must turn by to count."""
+QUIET = 0.02
+"""Noise that is left for finding falls, relative to the range of the force."""
+ABOVE_NOISE = 12.0
+"""Of the noise that is left: what a fall must be, at least. White noise alone makes 8 to 9 over a million samples."""
+WHOLE_PART = 1.0 / 20.0
+"""Of the trace: the longest window to smooth over."""
+BACKWARDS = 3.0
+"""A force that rises so many times faster than it falls has the wrong sign."""
+MID_BAND, END_BAND = 0.25, 0.05
+"""Of the fall: half of the bands over which times at its middle and at its ends are means."""
+NEAR_END = 0.1
+"""Of the fall: its ends, where the slip's duration and the windows of the parabolas begin."""
+BEYOND = 0.7
+"""Of the time from an end to the middle of the fall: how far outwards a harmonic fall has its extreme."""
+STRAIGHT = (0.3, 0.6)
+"""Shares of the loading time between which the straight line of the loading is fitted."""
+FINE = 64
+"""Samples that a fall is refined to by linear interpolation, at least."""
+DRIFTS = 4.0
+"""Standard errors of the drift that are worth a note."""
+
+CYCLE_COLUMNS = (
+    Info("slip_time", "s", "middle of the slip that begins the cycle"),
+    Info("period", "s", "from slip to slip"),
+    Info("peak_force", "N", "peak of the force before the next slip"),
+    Info("valley_force", "N", "valley of the force after the slip"),
+    Info("swing", "N", "peak less valley"),
+    Info("slip_duration", "s", "in which the force falls from 90 % to 10 % of the fall"),
+    Info("loading_rate", "N/s", "slope of the force from 30 % to 60 % of the loading"),
+    Info("creep_share", "1", "what the force lacks before slip to the straight line of the loading, over the swing"),
+)
+"""What is told of a cycle."""
+
+INSTANTS = ("slip_time",)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class TraceCycles(Table[_Floats]):
+    """Table of the stick-slip cycles of a force trace, from each slip to the next.
+
+    Attributes
+    ----------
+    columns : Described of ndarray, shape (n,)
+        ``slip_time`` [s], ``period`` [s], ``peak_force`` [N], ``valley_force`` [N], ``swing`` [N], ``slip_duration`` [s]
+        (NaN where the fall takes less than two sampling intervals), ``loading_rate`` [N/s], ``creep_share``.
+    slips : ndarray, shape (n + 1,)
+        Middles of all slips [s].
+    onsets : ndarray, shape (n + 1,)
+        Where the slips begin [s]: as in a harmonic fall, from the times at 90 % and at its middle.
+    noise : float
+        Standard deviation of the noise from sample to sample [N].
+    drift : float
+        Slope of the middle of the force over time [N/s].
+    drift_error : float
+        Its standard error [N/s].
+    notes : tuple of str
+        What is to be borne in mind.
+    """
+
+    columns: Described[_Floats]
+    slips: _Floats
+    onsets: _Floats
+    noise: float
+    drift: float
+    drift_error: float
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.slips.size) - 1
+
+    def means(self) -> Described[float]:
+        """Mean of each column but the times of slip."""
+        return self._each(lambda values: float(np.mean(values)))
+
+    def scatter(self) -> Described[float]:
+        """Standard deviation (n - 1) of each column but the times of slip."""
+        return self._each(lambda values: float(np.std(values, ddof=1)))
+
+    def errors(self) -> Described[float]:
+        """Standard error of each mean."""
+        return self._each(lambda values: float(np.std(values, ddof=1) / np.sqrt(values.size)))
+
+    def _each(self, of: object) -> Described[float]:
+        return Described((info, of(v)) for info, v in self.columns.info() if info.name not in INSTANTS)  # type: ignore[operator]
+
+    def _values(self) -> tuple[str, str, Described[float]]:
+        return f"{len(self)} cycles of a trace", "mean of", self.means()
+
+    def __repr__(self) -> str:
+        errors = self.errors()
+        lines = [f"{n} = {v:.6g} ± {errors[n]:.2g} {self.columns.units[n]}" for n, v in self.means().items()]
+        return "\n  ".join([f"<TraceCycles: {len(self)} cycles", *lines, *self.notes]) + ">"
+
+
+class Waveform(NamedTuple):
+    """Mean of the force over cycles."""
+
+    phase: _Floats
+    """Phase from slip to slip, 0 to 1, or time from the slip [s]; shape (points,)."""
+    force: _Floats
+    """Mean force [N]."""
+    error: _Floats
+    """Its standard error [N], from the scatter of the cycles."""
+    cycles: int
+    """How many cycles the mean is taken over."""
+
+
+def noise_level(force: _Floats) -> float:
+    """Standard deviation of white noise on a force [N], from the median of its second differences.
+
+    Parameters
+    ----------
+    force : ndarray, shape (n,)
+        Samples at regular times.
+    """
+    second = np.abs(force[2:] - 2.0 * force[1:-1] + force[:-2])
+    if second.size == 0:
+        return 0.0
+    return float(1.4826 * np.median(second) / np.sqrt(6.0))
+
+
+def find_cycles(trace: Trace) -> TraceCycles:
+    """Stick-slip cycles of a trace.
+
+    Parameters
+    ----------
+    trace : Trace
+        A measured trace, or ``Trace.of`` a run.
+
+    Returns
+    -------
+    TraceCycles
+        One row a whole cycle, from slip to slip.
+
+    Raises
+    ------
+    FileError
+        If the force is constant, there is no stick-slip above the noise, there are fewer than three whole cycles, too few
+        samples in a cycle, or the force seems to have the wrong sign. The text says what to do.
+    UsageError
+        If this is no trace.
+    """
+    trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
+    noise = noise_level(trace.force)
+    falls = _falls(trace, noise)
+    slips = [_slip(trace, *fall) for fall in falls]
+    _refuse_few(trace, slips)
+    rows = [_row(trace, before, after) for before, after in zip(slips, slips[1:], strict=False)]
+    columns = [np.array(values) for values in zip(*rows, strict=True)]
+    times = np.array([slip.time for slip in slips])
+    onsets = np.array([slip.onset for slip in slips])
+    notes = []
+    unresolved = np.isnan(columns[5])
+    if unresolved.any():
+        columns[5][:] = np.nan
+        notes.append(
+            f"slips take less than two sampling intervals ({trace.interval:.3g} s): their duration is not told"
+        )
+    drift, drift_error = _slope(columns[0], 0.5 * (columns[2] + columns[3]))
+    swing = float(np.mean(columns[4]))
+    if abs(drift) > DRIFTS * drift_error and abs(drift) * trace.duration > 0.05 * swing:
+        notes.append(
+            f"the force drifts by {drift * trace.duration:.2g} N over the trace: peaks and valleys have no one value"
+        )
+    return TraceCycles(
+        Described(zip(CYCLE_COLUMNS, columns, strict=True)), times, onsets, noise, drift, drift_error, tuple(notes)
+    )
+
+
+def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform:
+    """Mean of the force over the phase, from the middle of a slip to that of the next.
+
+    Parameters
+    ----------
+    trace : Trace
+        The trace.
+    cycles : TraceCycles
+        Its cycles, from `find_cycles`.
+    points : int
+        Phases, from 0 to 1.
+
+    Returns
+    -------
+    Waveform
+        Phases, mean force and its standard error.
+    """
+    phase = np.linspace(0.0, 1.0, whole("points", points, least=2))
+    at = cycles.slips[:-1, np.newaxis] + phase * np.diff(cycles.slips)[:, np.newaxis]
+    return _mean(trace, at, phase)
+
+
+def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, points: int = 200) -> Waveform:
+    """Mean of the force around the slips.
+
+    Parameters
+    ----------
+    trace : Trace
+        The trace.
+    cycles : TraceCycles
+        Its cycles, from `find_cycles`.
+    before, after : float
+        Times before and after the middle of the slip [s].
+    points : int
+        Times.
+
+    Returns
+    -------
+    Waveform
+        Times from the middle of the slip, mean force and its standard error; of the slips for which the trace has them.
+
+    Raises
+    ------
+    UsageError
+        If the trace has fewer than two such slips.
+    """
+    low, high = number("before", before, above=0.0, units="s"), number("after", after, above=0.0, units="s")
+    time = np.linspace(-low, high, whole("points", points, least=2))
+    inside = (cycles.slips - low >= trace.time[0]) & (cycles.slips + high <= trace.time[-1])
+    if np.count_nonzero(inside) < 2:
+        raise UsageError(f"before = {low:g} s, after = {high:g} s: the trace has fewer than two slips with such times around")
+    return _mean(trace, cycles.slips[inside][:, np.newaxis] + time, time)
+
+
+def _mean(trace: Trace, at: _Floats, phase: _Floats) -> Waveform:
+    force = np.interp(at, trace.time, trace.force)
+    n = len(force)
+    error = np.std(force, axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.full(phase.size, np.nan)
+    return Waveform(phase, np.mean(force, axis=0), error, n)
+
+
+# Finding the falls --------------------------------------------------------------------------------------------------------
+
+
+def _falls(trace: Trace, noise: float) -> list[tuple[int, int, int, int]]:
+    """Samples of each fall: the valley before, or the first sample; peak; valley; next peak, or the last sample."""
+    force = trace.force
+    extent = float(force.max() - force.min())
+    if extent <= 1e-12 * float(np.abs(force).max()):
+        raise FileError(
+            f"{trace.name}: the force is constant, {force[0]:.6g} N: name the column of the force, or give a trace with stick-slip"
+        )
+    range_of = float(np.diff(np.percentile(force, (0.5, 99.5)))[0]) or extent
+    window = int(np.ceil((noise / (QUIET * range_of)) ** 2))
+    window = min(window | 1, max(1, int(WHOLE_PART * force.size)) | 1)
+    smooth = _smoothed(force, window)
+    left = noise / np.sqrt(window)
+    least = max(0.5 * ABOVE_NOISE * left, 0.5 * QUIET * range_of)
+    sizes = np.array([smooth[p] - smooth[v] for _, p, v, _ in _pairs(smooth, least)])
+    usual = _usual_size(sizes)
+    if usual < ABOVE_NOISE * left or sizes.size == 0:
+        raise FileError(
+            f"{trace.name}: no stick-slip above the noise: the force has no falls beyond {ABOVE_NOISE * left:.3g} N, with a noise of "
+            f"{noise:.3g} N a sample: name the column of the force, or give a trace with stick-slip"
+        )
+    return _pairs(smooth, THRESHOLD * usual)
+
+
+def _pairs(smooth: _Floats, least: float) -> list[tuple[int, int, int, int]]:
+    turns = _turns(smooth, least)
+    at = [0, *(i for i, _ in turns), smooth.size - 1]
+    # A trace that begins in a fall has a valley first.
+    return [(at[k], at[k + 1], at[k + 2], at[k + 3]) for k in range(len(turns) - 1) if turns[k][1] > 0]
+
+
+def _smoothed(force: _Floats, window: int) -> _Floats:
+    """Without spikes of one sample, and averaged over a window."""
+    inner = np.median(np.stack([force[:-2], force[1:-1], force[2:]]), axis=0)
+    quiet = np.concatenate([inner[:1], inner, inner[-1:]])
+    if window == 1:
+        return quiet
+    half = window // 2
+    sums = np.concatenate([[0.0], np.cumsum(quiet - quiet[0])])
+    i = np.arange(quiet.size)
+    low, high = np.maximum(i - half, 0), np.minimum(i + half + 1, quiet.size)
+    return np.asarray(quiet[0] + (sums[high] - sums[low]) / (high - low))
+
+
+def _usual_size(sizes: _Floats) -> float:
+    """The size that falls above and below it share the sum of all sizes: neither many small nor one large one count."""
+    if sizes.size == 0:
+        return 0.0
+    ordered = np.sort(sizes)
+    return float(ordered[np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())])
+
+
+# One slip -----------------------------------------------------------------------------------------------------------------
+
+
+class _Slip(NamedTuple):
+    time: float
+    onset: float
+    end: float
+    duration: float
+    peak: float
+    last: float
+    """Value of the parabola before the fall where that begins."""
+    valley: float
+
+
+def _slip(trace: Trace, first: int, p: int, v: int, last: int) -> _Slip:
+    """What the samples say of a fall, between the valley before it and the peak after it."""
+    time, force = trace.time, trace.force
+    around = slice(max(p - (v - p), first), min(v + (v - p), last) + 1)
+    peak = float(np.median(force[max(p - 2, first) : p + 1]))
+    valley = float(np.median(force[v : min(v + 3, last + 1)]))
+    slip = None
+    for _ in range(3):
+        size = peak - valley
+        middle = _time_above(time, force, around, valley + 0.5 * size, MID_BAND * size, p, v)
+        early = _time_above(time, force, around, peak - NEAR_END * size, END_BAND * size, p, v)
+        late = _time_above(time, force, around, valley + NEAR_END * size, END_BAND * size, p, v)
+        onset = early - BEYOND * max(middle - early, 0.0)
+        end = late + BEYOND * max(late - middle, 0.0)
+        top, at_onset = _extreme(time, force, first, onset, peak - NEAR_END * size, END_BAND * size)
+        # The valley is the peak of the trace seen from its other side.
+        low, _ = _extreme(
+            -time[last::-1], -force[last::-1], 0, -end, -(valley + NEAR_END * size), END_BAND * size
+        )
+        slip = _Slip(middle, onset, end, late - early, top, at_onset, -low)
+        if not top > -low:
+            break
+        peak, valley = top, -low
+    assert slip is not None
+    return slip
+
+
+def _time_above(
+    time: _Floats, force: _Floats, around: slice, level: float, band: float, p: int, v: int
+) -> float:
+    """When the force falls through a level: the mean over a band, so that noise has no say in it."""
+    t, f = time[around], force[around]
+    inner_p, inner_v = p - around.start, v - around.start
+    fine = np.linspace(t[0], t[-1], max(FINE * (t.size // max(inner_v - inner_p, 1) + 1), 4 * t.size) + 1)
+    share = np.clip((np.interp(fine, t, f) - (level - band)) / (2.0 * band), 0.0, 1.0)
+    # Before the peak the force is above, after the valley below, whatever the loading does there.
+    share[fine <= t[inner_p]] = 1.0
+    share[fine >= t[inner_v]] = 0.0
+    return float(fine[0] + np.sum(0.5 * (share[1:] + share[:-1])) * (fine[1] - fine[0]))
+
+
+def _extreme(
+    time: _Floats, force: _Floats, first: int, onset: float, level: float, band: float
+) -> tuple[float, float]:
+    """Largest value of the parabola through the samples before `onset` that are near the peak, and its value at `onset`."""
+    stop = int(np.searchsorted(time, onset, side="right"))
+    inside = force[first:stop]
+    share = np.clip((inside - (level - band)) / (2.0 * band), 0.0, 1.0)
+    # The last samples before the fall that are above the level: as many as there are above, all told.
+    count = int(round(float(share.sum())))
+    start = max(first, stop - max(count, 5))
+    t, f = time[start:stop], force[start:stop]
+    if t.size < 2:
+        nearest = float(force[max(stop - 1, 0)])
+        return nearest, nearest
+    degree = 2 if t.size >= 8 else 1
+    scale = float(t[-1] - t[0])
+    coefficients = np.polynomial.polynomial.polyfit((t - onset) / scale, f, degree)
+    at_onset = float(coefficients[0])
+    ends = np.array([0.0, (t[0] - onset) / scale])
+    if degree == 2 and coefficients[2] < 0.0:
+        ends = np.append(ends, np.clip(-0.5 * coefficients[1] / coefficients[2], ends[1], 0.0))
+    return float(np.max(np.polynomial.polynomial.polyval(ends, coefficients))), at_onset
+
+
+def _row(trace: Trace, before: _Slip, after: _Slip) -> tuple[float, ...]:
+    """A cycle, from one slip to the next, in the order of `CYCLE_COLUMNS`."""
+    loading = after.onset - before.end
+    inside = slice(*np.searchsorted(trace.time, [before.end + share * loading for share in STRAIGHT]))
+    t, f = trace.time[inside], trace.force[inside]
+    swing = after.peak - before.valley
+    rate = lacking = np.nan
+    if t.size >= 3:
+        rate, _ = _slope(t, f)
+        line = float(np.mean(f)) + rate * (after.onset - float(np.mean(t)))
+        lacking = (line - after.last) / swing
+    duration = before.duration if before.duration >= 2.0 * trace.interval else np.nan
+    return (before.time, after.time - before.time, after.peak, before.valley, swing, duration, rate, lacking)
+
+
+def _slope(x: _Floats, y: _Floats) -> tuple[float, float]:
+    """Slope of the straight line through points, and its standard error."""
+    dx, dy = x - np.mean(x), y - np.mean(y)
+    square = float(np.sum(dx**2))
+    if x.size < 3 or square == 0.0:
+        return 0.0, np.inf
+    slope = float(np.sum(dx * dy)) / square
+    rest = float(np.sum((dy - slope * dx) ** 2))
+    return slope, float(np.sqrt(rest / (x.size - 2) / square))
+
+
+def _refuse_few(trace: Trace, slips: list[_Slip]) -> None:
+    cycles = max(len(slips) - 1, 0)
+    if cycles < FEWEST_CYCLES:
+        raise FileError(
+            f"{trace.name}: {cycles} whole cycles ({len(slips)} slips) in {trace.duration:.4g} s: at least {FEWEST_CYCLES} are "
+            "needed: give a longer trace"
+        )
+    period = float(np.median(np.diff([slip.time for slip in slips])))
+    samples = period / trace.interval
+    if samples < FEWEST_SAMPLES:
+        raise FileError(
+            f"{trace.name}: {samples:.3g} samples in a cycle of {period:.4g} s: at least {FEWEST_SAMPLES} are needed: sample more often"
+        )
+    fall = float(np.median([slip.end - slip.onset for slip in slips]))
+    if fall > BACKWARDS * (period - fall):
+        raise FileError(
+            f"{trace.name}: the force rises in {period - fall:.3g} s and falls in {fall:.3g} s, as if its sign were turned: "
+            "give a negative factor as the unit of force"
+        )
