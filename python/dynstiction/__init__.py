@@ -53,6 +53,7 @@ from .stability import (
 )
 from .stick_slip import StickSlip, stick_slip_statistics
 from .trace import Trace, read_trace
+from .trace_comparison import Statistic, TraceComparison, compare
 from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
 
 __version__ = _native.origin()["version"]
@@ -82,15 +83,18 @@ __all__ = [
     "Simulation",
     "SolverError",
     "Spectrogram",
+    "Statistic",
     "StickSlip",
     "StickSlipEnds",
     "Sweep",
     "System",
     "Trace",
+    "TraceComparison",
     "TraceCycles",
     "Trade",
     "UsageError",
     "Waveform",
+    "compare",
     "creep_asymptotic",
     "creep_end",
     "creep_exact",

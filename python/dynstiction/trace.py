@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import instance, number, path_name, shown
+from ._arguments import instance, number, path_name, shown, whole
 from .errors import FileError, UsageError
 from .result import Result
 
@@ -235,6 +235,21 @@ class Trace:
         time = np.minimum(self.time[0] + step * np.arange(count), self.time[-1])
         columns = {q: np.interp(time, self.time, v) for q, v in self._columns().items() if q != "time"}
         return Trace(time, **columns, name=self.name)
+
+    def with_noise(self, deviation: float, seed: int = 0) -> Trace:
+        """The same with white noise on the force.
+
+        Parameters
+        ----------
+        deviation : float
+            Standard deviation of the noise [N].
+        seed : int
+            Of the noise: the same seed gives the same noise.
+        """
+        size = number("deviation", deviation, least=0.0, units="N")
+        noise = np.random.default_rng(whole("seed", seed, least=0)).standard_normal(self.time.size)
+        columns = self._columns() | {"force": self.force + size * noise}
+        return Trace(**columns, name=self.name, lines=self.lines)
 
     @classmethod
     def of(cls, result: Result, interval: float | None = None) -> Trace:

@@ -43,6 +43,10 @@ NEAR_END = 0.1
 """Of the fall: its ends, where the slip's duration and the windows of the parabolas begin."""
 BEYOND = 0.7
 """Of the time from an end to the middle of the fall: how far outwards a harmonic fall has its extreme."""
+FEWEST_FITTED, PARABOLA = 5, 8
+"""Samples that a line, and from how many on a parabola, is fitted to."""
+CURVED = (0.1, 0.6)
+"""Shares of the loading time between which the parabola is fitted that tells from where the loading starts."""
 STRAIGHT = (0.3, 0.6)
 """Shares of the loading time between which the straight line of the loading is fitted."""
 FINE = 64
@@ -54,7 +58,7 @@ CYCLE_COLUMNS = (
     Info("slip_time", "s", "middle of the slip that begins the cycle"),
     Info("period", "s", "from slip to slip"),
     Info("peak_force", "N", "peak of the force before the next slip"),
-    Info("valley_force", "N", "valley of the force after the slip"),
+    Info("valley_force", "N", "force from which the loading starts after the slip"),
     Info("swing", "N", "peak less valley"),
     Info("slip_duration", "s", "in which the force falls from 90 % to 10 % of the fall"),
     Info("loading_rate", "N/s", "slope of the force from 30 % to 60 % of the loading"),
@@ -174,7 +178,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
     noise = noise_level(trace.force)
     falls = _falls(trace, noise)
-    slips = [_slip(trace, *fall) for fall in falls]
+    slips = _slips(trace, falls)
     _refuse_few(trace, slips)
     rows = [_row(trace, before, after) for before, after in zip(slips, slips[1:], strict=False)]
     columns = [np.array(values) for values in zip(*rows, strict=True)]
@@ -328,31 +332,48 @@ class _Slip(NamedTuple):
     valley: float
 
 
-def _slip(trace: Trace, first: int, p: int, v: int, last: int) -> _Slip:
-    """What the samples say of a fall, between the valley before it and the peak after it."""
-    time, force = trace.time, trace.force
+def _slips(trace: Trace, falls: list[tuple[int, int, int, int]]) -> list[_Slip]:
+    """What the samples say of each fall; first with the extremes of the samples, then with what is fitted beside the fall."""
+    if len(falls) < 2:
+        return [_Slip(float(trace.time[p]), float(trace.time[p]), float(trace.time[v]), 0.0, 0.0, 0.0, 0.0) for _, p, v, _ in falls]
+    peaks = [float(np.median(trace.force[max(p - 2, first) : p + 1])) for first, p, _, _ in falls]
+    bottoms = [float(np.median(trace.force[v : min(v + 3, last + 1)])) for _, _, v, last in falls]
+    times = [_times(trace, *each) for each in zip(falls, peaks, bottoms, strict=True)]
+    ends = [late + BEYOND * max(late - middle, 0.0) for _, middle, late in times]
+    onsets = [_onset(early, middle) for early, middle, _ in times]
+    valleys = [
+        _loading_begins(trace, *each) for each in zip(ends[:-1], onsets[1:], bottoms[:-1], peaks[1:], strict=True)
+    ]
+    # The loading after the last slip may have no end.
+    valleys.append(bottoms[-1] + float(np.median(np.subtract(valleys, bottoms[:-1]))))
+    slips = []
+    for fall, end, bottom, top, begin in zip(falls, ends, bottoms, peaks, valleys, strict=True):
+        peak, at_onset, valley = top, top, begin if begin < top else bottom
+        for _ in range(2):
+            early, middle, late = _times(trace, fall, peak, valley)
+            onset, size = _onset(early, middle), peak - valley
+            found, at_onset = _peak(trace, fall[0], onset, peak - NEAR_END * size, END_BAND * size)
+            peak = found if found > valley else peak
+        slips.append(_Slip(middle, onset, end, late - early, peak, at_onset, valley))
+    return slips
+
+
+def _onset(early: float, middle: float) -> float:
+    return early - BEYOND * max(middle - early, 0.0)
+
+
+def _times(
+    trace: Trace, fall: tuple[int, int, int, int], peak: float, valley: float
+) -> tuple[float, float, float]:
+    """Times near the beginning of the fall, at its middle and near its end."""
+    first, p, v, last = fall
     around = slice(max(p - (v - p), first), min(v + (v - p), last) + 1)
-    peak = float(np.median(force[max(p - 2, first) : p + 1]))
-    valley = float(np.median(force[v : min(v + 3, last + 1)]))
-    slip = None
-    for _ in range(3):
-        size = peak - valley
-        middle = _time_above(time, force, around, valley + 0.5 * size, MID_BAND * size, p, v)
-        early = _time_above(time, force, around, peak - NEAR_END * size, END_BAND * size, p, v)
-        late = _time_above(time, force, around, valley + NEAR_END * size, END_BAND * size, p, v)
-        onset = early - BEYOND * max(middle - early, 0.0)
-        end = late + BEYOND * max(late - middle, 0.0)
-        top, at_onset = _extreme(time, force, first, onset, peak - NEAR_END * size, END_BAND * size)
-        # The valley is the peak of the trace seen from its other side.
-        low, _ = _extreme(
-            -time[last::-1], -force[last::-1], 0, -end, -(valley + NEAR_END * size), END_BAND * size
-        )
-        slip = _Slip(middle, onset, end, late - early, top, at_onset, -low)
-        if not top > -low:
-            break
-        peak, valley = top, -low
-    assert slip is not None
-    return slip
+    size = peak - valley
+    levels = ((peak - NEAR_END * size, END_BAND), (valley + 0.5 * size, MID_BAND), (valley + NEAR_END * size, END_BAND))
+    early, middle, late = (
+        _time_above(trace.time, trace.force, around, level, band * size, p, v) for level, band in levels
+    )
+    return early, middle, late
 
 
 def _time_above(
@@ -362,35 +383,46 @@ def _time_above(
     t, f = time[around], force[around]
     inner_p, inner_v = p - around.start, v - around.start
     fine = np.linspace(t[0], t[-1], max(FINE * (t.size // max(inner_v - inner_p, 1) + 1), 4 * t.size) + 1)
-    share = np.clip((np.interp(fine, t, f) - (level - band)) / (2.0 * band), 0.0, 1.0)
+    share = _share_above(np.interp(fine, t, f), level, band)
     # Before the peak the force is above, after the valley below, whatever the loading does there.
     share[fine <= t[inner_p]] = 1.0
     share[fine >= t[inner_v]] = 0.0
     return float(fine[0] + np.sum(0.5 * (share[1:] + share[:-1])) * (fine[1] - fine[0]))
 
 
-def _extreme(
-    time: _Floats, force: _Floats, first: int, onset: float, level: float, band: float
-) -> tuple[float, float]:
+def _share_above(force: _Floats, level: float, band: float) -> _Floats:
+    return np.clip((force - (level - band)) / (2.0 * band), 0.0, 1.0)
+
+
+def _peak(trace: Trace, first: int, onset: float, level: float, band: float) -> tuple[float, float]:
     """Largest value of the parabola through the samples before `onset` that are near the peak, and its value at `onset`."""
-    stop = int(np.searchsorted(time, onset, side="right"))
-    inside = force[first:stop]
-    share = np.clip((inside - (level - band)) / (2.0 * band), 0.0, 1.0)
-    # The last samples before the fall that are above the level: as many as there are above, all told.
-    count = int(round(float(share.sum())))
-    start = max(first, stop - max(count, 5))
-    t, f = time[start:stop], force[start:stop]
+    stop = int(np.searchsorted(trace.time, onset, side="right"))
+    # As many samples as there are above the level, all told: noise on both sides of it cancels.
+    count = round(float(_share_above(trace.force[first:stop], level, band).sum()))
+    inside = slice(max(first, stop - max(count, FEWEST_FITTED)), stop)
+    t, f = trace.time[inside] - onset, trace.force[inside]
     if t.size < 2:
-        nearest = float(force[max(stop - 1, 0)])
+        nearest = float(trace.force[max(stop - 1, 0)])
         return nearest, nearest
-    degree = 2 if t.size >= 8 else 1
-    scale = float(t[-1] - t[0])
-    coefficients = np.polynomial.polynomial.polyfit((t - onset) / scale, f, degree)
-    at_onset = float(coefficients[0])
-    ends = np.array([0.0, (t[0] - onset) / scale])
-    if degree == 2 and coefficients[2] < 0.0:
-        ends = np.append(ends, np.clip(-0.5 * coefficients[1] / coefficients[2], ends[1], 0.0))
-    return float(np.max(np.polynomial.polynomial.polyval(ends, coefficients))), at_onset
+    c = np.polynomial.polynomial.polyfit(t, f, 2 if t.size >= PARABOLA else 1)
+    places = np.array([t[0], 0.0])
+    if c.size == 3 and c[2] < 0.0:
+        places = np.append(places, np.clip(-0.5 * c[1] / c[2], t[0], 0.0))
+    return float(np.max(np.polynomial.polynomial.polyval(places, c))), float(c[0])
+
+
+def _loading_begins(trace: Trace, end: float, onset: float, bottom: float, peak: float) -> float:
+    """Force from which the loading starts: a parabola through a part of it, continued back to the end of the slip.
+
+    A dip at the end of the slip, where friction turns back, and what rings after it do not count.
+    """
+    loading = onset - end
+    inside = slice(*np.searchsorted(trace.time, [end + share * loading for share in CURVED]))
+    t, f = trace.time[inside] - end, trace.force[inside]
+    if t.size < FEWEST_FITTED:
+        return bottom
+    begin = float(np.polynomial.polynomial.polyfit(t, f, 2 if t.size >= PARABOLA else 1)[0])
+    return begin if begin < peak else bottom
 
 
 def _row(trace: Trace, before: _Slip, after: _Slip) -> tuple[float, ...]:
