@@ -275,9 +275,9 @@ class Trace:
         result = instance("result", result, Result, "give what run or open returns")
         along, across = pull_forces(result)
         keep = np.append(True, np.diff(result.time) > 0.0)
-        x = result["X"] if "X" in result else None
+        x = result.columns.get("X")
         sense = _sense(result)
-        columns = {
+        columns: dict[str, Any] = {
             "force": sense * along[keep],
             "displacement": None if x is None else sense * x[keep],
             "lateral_force": sense * across[keep],
@@ -295,10 +295,12 @@ class Trace:
             at = np.minimum(time[0] + step * np.arange(count), time[-1])
             columns = {q: None if v is None else np.interp(at, time, v) for q, v in columns.items()}
             time = at
-        return cls(time, name=name, **columns)  # type: ignore[arg-type]
+        return cls(time, columns["force"], columns["displacement"], columns["lateral_force"], name)
 
     def __repr__(self) -> str:
-        more = [q.replace("_", " ") for q in ("displacement", "lateral_force") if getattr(self, q) is not None]
+        more = [
+            q.replace("_", " ") for q in ("displacement", "lateral_force") if getattr(self, q) is not None
+        ]
         return (
             f"<Trace {self.name!r}: {self.time.size} samples from {self.time[0]:g} to {self.time[-1]:g} s, "
             f"{self.force.min():.4g} to {self.force.max():.4g} N{''.join(f', {each}' for each in more)}>"
@@ -425,7 +427,9 @@ def read_trace(
             raise UsageError(f"units: {shown(quantity)}: a trace has {', '.join(QUANTITIES)}")
     for quantity, column in wanted.items():
         if isinstance(column, bool) or not isinstance(column, int | str | None):
-            raise UsageError(f"{quantity} = {shown(column)}: a column is given by its number, from 0, or its name")
+            raise UsageError(
+                f"{quantity} = {shown(column)}: a column is given by its number, from 0, or its name"
+            )
     if interval is not None:
         interval = number("interval", interval, above=0.0, units="s")
         if time is not None:
@@ -447,6 +451,11 @@ def _is_hdf5(name: str) -> bool:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{name}: cannot be read: {reason}: give the file of a trace") from error
+
+
+def _trace(values: Mapping[str, _Floats], name: str, lines: NDArray[np.int64] | None = None) -> Trace:
+    displacement, across = values.get("displacement"), values.get("lateral_force")
+    return Trace(values["time"], values["force"], displacement, across, name, lines)
 
 
 # Tables -------------------------------------------------------------------------------------------------------------------
@@ -502,15 +511,19 @@ def _read_table(
             columns[quantity] = _find(table, quantity, column)
     for quantity, usual in (("time", 0), ("force", 1)):
         if quantity not in columns and not (quantity == "time" and interval is not None):
-            columns[quantity] = _usual(table, quantity, 0 if interval is not None else usual, set(columns.values()))
+            columns[quantity] = _usual(
+                table, quantity, 0 if interval is not None else usual, set(columns.values())
+            )
     twice = [q for q in columns if list(columns.values()).count(columns[q]) > 1]
     if twice:
-        raise UsageError(f"{name}: {' and '.join(twice)} are the same column, {columns[twice[0]]}: {table.about()}")
+        raise UsageError(
+            f"{name}: {' and '.join(twice)} are the same column, {columns[twice[0]]}: {table.about()}"
+        )
     lines = np.array([line for line, _ in table.rows], dtype=np.int64)
     values = {q: _numbers(table, q, c) * _factor(table, q, c, factors) for q, c in columns.items()}
     if interval is not None:
-        values["time"] = interval * np.arange(lines.size)
-    return Trace(**values, name=name, lines=lines)
+        values["time"] = np.multiply(interval, np.arange(lines.size, dtype=np.float64))
+    return _trace(values, name, lines)
 
 
 def _split_table(name: str, delimiter: str | None) -> _Table:
@@ -527,7 +540,7 @@ def _split_table(name: str, delimiter: str | None) -> _Table:
         raise FileError(f"{name}: has no samples: a table has one a line, time and force")
     if delimiter is None:
         delimiter = _sniff(name, lines)
-    elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in "\r\n\"#.+-0123456789":
+    elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in '\r\n"#.+-0123456789':
         raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
     rows = [(i, _fields(line, delimiter)) for i, line in lines]
     # What delimiters at the ends of all lines make.
@@ -633,11 +646,17 @@ def _find(table: _Table, quantity: str, column: Column) -> int:
             raise UsageError(f"{table.name}: {quantity} is to be column {column}: {table.about()}")
         return column
     for form in (str, _bare, lambda each: _bare(each).lower()):
-        found = [i for i, each in enumerate(table.names) if form(each) == (form(column) if form is not _bare else column)]
+        found = [
+            i
+            for i, each in enumerate(table.names)
+            if form(each) == (form(column) if form is not _bare else column)
+        ]
         if len(found) == 1:
             return found[0]
         if len(found) > 1:
-            raise UsageError(f"{table.name}: {len(found)} columns are called {shown(column)}: give its number; {table.about()}")
+            raise UsageError(
+                f"{table.name}: {len(found)} columns are called {shown(column)}: give its number; {table.about()}"
+            )
     raise UsageError(f"{table.name}: {quantity} is to be column {shown(column)}: {table.about()}")
 
 
@@ -707,8 +726,8 @@ def _read_hdf5(
     except Exception as error:  # whatever h5py and NumPy make of damaged files
         raise FileError(f"{name}: cannot be read: {error}") from error
     if interval is not None:
-        values["time"] = interval * np.arange(values["force"].size)
-    return Trace(**values, name=name)
+        values["time"] = np.multiply(interval, np.arange(values["force"].size, dtype=np.float64))
+    return _trace(values, name)
 
 
 def _dataset(file: h5py.File, name: str, quantity: str, paths: Sequence[Column]) -> h5py.Dataset:

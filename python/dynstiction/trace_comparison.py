@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ._arguments import instance, number, whole
+from ._arguments import instance, whole
 from .errors import FileError, UsageError, printable
 from .groups import Groups
 from .html import page_table
@@ -121,11 +120,16 @@ class TraceComparison:
         names = ("measured", "scatter", "error", "simulated", "scatter", "error", "difference", "in errors")
         rows = [("", *names), *(_row(each) for each in self.statistics)]
         widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        lines = [f"{self.trace.name}: {len(self.measured)} cycles, noise {self.measured.noise:.3g} N a sample"]
+        lines = [
+            f"{self.trace.name}: {len(self.measured)} cycles, noise {self.measured.noise:.3g} N a sample"
+        ]
         lines.append(f"{self.scene.name}: {len(self.simulated)} cycles of a settled run with the same noise")
         lines.append("")
         for row in rows:
-            first, *others = (text.ljust(w) if i == 0 else text.rjust(w) for i, (text, w) in enumerate(zip(row, widths, strict=True)))
+            first, *others = (
+                text.ljust(w) if i == 0 else text.rjust(w)
+                for i, (text, w) in enumerate(zip(row, widths, strict=True))
+            )
             lines.append("  ".join([first, *others]).rstrip())
         lines.append("")
         lines.append(f"waveforms: {self.waveform_rms:.3g} of the swing apart (root mean square over a cycle)")
@@ -147,8 +151,8 @@ class TraceComparison:
         matplotlib.figure.Figure
             Not attached to any window.
         """
-        from .plot.trace_comparison import draw_trace_comparison  # noqa: PLC0415  (matplotlib is slow to import)
         from .plot.style import new_figure  # noqa: PLC0415
+        from .plot.trace_comparison import draw_trace_comparison  # noqa: PLC0415  (matplotlib is slow to import)
 
         return new_figure(lambda figure: draw_trace_comparison(self, figure))
 
@@ -156,8 +160,20 @@ class TraceComparison:
         return f"<TraceComparison\n{self.report()}>"
 
     def _repr_html_(self) -> str:
-        head = ("", "measured", "scatter", "error", "simulated", "scatter", "error", "difference", "in errors")
-        return page_table(f"{self.trace.name} and {self.scene.name}", head, [_row(each) for each in self.statistics], "")
+        head = (
+            "",
+            "measured",
+            "scatter",
+            "error",
+            "simulated",
+            "scatter",
+            "error",
+            "difference",
+            "in errors",
+        )
+        return page_table(
+            f"{self.trace.name} and {self.scene.name}", head, [_row(each) for each in self.statistics], ""
+        )
 
 
 def _row(each: Statistic) -> tuple[str, ...]:
@@ -217,7 +233,9 @@ def compare(deck: DeckLike, trace: Trace, *, noise: bool = True, **groups: Unpac
         simulated = find_cycles(run)
     except FileError as error:
         raise UsageError(f"{scene.name}: its run has no cycles to compare: {error}") from None
-    fall = 0.5 * float(np.mean(measured.slips - measured.onsets) + np.mean(simulated.slips - simulated.onsets))
+    fall = 0.5 * float(
+        np.mean(measured.slips - measured.onsets) + np.mean(simulated.slips - simulated.onsets)
+    )
     period = min(measured.means()["period"], simulated.means()["period"])
     before, after = min(6.0 * fall, 0.4 * period), min(8.0 * fall, 0.5 * period)
     return TraceComparison(
@@ -239,16 +257,32 @@ def _statistics(measured: TraceCycles, simulated: TraceCycles) -> tuple[Statisti
     found = []
     for info, value in sides[0][0].info():
         name = info.name
-        numbers = [table[name] for side in sides for table in side]
-        difference = sides[1][0][name] - value
-        sure = SURE * max(abs(value), abs(sides[1][0][name]))
-        error = float(np.hypot(np.hypot(numbers[2], numbers[5]), sure))
+        mine, theirs = (tuple(table[name] for table in side) for side in sides)
+        difference = theirs[0] - value
+        sure = SURE * max(abs(value), abs(theirs[0]))
+        error = float(np.hypot(np.hypot(mine[2], theirs[2]), sure))
         deviation = difference / error if error > 0.0 else 0.0
-        found.append(Statistic(*info, *numbers, difference, deviation))
+        found.append(
+            Statistic(
+                name,
+                info.units,
+                info.long_name,
+                mine[0],
+                mine[1],
+                mine[2],
+                theirs[0],
+                theirs[1],
+                theirs[2],
+                difference,
+                deviation,
+            )
+        )
     return tuple(found)
 
 
-def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles | None = None, count: int | None = None) -> Trace:
+def simulate_like(
+    scene: Scene, trace: Trace, cycles: TraceCycles | None = None, count: int | None = None
+) -> Trace:
     """The force of a settled run of a scene, sampled like a trace, without noise.
 
     Under a steady drive the run goes on until it has twice as many cycles as are wanted, whatever the deck's `t_end` says, and the
@@ -282,7 +316,7 @@ def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles | None = None,
     wanted = whole("count", count, least=1) if count is not None else max(FEWEST, min(FACTOR * n, MOST), n)
     period = cycles.means()["period"]
     values = scene.replace(scene={"settle": None}, output={"interval": trace.interval, "wall_limit": None})
-    velocities = np.unique(np.atleast_1d(scene.groups().get("drive", {}).get("velocity", 0.0)))  # type: ignore[arg-type]
+    velocities = np.unique(np.atleast_1d(scene.groups().get("drive", {}).get("velocity", 0.0)))
     steady = velocities.size == 1
     with Simulation(values) as asked:
         t_end = asked.t_end

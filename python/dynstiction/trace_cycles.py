@@ -8,6 +8,7 @@ beside the fall: none hangs on an extreme sample, which noise would push outward
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,15 @@ from .record import Described, Info, Table
 from .stick_slip import _turns
 from .trace import Trace
 
-__all__ = ["CYCLE_COLUMNS", "TraceCycles", "Waveform", "find_cycles", "mean_slip", "mean_waveform", "noise_level"]
+__all__ = [
+    "CYCLE_COLUMNS",
+    "TraceCycles",
+    "Waveform",
+    "find_cycles",
+    "mean_slip",
+    "mean_waveform",
+    "noise_level",
+]
 
 _Floats = NDArray[np.float64]
 
@@ -62,7 +71,11 @@ CYCLE_COLUMNS = (
     Info("swing", "N", "peak less valley"),
     Info("slip_duration", "s", "in which the force falls from 90 % to 10 % of the fall"),
     Info("loading_rate", "N/s", "slope of the force from 30 % to 60 % of the loading"),
-    Info("creep_share", "1", "what the force lacks before slip to the straight line of the loading, over the swing"),
+    Info(
+        "creep_share",
+        "1",
+        "what the force lacks before slip to the straight line of the loading, over the swing",
+    ),
 )
 """What is told of a cycle."""
 
@@ -180,7 +193,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
     falls = _falls(trace, noise)
     slips = _slips(trace, falls)
     _refuse_few(trace, slips)
-    rows = [_row(trace, before, after) for before, after in zip(slips, slips[1:], strict=False)]
+    rows = [_row(trace, before, after) for before, after in pairwise(slips)]
     columns = [np.array(values) for values in zip(*rows, strict=True)]
     times = np.array([slip.time for slip in slips])
     onsets = np.array([slip.onset for slip in slips])
@@ -198,7 +211,13 @@ def find_cycles(trace: Trace) -> TraceCycles:
             f"the force drifts by {drift * trace.duration:.2g} N over the trace: peaks and valleys have no one value"
         )
     return TraceCycles(
-        Described(zip(CYCLE_COLUMNS, columns, strict=True)), times, onsets, noise, drift, drift_error, tuple(notes)
+        Described(zip(CYCLE_COLUMNS, columns, strict=True)),
+        times,
+        onsets,
+        noise,
+        drift,
+        drift_error,
+        tuple(notes),
     )
 
 
@@ -252,7 +271,9 @@ def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, po
     time = np.linspace(-low, high, whole("points", points, least=2))
     inside = (cycles.slips - low >= trace.time[0]) & (cycles.slips + high <= trace.time[-1])
     if np.count_nonzero(inside) < 2:
-        raise UsageError(f"before = {low:g} s, after = {high:g} s: the trace has fewer than two slips with such times around")
+        raise UsageError(
+            f"before = {low:g} s, after = {high:g} s: the trace has fewer than two slips with such times around"
+        )
     return _mean(trace, cycles.slips[inside][:, np.newaxis] + time, time)
 
 
@@ -335,14 +356,18 @@ class _Slip(NamedTuple):
 def _slips(trace: Trace, falls: list[tuple[int, int, int, int]]) -> list[_Slip]:
     """What the samples say of each fall; first with the extremes of the samples, then with what is fitted beside the fall."""
     if len(falls) < 2:
-        return [_Slip(float(trace.time[p]), float(trace.time[p]), float(trace.time[v]), 0.0, 0.0, 0.0, 0.0) for _, p, v, _ in falls]
+        return [
+            _Slip(float(trace.time[p]), float(trace.time[p]), float(trace.time[v]), 0.0, 0.0, 0.0, 0.0)
+            for _, p, v, _ in falls
+        ]
     peaks = [float(np.median(trace.force[max(p - 2, first) : p + 1])) for first, p, _, _ in falls]
     bottoms = [float(np.median(trace.force[v : min(v + 3, last + 1)])) for _, _, v, last in falls]
     times = [_times(trace, *each) for each in zip(falls, peaks, bottoms, strict=True)]
     ends = [late + BEYOND * max(late - middle, 0.0) for _, middle, late in times]
     onsets = [_onset(early, middle) for early, middle, _ in times]
     valleys = [
-        _loading_begins(trace, *each) for each in zip(ends[:-1], onsets[1:], bottoms[:-1], peaks[1:], strict=True)
+        _loading_begins(trace, *each)
+        for each in zip(ends[:-1], onsets[1:], bottoms[:-1], peaks[1:], strict=True)
     ]
     # The loading after the last slip may have no end.
     valleys.append(bottoms[-1] + float(np.median(np.subtract(valleys, bottoms[:-1]))))
@@ -369,7 +394,11 @@ def _times(
     first, p, v, last = fall
     around = slice(max(p - (v - p), first), min(v + (v - p), last) + 1)
     size = peak - valley
-    levels = ((peak - NEAR_END * size, END_BAND), (valley + 0.5 * size, MID_BAND), (valley + NEAR_END * size, END_BAND))
+    levels = (
+        (peak - NEAR_END * size, END_BAND),
+        (valley + 0.5 * size, MID_BAND),
+        (valley + NEAR_END * size, END_BAND),
+    )
     early, middle, late = (
         _time_above(trace.time, trace.force, around, level, band * size, p, v) for level, band in levels
     )

@@ -18,6 +18,7 @@ __all__ = ["draw_trace_comparison"]
 
 ERRORS = 2.0
 """Standard errors that a band is wide to either side."""
+MOST_DIGITS = 8
 MILLI = (1e3, "ms")
 SYMBOLS = {
     "period": "period [s]",
@@ -53,8 +54,15 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
 def _draw(axis: Axes, measured: Waveform, simulated: Waveform, scale: float) -> None:
     for form, colour, name in ((measured, BLUE, "measured"), (simulated, VERMILION, "simulated")):
         band = ERRORS * np.nan_to_num(form.error)
-        axis.fill_between(scale * form.phase, form.force - band, form.force + band, color=colour, alpha=0.25, linewidth=0.0)
-        axis.plot(scale * form.phase, form.force, color=colour, label=f"{name}, {form.cycles} cycles" if scale == 1.0 else name)
+        axis.fill_between(
+            scale * form.phase, form.force - band, form.force + band, color=colour, alpha=0.25, linewidth=0.0
+        )
+        axis.plot(
+            scale * form.phase,
+            form.force,
+            color=colour,
+            label=f"{name}, {form.cycles} cycles" if scale == 1.0 else name,
+        )
     axis.margins(y=0.08)
 
 
@@ -66,7 +74,7 @@ def _time_scale(time: object) -> tuple[float, str]:
 
 def _draw_table(axis: Axes, statistics: tuple[Statistic, ...]) -> None:
     axis.set_axis_off()
-    head = ("", "measured", "simulated", "difference\nin errors")
+    head = ("mean (error)", "measured", "simulated", "difference\nin errors")
     rows = [
         (
             SYMBOLS.get(each.name, each.name),
@@ -76,7 +84,7 @@ def _draw_table(axis: Axes, statistics: tuple[Statistic, ...]) -> None:
         )
         for each in statistics
     ]
-    places = (0.0, 0.55, 0.86, 1.04)
+    places = (-0.15, 0.46, 0.80, 1.0)
     height = 1.0 / (len(rows) + 1.5)
     for i, row in enumerate((head, *rows)):
         y = 1.0 - height * (0.9 if i == 0 else i + 1.2)
@@ -95,10 +103,14 @@ def _draw_table(axis: Axes, statistics: tuple[Statistic, ...]) -> None:
 
 
 def _with_error(value: float, error: float) -> str:
-    """A value with its standard error of two digits."""
+    """A value with its standard error in units of its last digit, of two digits: 0.83293(32)."""
     if np.isnan(value):
         return "–"
-    if not (np.isfinite(error) and error > 0.0):
-        return f"{value:.5g}"
+    if not (np.isfinite(error) and error > 1e-9 * abs(value)):
+        return f"{value:.6g}"
     digits = 1 - int(np.floor(np.log10(error)))
-    return f"{value:.{digits}f} ± {error:.{digits}f}" if 0 <= digits <= 6 else f"{value:.4g} ± {error:.1g}"
+    if not 0 <= digits <= MOST_DIGITS:
+        return f"{value:.4g} ± {error:.1g}"
+    shown = f"{error:.{digits}f}"
+    # An error above 1 has a point itself.
+    return f"{value:.{digits}f}({shown if error >= 1.0 else round(error * 10.0**digits)})"
