@@ -14,6 +14,7 @@ from .errors import (
     DeckError,
     Error,
     FileError,
+    FitWarning,
     IncompleteWarning,
     OutOfMemoryError,
     PackageError,
@@ -36,6 +37,7 @@ from ._sweep import open_sweep, sweep
 from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import jacobian, rhs
+from .fit import Fit, fit
 from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
 from .limit_cycles import Cycles, LimitCycle, StickSlipEnds, cycles, stick_slip_ends
 from .record import Described
@@ -69,6 +71,8 @@ __all__ = [
     "Drive",
     "Error",
     "FileError",
+    "Fit",
+    "FitWarning",
     "Friction",
     "IncompleteWarning",
     "Initial",
@@ -104,6 +108,7 @@ __all__ = [
     "cycles",
     "damping_ratio",
     "find_cycles",
+    "fit",
     "jacobian",
     "mean_slip",
     "mean_waveform",

@@ -1,0 +1,1 @@
+"""How the parameters behind a measured force trace are found: waveform, models, least squares."""
