@@ -36,7 +36,7 @@ module dst_summary
   !> A zero is found to this share of the values at the ends, or of the advance's time. Far below what is told of it.
   real(wp), parameter :: close_to_zero = 1.0e-7_wp, close_in_time = 1.0e-8_wp
   integer, parameter :: most_iterations = 40
-  !> What the window of a cycle may differ by from its period, relative to it: far more than a step does.
+  !> What a window may differ by from whole cycles, relative to it. Convention: its share of creep is then told to that.
   real(wp), parameter :: alike = 1.0e-3_wp
 
   !> What may pass through zero inside a stretch, see `crossing_value`.
@@ -261,17 +261,19 @@ contains
     call look_whether_settled(self, end)
   end subroutine add
 
-  !> After each cycle: whether it agrees with the one before. Then it stands for the second half of the run, which ends at this
-  !> time [s].
+  !> After each cycle: whether it agrees with the one before. Then the window since stands for the second half of the run, which
+  !> ends at this time [s]. It ends with a step, or a leap, in which the cycle was noticed: where that is not whole cycles after its
+  !> beginning, it takes in the next cycle too, of whose length the difference is a smaller part.
   subroutine look_whether_settled(self, time)
     class(summary_t), intent(inout) :: self
     real(wp), intent(in) :: time
 
     if (self%cycles%count == self%cycles_seen .or. self%settled_at >= 0.0_wp) return
     self%cycles_seen = self%cycles%count
-    ! A window that ends with a leap is no cycle if it began with a step.
-    if (self%cycles%agree(self%settle) .and. abs(self%this_cycle%length - self%cycles%last_period()) &
-      <= alike*self%cycles%last_period()) then
+    if (self%cycles%agree(self%settle)) then
+      associate (length => self%this_cycle%length, period => self%cycles%last_period())
+        if (abs(length - max(1.0_wp, anint(length/period))*period) > alike*length) return
+      end associate
       self%settled_at = time
       self%late = self%this_cycle
     end if

@@ -199,6 +199,35 @@ def settled(request: pytest.FixtureRequest) -> ds.Result:
     return ds.run(FIG3, scene={"t_end": 50.0, "settle": 1e-5}, integrator={"cycle_map": request.param}, output={"interval": 0.01})
 
 
+@pytest.mark.parametrize("case", range(12))
+def test_a_run_settles_whether_its_cycles_are_leapt_or_not(case: int) -> None:
+    """Where a cycle is noticed lies up to a step or a leap after it: a hundredth of its period, or many cycles that are leapt at once."""
+    random = np.random.default_rng(case)
+    slider = {
+        "mass": 10.0 ** random.uniform(-0.5, 0.5),
+        "stiffness_x": 10.0 ** random.uniform(2.5, 3.3),
+        "misalignment_deg": random.uniform(0.5, 3.0),
+    }
+    mu_0 = random.uniform(0.2, 0.4)
+    friction = {"mu_0": mu_0, "mu_inf": mu_0 * random.uniform(0.7, 0.85), "v_f": 10.0 ** random.uniform(-2.3, -1.7)}
+    runs = [
+        ds.run(
+            FIG3,
+            scene={"t_end": 300.0, "settle": 1e-6},
+            system=slider,
+            friction=friction,
+            integrator={"method": "radau13", "rtol": 1e-7, "cycle_map": wanted},
+            output={"interval": 1.0},
+        ).summary
+        for wanted in ("auto", "off")
+    ]
+    for summary in runs:
+        assert summary["settled_at"] < 151.0
+    assert runs[1]["cycles"] <= 3
+    for name in ("period", "peak_force", "valley_force", "slip_length"):
+        assert runs[0][name] == pytest.approx(runs[1][name], rel=1e-5), name
+
+
 def test_a_settled_run_ends_after_a_few_cycles(settled: ds.Result) -> None:
     assert settled.complete and settled.result_code == 0
     assert 2 <= settled.summary["cycles"] <= 4
