@@ -54,9 +54,10 @@ from .stability import (
     steady_sliding_eigenvalues,
 )
 from .stick_slip import StickSlip, stick_slip_statistics
-from .trace import Trace, read_trace
+from .trace import Trace
 from .trace_comparison import Statistic, TraceComparison, compare
 from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
+from .trace_file import read_trace
 
 __version__ = _native.origin()["version"]
 

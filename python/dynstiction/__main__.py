@@ -162,8 +162,8 @@ def _short_names(files: Sequence[Path]) -> list[str]:
 
 def _compare(options: argparse.Namespace) -> None:
     from .plot.style import write  # noqa: PLC0415
-    from .trace import read_trace  # noqa: PLC0415
     from .trace_comparison import compare  # noqa: PLC0415
+    from .trace_file import read_trace  # noqa: PLC0415
 
     units = {}
     for setting in options.unit:

@@ -125,7 +125,7 @@ class TraceCycles(Table[_Floats]):
         return self._each(lambda values: float(np.std(values, ddof=1)))
 
     def errors(self) -> Described[float]:
-        """Standard error of each mean."""
+        """Standard error of each mean, as of independent cycles; of the period of a regular motion it is too large."""
         return self._each(lambda values: float(np.std(values, ddof=1) / np.sqrt(values.size)))
 
     def _each(self, of: object) -> Described[float]:
@@ -191,8 +191,8 @@ def find_cycles(trace: Trace) -> TraceCycles:
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
     noise = noise_level(trace.force)
     falls = _falls(trace, noise)
+    _refuse_few(trace, falls)
     slips = _slips(trace, falls)
-    _refuse_few(trace, slips)
     rows = [_row(trace, before, after) for before, after in pairwise(slips)]
     columns = [np.array(values) for values in zip(*rows, strict=True)]
     times = np.array([slip.time for slip in slips])
@@ -355,11 +355,6 @@ class _Slip(NamedTuple):
 
 def _slips(trace: Trace, falls: list[tuple[int, int, int, int]]) -> list[_Slip]:
     """What the samples say of each fall; first with the extremes of the samples, then with what is fitted beside the fall."""
-    if len(falls) < 2:
-        return [
-            _Slip(float(trace.time[p]), float(trace.time[p]), float(trace.time[v]), 0.0, 0.0, 0.0, 0.0)
-            for _, p, v, _ in falls
-        ]
     peaks = [float(np.median(trace.force[max(p - 2, first) : p + 1])) for first, p, _, _ in falls]
     bottoms = [float(np.median(trace.force[v : min(v + 3, last + 1)])) for _, _, v, last in falls]
     times = [_times(trace, *each) for each in zip(falls, peaks, bottoms, strict=True)]
@@ -480,22 +475,23 @@ def _slope(x: _Floats, y: _Floats) -> tuple[float, float]:
     return slope, float(np.sqrt(rest / (x.size - 2) / square))
 
 
-def _refuse_few(trace: Trace, slips: list[_Slip]) -> None:
-    cycles = max(len(slips) - 1, 0)
+def _refuse_few(trace: Trace, falls: list[tuple[int, int, int, int]]) -> None:
+    cycles = max(len(falls) - 1, 0)
     if cycles < FEWEST_CYCLES:
         raise FileError(
-            f"{trace.name}: {cycles} whole cycles ({len(slips)} slips) in {trace.duration:.4g} s: at least {FEWEST_CYCLES} are "
+            f"{trace.name}: {cycles} whole cycles ({len(falls)} slips) in {trace.duration:.4g} s: at least {FEWEST_CYCLES} are "
             "needed: give a longer trace"
         )
-    period = float(np.median(np.diff([slip.time for slip in slips])))
+    period = float(np.median(np.diff([trace.time[p] for _, p, _, _ in falls])))
     samples = period / trace.interval
     if samples < FEWEST_SAMPLES:
         raise FileError(
             f"{trace.name}: {samples:.3g} samples in a cycle of {period:.4g} s: at least {FEWEST_SAMPLES} are needed: sample more often"
         )
-    fall = float(np.median([slip.end - slip.onset for slip in slips]))
-    if fall > BACKWARDS * (period - fall):
+    _, p, v, after = trace.time[np.array(falls)].T
+    fall, rise = float(np.median(v - p)), float(np.median((after - v)[:-1]))
+    if fall > BACKWARDS * rise:
         raise FileError(
-            f"{trace.name}: the force rises in {period - fall:.3g} s and falls in {fall:.3g} s, as if its sign were turned: "
+            f"{trace.name}: the force rises in {rise:.3g} s and falls in {fall:.3g} s, as if its sign were turned: "
             "give a negative factor as the unit of force"
         )
