@@ -46,6 +46,9 @@ MISFIT = 1e-4
 BROAD_STEP = 0.02
 """Change of a logarithm for a derivative of the full model, whose runs are sampled."""
 RANDOM_STARTS = 6
+WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
+LEAST_DROP = 1e-3
+"""Of mu_0: the least weakening that a fit begins with."""
 SPREAD = 0.7
 """Largest change of a logarithm in a random start."""
 BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
@@ -257,9 +260,49 @@ class _Problem:
     cycles: TraceCycles
     wave: Waveform
 
-    def with_values(self, scene: Scene, logarithms: _Floats, names: Sequence[str]) -> Scene:
+    @property
+    def weakening(self) -> tuple[int, int, int] | None:
+        """Places of mu_0, mu_inf and v_f, if all three are free."""
+        if not set(WEAKENING) <= set(self.names):
+            return None
+        i, j, k = (self.names.index(name) for name in WEAKENING)
+        return i, j, k
+
+    def logarithms(self, q: _Floats) -> _Floats:
+        """Logarithms of the parameters from the coordinates of the fit, in which mu_inf stands as ln((mu_0 - mu_inf)/v_f).
+
+        Creep knows the slope of friction only, so that mu_inf and v_f are hardly told apart: in these coordinates the valley in which
+        they lie is straight.
+        """
+        z = q.copy()
+        if self.weakening:
+            i, j, k = self.weakening
+            limit = math.exp(q[i]) - math.exp(q[j] + q[k])
+            if limit <= 0.0:
+                raise NoCycleError("mu_inf would be negative")
+            z[j] = math.log(limit)
+        return z
+
+    def coordinates(self, z: _Floats) -> _Floats:
+        """What `logarithms` turns into z."""
+        q = z.copy()
+        if self.weakening:
+            i, j, k = self.weakening
+            q[j] = math.log(max(math.exp(z[i]) - math.exp(z[j]), LEAST_DROP * math.exp(z[i]))) - z[k]
+        return q
+
+    def slopes(self, q: _Floats) -> _Floats:
+        """Derivatives of `logarithms`, shape (p, p)."""
+        slopes = np.eye(q.size)
+        if self.weakening:
+            i, j, k = self.weakening
+            top, drop = math.exp(q[i]), math.exp(q[j] + q[k])
+            slopes[j, [i, j, k]] = np.array([top, -drop, -drop]) / (top - drop)
+        return slopes
+
+    def with_values(self, scene: Scene, q: _Floats, names: Sequence[str]) -> Scene:
         groups: dict[str, dict[str, float]] = {}
-        for name, value, old in zip(self.names, np.exp(logarithms), self.begin, strict=True):
+        for name, value, old in zip(self.names, np.exp(self.logarithms(q)), self.begin, strict=True):
             group, _, key = name.partition(".")
             if name in names:
                 groups.setdefault(group, {})[key] = math.copysign(float(value), old)
@@ -298,8 +341,8 @@ class _Problem:
         self, slowly: Model, own: Model | None, starts: int, seed: int, say: Callable[[float], None]
     ) -> Solution:
         """The best of several fits with errors that shrink to those of the trace, the own model's difference taken anew each time."""
-        given = np.log(np.abs(self.begin))
-        near = [given, *self._glances(given)]
+        given = self.coordinates(np.log(np.abs(self.begin)))
+        near = [given, *self._glances(np.log(np.abs(self.begin)))]
         random = np.random.default_rng(seed)
         near += [
             near[int(random.integers(len(near)))] + random.uniform(-SPREAD, SPREAD, given.size)
@@ -348,7 +391,7 @@ class _Problem:
             for i, name in enumerate(self.names):
                 if name in values:
                     start[i] = math.log(values[name])
-            yield start
+            yield self.coordinates(start)
 
     def _corrected(
         self, slowly: Model, fully: Model, found: Solution, mute: Sequence[int]
@@ -389,14 +432,18 @@ class _Problem:
         from scipy.stats import f  # noqa: PLC0415  (optional)
 
         wave = self.wave
-        z, jacobian = found.z, found.jacobian
+        z, jacobian = found.z.copy(), found.jacobian.copy()
+        values = slowly(z[:-1], float(z[-1]) * wave.fall) + offset
+        scene = self.with_values(self.scene, z[:-1], self.names)
+        # From the coordinates to the logarithms.
+        jacobian[:, :-1] = np.linalg.solve(self.slopes(z[:-1]).T, jacobian[:, :-1].T).T
+        z[:-1] = self.logarithms(z[:-1])
         p = len(self.names)
         weights = weights_of(wave, 0.0)
         inverse = np.linalg.inv(_normal(jacobian))
         influence = (wave.cycles - wave.mean) * weights[:-1] @ jacobian[:-1] @ inverse
         n = len(wave.cycles)
         covariance = influence.T @ influence / (n * (n - 1.0)) + np.outer(inverse @ jacobian[-1], inverse @ jacobian[-1])
-        values = slowly(z[:-1], float(z[-1]) * wave.fall) + offset
         residual = (wave.mean - values[:-1]) * weights[:-1]
         explained = float(np.sum(wave.cycles.var(axis=0, ddof=1) / n * weights[:-1] ** 2))
         used = int(np.count_nonzero(wave.used))
@@ -432,7 +479,7 @@ class _Problem:
         return Fit(
             parameters,
             inverse[:-1, :-1] / np.outer(scale, scale),
-            self.with_values(self.scene, z[:-1], self.names),
+            scene,
             model,
             misfit,
             chance,

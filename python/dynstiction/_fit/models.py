@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from .. import _native
 from .._run import run
-from ..errors import Error, FileError, SolverError
+from ..errors import Error, SolverError
 from ..result import Result
 from ..scene import Scene
 from ..trace import Trace
-from ..trace_cycles import find_cycles
 from .waveform import Waveform, bin_means
 
 __all__ = ["NoCycleError", "full_means", "slow_means", "slow_scene"]
@@ -31,8 +30,8 @@ SLOW_METHOD = "radau5"
 """Its steps are close enough for cubic polynomials between their ends."""
 FINER = 4
 """Samples of the full model between two of the trace."""
-CYCLES = 5.3
-"""Cycles of the full model that are looked at: the least in which cycles are found."""
+CYCLES = 2.3
+"""Cycles of the full model that are looked at."""
 
 
 class NoCycleError(Error):
@@ -121,20 +120,20 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
 
 
 def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
-    """As `slow_means`, of any model, by the code that looks at traces."""
+    """As `slow_means`, of any model, by runs that are sampled more finely than the trace."""
     result = _settled(scene, wave, {"interval": wave.interval, "fields": ["sticking"]})
     end, period = float(result.time[-1]), float(result.summary["period"])
     fine = run(
         scene,
         progress=False,
-        scene={"settle": 0.0, "t_end": end + (CYCLES + 1.0) * period},
+        scene={"settle": 0.0, "t_end": end + CYCLES * period},
         output={"interval": wave.interval / FINER, "fields": ["spring_force_x", "spring_force_y"]},
     )
     trace = Trace.of(fine).part(start=end)
-    try:
-        slips = find_cycles(trace).slips
-    except FileError as error:
-        raise NoCycleError(str(error)) from error
+    load = np.sign(_geometry(scene)[2]) * fine["spring_force_x"][-trace.time.size :] * _geometry(scene)[0]
+    middle = 0.5 * abs(_geometry(scene)[0]) * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
+    k = np.flatnonzero((load[:-1] > middle) & (load[1:] <= middle))
+    slips = trace.time[k] + (load[k] - middle) / (load[k] - load[k + 1]) * np.diff(trace.time)[k]
     edges = wave.edges * (period / wave.period) + delay
     inside = slips[(slips + edges[0] >= trace.time[0]) & (slips + edges[-1] <= trace.time[-1])]
     if inside.size == 0:
