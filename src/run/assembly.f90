@@ -65,6 +65,10 @@ contains
     call choose_equations(scene, slider, drive, resting, sliding, error)
     if (.not. allocated(error)) call check_method(scene, drive, resting, sliding, error)
     if (allocated(error)) return
+    if (slider%is_damped()) then
+      if (allocated(resting)) resting%acceleration_noise = slider%acceleration_noise(drive%largest_speed())
+      if (allocated(sliding)) sliding%acceleration_noise = slider%acceleration_noise(drive%largest_speed())
+    end if
     if (allocated(resting)) then
       call choose_method(scene, slider, resting, stepper)
     else
@@ -94,7 +98,8 @@ contains
     class(slip_stick_t), allocatable :: steps
     type(cycle_map_t), allocatable :: map
 
-    if (scene%cycle_map == 'auto' .and. scene%model == 'full') then
+    ! The map knows its cycles by the angle of friction at a release, where the load is K u.
+    if (scene%cycle_map == 'auto' .and. scene%model == 'full' .and. .not. first%slider%is_damped()) then
       select type (first)
       class is (slip_stick_t)
         allocate (steps, source=first)
@@ -177,6 +182,7 @@ contains
 
     slider%mass = scene%mass
     slider%stiffness = [scene%stiffness_x, scene%stiffness_y]
+    slider%damping = [scene%damping_x, scene%damping_y]
     slider%along = cos_sin_degrees(scene%misalignment_deg)
     call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law)
     if (scene%contact /= 'exact') slider%smoothing = scene%v_smooth**2
