@@ -52,6 +52,9 @@ module dst_runge_kutta
   real(wp), parameter :: seen = 10.0_wp
   !> Factor after a turn that was missed. Convention.
   real(wp), parameter :: turn_factor = 0.5_wp
+  !> With dampers, which act in much less than the oscillations' time: a step far too long makes stages whose squares would overflow.
+  !> Nothing that large is a state.
+  real(wp), parameter :: no_state = 1.0e70_wp
   !> How much worse than the step's end its dense output may be. Twice: 5 % less work, the same error.
   real(wp), parameter :: dense_allowance = 10.0_wp
   !> The same for the defect of the dense output around a turn, which is of lower order still. Fig. 3 has none.
@@ -286,7 +289,7 @@ contains
     real(wp) :: drive_velocity, velocity(max_components), step_rate, driven
 
     outcome%solved = .false.
-    if (.not. all(abs(state) <= huge(1.0_wp))) return
+    if (.not. all(abs(state) <= merge(no_state, huge(1.0_wp), system%is_damped))) return
     self%count%rhs = self%count%rhs + 1
     drive_velocity = drive%velocity_at(from%time + self%method%c(i)*self%step)
     associate (n => system%components, m => system%unknowns, first => system%axis, &

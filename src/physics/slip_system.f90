@@ -172,7 +172,7 @@ contains
   !> Power of the drive through the dampers, and the power that they take [W], at slip velocities [m/s] along the components.
   pure subroutine damper_powers(self, drive_velocity, velocity, driven, taken)
     class(slip_system_t), intent(in) :: self
-    real(wp), intent(in) :: drive_velocity, velocity(self%components)
+    real(wp), intent(in) :: drive_velocity, velocity(:)
     real(wp), intent(out) :: driven, taken
     real(wp) :: rate(self%components)
 
