@@ -66,8 +66,9 @@ contains
     if (.not. allocated(error)) call check_method(scene, drive, resting, sliding, error)
     if (allocated(error)) return
     if (slider%is_damped()) then
-      if (allocated(resting)) resting%acceleration_noise = slider%acceleration_noise(drive%largest_speed())
-      if (allocated(sliding)) sliding%acceleration_noise = slider%acceleration_noise(drive%largest_speed())
+      if (allocated(resting)) call take_dampers(resting)
+      if (allocated(sliding)) call take_dampers(sliding)
+      if (allocated(error)) return
     end if
     if (allocated(resting)) then
       call choose_method(scene, slider, resting, stepper)
@@ -88,6 +89,17 @@ contains
     call leap_cycles(scene, first, motion)
     if (allocated(with_rest)) call move_alloc(with_rest, other)
     if (allocated(without)) call move_alloc(without, other)
+
+  contains
+
+    !> Refuse equations that have no dampers; those that have them difference larger forces.
+    subroutine take_dampers(system)
+      class(slip_system_t), intent(inout) :: system
+
+      if (.not. system%is_damped) call raise(error, deck_error, "model '"//scene%model//"' has no dampers: leave damping_x and "// &
+        'damping_y out', 'system.damping_x')
+      system%acceleration_noise = slider%acceleration_noise(drive%largest_speed())
+    end subroutine take_dampers
   end subroutine new_motion
 
   !> The motion that has been started, with fast cycles leapt where the scene lets it.
