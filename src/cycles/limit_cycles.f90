@@ -59,6 +59,10 @@ contains
     if (cycles%model /= 'full' .and. cycles%model /= 'low_frequency') then
       call raise(error, deck_error, "scene.model: model '"//cycles%model//"' has no limit cycles that are known here: "// &
         "give 'full' or 'low_frequency'", 'scene.model')
+    else if (slider%is_damped()) then
+      call raise(error, deck_error, 'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp)// &
+        ': the limit cycles are known without dampers: take damping_x and damping_y out', &
+        'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp))
     else if (.not. minval(abs(slider%along)) > 0.0_wp) then
       call raise(error, deck_error, 'system.misalignment_deg: the cycles are known for angles that are no multiple of 90: '// &
         'change it a little', 'system.misalignment_deg')

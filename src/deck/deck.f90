@@ -519,6 +519,8 @@ contains
         call deck%faults%add(given%place, "method 'moreau_jean' works on model 'full' only: choose another method")
       if (method%name == 'rodas4p' .and. model /= 'low_frequency') &
         call deck%faults%add(given%place, "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
+      if (method%name == 'rodas4p' .and. deck%real_of('system', 'damping_x') > 0.0_wp) call deck%faults%add( &
+        deck%value(find_key('system', 'damping_x'))%place, "method 'rodas4p' knows no damping_x: use radau9, or damping_x = 0.0")
       if (model /= 'full') return
       if (method%name == 'moreau_jean' .and. contact == 'smoothed') &
         call deck%faults%add(given%place, "method 'moreau_jean' knows only the exact contact: "// &

@@ -22,6 +22,8 @@ module dst_scene
     real(wp) :: mass = 0.0_wp                            !! kg; 0 where the model has none
     real(wp) :: stiffness_x = 0.0_wp                     !! N/m
     real(wp) :: stiffness_y = 0.0_wp                     !! N/m; 0 where the model has none
+    real(wp) :: damping_x = 0.0_wp                       !! N s/m
+    real(wp) :: damping_y = 0.0_wp                       !! N s/m
     real(wp) :: misalignment_deg = 0.0_wp                !! deg
     real(wp) :: mu_0 = 0.0_wp                            !! friction coefficient at rest
     real(wp) :: mu_inf = 0.0_wp                          !! at high slip velocity; mu_0 where there is none
@@ -120,6 +122,10 @@ contains
       scene%stiffness_x = value
     case ('stiffness_y')
       scene%stiffness_y = value
+    case ('damping_x')
+      scene%damping_x = value
+    case ('damping_y')
+      scene%damping_y = value
     case ('misalignment_deg')
       scene%misalignment_deg = value
     case ('mu_0')

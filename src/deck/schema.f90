@@ -74,6 +74,7 @@ module dst_schema
   type(condition_t), parameter :: none = condition_t(), always(2) = none
   type(condition_t), parameter :: dynamic(2) = [condition_t('model', plane_models//' low_frequency high_frequency auto'), none]
   type(condition_t), parameter :: elastic(2) = [condition_t('model', plane_models//' high_frequency creep auto'), none]
+  type(condition_t), parameter :: soft_damped(2) = [condition_t('model', plane_models//' low_frequency auto'), none]
   type(condition_t), parameter :: transverse(2) = [condition_t('model', plane_models//' high_frequency auto'), none]
   type(condition_t), parameter :: contacts(2) = [condition_t('model', plane_models//' auto'), none]
   type(condition_t), parameter :: asymptotic(2) = [condition_t('model', 'creep_asymptotic'), none]
@@ -113,6 +114,10 @@ module dst_schema
           'stiffness along the soft principal axis'), &
     key_t('system', 'stiffness_y', real_kind, 'N/m', positive, must, '', '1.0e7', '', elastic, &
           'stiffness along the stiff principal axis'), &
+    key_t('system', 'damping_x', real_kind, 'N s/m', non_negative, may, '0.0', '', '', soft_damped, &
+          'damping beside the spring along the soft axis'), &
+    key_t('system', 'damping_y', real_kind, 'N s/m', non_negative, may, '0.0', '', '', transverse, &
+          'damping beside the spring along the stiff axis'), &
     key_t('system', 'misalignment_deg', real_kind, 'deg', one_turn, must, '', '1.0', '', always, &
           'angle phi from the drive direction to the soft axis'), &
     key_t('friction', 'law', choice_kind, '', any_real, may, 'weakening', '', laws, dynamic, &

@@ -12,9 +12,11 @@
 !> b = m w_0/h + K (u_0 + theta D e - theta (1 - theta) h w_0): either |b| <= F_0 and w_1 = 0, or
 !> w_1 = r b/(a r + F(r)) component by component, with the speed r = |w_1| from one scalar equation.
 !>
+!> Dampers C give the impulse C (u_1 - u_0) = h C (D e/h - w_h) more: A holds theta C too, b + C (D e/h - (1 - theta) w_0).
+!>
 !> theta = 1/2 damps no oscillation: without friction the scheme is of second order, with friction,
 !> which is taken at the end of the step, of first order; and the energy balance of a step,
-!> change = D e . K u_h - h f_1 . w_h, holds to roundoff.
+!> change = D e . K u_h - h f_1 . w_h, holds to roundoff; so it does with the power of the dampers.
 !>
 !> Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Eng. 177 (1999)
 !> 235; V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), Ch. 10.
@@ -79,13 +81,17 @@ contains
     real(wp), intent(in) :: step
     type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
-    real(wp), dimension(2) :: driven, inertia, free_force, friction, mean_velocity, mean_elongation
+    real(wp), dimension(2) :: driven, inertia, free_force, friction, mean_velocity, mean_elongation, rate
 
     self%step = step
     associate (m => self%slider%mass, k => self%slider%stiffness, w => from%y(1:2))
       driven = drive%displacement(from%time, step)*system%drive_coupling
       inertia = m/step + theta**2*step*k
       free_force = m*w/step + k*(from%u + theta*(driven - (1.0_wp - theta)*step*w))
+      if (self%slider%is_damped()) then
+        inertia = inertia + theta*self%slider%damping
+        free_force = free_force + self%slider%damping*(driven/step - (1.0_wp - theta)*w)
+      end if
       call slip_velocity_after(self, inertia, free_force, hypot(w(1), w(2)), to%y(1:2), friction)
       mean_velocity = theta*to%y(1:2) + (1.0_wp - theta)*w
       to%u = from%u + driven - step*mean_velocity
@@ -94,6 +100,12 @@ contains
       to%position = from%position + step*dot_product(system%drive_coupling, mean_velocity)
       to%drive_work = from%drive_work + dot_product(driven, k*mean_elongation)
       to%friction_work = from%friction_work + step*dot_product(friction, mean_velocity)
+      to%damper_work = from%damper_work
+      if (self%slider%is_damped()) then
+        rate = driven/step - mean_velocity
+        to%drive_work = to%drive_work + dot_product(driven, self%slider%damping*rate)
+        to%damper_work = from%damper_work + step*dot_product(rate, self%slider%damping*rate)
+      end if
       self%speed_scale = max(hypot(w(1), w(2)), hypot(to%y(1), to%y(2)))
     end associate
     call set_nodal(self, system, from, to)

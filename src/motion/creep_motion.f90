@@ -13,7 +13,7 @@ module dst_creep_motion
   use dst_errors, only: error_t, raise, deck_error
   use dst_motion, only: motion_t
   use dst_piece, only: stick_begins, slip_begins, slips, sticks
-  use dst_rest, only: spring_force_size, release_delay
+  use dst_rest, only: release_delay
   use dst_slider, only: slider_t, direction_of
   use dst_state, only: instant_t
   use dst_text, only: short_text
@@ -168,7 +168,7 @@ contains
       instant%sticking = .true.
       instant%state%u = driven*self%slider%along
       instant%spring_force = self%slider%stiffness*instant%state%u
-      instant%friction = spring_force_size(self%slider, instant%state%u)
+      instant%friction = hypot(instant%spring_force(1), instant%spring_force(2))
       instant%theta = direction_of(instant%spring_force)
     else
       call follow_exact(self, abs(driven)/self%length, instant)

@@ -290,6 +290,8 @@ contains
       text = 'the errors of the reduced models are known for unstretched springs at the start'
     else if (abs(scene%velocity_ratio) > 1.0_wp) then
       text = 'the errors of the reduced models are known for a slow start'
+    else if (slider%is_damped()) then
+      text = 'the errors of the reduced models are known without dampers'
     else if (.not. slider%law%static_limit > 0.0_wp) then
       text = 'without friction there is nothing to reduce'
     else if (.not. slider%along(1) > 0.0_wp .or. .not. abs(slider%along(2)) > 0.0_wp) then

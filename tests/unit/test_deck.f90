@@ -188,7 +188,7 @@ contains
         end do
       end associate
     end do
-    call check_text('keys of a group', keys_of('system'), 'mass stiffness_x stiffness_y misalignment_deg')
+    call check_text('keys of a group', keys_of('system'), 'mass stiffness_x stiffness_y damping_x damping_y misalignment_deg')
     call check_text('condition', condition_text(schema(find_name('v_cut'))), 'method dopri5 | dop853 and contact exact')
   end subroutine test_schema
 

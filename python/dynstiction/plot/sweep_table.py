@@ -20,6 +20,8 @@ SYMBOLS = {
     "mass": ("$m$", 1.0, "kg"),
     "stiffness_x": ("$k_x$", 1.0, "N/m"),
     "stiffness_y": ("$k_y$", 1.0, "N/m"),
+    "damping_x": ("$c_x$", 1.0, "N s/m"),
+    "damping_y": ("$c_y$", 1.0, "N s/m"),
     "misalignment_deg": (r"$\varphi$", 1.0, "deg"),
     "mu_0": (r"$\mu_0$", 1.0, "1"),
     "mu_inf": (r"$\mu_\infty$", 1.0, "1"),
