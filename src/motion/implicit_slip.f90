@@ -109,7 +109,7 @@ contains
     type(state_t), intent(in) :: state
     real(wp) :: friction(1), slope(1)
 
-    associate (limit => self%slider%law%static_limit)
+    associate (limit => self%slider%law%kinetic_limit)
       is_unloaded = spring_force_size(self%slider, state%u) <= self%cut_share*limit
       if (.not. is_unloaded) return
       call self%slider%law%evaluate(1, state%y(1:1), friction, slope)

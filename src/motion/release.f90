@@ -64,7 +64,7 @@ contains
     release%unit = slider%radian_time()
     gain = slider%stiffness*slider%drive_coupling()
     growth = hypot(gain(1), gain(2))*(abs(drive%velocity_at(from%time)) + abs(drive%acceleration)*release%unit)
-    v_range = release%unit*(rate + growth*release%unit/slider%mass)
+    v_range = min(release%unit*(rate + growth*release%unit/slider%mass), slider%law%first_knot())
     if (.not. spring_force_size(slider, from%u) > 0.0_wp .or. .not. v_range > 0.0_wp) return
     do attempt = 1, max_ranges
       call fit_law(slider, v_range, law, discrepancy)
