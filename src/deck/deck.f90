@@ -124,6 +124,7 @@ contains
     integer :: i, g
 
     line_of = 0
+    nearest = ''
     do i = 1, list%group_count
       group = lower_case(trim(list%groups(i)%name))
       if (group == '') cycle

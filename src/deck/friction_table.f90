@@ -35,10 +35,11 @@ contains
     mu = find_key('friction', 'table_mu')
     mu_0 = find_key('friction', 'mu_0')
     if (usage(deck, table) /= used .or. .not. deck%value(law)%valid) return
+    ! It follows from the points, and is not missing.
+    deck%value(mu_0)%attempted = .true.
     if (deck%value(table)%user .and. deck%text_of('friction', 'table') /= '') then
       place = deck%value(table)%place
       deck%value([speed, mu])%attempted = .true.
-      deck%value(mu_0)%attempted = .true.
       if (.not. deck%value(table)%valid) return
       if (deck%value(speed)%user .or. deck%value(mu)%user) then
         call deck%faults%add(place, "'table' beside 'table_speed' or 'table_mu': give the file, or the points themselves")
@@ -57,12 +58,7 @@ contains
       deck%value(table)%texts(1) = ''
       deck%value(table)%user = .false.
     end if
-    if (.not. (deck%value(speed)%user .and. deck%value(mu)%user)) then
-      ! The missing ones are told of by the check of all keys.
-      if (deck%value(speed)%attempted .or. deck%value(mu)%attempted) deck%value(mu_0)%attempted = .true.
-      return
-    end if
-    deck%value(mu_0)%attempted = .true.
+    if (.not. (deck%value(speed)%user .and. deck%value(mu)%user)) return
     if (.not. (deck%value(speed)%valid .and. deck%value(mu)%valid)) return
     call check_points(deck, speed, mu, mu_0)
   end subroutine take_friction_table

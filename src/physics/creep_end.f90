@@ -58,7 +58,8 @@ module dst_creep_end
 contains
 
   !> The end of creep from unstretched springs under a constant drive velocity V [m/s], for both stiffnesses > 0. None for friction
-  !> that does not weaken, without misalignment, where creep goes over into steady sliding, and beyond ratios of 2^128.
+  !> that does not weaken from rest on, F'(0) >= 0, or has a static limit above F(0), without misalignment, where creep goes over
+  !> into steady sliding, and beyond ratios of 2^128.
   pure function creep_end(slider, velocity) result(end)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity
@@ -102,6 +103,8 @@ contains
 
     exists = slider%mass > 0.0_wp .and. minval(slider%stiffness) > 0.0_wp .and. minval(abs(slider%along)) > 0.0_wp &
       .and. abs(velocity) > 0.0_wp .and. slider%law%kinetic_limit > 0.0_wp
+    ! Where friction at rest is higher than in slip, the object jerks and does not creep.
+    if (slider%law%static_limit > slider%law%kinetic_limit) exists = .false.
     if (.not. exists) return
     call slider%law%evaluate(1, [0.0_wp], friction, slope)
     exists = slope(1) < 0.0_wp
