@@ -8,6 +8,8 @@
 !>     m (w_1 - w_0) = h K u_h - h f_1,          u_h = theta u_1 + (1 - theta) u_0,
 !>     f_1 = F(|w_1|) w_1/|w_1|  or, where w_1 = 0,  |f_1| <= F_0.
 !>
+!> An object that rests, or that turns back within the step, is held up to the static limit F_s >= F_0.
+!>
 !> Eliminating u_1 leaves A w_1 + f_1 = b with the diagonal A = m/h + theta^2 h K and
 !> b = m w_0/h + K (u_0 + theta D e - theta (1 - theta) h w_0): either |b| <= F_0 and w_1 = 0, or
 !> w_1 = r b/(a r + F(r)) component by component, with the speed r = |w_1| from one scalar equation.
@@ -92,7 +94,12 @@ contains
         inertia = inertia + theta*self%slider%damping
         free_force = free_force + self%slider%damping*(driven/step - (1.0_wp - theta)*w)
       end if
-      call slip_velocity_after(self, inertia, free_force, hypot(w(1), w(2)), to%y(1:2), friction)
+      if (is_held(self%slider%law, free_force, w)) then
+        to%y(1:2) = 0.0_wp
+        friction = free_force
+      else
+        call slip_velocity_after(self, inertia, free_force, hypot(w(1), w(2)), to%y(1:2), friction)
+      end if
       mean_velocity = theta*to%y(1:2) + (1.0_wp - theta)*w
       to%u = from%u + driven - step*mean_velocity
       mean_elongation = theta*to%u + (1.0_wp - theta)*from%u
@@ -111,6 +118,17 @@ contains
     call set_nodal(self, system, from, to)
     outcome = attempt_t(solved=.true., error=0.0_wp, factor=1.0_wp)
   end subroutine attempt
+
+  !> Whether static friction above the kinetic one holds the object: at rest it can bear more than as it slips, and an
+  !> object that turns back has been at rest.
+  pure logical function is_held(law, free_force, velocity)
+    class(friction_law_t), intent(in) :: law
+    real(wp), intent(in) :: free_force(2), velocity(2)   !! b [N] and w_0 [m/s]
+
+    is_held = law%static_limit > law%kinetic_limit
+    if (is_held) is_held = hypot(free_force(1), free_force(2)) <= law%static_limit .and. &
+      .not. dot_product(free_force, velocity) > 0.0_wp
+  end function is_held
 
   !> w_1 and f_1 of A w_1 + f_1 = b.
   subroutine slip_velocity_after(self, inertia, free_force, speed_before, velocity, friction)
@@ -152,7 +170,7 @@ contains
 
     speed = 0.0_wp
     iterations = 0
-    can_rest = hypot(free_force(1), free_force(2)) <= law%static_limit
+    can_rest = hypot(free_force(1), free_force(2)) <= law%kinetic_limit
     call law%evaluate(1, [0.0_wp], force, weakening)
     ! Friction weakens most at rest. If inertia outweighs that, e never falls and the solution is the only one.
     pieces = merge(1, most_pieces, minval(inertia) + weakening(1) >= 0.0_wp)

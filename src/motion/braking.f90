@@ -67,7 +67,7 @@ contains
       if (stopping%falls) stopping%falls = sqrt(discriminant) > stopping%acceleration .and. &
         (stopping%acceleration < 0.0_wp .or. stopping%jerk < 0.0_wp)
       if (stopping%falls) stopping%delay = 2.0_wp*v/(sqrt(discriminant) - stopping%acceleration)
-      associate (change => [(abs(slope(1)) + damping)*v, abs(friction(1) - slope(1)*v - slider%law%static_limit)])
+      associate (change => [(abs(slope(1)) + damping)*v, abs(friction(1) - slope(1)*v - slider%law%kinetic_limit)])
         stopping%steady = change(1) <= linear_change*m*abs(stopping%acceleration) .and. &
           change(2) <= curved_change*m*abs(stopping%acceleration)
       end associate
@@ -104,7 +104,7 @@ contains
       to%u = from%u + travel*slider%drive_coupling() - slipped*slider%free*direction
       to%y = 0.0_wp
       to%position = from%position + slipped*dot_product(slider%along, direction)
-      to%friction_work = from%friction_work + slider%law%static_limit*slipped + slope(1)*v**2*delay/3.0_wp
+      to%friction_work = from%friction_work + slider%law%kinetic_limit*slipped + slope(1)*v**2*delay/3.0_wp
       to%drive_work = from%drive_work + travel*dot_product(slider%stiffness*slider%drive_coupling(), 0.5_wp*(from%u + to%u)) &
         + slipped*dot_product(slider%held_force(from%u), direction)
     end associate

@@ -58,7 +58,7 @@ contains
     motion%piece%drive = drive%segment(1)
     motion%form = form
     motion%phi = atan2(abs(slider%along(2)), abs(slider%along(1)))
-    motion%length = slider%law%static_limit/slider%stiffness(1)
+    motion%length = slider%law%kinetic_limit/slider%stiffness(1)
     if (drive%distance(t_end) < 0.0_wp) motion%drive_sign = -1.0_wp
     motion%side = motion%drive_sign*sign([1.0_wp, 1.0_wp], slider%along)
     call check_range(motion, t_end, error)
@@ -78,7 +78,7 @@ contains
     real(wp) :: travel
 
     travel = abs(motion%drive%distance(t_end))
-    if (.not. motion%slider%law%static_limit > 0.0_wp) then
+    if (.not. motion%slider%law%kinetic_limit > 0.0_wp) then
       call raise(error, deck_error, 'slow creep needs friction: mu_0 and normal_load must be > 0')
     else if (.not. motion%drive%never_reverses()) then
       call raise(error, deck_error, 'slow creep holds for a drive that never reverses, and drive.velocity changes '// &
@@ -184,7 +184,7 @@ contains
 
     creep = creep_at(self%path, tau)
     direction = self%side*[sin(creep%alpha), cos(creep%alpha)]
-    instant%friction = self%slider%law%static_limit
+    instant%friction = self%slider%law%kinetic_limit
     instant%spring_force = instant%friction*direction
     instant%state%u = instant%spring_force/self%slider%stiffness
     instant%state%position = self%drive_sign*self%length*creep%position

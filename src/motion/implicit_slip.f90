@@ -111,7 +111,7 @@ contains
     type(state_t), intent(in) :: state
     real(wp) :: friction(1), slope(1)
 
-    associate (limit => self%slider%law%static_limit)
+    associate (limit => self%slider%law%kinetic_limit)
       is_unloaded = spring_force_size(self%slider, state%u, self%piece%drive%velocity_at(state%time)) <= self%cut_share*limit
       if (is_unloaded .and. self%slider%is_damped()) &
         is_unloaded = maxval(self%slider%damping)*state%y(1) <= self%cut_share*limit

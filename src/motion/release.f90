@@ -70,7 +70,7 @@ contains
       gain = slider%damping*slider%drive_coupling()
       growth = growth + hypot(gain(1), gain(2))*abs(drive%acceleration)
     end if
-    v_range = release%unit*(rate + growth*release%unit/slider%mass)
+    v_range = min(release%unit*(rate + growth*release%unit/slider%mass), slider%law%first_knot())
     if (.not. spring_force_size(slider, from%u, drive%velocity_at(from%time)) > 0.0_wp .or. .not. v_range > 0.0_wp) return
     do attempt = 1, max_ranges
       call fit_law(slider, v_range, law, discrepancy)

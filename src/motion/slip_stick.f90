@@ -8,7 +8,7 @@ module dst_slip_stick
   use dst_interpolation, only: new_grid, max_degree
   use dst_kinds, only: wp, pi
   use dst_piece, only: stick_begins, slip_begins, slips, touches, sticks
-  use dst_rest, only: holds, release_delay, slip_start_t, start_of_slip, touch_time
+  use dst_rest, only: holds, release_delay, slip_start_t, start_at_release, start_of_slip, touch_time
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
   use dst_stepping, only: stepping_t, first_phase, start_stepping => start, serialise_stepping
@@ -106,7 +106,7 @@ contains
   pure real(wp) function first_step(self)
     class(slip_stick_t), intent(in) :: self
 
-    first_step = self%piece%to%y(1)*self%slider%mass/max(self%slider%law%static_limit, tiny(1.0_wp))
+    first_step = self%piece%to%y(1)*self%slider%mass/max(self%slider%law%kinetic_limit, tiny(1.0_wp))
   end function first_step
 
   !> At v = 0: rest, or go on in the direction of K u.
@@ -161,7 +161,6 @@ contains
     class(slip_stick_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
     real(wp) :: delay, duration, travel, taken
-    type(slip_start_t) :: beginning
     logical :: released
 
     associate (from => self%piece%from, to => self%piece%to, drive => self%piece%drive, k => self%slider%stiffness, &
@@ -191,10 +190,12 @@ contains
       return
     end if
     if (self%contact == sticks) call self%note_event(slip_begins)
-    beginning = start_of_slip(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration)
-    ! The release is where |K u| = F_0 by definition: no excess from roundoff. Only where the drive has jumped a damper pulls harder.
-    if (duration > 0.0_wp .or. .not. self%slider%is_damped()) beginning%rate(1) = 0.0_wp
-    call self%set_off(beginning)
+    ! Only where the drive has jumped a damper pulls harder than the static limit.
+    if (duration > 0.0_wp .or. .not. self%slider%is_damped()) then
+      call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
+    else
+      call self%set_off(start_of_slip(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
+    end if
   end subroutine stay_stuck
 
   !> Whether the load grows beyond its own roundoff within `time` [s] of a release that is `delay` away. If it does not, nothing can
@@ -234,14 +235,11 @@ contains
     class(slip_stick_t), intent(inout) :: self
     real(wp), intent(in) :: theta
     type(state_t), intent(in) :: at
-    type(slip_start_t) :: beginning
 
     self%piece%to = at
     self%piece%to%u = self%slider%elongation_at_limit(theta)
     self%piece%to%y = 0.0_wp
-    beginning = start_of_slip(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration)
-    beginning%rate(1) = 0.0_wp
-    call self%set_off(beginning)
+    call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
   end subroutine place_at_release
 
   !> After a step that has ended in a stop, or not.

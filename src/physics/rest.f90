@@ -1,8 +1,8 @@
 !> Rest in the exact contact: set-valued Coulomb friction (NUMERICS: "rest is part of the model").
 !>
-!> Stuck while |K u| <= F_0; u then follows the drive, u(t) = u_s + D(t) e. Released when
-!> |K u| = F_0, in the direction of K u. Coming to rest with |K u| >= F_0 is no rest: the motion
-!> goes on in the direction of K u.
+!> Stuck while |K u| <= F_s, the static limit; u then follows the drive, u(t) = u_s + D(t) e. Released when
+!> |K u| = F_s, in the direction of K u, with the acceleration (F_s - F_0)/m: none, where F_s is the kinetic
+!> limit F_0 = F(0+). Coming to rest with |K u| >= F_s is no rest: the motion goes on in the direction of K u.
 !>
 !> With dampers C the force on the object at rest is K u + C V e, V the velocity of the drive, and takes the place of K u. Where V
 !> jumps it jumps too.
@@ -18,7 +18,7 @@ module dst_rest
   implicit none
   private
 
-  public :: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, touch_time, limit_roundoff
+  public :: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, start_at_release, touch_time, limit_roundoff
 
   !> Roundoff of the spring force at the static limit, relative to it: where it rests there, and where it has been moved there.
   !> That of |K u|, with a margin. Twice: no change on Fig. 3 with radau9 and dopri5.
@@ -65,7 +65,7 @@ contains
   end function holds
 
   !> Time [s] from `time` until the stuck object is released, huge if it is not within the segment.
-  !> |K (u + D e) + C V e| = F_0 is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.
+  !> |K (u + D e) + C V e| = F_s is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.
   pure real(wp) function release_delay(slider, u, drive, time)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), time
@@ -88,7 +88,7 @@ contains
     release_delay = huge(release_delay)
     if (.not. a > 0.0_wp) return
     b = dot_product(gain, force)
-    ! F_0^2 - |K u|^2 as a product keeps its digits close to the limit.
+    ! F_s^2 - |K u|^2 as a product keeps its digits close to the limit.
     associate (limit => slider%law%static_limit, size => hypot(force(1), force(2)))
       c = max(0.0_wp, (limit - size)*(limit + size))
     end associate
@@ -201,7 +201,7 @@ contains
     touch_time = touch_share*touch_time
   end function touch_time
 
-  !> Start of slip from rest at elongation `u`, where |K u| >= F_0.
+  !> Start of slip from rest at elongation `u`, where |K u| >= F_0, with the acceleration that the excess gives.
   pure function start_of_slip(slider, u, drive_velocity, drive_acceleration) result(begin)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity
@@ -219,7 +219,7 @@ contains
       across = growth(2)*c - growth(1)*s
       ! An excess within roundoff is none.
       begin%rate(1) = 0.0_wp
-      if (magnitude > slider%law%static_limit*(1.0_wp + excess_roundoff)) begin%rate(1) = (magnitude - slider%law%static_limit)/m
+      if (magnitude > slider%law%kinetic_limit*(1.0_wp + excess_roundoff)) begin%rate(1) = (magnitude - slider%law%kinetic_limit)/m
       ! The dampers oppose the slip that begins.
       if (slider%is_damped()) then
         growth = growth - begin%rate(1)*slider%free*slider%damping*[c, s]
@@ -231,4 +231,15 @@ contains
       begin%curvature(1) = along/m
     end associate
   end function start_of_slip
+
+  !> Start of slip at a release, where |K u| = F_s by definition: what exceeds the static limit is roundoff.
+  pure function start_at_release(slider, u, drive_velocity, drive_acceleration) result(begin)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: u(2), drive_velocity
+    real(wp), intent(in), optional :: drive_acceleration
+    type(slip_start_t) :: begin
+
+    begin = start_of_slip(slider, u, drive_velocity, drive_acceleration)
+    begin%rate(1) = (slider%law%static_limit - slider%law%kinetic_limit)/slider%mass
+  end function start_at_release
 end module dst_rest

@@ -347,8 +347,8 @@ contains
                  'so V and the misalignment must be finite and not 0')
     if (allocated(error)) return
     damping = impedance(slider)
-    values = 0.5_wp*fraction(slider%law%static_limit)/(fraction(drift)*fraction(damping))
-    call to_si('Lambda', values, exponent(slider%law%static_limit) - exponent(drift) - exponent(damping), error)
+    values = 0.5_wp*fraction(slider%law%kinetic_limit)/(fraction(drift)*fraction(damping))
+    call to_si('Lambda', values, exponent(slider%law%kinetic_limit) - exponent(drift) - exponent(damping), error)
     if (.not. allocated(error)) lambda = values(1)
   end subroutine damping_scale
 
@@ -453,6 +453,8 @@ contains
     within = speed
     call exponential_form(law, limit, drop, decay, is_exponential)
     if (power_of(speed) + power_of(decay) > room) within = 2.0_wp**room/decay
+    ! Viscous friction grows with the speed, without a limit.
+    if (.not. is_exponential) within = min(speed, 2.0_wp**(maxexponent(speed)/2))
     call law%evaluate(1, [within], forces, slopes)
     force = forces(1)
     slope = slopes(1)

@@ -57,6 +57,8 @@ contains
     logical :: rests_first
 
     call slider_from_scene(scene, slider)
+    call check_static_friction(scene, error)
+    if (allocated(error)) return
     drive = new_drive(scene%drive_time, scene%drive_velocity)
     if (scene%is_closed_form()) then
       call start_creep(scene, slider, drive, motion, error)
@@ -196,9 +198,22 @@ contains
     slider%stiffness = [scene%stiffness_x, scene%stiffness_y]
     slider%damping = [scene%damping_x, scene%damping_y]
     slider%along = cos_sin_degrees(scene%misalignment_deg)
-    call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law)
+    call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law, &
+      scene%exponent, scene%viscous, scene%table_speed, scene%table_mu)
+    slider%law%static_limit = max(slider%law%static_limit, scene%mu_static*scene%normal_load)
     if (scene%contact /= 'exact') slider%smoothing = scene%v_smooth**2
   end subroutine slider_from_scene
+
+  !> Friction at rest is no less than as slip begins.
+  subroutine check_static_friction(scene, error)
+    type(scene_t), intent(in) :: scene
+    type(error_t), allocatable, intent(out) :: error
+
+    if (.not. scene%mu_static > 0.0_wp .or. scene%mu_static >= scene%mu_0) return
+    call raise(error, deck_error, 'mu_static = '//trim(short_text(scene%mu_static))//' is below the friction coefficient '// &
+      'F(0)/W as slip begins, mu_0 = '//trim(short_text(scene%mu_0))//': give mu_static >= mu_0, or 0 for the same', &
+      'friction.mu_static')
+  end subroutine check_static_friction
 
   !> Methods that cannot follow this motion.
   subroutine check_method(scene, drive, resting, sliding, error)

@@ -239,9 +239,11 @@ def _final_load(table: Table) -> Floats:
 
 
 def _slider(table: Table, side: Axis, values: Floats) -> dict[str, Floats] | None:
-    """Parameters of steady sliding where that of the diagram has these values; None if some are missing, or V is 0."""
+    """Parameters of steady sliding where that of the diagram has these values; None if some are missing, or V is 0,
+    or the friction law is none that coefficients tell.
+    """
     names = [*SLIDER, *(name for name in OPTIONAL if table.has(name))]
-    if not all(name in table.numbers or name == side.name for name in names):
+    if not table.has_theory or not all(name in table.numbers or name == side.name for name in names):
         return None
     found = {
         name: values if name == side.name else np.full(values.shape, table.numbers[name]) for name in names
