@@ -321,6 +321,7 @@ contains
     real(wp), intent(in) :: y(s, m), u(s, n), velocity(s, n), increment(s, m)
     type(state_t), intent(out) :: to
     real(wp) :: x_rate(s), displacement(s), advanced(max_rows), drive_power, friction_power, supplied
+    real(wp) :: damper_power, driven, taken
     integer :: i, k, axis
 
     do i = 1, s
@@ -365,6 +366,17 @@ contains
     to%position = self%nodal(s, column_position)
     to%drive_work = from%drive_work + self%step*drive_power
     to%friction_work = from%friction_work + self%step*friction_power
+    to%damper_work = from%damper_work
+    if (.not. system%is_damped) return
+    drive_power = 0.0_wp
+    damper_power = 0.0_wp
+    do i = 1, s
+      call system%damper_powers(self%drive_velocity(i), velocity(i, :), driven, taken)
+      drive_power = drive_power + self%method%weight(i)*driven
+      damper_power = damper_power + self%method%weight(i)*taken
+    end do
+    to%drive_work = to%drive_work + self%step*drive_power
+    to%damper_work = to%damper_work + self%step*damper_power
   end subroutine complete
 
   !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end relative to the largest slip speed
@@ -402,15 +414,16 @@ contains
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: y(s, m)
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: longest, growth, fastest, y_there(m), coefficient(0:n + m), weakening, limit, rate
+    real(wp) :: longest, growth, fastest, steepest(s), y_there(m), coefficient(0:n + m), weakening, limit, rate
     integer :: point(2), k
     logical :: disturbed
 
     self%unseen_growth = 0.0_wp
     self%emerged = .false.
     ! Where friction falls most with the speed, and where the step ends.
-    point = [maxloc(self%terms%force_y(1:s, 1, 1), dim=1), s]
-    fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, self%terms%force_y(point(1), 1, 1))
+    steepest = self%terms%force_y(1:s, 1, 1) + self%terms%damping(1:s, 1, 1)
+    point = [maxloc(steepest, dim=1), s]
+    fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, steepest(point(1)))
     if (self%step*fastest <= self%harmless_phase) return
     longest = huge(longest)
     growth = 0.0_wp
@@ -496,7 +509,7 @@ contains
   end subroutine defect_error
 
   !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy, of whose last
-  !> term only what damps is taken, and what couples with a state of friction.
+  !> term all that the dampers make is taken, else only what damps, and what couples with a state of friction.
   pure subroutine set_filter(n, m, terms, filter_step, velocity_y, filter)
     integer, intent(in) :: n, m
     type(stage_terms_t), intent(in) :: terms
@@ -513,8 +526,10 @@ contains
         end do
         filter(k, l) = filter_step**2*coupling
         if (max(k, l) > n .and. k /= l) filter(k, l) = filter(k, l) - filter_step*terms%force_y(1, k, l)
+        filter(k, l) = filter(k, l) + filter_step*terms%damping(1, k, l)
       end do
-      filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) + max(0.0_wp, -filter_step*terms%force_y(1, k, k))
+      filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) &
+        + max(0.0_wp, -filter_step*(terms%force_y(1, k, k) + terms%damping(1, k, k)))
       ! At rest without a load the direction is free: it has no equation there, and no error.
       if (.not. filter(k, k) > 0.0_wp) filter(k, k) = 1.0_wp
     end do
