@@ -31,6 +31,8 @@ LONGEST = 100.0
 """Measured periods after which a run without enough cycles ends, if the deck does not say longer."""
 MOST_SAMPLES = 50_000_000
 """Of a run."""
+POINTS = 500
+"""Phases of the mean waveforms."""
 DIFFERENT = 3.0
 """Standard errors from which on two means differ."""
 SURE = 1e-6
@@ -245,8 +247,8 @@ def compare(deck: DeckLike, trace: Trace, *, noise: bool = True, **groups: Unpac
         measured,
         simulated,
         _statistics(measured, simulated),
-        mean_waveform(trace, measured),
-        mean_waveform(run, simulated),
+        mean_waveform(trace, measured, POINTS),
+        mean_waveform(run, simulated, POINTS),
         mean_slip(trace, measured, before, after),
         mean_slip(run, simulated, before, after),
     )
