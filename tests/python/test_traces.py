@@ -365,7 +365,7 @@ def test_extreme_samples_would_be_biased() -> None:
 def test_a_dip_at_the_end_of_the_slip_is_no_valley() -> None:
     trace = sawtooth()
     phase = (trace.time / PERIOD + 0.3) % 1.0
-    dip = np.where((phase < 0.01) | (phase > 0.998), 0.15 * (HIGH - LOW), 0.0)
+    dip = np.where((phase < 0.05) | (phase > 0.998), 0.15 * (HIGH - LOW), 0.0)
     plain, dipped = ds.find_cycles(trace), ds.find_cycles(ds.Trace(trace.time, trace.force - dip))
     assert dipped.means()["valley_force"] == pytest.approx(plain.means()["valley_force"], abs=0.02 * (HIGH - LOW))
 
@@ -546,9 +546,27 @@ def test_the_run_is_as_long_as_it_must_be(measured: ds.Trace) -> None:
     np.testing.assert_allclose(run.force, longer.force[same], atol=1e-4)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"drive": {"velocity": -2.0e-3}},
+        {"drive": {"time": (0.0, 1.0), "velocity": (-2.0e-3, -2.0e-3)}},
+        {"system": {"misalignment_deg": 177.0}},
+        {"output": {"fields": ("u_x",), "interval": 0.5}},
+        {"scene": {"settle": 1.0e-3, "t_end": 0.1}},
+    ],
+)
+def test_mirror_images_and_settings_of_output_change_nothing(measured: ds.Trace, change: dict[str, Any]) -> None:
+    assert ds.compare(SCENE, measured, **change).differing == ()
+
+
 def test_scenes_without_cycles_are_refused(measured: ds.Trace) -> None:
     with pytest.raises(ds.UsageError, match="deck: its run has no cycles to compare"):
         ds.compare(SCENE, measured, friction={"mu_inf": None, "v_f": None, "law": "constant"})
+    with pytest.raises(ds.UsageError, match=r"deck: .* the force is constant, 0 N: change the deck; dynstiction stability"):
+        ds.compare(SCENE, measured, drive={"velocity": 0.0})
+    with pytest.raises(ds.DeckError, match="nearest is 'mass'"):
+        ds.compare(SCENE.replace("mass", "mas"), measured)
     with pytest.raises(ds.UsageError, match="trace = 1: trace must be a Trace: give what read_trace"):
         ds.compare(SCENE, 1)  # type: ignore[arg-type]
 
