@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._arguments import instance, number, shown, whole
 from .errors import FileError, UsageError
 from .result import Result
+from .scene import Scene
 
 __all__ = ["QUANTITIES", "Trace", "pull_forces"]
 
@@ -282,11 +283,11 @@ def pull_forces(result: Result) -> tuple[_Floats, _Floats]:
 
 def _sense(result: Result) -> float:
     """-1 of a drive that goes backwards only."""
-    velocity = result.parameters.get("velocity", 1.0)
-    try:
-        return -1.0 if float(velocity) < 0.0 else 1.0
-    except (TypeError, ValueError):
-        return 1.0
+    velocity: object = result.parameters.get("velocity")
+    if velocity is None and result.resolved_deck:
+        velocity = Scene.from_deck(result.resolved_deck).groups()["drive"]["velocity"]
+    values = np.atleast_1d(np.asarray(1.0 if velocity is None else velocity, dtype=np.float64))
+    return -1.0 if np.min(values) < 0.0 and np.max(values) <= 0.0 else 1.0
 
 
 def _column(quantity: str, values: ArrayLike) -> _Floats:

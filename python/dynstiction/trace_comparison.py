@@ -31,10 +31,14 @@ LONGEST = 100.0
 """Measured periods after which a run without enough cycles ends, if the deck does not say longer."""
 MOST_SAMPLES = 50_000_000
 """Of a run."""
+POINTS = 500
+"""Phases of the mean waveforms."""
 DIFFERENT = 3.0
 """Standard errors from which on two means differ."""
 SURE = 1e-6
 """What no standard error is smaller than, relative to the value: roundoff of runs and files."""
+FIELDS = ("spring_force_x", "spring_force_y", "X")
+"""Columns of a run of which a trace is made."""
 SEED = 20201209
 """Of the noise that a run gets, so that a comparison repeats itself."""
 
@@ -232,7 +236,7 @@ def compare(deck: DeckLike, trace: Trace, *, noise: bool = True, **groups: Unpac
     try:
         simulated = find_cycles(run)
     except FileError as error:
-        raise UsageError(f"{scene.name}: its run has no cycles to compare: {error}") from None
+        raise _without_cycles(scene, error) from None
     fall = 0.5 * float(
         np.mean(measured.slips - measured.onsets) + np.mean(simulated.slips - simulated.onsets)
     )
@@ -245,10 +249,19 @@ def compare(deck: DeckLike, trace: Trace, *, noise: bool = True, **groups: Unpac
         measured,
         simulated,
         _statistics(measured, simulated),
-        mean_waveform(trace, measured),
-        mean_waveform(run, simulated),
+        mean_waveform(trace, measured, POINTS),
+        mean_waveform(run, simulated, POINTS),
         mean_slip(trace, measured, before, after),
         mean_slip(run, simulated, before, after),
+    )
+
+
+def _without_cycles(scene: Scene, fault: FileError | None) -> UsageError:
+    """What is wrong with a run, without what could be done about a trace."""
+    reason = str(fault).partition(": ")[2].rpartition(": ")[0]
+    return UsageError(
+        f"{scene.name}: its run has no cycles to compare with the trace: {reason}: change the deck; dynstiction stability tells where it "
+        "has stick-slip"
     )
 
 
@@ -315,7 +328,9 @@ def simulate_like(
     n = len(cycles)
     wanted = whole("count", count, least=1) if count is not None else max(FEWEST, min(FACTOR * n, MOST), n)
     period = cycles.means()["period"]
-    values = scene.replace(scene={"settle": None}, output={"interval": trace.interval, "wall_limit": None})
+    values = scene.replace(
+        scene={"settle": None}, output={"interval": trace.interval, "wall_limit": None, "fields": FIELDS}
+    )
     velocities = np.unique(np.atleast_1d(scene.groups().get("drive", {}).get("velocity", 0.0)))
     steady = velocities.size == 1
     with Simulation(values) as asked:
@@ -337,7 +352,7 @@ def simulate_like(
                 break
             until *= 1.5
     if found is None:
-        raise UsageError(f"{scene.name}: its run has no cycles to compare: {fault}")
+        raise _without_cycles(scene, fault)
     # The last slips of the later half, and what lies before the first of them.
     kept = min(wanted, max(len(found) // 2, 3))
     first = found.slips.size - 1 - kept

@@ -193,7 +193,8 @@ def find_cycles(trace: Trace) -> TraceCycles:
     falls = _falls(trace, noise)
     _refuse_few(trace, falls)
     slips = _slips(trace, falls)
-    rows = [_row(trace, before, after) for before, after in pairwise(slips)]
+    interval = trace.interval
+    rows = [_row(trace, interval, before, after) for before, after in pairwise(slips)]
     columns = [np.array(values) for values in zip(*rows, strict=True)]
     times = np.array([slip.time for slip in slips])
     onsets = np.array([slip.onset for slip in slips])
@@ -202,7 +203,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
     if unresolved.any():
         columns[5][:] = np.nan
         notes.append(
-            f"slips take less than two sampling intervals ({trace.interval:.3g} s): their duration is not told"
+            f"slips take less than two sampling intervals ({interval:.3g} s): their duration is not told"
         )
     drift, drift_error = _slope(columns[0], 0.5 * (columns[2] + columns[3]))
     swing = float(np.mean(columns[4]))
@@ -296,18 +297,22 @@ def _falls(trace: Trace, noise: float) -> list[tuple[int, int, int, int]]:
             f"{trace.name}: the force is constant, {force[0]:.6g} N: name the column of the force, or give a trace with stick-slip"
         )
     range_of = float(np.diff(np.percentile(force, (0.5, 99.5)))[0]) or extent
-    window = int(np.ceil((noise / (QUIET * range_of)) ** 2))
-    window = min(window | 1, max(1, int(WHOLE_PART * force.size)) | 1)
-    smooth = _smoothed(force, window)
-    left = noise / np.sqrt(window)
-    least = max(0.5 * ABOVE_NOISE * left, 0.5 * QUIET * range_of)
-    sizes = np.array([smooth[p] - smooth[v] for _, p, v, _ in _pairs(smooth, least)])
-    usual = _usual_size(sizes)
-    if usual < ABOVE_NOISE * left or sizes.size == 0:
-        raise FileError(
-            f"{trace.name}: no stick-slip above the noise: the force has no falls beyond {ABOVE_NOISE * left:.3g} N, with a noise of "
-            f"{noise:.3g} N a sample: name the column of the force, or give a trace with stick-slip"
-        )
+    usual = range_of
+    # The noise widens the range: a second look knows the falls.
+    for _ in range(2):
+        window = int(np.ceil((noise / (QUIET * usual)) ** 2))
+        window = min(window | 1, max(1, int(WHOLE_PART * force.size)) | 1)
+        smooth = _smoothed(force, window)
+        left = noise / np.sqrt(window)
+        least = max(0.5 * ABOVE_NOISE * left, 0.5 * QUIET * usual)
+        usual = _usual_size(np.array([smooth[p] - smooth[v] for _, p, v, _ in _pairs(smooth, least)]))
+        if usual < ABOVE_NOISE * left or usual == 0.0:
+            raise FileError(
+                f"{trace.name}: no stick-slip above the noise: the force has no falls beyond {ABOVE_NOISE * left:.3g} N, with a noise "
+                f"of {noise:.3g} N a sample: name the column of the force, or give a trace with stick-slip"
+            )
+        if left <= QUIET * usual:
+            break
     return _pairs(smooth, THRESHOLD * usual)
 
 
@@ -320,15 +325,16 @@ def _pairs(smooth: _Floats, least: float) -> list[tuple[int, int, int, int]]:
 
 def _smoothed(force: _Floats, window: int) -> _Floats:
     """Without spikes of one sample, and averaged over a window."""
-    inner = np.median(np.stack([force[:-2], force[1:-1], force[2:]]), axis=0)
+    low, high = np.minimum(force[:-2], force[2:]), np.maximum(force[:-2], force[2:])
+    inner = np.clip(force[1:-1], low, high)
     quiet = np.concatenate([inner[:1], inner, inner[-1:]])
     if window == 1:
         return quiet
     half = window // 2
     sums = np.concatenate([[0.0], np.cumsum(quiet - quiet[0])])
     i = np.arange(quiet.size)
-    low, high = np.maximum(i - half, 0), np.minimum(i + half + 1, quiet.size)
-    return np.asarray(quiet[0] + (sums[high] - sums[low]) / (high - low))
+    start, stop = np.maximum(i - half, 0), np.minimum(i + half + 1, quiet.size)
+    return np.asarray(quiet[0] + (sums[stop] - sums[start]) / (stop - start))
 
 
 def _usual_size(sizes: _Floats) -> float:
@@ -449,7 +455,7 @@ def _loading_begins(trace: Trace, end: float, onset: float, bottom: float, peak:
     return begin if begin < peak else bottom
 
 
-def _row(trace: Trace, before: _Slip, after: _Slip) -> tuple[float, ...]:
+def _row(trace: Trace, interval: float, before: _Slip, after: _Slip) -> tuple[float, ...]:
     """A cycle, from one slip to the next, in the order of `CYCLE_COLUMNS`."""
     loading = after.onset - before.end
     inside = slice(*np.searchsorted(trace.time, [before.end + share * loading for share in STRAIGHT]))
@@ -460,7 +466,7 @@ def _row(trace: Trace, before: _Slip, after: _Slip) -> tuple[float, ...]:
         rate, _ = _slope(t, f)
         line = float(np.mean(f)) + rate * (after.onset - float(np.mean(t)))
         lacking = (line - after.last) / swing
-    duration = before.duration if before.duration >= 2.0 * trace.interval else np.nan
+    duration = before.duration if before.duration >= 2.0 * interval else np.nan
     return (before.time, after.time - before.time, after.peak, before.valley, swing, duration, rate, lacking)
 
 

@@ -362,6 +362,21 @@ def test_extreme_samples_would_be_biased() -> None:
     assert abs(np.mean(peaks) - HIGH) < 0.02 * (HIGH - LOW)
 
 
+def test_a_dip_at_the_end_of_the_slip_is_no_valley() -> None:
+    trace = sawtooth()
+    phase = (trace.time / PERIOD + 0.3) % 1.0
+    dip = np.where((phase < 0.05) | (phase > 0.998), 0.15 * (HIGH - LOW), 0.0)
+    plain, dipped = ds.find_cycles(trace), ds.find_cycles(ds.Trace(trace.time, trace.force - dip))
+    assert dipped.means()["valley_force"] == pytest.approx(plain.means()["valley_force"], abs=0.02 * (HIGH - LOW))
+
+
+def test_slips_far_below_the_noise_of_a_sample_are_found() -> None:
+    """Where there are many samples: noise as large as half of the swing."""
+    cycles = ds.find_cycles(sawtooth(cycles=8.3, per_cycle=20000.0, noise=0.5, seed=5))
+    assert len(cycles) == 7
+    assert cycles.means()["period"] == pytest.approx(PERIOD, rel=0.01)
+
+
 def test_noise_is_told_from_the_signal() -> None:
     random = np.random.default_rng(11)
     slow = 5.0 * np.sin(np.linspace(0.0, 20.0, 20000))
@@ -483,6 +498,8 @@ def test_a_scene_agrees_with_its_own_trace(measured: ds.Trace) -> None:
         assert abs(each.deviation) < 3.5, each
         assert each.simulated_error < 2.0 * each.measured_error
     assert "nothing differs" in comparison.report()
+    assert comparison.simulated.noise == pytest.approx(comparison.measured.noise, rel=0.1)
+    assert ds.compare(SCENE, measured, noise=False).simulated.noise < 1e-3 * comparison.measured.noise
     assert comparison["period"].measured_error < 1e-3 * comparison["period"].measured
 
 
@@ -523,11 +540,33 @@ def test_the_run_is_as_long_as_it_must_be(measured: ds.Trace) -> None:
     assert run.interval == pytest.approx(measured.interval)
     assert len(ds.find_cycles(run)) in (14, 15)
     assert run.time[-1] > 3.0  # the deck's t_end
+    # The samples are those of a run at these times, not interpolated.
+    longer = ds.Trace.of(ds.run(SCENE, scene={"t_end": 60.0}, output={"interval": measured.interval}))
+    same = np.rint(run.time / measured.interval).astype(int)
+    np.testing.assert_allclose(run.force, longer.force[same], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"drive": {"velocity": -2.0e-3}},
+        {"drive": {"time": (0.0, 1.0), "velocity": (-2.0e-3, -2.0e-3)}},
+        {"system": {"misalignment_deg": 177.0}},
+        {"output": {"fields": ("u_x",), "interval": 0.5}},
+        {"scene": {"settle": 1.0e-3, "t_end": 0.1}},
+    ],
+)
+def test_mirror_images_and_settings_of_output_change_nothing(measured: ds.Trace, change: dict[str, Any]) -> None:
+    assert ds.compare(SCENE, measured, **change).differing == ()
 
 
 def test_scenes_without_cycles_are_refused(measured: ds.Trace) -> None:
     with pytest.raises(ds.UsageError, match="deck: its run has no cycles to compare"):
         ds.compare(SCENE, measured, friction={"mu_inf": None, "v_f": None, "law": "constant"})
+    with pytest.raises(ds.UsageError, match=r"deck: .* the force is constant, 0 N: change the deck; dynstiction stability"):
+        ds.compare(SCENE, measured, drive={"velocity": 0.0})
+    with pytest.raises(ds.DeckError, match="nearest is 'mass'"):
+        ds.compare(SCENE.replace("mass", "mas"), measured)
     with pytest.raises(ds.UsageError, match="trace = 1: trace must be a Trace: give what read_trace"):
         ds.compare(SCENE, 1)  # type: ignore[arg-type]
 
@@ -559,9 +598,15 @@ def test_the_command_compares(executable: Path, measured: ds.Trace, tmp_path: Pa
     how = ("rig.nml", "rig.csv", "--time", "t", "--force", "1", "--unit", "time=ms", "--unit", "force=-1e-3")
     said = call(*how, "--from", 8, "--set", "system.misalignment_deg=4.5", status=0)
     assert said.stderr == ""
+    assert f"{len(ds.find_cycles(measured))} cycles" in said.stdout
     assert "differ by more than 3 standard errors: " in said.stdout
     assert said.stdout.splitlines()[-1] == "rig_compared.png"
     assert (tmp_path / "rig_compared.png").stat().st_size > 10000
+    counts = []
+    for more in ((), ("--from", 20), ("--to", 20)):
+        counts.append(int(call(*how, *more, status=0).stdout.split("rig.csv: ")[1].split()[0]))
+    assert min(counts) > 5
+    assert 0 < counts[0] - counts[1] - counts[2] <= 2
     own = call(*how, "-o", "own.svg", status=0).stdout
     assert "nothing differs by more than 3 standard errors" in own
     assert (tmp_path / "own.svg").exists()

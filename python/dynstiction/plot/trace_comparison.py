@@ -52,7 +52,11 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
 
 
 def _draw(axis: Axes, measured: Waveform, simulated: Waveform, scale: float) -> None:
-    for form, colour, name in ((measured, BLUE, "measured"), (simulated, VERMILION, "simulated")):
+    # The wider line shows beneath the other where both are the same.
+    for form, colour, name, width in (
+        (measured, BLUE, "measured", 1.6),
+        (simulated, VERMILION, "simulated", 0.7),
+    ):
         band = ERRORS * np.nan_to_num(form.error)
         axis.fill_between(
             scale * form.phase, form.force - band, form.force + band, color=colour, alpha=0.25, linewidth=0.0
@@ -61,6 +65,7 @@ def _draw(axis: Axes, measured: Waveform, simulated: Waveform, scale: float) -> 
             scale * form.phase,
             form.force,
             color=colour,
+            linewidth=width,
             label=f"{name}, {form.cycles} cycles" if scale == 1.0 else name,
         )
     axis.margins(y=0.08)
