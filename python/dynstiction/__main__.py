@@ -19,12 +19,13 @@ from ._native import catalogue
 from ._open import groups_in
 from ._sweep import open_sweep
 from ._trade import open_trade
-from .errors import Error, FileError, IncompleteWarning, UsageError, printable
+from .errors import Error, FileError, FitWarning, IncompleteWarning, UsageError, printable
 from .result import Result, open
 from .scene import Scene
 
 if TYPE_CHECKING:
     from .plot import Drawable
+    from .trace import Trace
 
 # The plotting modules are imported where they are used: matplotlib is slow to import.
 
@@ -160,9 +161,8 @@ def _short_names(files: Sequence[Path]) -> list[str]:
     return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
 
 
-def _compare(options: argparse.Namespace) -> None:
-    from .plot.style import write  # noqa: PLC0415
-    from .trace_comparison import compare  # noqa: PLC0415
+def _trace(options: argparse.Namespace) -> Trace:
+    """The trace that the options of a command describe."""
     from .trace_file import read_trace  # noqa: PLC0415
 
     units = {}
@@ -172,7 +172,7 @@ def _compare(options: argparse.Namespace) -> None:
             raise UsageError(f"--unit {setting}: write --unit QUANTITY=UNIT, as --unit force=mN")
         units[quantity] = unit
     delimiter = {"tab": "\t", "\\t": "\t", "blank": " "}.get(options.delimiter, options.delimiter)
-    trace = read_trace(
+    return read_trace(
         options.trace,
         time=options.time,
         force=options.force,
@@ -180,10 +180,38 @@ def _compare(options: argparse.Namespace) -> None:
         delimiter=delimiter,
         interval=options.interval,
     ).part(vars(options)["from"], options.to)
-    comparison = compare(Scene.of_command(options.deck, options.set), trace)
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from .plot.style import write  # noqa: PLC0415
+    from .trace_comparison import compare  # noqa: PLC0415
+
+    comparison = compare(Scene.of_command(options.deck, options.set), _trace(options))
     _say(comparison.report())
     output = options.output or Path(f"{Path(options.trace).stem}_compared.png")
     write(comparison.plot(), output)
+    _say(printable(str(output)))
+
+
+def _fit(options: argparse.Namespace) -> None:
+    from .fit import fit  # noqa: PLC0415
+    from .plot.style import write  # noqa: PLC0415
+
+    stem = Path(options.trace).stem
+    deck = options.fitted or Path(f"{stem}_fitted.nml")
+    if deck.exists() and not options.overwrite:
+        raise FileError(f"{printable(str(deck))}: is there already: name another with --fitted, or add --overwrite")
+    with warnings.catch_warnings():
+        # Its notes are part of what is printed.
+        warnings.simplefilter("ignore", FitWarning)
+        found = fit(
+            Scene.of_command(options.deck, options.set), _trace(options), options.free, starts=options.starts, seed=options.seed
+        )
+    _say(found)
+    deck.write_text(found.scene.to_deck(), encoding="utf-8")
+    output = options.output or Path(f"{stem}_fitted.png")
+    write(found.plot(), output)
+    _say(printable(str(deck)))
     _say(printable(str(output)))
 
 
@@ -308,6 +336,7 @@ def _warnings_in_one_line() -> Iterator[None]:
 TYPES: dict[str, Callable[[str], object]] = {
     "C": str,
     "COLUMN": _column,
+    "KEYS": str,
     "KIND": str,
     "N": int,
     "NAME": str,
@@ -319,6 +348,7 @@ TYPES: dict[str, Callable[[str], object]] = {
 COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, Any]]] = {
     "plot": (_plot, {}),
     "compare": (_compare, {}),
+    "fit": (_fit, {"starts": 2, "seed": 0}),
     "report": (_report, {}),
     "export": (_export, {"output": Path()}),
     "animate": (_animate, {"fps": 20, "seconds": 10.0}),
