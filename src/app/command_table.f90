@@ -112,8 +112,8 @@ module dst_command_table
       'dynstiction compare my.nml trace.csv'//n// &
       'dynstiction compare my.nml trace.csv --time t --force "F [mN]" --unit time=ms --from 10'), &
     command_entry_t('fit', 'DECK TRACE', python, 'the parameters behind a measured trace', &
-      'Find parameters of a deck behind a measured trace of the force along the pull: least squares on the mean waveform of its '// &
-      'cycles and their period, first with the slow model, then with that of the deck. Prints values, errors, intervals, '// &
+      'Find parameters of a deck behind a measured trace of the force along the pull: least squares on the mean waveform of '// &
+      'its cycles and their period, first with the slow model, then with that of the deck. Prints values, errors, intervals, '// &
       'and what the trace does not tell; writes the fitted deck, draws waveform and residuals. TRACE is as for compare.', &
       'dynstiction fit my.nml trace.csv --free system.misalignment_deg,friction.mu_0'//n// &
       'dynstiction fit my.nml trace.csv --free system.mass --fitted fitted.nml'), &
