@@ -47,7 +47,7 @@ def draw_fit(fit: Fit, figure: Figure) -> None:
     residual.set_xlabel("bin, in the order of time")
     residual.set_xlim(0, off.size)
     for axis, letter in ((cycle, "a"), (slip, "b"), (residual, "c")):
-        axis.text(-0.17, 1.0, f"({letter})", transform=axis.transAxes, va="top", fontweight="bold")
+        axis.set_title(f"({letter})", loc="left", fontsize=8.0, fontweight="bold")
 
 
 def _draw(axis: Axes, fit: Fit, time: NDArray[np.float64], scale: float) -> None:
