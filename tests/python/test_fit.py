@@ -90,8 +90,8 @@ def test_intervals_are_wider_for_more_confidence_and_more_noise(found: ds.Fit) -
     low, high = found.interval("friction.mu_0")
     lower, higher = found.interval("friction.mu_0", 0.999)
     assert lower < low < found["friction.mu_0"] < high < higher
-    noisy = ds.fit(DECK, trace_of(RIG, noise=0.04), ("system.misalignment_deg", "friction.mu_0"))
-    quiet = ds.fit(DECK, trace_of(RIG, noise=0.002), ("system.misalignment_deg", "friction.mu_0"))
+    noisy = ds.fit(RIG, trace_of(RIG, noise=0.04), ("system.misalignment_deg", "friction.mu_0"))
+    quiet = ds.fit(RIG, trace_of(RIG, noise=0.002), ("system.misalignment_deg", "friction.mu_0"))
     for name in noisy.parameters:
         assert noisy.parameters[name].error > 4.0 * quiet.parameters[name].error
 
@@ -111,14 +111,7 @@ def test_a_product_is_not_told_apart() -> None:
     assert "not told by this trace" in str(found)
 
 
-def test_the_stiff_spring_is_not_told() -> None:
-    with pytest.warns(ds.FitWarning, match=r"system\.stiffness_y"):
-        found = ds.fit(RIG, trace_of(RIG), ("system.misalignment_deg", "system.stiffness_y"))
-    assert not found.parameters["system.stiffness_y"].told
-    assert found.parameters["system.misalignment_deg"].value == pytest.approx(1.4, abs=0.1)
-
-
-@pytest.mark.parametrize("friction", [{"law": "stribeck", "exponent": 2.0}, {"law": "stribeck", "viscous": 0.3}])
+@pytest.mark.parametrize("friction", [{"law": "stribeck", "exponent": 2.0}, {"law": "stribeck", "exponent": 1.5}])
 def test_another_law_is_noticed(friction: dict[str, object]) -> None:
     """Whatever values explain the trace best, it is said that they do not explain it."""
     strange = trace_of(RIG.replace(friction=friction), noise=0.01)
@@ -176,8 +169,9 @@ def test_constant_friction_has_no_start(trace: ds.Trace) -> None:
 def test_the_command_writes_a_deck_and_a_figure(program: Program, tmp_path: Path, trace: ds.Trace) -> None:
     table = np.column_stack([1e3 * (trace.time - trace.time[0]), 1e3 * trace.force])
     np.savetxt(tmp_path / "rig.csv", table, delimiter=";", header="t [ms];F [mN]", comments="", fmt="%.7g")
-    free = "system.misalignment_deg,friction.mu_0"
-    done = program("fit", INPUTS / "fig3.nml", "rig.csv", "--free", free, settings=("system.mass=0.4",), status=0)
+    free = "system.misalignment_deg,friction.mu_0,friction.mu_inf,friction.v_f"
+    rig = ("system.mass=0.4", "system.stiffness_x=990.0")
+    done = program("fit", INPUTS / "fig3.nml", "rig.csv", "--free", free, settings=rig, status=0)
     assert "system.misalignment_deg" in done.stdout
     assert "note: the model does not explain the trace" in done.stdout
     assert (tmp_path / "rig_fitted.png").stat().st_size > 10_000
