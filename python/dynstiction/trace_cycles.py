@@ -238,7 +238,13 @@ def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Wavef
     -------
     Waveform
         Phases, mean force and its standard error.
+
+    Raises
+    ------
+    UsageError
+        If these are no trace and cycles, or too few points.
     """
+    _refuse_others(trace, cycles)
     phase = np.linspace(0.0, 1.0, whole("points", points, least=2))
     at = cycles.slips[:-1, np.newaxis] + phase * np.diff(cycles.slips)[:, np.newaxis]
     return _mean(trace, at, phase)
@@ -266,8 +272,9 @@ def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, po
     Raises
     ------
     UsageError
-        If the trace has fewer than two such slips.
+        If the trace has fewer than two such slips, or these are no trace and cycles.
     """
+    _refuse_others(trace, cycles)
     low, high = number("before", before, above=0.0, units="s"), number("after", after, above=0.0, units="s")
     time = np.linspace(-low, high, whole("points", points, least=2))
     inside = (cycles.slips - low >= trace.time[0]) & (cycles.slips + high <= trace.time[-1])
@@ -276,6 +283,11 @@ def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, po
             f"before = {low:g} s, after = {high:g} s: the trace has fewer than two slips with such times around"
         )
     return _mean(trace, cycles.slips[inside][:, np.newaxis] + time, time)
+
+
+def _refuse_others(trace: Trace, cycles: TraceCycles) -> None:
+    instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
+    instance("cycles", cycles, TraceCycles, "give what find_cycles returns")
 
 
 def _mean(trace: Trace, at: _Floats, phase: _Floats) -> Waveform:

@@ -135,6 +135,8 @@ def read_trace(
         "displacement": displacement,
         "lateral_force": lateral_force,
     }
+    if not isinstance(units, Mapping | None):
+        raise UsageError(f"units = {shown(units)}: units are a mapping of names, {{'force': 'mN'}}")
     given = dict(units or {})
     for quantity in given:
         if quantity not in QUANTITIES:

@@ -234,6 +234,7 @@ BAD_USE: dict[str, tuple[dict[str, Any], str]] = {
     "no factor": ({"units": {"force": 0.0}}, r"units: the factor of force is 0"),
     "quantity": ({"units": {"load": "N"}}, r"units: 'load': a trace has time, force, displacement, lateral_force"),
     "delimiter": ({"delimiter": ",,"}, r"delimiter = ',,': it is one character"),
+    "units": ({"units": "mN"}, r"units = 'mN': units are a mapping of names"),
     "kind": ({"force": 1.0}, r"force = 1\.0: a column is given by its number, from 0, or its name"),
     "interval": ({"interval": 0.0}, r"interval = 0: interval must be finite and in \(0, inf\) s"),
 }
@@ -438,6 +439,13 @@ def test_mean_waveforms_follow_the_trace() -> None:
     slip = ds.mean_slip(trace, cycles, 0.1, 0.2, 50)
     assert slip.phase[0] == -0.1 and slip.phase[-1] == pytest.approx(0.2)
     assert slip.force[0] > slip.force[25] < slip.force[-1]
+    for function, more in ((ds.mean_waveform, ()), (ds.mean_slip, (0.1, 0.1))):
+        with pytest.raises(ds.UsageError, match="trace = 1: trace must be a Trace"):
+            function(1, cycles, *more)
+        with pytest.raises(ds.UsageError, match="cycles = 1: cycles must be a TraceCycles"):
+            function(trace, 1, *more)
+    with pytest.raises(ds.UsageError, match="points = 1: points must be a whole number from 2 on"):
+        ds.mean_waveform(trace, cycles, 1)
     with pytest.raises(ds.UsageError, match="fewer than two slips"):
         ds.mean_slip(trace, cycles, 1e3, 0.1)
 
