@@ -122,7 +122,8 @@ contains
     end associate
   end subroutine rest_or_set_off
 
-  !> Where the drive jumps just after a stop, dampers pull otherwise than was thought there.
+  !> Where the drive jumps, dampers pull otherwise than just before: a slip that begins there begins with what they pull more than
+  !> friction holds, and one that was to begin after a stop may not.
   subroutine look_at_jump(self)
     class(slip_stick_t), intent(inout) :: self
 
@@ -192,8 +193,8 @@ contains
     end if
     if (self%contact == sticks) call self%note_event(slip_begins)
     beginning = start_of_slip(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration)
-    ! The release is where |K u| = F_0 by definition: no excess from roundoff. Only where the drive has jumped a damper pulls harder.
-    if (duration > 0.0_wp .or. .not. self%slider%is_damped()) beginning%rate(1) = 0.0_wp
+    ! The release is where |K u| = F_0 by definition: no excess from roundoff.
+    beginning%rate(1) = 0.0_wp
     call self%set_off(beginning)
   end subroutine stay_stuck
 
