@@ -969,8 +969,8 @@ contains
 
   !> Linear theory for n sliders as in `equations`: values (value, slider), as `what` asks.
   !> 'eigenvalues' of steady sliding [1/s]: four real parts, four imaginary parts, by falling real part.
-  !> 'critical' misalignment, whatever a slider's own: whether each branch has one (0/1), two angles [rad], frequencies [rad/s] of the low
-  !> and the fast branch, stable window [rad], rigid limit of the low branch [rad].
+  !> 'critical' misalignment, whatever a slider's own: whether each branch has one (0/1), two angles [rad], frequencies [rad/s] of
+  !> the low and the fast branch, stable window [rad], rigid limit of the low branch [rad].
   !> 'creep_end': whether slow creep ends in slip (0/1), the angle of friction there [rad], slip speed [m/s], load [N], decay D.
   !> 'damping' ratio of the slow motion at the angles `theta` [rad]: Eq. (10), with friction held at mu_0 W; 'weakening': with the
   !> law's own friction.

@@ -84,11 +84,22 @@ def rhs(
     ------
     UsageError
         If the last dimension of `state` is not 4, an argument is not finite or out of its range (m, k_x, k_y, v_f > 0;
-        mu_0, mu_inf, W, v_smooth, c_x, c_y >= 0), or only one of `mu_inf` and `v_f` is given. If a rate is not a number: with the exact
-        law (`v_smooth` = 0) friction has no direction at ``w = 0``.
+        mu_0, mu_inf, W, v_smooth, c_x, c_y >= 0), or only one of `mu_inf` and `v_f` is given. If a rate is not a
+        number: with the exact law (`v_smooth` = 0) friction has no direction at ``w = 0``.
     """
     slider = _slider(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        v_smooth,
+        damping_x,
+        damping_y,
     )
     return _evaluated(slider, state, 1)[..., 0]
 
@@ -130,7 +141,18 @@ def jacobian(
         As for `rhs`.
     """
     slider = _slider(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        v_smooth,
+        damping_x,
+        damping_y,
     )
     return _evaluated(slider, state, 4)
 

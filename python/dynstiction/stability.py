@@ -72,7 +72,8 @@ def steady_sliding_eigenvalues(
     """Eigenvalues of a perturbation of steady sliding.
 
     ``m u'' + D u' + K u = 0`` with ``D = F'(V) s s^T + F(V)/V n n^T + C``, ``s = (cos phi, sin phi)``, n normal
-    to s, ``C = diag(c_x, c_y)``, and ``F(v) = [mu_inf + (mu_0 - mu_inf) exp(-v/v_f)] W``. Steady sliding is stable if all real parts
+    to s, ``C = diag(c_x, c_y)``, and ``F(v) = [mu_inf + (mu_0 - mu_inf) exp(-v/v_f)] W``. Steady sliding is stable if
+    all real parts
     are negative.
 
     Parameters
@@ -100,7 +101,18 @@ def steady_sliding_eigenvalues(
     far below that has no meaning. `critical_misalignment` has no such limit.
     """
     sliders, shape = _sliders(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        v_smooth,
+        damping_x,
+        damping_y,
     )
     parts = _native.steady_sliding("eigenvalues", 8, sliders)
     return (parts[:, :4] + 1j * parts[:, 4:]).reshape(*shape, 4)
@@ -146,7 +158,18 @@ def critical_misalignment(
         As for `steady_sliding_eigenvalues`.
     """
     sliders, shape = _sliders(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        v_smooth,
+        damping_x,
+        damping_y,
     )
     values = _native.steady_sliding("critical", 9, sliders)
     exists, angle, frequency, window, limit = np.split(values, [2, 4, 6, 8], axis=1)

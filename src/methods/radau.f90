@@ -421,7 +421,8 @@ contains
     self%unseen_growth = 0.0_wp
     self%emerged = .false.
     ! Where friction falls most with the speed, and where the step ends.
-    steepest = self%terms%force_y(1:s, 1, 1) + self%terms%damping(1:s, 1, 1)
+    steepest = self%terms%force_y(1:s, 1, 1)
+    if (system%is_damped) steepest = steepest + self%terms%damping(1:s, 1, 1)
     point = [maxloc(steepest, dim=1), s]
     fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, steepest(point(1)))
     if (self%step*fastest <= self%harmless_phase) return
@@ -495,6 +496,7 @@ contains
         *dot_product(probe%derivative, self%nodal(:, column_y + k - 1)))
     end do
     call set_filter(n, m, self%point_terms, filter_step, velocity_y, filter)
+    if (system%is_damped) call add_dampers(m, self%point_terms, filter_step, filter)
     call respond(n, m, filter, velocity_y, response, singular)
     do k = 1, n
       error(k) = 0.0_wp
@@ -509,7 +511,7 @@ contains
   end subroutine defect_error
 
   !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy, of whose last
-  !> term all that the dampers make is taken, else only what damps, and what couples with a state of friction.
+  !> term only what damps is taken, and what couples with a state of friction.
   pure subroutine set_filter(n, m, terms, filter_step, velocity_y, filter)
     integer, intent(in) :: n, m
     type(stage_terms_t), intent(in) :: terms
@@ -526,14 +528,27 @@ contains
         end do
         filter(k, l) = filter_step**2*coupling
         if (max(k, l) > n .and. k /= l) filter(k, l) = filter(k, l) - filter_step*terms%force_y(1, k, l)
-        filter(k, l) = filter(k, l) + filter_step*terms%damping(1, k, l)
       end do
-      filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) &
-        + max(0.0_wp, -filter_step*(terms%force_y(1, k, k) + terms%damping(1, k, k)))
+      filter(k, k) = filter(k, k) + abs(terms%inertia(1, k)) + max(0.0_wp, -filter_step*terms%force_y(1, k, k))
       ! At rest without a load the direction is free: it has no equation there, and no error.
       if (.not. filter(k, k) > 0.0_wp) filter(k, k) = 1.0_wp
     end do
   end subroutine set_filter
+
+  !> Take all that the dampers make of it in place of what damps: a damper holds back the slip along its own axis only.
+  pure subroutine add_dampers(m, terms, filter_step, filter)
+    integer, intent(in) :: m
+    type(stage_terms_t), intent(in) :: terms
+    real(wp), intent(in) :: filter_step
+    real(wp), intent(inout) :: filter(m, m)
+    integer :: k
+
+    filter = filter + filter_step*terms%damping(1, :, :)
+    do k = 1, m
+      filter(k, k) = filter(k, k) + max(0.0_wp, -filter_step*(terms%force_y(1, k, k) + terms%damping(1, k, k))) &
+        - max(0.0_wp, -filter_step*terms%force_y(1, k, k))
+    end do
+  end subroutine add_dampers
 
   pure real(wp) function norm(vector)
     real(wp), intent(in) :: vector(:)

@@ -52,9 +52,8 @@ module dst_runge_kutta
   real(wp), parameter :: seen = 10.0_wp
   !> Factor after a turn that was missed. Convention.
   real(wp), parameter :: turn_factor = 0.5_wp
-  !> With dampers, which act in much less than the oscillations' time: a step far too long makes stages whose squares would
-  !> overflow.
-  !> Nothing that large is a state.
+  !> With dampers, which act in much less than the oscillations' time, a step far too long makes stages whose squares would
+  !> overflow. Nothing that large is a state.
   real(wp), parameter :: no_state = 1.0e70_wp
   !> How much worse than the step's end its dense output may be. Twice: 5 % less work, the same error.
   real(wp), parameter :: dense_allowance = 10.0_wp

@@ -122,7 +122,8 @@ contains
     end associate
   end subroutine rest_or_set_off
 
-  !> Where the drive jumps just after a stop, dampers pull otherwise than was thought there.
+  !> Where the drive jumps, dampers pull otherwise than just before: a slip that begins there begins with what they pull more than
+  !> friction holds, and one that was to begin after a stop may not.
   subroutine look_at_jump(self)
     class(slip_stick_t), intent(inout) :: self
 
@@ -190,12 +191,7 @@ contains
       return
     end if
     if (self%contact == sticks) call self%note_event(slip_begins)
-    ! Only where the drive has jumped a damper pulls harder than the static limit.
-    if (duration > 0.0_wp .or. .not. self%slider%is_damped()) then
-      call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
-    else
-      call self%set_off(start_of_slip(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
-    end if
+    call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
   end subroutine stay_stuck
 
   !> Whether the load grows beyond its own roundoff within `time` [s] of a release that is `delay` away. If it does not, nothing can

@@ -5,9 +5,9 @@
 !>
 !>     u_x' = V c - w_x,      w_x' = (k_x u_x - F(v) w_x/v)/m.
 !>
-!> A damper beside the soft spring adds c_x u_x' to its force. The force of the rigid spring across is F(v) V s/v + m
-!> s V'. The drive's work against friction across the axis enters as `supply`; the inertia of the prescribed motion is
-!> in neither work nor energy.
+!> A damper beside the soft spring adds c_x u_x' to its force. The force of the rigid spring across is
+!> F(v) V s/v + m s V'. The drive's work against friction across
+!> the axis enters as `supply`; the inertia of the prescribed motion is in neither work nor energy.
 !>
 !> Where V s = 0 there is rest, and dst_straight_slip takes over.
 module dst_low_frequency

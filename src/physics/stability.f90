@@ -4,10 +4,11 @@
 !>
 !>     m u'' + D u' + K u = 0,     D = alpha s s^T + beta n n^T,     alpha = F'(V),  beta = F(V)/V,
 !>
-!> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact); dampers C beside the springs add to D. Without
-!> these, of its characteristic polynomial only one coefficient depends on phi, and linearly in sin^2(phi): the
-!> critical angles have a closed form, derived in docs/theory_stability.md. The damping ratio of the slow motion at
-!> any direction of friction is Eq. (10) of Nakano & Popov (2020). SI units, angles in radians.
+!> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact); dampers C beside the springs add to D.
+!> Without these, of its characteristic polynomial only one
+!> coefficient depends on phi, and linearly in sin^2(phi): the critical angles have a closed form, derived in
+!> docs/theory_stability.md. The damping ratio of the slow motion at any direction of friction is Eq. (10) of
+!> Nakano & Popov (2020). SI units, angles in radians.
 module dst_stability
   use dst_kinds, only: wp, real64, pi
   use dst_errors, only: error_t, raise, usage_error, not_finite

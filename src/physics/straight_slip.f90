@@ -3,8 +3,8 @@
 !>
 !>     u_i' = V e_i - v n_i,      v' = (K u . n - F(v))/m,
 !>
-!> the other elongation is constant. A damper beside the spring that follows adds c_i u_i' to its force. Rest and
-!> release are those of the exact contact.
+!> the other elongation is constant. A damper beside the spring that follows adds c_i u_i' to its
+!> force. Rest and release are those of the exact contact.
 !>
 !> It is two models. `high_frequency` (Eq. 9 of Nakano & Popov 2020; i = 2): the longitudinal load
 !> k_x u_x = F_0 cos theta is given, and the object oscillates on the stiff spring with the mass m/sin^2 theta

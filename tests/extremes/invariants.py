@@ -150,7 +150,8 @@ def balance_faults(result: ds.Result, groups: Groups) -> list[str]:
         return ["infinite work"]
     residual = summary["energy_residual"]
     method = str(result.attributes["method"])
-    stiff = max(float(groups["system"].get(key, 0.0)) for key in ("damping_x", "damping_y")) >= STIFF_DAMPER  # type: ignore[arg-type]
+    dampers = [float(str(groups["system"].get(key, 0.0))) for key in ("damping_x", "damping_y")]
+    stiff = max(dampers) >= STIFF_DAMPER
     rtol = float(groups["integrator"].get("rtol", 1e-8))  # type: ignore[arg-type]
     tolerance = FIXED_STEP_ENERGY.get(method, (STIFFLY_DAMPED_ENERGY if stiff else ENERGY) * rtol)
     if stiff and method == "moreau_jean":

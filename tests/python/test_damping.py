@@ -24,7 +24,11 @@ def scene(*changes: fig3.Groups, model: str = "full", method: str = "radau13", r
     return ds.Scene(
         **fig3.changed(
             fig3.slider(),
-            {"scene": {"model": model, "t_end": t_end}, "integrator": {"method": method, "rtol": rtol}, "output": {"interval": 1e-3}},
+            {
+                "scene": {"model": model, "t_end": t_end},
+                "integrator": {"method": method, "rtol": rtol},
+                "output": {"interval": 1e-3},
+            },
             *changes,
         )
     )
