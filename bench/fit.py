@@ -15,9 +15,8 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 import dynstiction as ds
+import numpy as np
 
 FREE = (
     "system.misalignment_deg",
@@ -69,7 +68,9 @@ def rigs(seed: int) -> Iterator[tuple[dict[str, float], ds.Scene, float, float]]
         cycles = ds.cycles(scene, model="low_frequency").stable
         if not cycles:
             continue
-        settled = ds.run(scene, scene={"settle": 1e-7, "t_end": 40.0 * cycles[0].period}, output={"interval": 1.0})
+        settled = ds.run(
+            scene, scene={"settle": 1e-7, "t_end": 40.0 * cycles[0].period}, output={"interval": 1.0}
+        )
         about = settled.summary
         if "settled_at" not in about:
             continue
@@ -142,7 +143,9 @@ def main() -> int:
         for i, name in enumerate(FREE):
             column = [row[i] for row in inside if row[i] is not None]
             print(f"  {name:24s} {100.0 * np.mean(column):5.1f} % of {len(column)}")
-        print(f"processor time of a fit: median {np.median(times):.2f} s, 95 % below {np.quantile(times, 0.95):.2f} s, longest {max(times):.2f} s")
+        print(
+            f"processor time of a fit: median {np.median(times):.2f} s, 95 % below {np.quantile(times, 0.95):.2f} s, longest {max(times):.2f} s"
+        )
     return 0
 
 

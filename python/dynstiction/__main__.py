@@ -200,12 +200,18 @@ def _fit(options: argparse.Namespace) -> None:
     stem = Path(options.trace).stem
     deck = options.fitted or Path(f"{stem}_fitted.nml")
     if deck.exists() and not options.overwrite:
-        raise FileError(f"{printable(str(deck))}: is there already: name another with --fitted, or add --overwrite")
+        raise FileError(
+            f"{printable(str(deck))}: is there already: name another with --fitted, or add --overwrite"
+        )
     with warnings.catch_warnings():
         # Its notes are part of what is printed.
         warnings.simplefilter("ignore", FitWarning)
         found = fit(
-            Scene.of_command(options.deck, options.set), _trace(options), options.free, starts=options.starts, seed=options.seed
+            Scene.of_command(options.deck, options.set),
+            _trace(options),
+            options.free,
+            starts=options.starts,
+            seed=options.seed,
         )
     _say(found)
     deck.write_text(found.scene.to_deck(), encoding="utf-8")

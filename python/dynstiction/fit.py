@@ -6,14 +6,14 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
 from ._arguments import instance, number, shown, whole
-from ._fit.models import NoCycleError, full_means, slow_means, slow_scene
+from ._fit.models import NoCycleError, full_means, slow_means, slow_scene, steady_velocity
 from ._fit.solve import PRIOR, Model, Solution, best_start, least_squares_of, residuals, weights_of
 from ._fit.starts import glances
 from ._fit.waveform import Waveform, waveform_of
@@ -52,6 +52,7 @@ LEAST_DROP = 1e-3
 SPREAD = 0.7
 """Largest change of a logarithm in a random start."""
 BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -119,7 +120,9 @@ class Fit:
     def __getitem__(self, name: str) -> float:
         """Value of a parameter, NaN if the trace does not tell it."""
         if name not in self.parameters:
-            raise UsageError(f"{shown(name)}: is not free in this fit: there are {', '.join(self.parameters)}")
+            raise UsageError(
+                f"{shown(name)}: is not free in this fit: there are {', '.join(self.parameters)}"
+            )
         return self.parameters[name].value
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
@@ -137,14 +140,18 @@ class Fit:
         low, high : float
             Its ends; 0 and infinity of a parameter that the trace does not tell.
         """
-        from scipy.stats import t  # noqa: PLC0415  (optional)
+        from scipy.stats import t  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
         number("level", level, above=0.0, below=1.0)
         if not self.parameters[name].told:
             return 0.0, math.inf
         i = list(self.parameters).index(name)
-        width = float(t.ppf(0.5 * (1.0 + level), len(self.waveform.cycles) - 1)) * float(self._logarithms[1][i])
-        ends = sorted(math.copysign(math.exp(self._logarithms[0][i] + side * width), self[name]) for side in (-1.0, 1.0))
+        width = float(t.ppf(0.5 * (1.0 + level), len(self.waveform.cycles) - 1)) * float(
+            self._logarithms[1][i]
+        )
+        ends = sorted(
+            math.copysign(math.exp(self._logarithms[0][i] + side * width), self[name]) for side in (-1.0, 1.0)
+        )
         return ends[0], ends[1]
 
     def plot(self) -> Figure:
@@ -306,7 +313,7 @@ class _Problem:
             group, _, key = name.partition(".")
             if name in names:
                 groups.setdefault(group, {})[key] = math.copysign(float(value), old)
-        return scene.replace(**groups)  # type: ignore[arg-type]
+        return scene.replace(**groups)
 
     def solve(self, starts: int, seed: int, say: Callable[[float], None]) -> Fit:
         slow = slow_scene(self.scene)
@@ -385,8 +392,8 @@ class _Problem:
             return 0.0
 
     def _glances(self, own: _Floats) -> Iterator[_Floats]:
-        velocity = float(np.ravel(self.scene.drive.velocity)[0])
-        for values in glances(self.wave, velocity, float(self.scene.friction.normal_load)):
+        normal_load = self.scene.friction.normal_load or 1.0
+        for values in glances(self.wave, steady_velocity(self.scene), normal_load):
             start = own.copy()
             for i, name in enumerate(self.names):
                 if name in values:
@@ -427,9 +434,15 @@ class _Problem:
         return found, offset, count
 
     def _told(
-        self, slowly: Model, found: Solution, offset: _Floats | float, model: str, notes: list[str], count: int
+        self,
+        slowly: Model,
+        found: Solution,
+        offset: _Floats | float,
+        model: str,
+        notes: list[str],
+        count: int,
     ) -> Fit:
-        from scipy.stats import f  # noqa: PLC0415  (optional)
+        from scipy.stats import f  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
         wave = self.wave
         z, jacobian = found.z.copy(), found.jacobian.copy()
@@ -443,7 +456,9 @@ class _Problem:
         inverse = np.linalg.inv(_normal(jacobian))
         influence = (wave.cycles - wave.mean) * weights[:-1] @ jacobian[:-1] @ inverse
         n = len(wave.cycles)
-        covariance = influence.T @ influence / (n * (n - 1.0)) + np.outer(inverse @ jacobian[-1], inverse @ jacobian[-1])
+        covariance = influence.T @ influence / (n * (n - 1.0)) + np.outer(
+            inverse @ jacobian[-1], inverse @ jacobian[-1]
+        )
         residual = (wave.mean - values[:-1]) * weights[:-1]
         explained = float(np.sum(wave.cycles.var(axis=0, ddof=1) / n * weights[:-1] ** 2))
         used = int(np.count_nonzero(wave.used))
@@ -492,7 +507,7 @@ class _Problem:
             (logarithms, error),
         )
 
-    def _flat(self, inverse: _Floats, told: NDArray[np.bool_]) -> Iterator[str]:
+    def _flat(self, inverse: NDArray[Any], told: NDArray[np.bool_]) -> Iterator[str]:
         """What the trace does not tell, by name."""
         if told.all():
             return
@@ -501,7 +516,9 @@ class _Problem:
             if size < TOLD**2:
                 continue
             direction = direction / direction[np.argmax(np.abs(direction))]
-            seen = [(name, power) for name, power in zip(self.names, direction, strict=True) if abs(power) > SEEN]
+            seen = [
+                (name, power) for name, power in zip(self.names, direction, strict=True) if abs(power) > SEEN
+            ]
             if len(seen) == 1:
                 yield f"the trace does not tell {seen[0][0]}: hold it at a known value"
             else:
@@ -523,24 +540,35 @@ def _problem(scene: Scene, trace: Trace, free: Sequence[str] | str) -> _Problem:
     names = tuple(each.strip() for each in (free.split(",") if isinstance(free, str) else free))
     scene.check()
     if not names or names == ("",):
-        raise UsageError("free: name the parameters to be found, like 'system.misalignment_deg,friction.mu_0'")
+        raise UsageError(
+            "free: name the parameters to be found, like 'system.misalignment_deg,friction.mu_0'"
+        )
     values = scene.groups()
     for i, name in enumerate(names):
         group, _, key = name.partition(".")
         if name in names[:i]:
             raise UsageError(f"free: {name} is named twice")
-        if group not in ("system", "friction") or key not in {each.name for each in _native.schema() if each.group == group}:
-            raise UsageError(f"free: {shown(name)}: what can be found are keys of &system and &friction, like system.misalignment_deg")
+        if group not in ("system", "friction") or key not in {
+            each.name for each in _native.schema() if each.group == group
+        }:
+            raise UsageError(
+                f"free: {shown(name)}: what can be found are keys of &system and &friction, like system.misalignment_deg"
+            )
         if _native.key_info(group, key).kind != "real":
             raise UsageError(f"free: {name} is no real number: hold it at one choice a fit")
         value = values.get(group, {}).get(key)
         if not isinstance(value, float) or value == 0.0:
-            raise UsageError(f"free: {name} has no value but 0 in {scene.name}: give one to begin with, also a rough one")
-    velocity = np.ravel(scene.drive.velocity)
-    if velocity.size != 1 or velocity[0] == 0.0:
-        raise UsageError(f"{scene.name}: drive.velocity has {velocity.size} values: a fit needs a constant velocity that is not 0")
+            raise UsageError(
+                f"free: {name} has no value but 0 in {scene.name}: give one to begin with, also a rough one"
+            )
+    if steady_velocity(scene) == 0.0:
+        raise UsageError(
+            f"{scene.name}: drive.velocity is 0 or changes: a fit needs a constant velocity that is not 0"
+        )
     cycles = find_cycles(trace)
-    begin = np.array([values[name.partition(".")[0]][name.partition(".")[2]] for name in names], dtype=np.float64)
+    begin = np.array(
+        [values[name.partition(".")[0]][name.partition(".")[2]] for name in names], dtype=np.float64
+    )
     return _Problem(scene, names, begin, cycles, waveform_of(trace, cycles))
 
 
@@ -552,4 +580,3 @@ def _given(scene: Scene, name: str) -> bool:
 def _unit(name: str) -> str:
     group, _, key = name.partition(".")
     return _native.key_info(group, key).units
-

@@ -196,13 +196,7 @@ def test_against_another_program(
     method: str, rtol: float | None, close: float, profile: str, damping_x: float, damping_y: float
 ) -> None:
     """Slips, sticks and works of a damped stick-slip on a profile."""
-    system = {
-        **fig3.SYSTEM,
-        "stiffness_y": 4e3,
-        "misalignment_deg": 20.0,
-        "damping_x": damping_x,
-        "damping_y": damping_y,
-    }
+    system = {**fig3.SYSTEM, "stiffness_y": 4e3, "misalignment_deg": 20.0, "damping_x": damping_x, "damping_y": damping_y}
     step = {} if rtol else {"step": 2e-6}
     times, velocities = PROFILES[profile]
     result = ds.run(
@@ -241,7 +235,8 @@ def as_far_as_it_goes(given: ds.Scene) -> ds.Result:
 @pytest.mark.parametrize(("model", "contact", "method"), MODELS)
 def test_energy_balance(model: str, contact: dict[str, object], method: str) -> None:
     """What the drive gives is what friction and the dampers take and what is stored: random scenes, from below to above the
-    critical damping, under drives that hold, ramp, jump and reverse."""
+    critical damping, under drives that hold, ramp, jump and reverse.
+    """
     random = np.random.default_rng(20)
     done = 0
     for _ in range(12):
@@ -291,7 +286,8 @@ def test_energy_balance(model: str, contact: dict[str, object], method: str) -> 
 
 def test_fast_oscillation_of_fig_3() -> None:
     """Above the critical damping of the stiff spring nothing oscillates there; without it the slip speed passes between rest and
-    twice its mean a thousand times a second."""
+    twice its mean a thousand times a second.
+    """
     critical = 2.0 * math.sqrt(fig3.SYSTEM["stiffness_y"] * fig3.SYSTEM["mass"])
 
     def stops(**damping: float) -> tuple[int, float]:
@@ -444,7 +440,8 @@ def test_release_under_a_ramp(method: str) -> None:
 @pytest.mark.parametrize("method", ADAPTIVE)
 def test_release_at_a_jump(method: str) -> None:
     """A jump of V by 20 mm/s loads the damper by 2.4 N at once, beyond the static limit of 2 N: the object sets off with the
-    acceleration that is left; a jump back stops the pull."""
+    acceleration that is left; a jump back stops the pull.
+    """
     given = scene(
         {
             "system": {"damping_x": 120.0, "stiffness_y": 4e3},

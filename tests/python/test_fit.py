@@ -13,19 +13,10 @@ from programs import INPUTS, Program
 
 pytest.importorskip("scipy")
 
-ALL = (
-    "system.misalignment_deg",
-    "friction.mu_0",
-    "friction.mu_inf",
-    "friction.v_f",
-    "system.mass",
-    "system.stiffness_x",
-)
+ALL = ("system.misalignment_deg", "friction.mu_0", "friction.mu_inf", "friction.v_f", "system.mass", "system.stiffness_x")
 QUICK = {"method": "radau13", "rtol": 1e-7}
 RIG = ds.Scene(INPUTS / "fig3.nml").replace(
-    system={"misalignment_deg": 1.4, "stiffness_x": 900.0, "mass": 0.4},
-    friction={"mu_0": 0.24, "mu_inf": 0.19},
-    integrator=QUICK,
+    system={"misalignment_deg": 1.4, "stiffness_x": 900.0, "mass": 0.4}, friction={"mu_0": 0.24, "mu_inf": 0.19}, integrator=QUICK
 )
 TRUE = {
     "system.misalignment_deg": 1.4,
@@ -99,9 +90,7 @@ def test_intervals_are_wider_for_more_confidence_and_more_noise(found: ds.Fit) -
 def test_a_product_is_not_told_apart() -> None:
     """Friction forces are products of coefficients and the normal load: only these are in a force trace."""
     with pytest.warns(ds.FitWarning, match="apart"):
-        found = ds.fit(
-            RIG, trace_of(RIG), ("friction.mu_0", "friction.mu_inf", "friction.normal_load", "system.misalignment_deg")
-        )
+        found = ds.fit(RIG, trace_of(RIG), ("friction.mu_0", "friction.mu_inf", "friction.normal_load", "system.misalignment_deg"))
     for name in ("friction.mu_0", "friction.mu_inf", "friction.normal_load"):
         assert not found.parameters[name].told
         assert math.isnan(found[name])

@@ -230,7 +230,10 @@ BAD_USE: dict[str, tuple[dict[str, Any], str]] = {
     "twice the name": ({"force": "x"}, r"2 columns are called 'x': give its number"),
     "the same": ({"time": "force", "force": 1}, r"time and force are the same column, 1"),
     "taken": ({"force": "time"}, r"which column is time\? Name it: the columns are 0 'time'"),
-    "unit": ({"units": {"force": "pound"}}, r"units: force in 'pound': the units are N, mN, uN, nN, kN; for another give its factor to N"),
+    "unit": (
+        {"units": {"force": "pound"}},
+        r"units: force in 'pound': the units are N, mN, uN, nN, kN; for another give its factor to N",
+    ),
     "no factor": ({"units": {"force": 0.0}}, r"units: the factor of force is 0"),
     "quantity": ({"units": {"load": "N"}}, r"units: 'load': a trace has time, force, displacement, lateral_force"),
     "delimiter": ({"delimiter": ",,"}, r"delimiter = ',,': it is one character"),
@@ -299,7 +302,10 @@ NO_CYCLES: dict[str, tuple[Any, str]] = {
     "constant": (flat, "flat: the force is constant, 1 N: name the column of the force"),
     "noise": (lambda: flat(1.0, 0.1), "flat: no stick-slip above the noise: .* with a noise of 0.[01]"),
     "rise": (lambda: ds.Trace(np.arange(99.0), np.arange(99.0)), "trace: no stick-slip above the noise"),
-    "one cycle": (lambda: sawtooth(2.3), r"saw: 1 whole cycles \(2 slips\) in 1\.68\d s: at least 3 are needed: give a longer trace"),
+    "one cycle": (
+        lambda: sawtooth(2.3),
+        r"saw: 1 whole cycles \(2 slips\) in 1\.68\d s: at least 3 are needed: give a longer trace",
+    ),
     "few samples": (lambda: sawtooth(40.0, 12.3), r"saw: 12 samples in a cycle of 0\.71\d+ s: at least 20 are needed"),
     "sign": (
         lambda: ds.Trace(sawtooth().time, -sawtooth().force, name="saw"),
@@ -408,12 +414,7 @@ def test_slips_between_two_samples_have_no_duration() -> None:
 
 
 @settings(max_examples=40, deadline=None)
-@given(
-    scale=st.floats(1e-6, 1e6),
-    offset=st.floats(-10.0, 10.0),
-    stretch=st.floats(1e-3, 1e3),
-    begin=st.floats(-100.0, 100.0),
-)
+@given(scale=st.floats(1e-6, 1e6), offset=st.floats(-10.0, 10.0), stretch=st.floats(1e-3, 1e3), begin=st.floats(-100.0, 100.0))
 def test_cycles_scale_with_their_trace(scale: float, offset: float, stretch: float, begin: float) -> None:
     trace = sawtooth(noise=0.01)
     exact = ds.find_cycles(trace)

@@ -16,7 +16,7 @@ from ..scene import Scene
 from ..trace import Trace
 from .waveform import Waveform, bin_means
 
-__all__ = ["NoCycleError", "full_means", "slow_means", "slow_scene"]
+__all__ = ["NoCycleError", "full_means", "slow_means", "slow_scene", "steady_velocity"]
 
 _Floats = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def slow_scene(scene: Scene) -> Scene:
             for on, choices in _native.key_info(group, key).used_by:
                 if on == "model" and "low_frequency" not in choices:
                     unused.setdefault(group, {})[key] = None
-    slow = scene.replace(**unused)  # type: ignore[arg-type]
+    slow = scene.replace(**unused)
     return slow.replace(scene={"model": "low_frequency"})
 
 
@@ -90,13 +90,15 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     NoCycleError
         If there is no stick-slip that repeats.
     """
-    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # noqa: PLC0415  (optional)
+    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
-    result = _settled(scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "spring_force_y"]}, precise=True)
+    result = _settled(
+        scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "spring_force_y"]}, precise=True
+    )
     period = float(result.summary["period"])
     cosine, sine, velocity = _geometry(scene)
     sense = np.sign(velocity)
-    stiffness = sense * cosine * float(scene.system.stiffness_x)
+    stiffness = sense * cosine * float(scene.system.stiffness_x or 0.0)
     keep = np.append(True, np.diff(result.time) > 0.0)
     keep[: max(0, int(np.searchsorted(result.time, result.time[-1] - period)) - 2)] = False
     time = result.time[keep]
@@ -131,7 +133,11 @@ def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     )
     trace = Trace.of(fine).part(start=end)
     load = np.sign(_geometry(scene)[2]) * fine["spring_force_x"][-trace.time.size :] * _geometry(scene)[0]
-    middle = 0.5 * abs(_geometry(scene)[0]) * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
+    middle = (
+        0.5
+        * abs(_geometry(scene)[0])
+        * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
+    )
     k = np.flatnonzero((load[:-1] > middle) & (load[1:] <= middle))
     slips = trace.time[k] + (load[k] - middle) / (load[k] - load[k + 1]) * np.diff(trace.time)[k]
     edges = wave.edges * (period / wave.period) + delay
@@ -150,7 +156,7 @@ def _settled(scene: Scene, wave: Waveform, output: dict[str, object], precise: b
                 progress=False,
                 scene={"settle": SETTLED, "t_end": longest * wave.period},
                 integrator=integrator,
-                output=output,  # type: ignore[arg-type]
+                output=output,
             )
         except SolverError as error:
             raise NoCycleError(str(error)) from error
@@ -159,14 +165,21 @@ def _settled(scene: Scene, wave: Waveform, output: dict[str, object], precise: b
     raise NoCycleError(f"{scene.name}: no stick-slip that repeats within {LONGEST[-1]:g} measured periods")
 
 
+def steady_velocity(scene: Scene) -> float:
+    """Drive velocity [m/s]; 0 if it has several values."""
+    given = scene.drive.velocity
+    velocity = np.ravel(np.asarray(0.0 if given is None else given, dtype=np.float64))
+    return float(velocity[0]) if velocity.size == 1 else 0.0
+
+
 def _geometry(scene: Scene) -> tuple[float, float, float]:
-    angle = np.radians(float(scene.system.misalignment_deg))
-    return float(np.cos(angle)), float(np.sin(angle)), float(np.ravel(scene.drive.velocity)[0])
+    angle = np.radians(scene.system.misalignment_deg or 0.0)
+    return float(np.cos(angle)), float(np.sin(angle)), steady_velocity(scene)
 
 
 def _fall_through(level: float, grid: _Floats, load: Callable[[_Floats], _Floats]) -> float:
     """Last time at which the load falls through a level; the first of the grid if it does so at the seam."""
-    from scipy.optimize import brentq  # noqa: PLC0415  (optional)
+    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
     values = load(grid)
     falls = np.flatnonzero((values[:-1] > level) & (values[1:] <= level))

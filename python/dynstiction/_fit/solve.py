@@ -50,7 +50,9 @@ class Solution:
     evaluations: int
 
 
-def residuals(model: Model, wave: Waveform, weights: _Floats, offset: _Floats | float = 0.0) -> Callable[[_Floats], _Floats]:
+def residuals(
+    model: Model, wave: Waveform, weights: _Floats, offset: _Floats | float = 0.0
+) -> Callable[[_Floats], _Floats]:
     """Weighted difference of a model and a waveform at z; bins that are not used are 0."""
     measured = np.append(wave.mean, wave.period)
 
@@ -59,7 +61,8 @@ def residuals(model: Model, wave: Waveform, weights: _Floats, offset: _Floats | 
             values = model(z[:-1], float(z[-1]) * wave.fall) + offset
         except Error:
             return np.full(measured.size, FAILED)
-        return np.nan_to_num((values - measured) * weights, nan=FAILED, posinf=FAILED, neginf=-FAILED)
+        off: _Floats = np.nan_to_num((values - measured) * weights, nan=FAILED, posinf=FAILED, neginf=-FAILED)
+        return off
 
     return at
 
@@ -105,7 +108,13 @@ def central_derivatives(at: Callable[[_Floats], _Floats], z: _Floats, here: _Flo
 
 
 def least_squares_of(
-    model: Model, wave: Waveform, start: _Floats, *, coarse: float = 0.0, offset: _Floats | float = 0.0, delay: float = 0.0
+    model: Model,
+    wave: Waveform,
+    start: _Floats,
+    *,
+    coarse: float = 0.0,
+    offset: _Floats | float = 0.0,
+    delay: float = 0.0,
 ) -> Solution:
     """Fit from one start.
 
@@ -124,7 +133,7 @@ def least_squares_of(
     delay : float
         To begin with, over the fall.
     """
-    from scipy.optimize import least_squares  # noqa: PLC0415  (optional)
+    from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
     at = residuals(model, wave, weights_of(wave, coarse), offset)
     exact = 1.0 / weights_of(wave, coarse)[-1] / wave.period
@@ -146,7 +155,11 @@ def least_squares_of(
         here = at(new)
         for _ in range(PERIOD_STEPS):
             count += 1
-            if abs(here[-1]) * exact <= max(PERIOD, 1e-3 * exact) or abs(here[-1]) >= FAILED or not abs(slope[held]) > 0.0:
+            if (
+                abs(here[-1]) * exact <= max(PERIOD, 1e-3 * exact)
+                or abs(here[-1]) >= FAILED
+                or not abs(slope[held]) > 0.0
+            ):
                 break
             new[held] -= np.clip(here[-1] / slope[held], -0.5, 0.5)
             here = at(new)
@@ -176,7 +189,15 @@ def least_squares_of(
 
     bounds = (np.append(start - RANGE, -2.0)[free], np.append(start + RANGE, 2.0)[free])
     found = least_squares(
-        fun, z[free], jac, bounds, max_nfev=MOST_STEPS, ftol=CONVERGED, xtol=CONVERGED, gtol=1e-12, x_scale=1.0
+        fun,
+        z[free],
+        jac,
+        bounds,
+        max_nfev=MOST_STEPS,
+        ftol=CONVERGED,
+        xtol=CONVERGED,
+        gtol=1e-12,
+        x_scale=1.0,
     )
     z, here = whole(found.x)
     if np.max(np.abs(here)) >= FAILED:

@@ -165,7 +165,9 @@ def _edges(period: float, fall: float, interval: float) -> _Floats:
     step = max(interval, fall / SLIP_BINS)
     first, last = -LEAD * period, (1.0 - LEAD) * period
     near = np.arange(max(-2.0 * fall, 0.5 * first), min(3.0 * fall, last), step)
-    creep = np.linspace(first, near[0], min(CREEP_BINS, max(2, int((near[0] - first) / step))), endpoint=False)
+    creep = np.linspace(
+        first, near[0], min(CREEP_BINS, max(2, int((near[0] - first) / step))), endpoint=False
+    )
     rest = np.linspace(near[-1], last, 9)[1:] if last - near[-1] > 8.0 * step else np.array([])
     return np.concatenate([creep, near, rest])
 

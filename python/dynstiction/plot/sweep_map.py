@@ -152,7 +152,9 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
     spaced = np.geomspace if right.scale == "log" else np.linspace
     values = spaced(right.values.min(), right.values.max(), FINE)
     shown = right._replace(values=values).shown
-    if table.has_theory and all(name in table.numbers or name == right.name for name in SLIDER if name != "stiffness_y"):
+    if table.has_theory and all(
+        name in table.numbers or name == right.name for name in SLIDER if name != "stiffness_y"
+    ):
         # Without a stiff axis only the limit of a rigid one is drawn, which does not depend on it.
         given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
         given |= {name: table.numbers[name] for name in (*SLIDER, *DAMPERS) if name in table.numbers}

@@ -53,7 +53,12 @@ def draw_fit(fit: Fit, figure: Figure) -> None:
 def _draw(axis: Axes, fit: Fit, time: NDArray[np.float64], scale: float) -> None:
     wave = fit.waveform
     axis.plot(
-        scale * time, wave.mean, ".", color=BLUE, markersize=2.5, label=f"measured, mean of {len(wave.cycles)} cycles"
+        scale * time,
+        wave.mean,
+        ".",
+        color=BLUE,
+        markersize=2.5,
+        label=f"measured, mean of {len(wave.cycles)} cycles",
     )
     axis.plot(scale * time, fit.fitted, color=VERMILION, label=f"fitted, {fit.model}")
     axis.set_ylabel("force along the pull [N]")
