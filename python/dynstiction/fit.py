@@ -512,10 +512,10 @@ class _Problem:
         if told.all():
             return
         sizes, directions = np.linalg.eigh(inverse)
-        for size, direction in zip(sizes, directions.T, strict=True):
+        for size, column in zip(sizes, directions.T, strict=True):
             if size < TOLD**2:
                 continue
-            direction = direction / direction[np.argmax(np.abs(direction))]
+            direction = column / column[np.argmax(np.abs(column))]
             seen = [
                 (name, power) for name, power in zip(self.names, direction, strict=True) if abs(power) > SEEN
             ]

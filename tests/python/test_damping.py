@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import dynstiction as ds
@@ -101,7 +102,7 @@ class Reference:
         values = np.empty((sampled.size, 4))
         state, sticks = np.zeros(7), True
         knots = [*(t for t in self.times if t < t_end), t_end]
-        for begin, end in zip(knots[:-1], knots[1:], strict=True):
+        for begin, end in itertools.pairwise(knots):
             if end <= begin:
                 continue
             first = int(np.searchsorted(self.times, begin, side="right")) - 1

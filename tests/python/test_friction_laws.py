@@ -358,7 +358,7 @@ def test_sweeps_vary_the_coefficients() -> None:
             assert float(case["max_X_rate"]) == one.summary["max_X_rate"]
     # In lanes where it is the weakening law, and not where it is none.
     lanes = ds.sweep(TEXT, {"friction.exponent": [1.0, 2.0]}, **changed(deck, {"integrator": {"method": "rodas4p"}}))
-    assert [int(code) for code in lanes["result_code"]][0] == 0 != int(lanes["result_code"][1])
+    assert next(int(code) for code in lanes["result_code"]) == 0 != int(lanes["result_code"][1])
     static = ds.sweep(TEXT, {"friction.mu_static": [0.0, 0.1, 0.25]}, **changed({"scene": {"t_end": 0.05}}))
     assert [int(code) == 0 for code in static["result_code"]] == [True, False, True]
     points = friction(**TABLE, table_speed=[0.0, 0.1], table_mu=[0.2, 0.15])
