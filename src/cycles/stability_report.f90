@@ -2,7 +2,6 @@
 module dst_stability_report
   use dst_kinds, only: wp, pi, degree
   use dst_errors, only: error_t, raise, deck_error
-  use dst_friction, only: falls_exponentially
   use dst_scene, only: scene_t
   use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t
@@ -194,10 +193,6 @@ contains
     type(error_t), allocatable :: error
 
     call page%line('Stick-slip of the slow motion (model low_frequency)')
-    if (.not. falls_exponentially(slider%law)) then
-      call page%row('ends at', "no value: known for the laws 'constant' and 'weakening'")
-      return
-    end if
     call find_stick_slip_ends(slider, velocity, ends, error)
     if (allocated(error)) then
       call page%row('ends at', 'no value: '//error%text)
