@@ -39,7 +39,8 @@ contains
     deck%value(mu_0)%attempted = .true.
     if (deck%value(table)%user .and. deck%text_of('friction', 'table') /= '') then
       place = deck%value(table)%place
-      deck%value([speed, mu])%attempted = .true.
+      deck%value(speed)%attempted = .true.
+      deck%value(mu)%attempted = .true.
       if (.not. deck%value(table)%valid) return
       if (deck%value(speed)%user .or. deck%value(mu)%user) then
         call deck%faults%add(place, "'table' beside 'table_speed' or 'table_mu': give the file, or the points themselves")
@@ -52,7 +53,8 @@ contains
         call deck%faults%add(place, 'friction.table: '//problem)
         return
       end if
-      deck%value([speed, mu])%user = .true.
+      deck%value(speed)%user = .true.
+      deck%value(mu)%user = .true.
       deck%value(speed)%place = place
       deck%value(mu)%place = place
       deck%value(table)%texts(1) = ''
@@ -101,7 +103,7 @@ contains
       if (problem /= '') then
         call deck%faults%add(deck%value(speed)%place, problem)
       else
-        deck%value(mu_0)%reals = f(:1)
+        deck%value(mu_0)%reals = [f(1)]
       end if
     end associate
   end subroutine check_points
@@ -196,10 +198,10 @@ contains
     logical function is_name(k, name)
       integer, intent(in) :: k
       character(*), intent(in) :: name
+      character(:), allocatable :: field
 
-      associate (field => lower_case(line(bounds(1, k):bounds(2, k))))
-        is_name = field == name .or. field == 'friction.'//name
-      end associate
+      field = lower_case(line(bounds(1, k):bounds(2, k)))
+      is_name = field == name .or. field == 'friction.'//name
     end function is_name
   end subroutine read_row
 
