@@ -36,6 +36,7 @@ from ._run import run
 from ._sweep import open_sweep, sweep
 from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
+from .creep_test import CreepTest, creep_test
 from .equations import jacobian, rhs
 from .fit import Fit, fit
 from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
@@ -65,6 +66,7 @@ __all__ = [
     "ColumnError",
     "Creep",
     "CreepEnd",
+    "CreepTest",
     "CriticalMisalignment",
     "Cycles",
     "DeckError",
@@ -104,6 +106,7 @@ __all__ = [
     "creep_end",
     "creep_exact",
     "creep_frequency",
+    "creep_test",
     "creep_velocity",
     "critical_misalignment",
     "cycles",
