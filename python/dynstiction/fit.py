@@ -124,6 +124,11 @@ class Fit:
     _logarithms: tuple[_Floats, _Floats]
     """Logarithms and their standard errors."""
 
+    @property
+    def explains(self) -> bool:
+        """Whether the model explains the trace, within the scatter of its cycles, and is the scene's own."""
+        return self.chance >= MISFIT and self.model == (self.scene.scene.model or "full")
+
     def __getitem__(self, name: str) -> float:
         """Value of a parameter, NaN if the trace does not tell it."""
         if name not in self.parameters:
