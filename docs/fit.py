@@ -114,7 +114,7 @@ def draw_identifiability(found: dict[tuple[float, float], ds.Fit], figure: Figur
         axis.plot(
             [], [], marker, color=colour, markerfacecolor="none", markersize=4.0, label=f"{rate:g} samples/s"
         )
-    axis.legend(loc="upper center", bbox_to_anchor=(0.5, 1.18), ncols=3, columnspacing=1.0, handletextpad=0.1)
+    figure.legend(loc="outside upper center", ncols=3, columnspacing=1.0, handletextpad=0.1)
 
 
 def main() -> None:

@@ -27,7 +27,7 @@ from .trace_cycles import TraceCycles, find_cycles
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Fit", "Parameter", "fit"]
+__all__ = ["Fit", "FittedParameter", "fit"]
 
 _Floats = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FittedParameter:
     """What a trace tells of a parameter."""
 
     name: str
@@ -82,7 +82,7 @@ class Fit:
 
     Attributes
     ----------
-    parameters : dict of str to Parameter
+    parameters : dict of str to FittedParameter
         By ``group.key``.
     correlation : ndarray, shape (p, p)
         Of the logarithms of the parameters, in their order.
@@ -109,7 +109,7 @@ class Fit:
         How often a model has been run.
     """
 
-    parameters: Mapping[str, Parameter]
+    parameters: Mapping[str, FittedParameter]
     correlation: _Floats
     scene: Scene
     model: str
@@ -518,7 +518,7 @@ class _Problem:
             warnings.warn(note, FitWarning, stacklevel=4)
         logarithms = np.where(told, z[:-1], np.log(np.abs(self.begin)))
         parameters = {
-            name: Parameter(
+            name: FittedParameter(
                 name,
                 math.copysign(math.exp(z[i]), self.begin[i]) if told[i] else math.nan,
                 math.exp(z[i]) * float(error[i]) if told[i] else math.inf,
