@@ -60,20 +60,31 @@ BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """What a trace tells of a parameter."""
+    """What a trace tells of a parameter.
+
+    Attributes
+    ----------
+    name : str
+        ``group.key`` of the deck.
+    value : float
+        Best value; NaN if the trace does not tell it.
+    error : float
+        Standard error; infinite if the trace does not tell it.
+    unit : str
+        Of the value.
+    told : bool
+        Whether the trace tells it.
+    law_error : float
+        Standard error if friction need not fall exponentially: with an exponent of 1 to about 2, and a viscous term up to the
+        weakening. NaN if the law is not 'weakening'.
+    """
 
     name: str
-    """``group.key`` of the deck."""
     value: float
-    """Best value; NaN if the trace does not tell it."""
     error: float
-    """Standard error; infinite if the trace does not tell it."""
     unit: str
     told: bool
-    """Whether the trace tells it."""
     law_error: float
-    """Standard error if friction need not fall exponentially: with an exponent of 1 to about 2, and a viscous term up to the
-    weakening. NaN if the law is not 'weakening'."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,6 +118,8 @@ class Fit:
         What is to be borne in mind; also given as `FitWarning`.
     evaluations : int
         How often a model has been run.
+    logarithms : ndarray, shape (2, p)
+        Logarithms of the parameters, and their standard errors.
     """
 
     parameters: Mapping[str, FittedParameter]
@@ -121,8 +134,7 @@ class Fit:
     period: float
     notes: tuple[str, ...]
     evaluations: int
-    _logarithms: tuple[_Floats, _Floats]
-    """Logarithms and their standard errors."""
+    logarithms: _Floats
 
     @property
     def explains(self) -> bool:
@@ -159,10 +171,10 @@ class Fit:
             return 0.0, math.inf
         i = list(self.parameters).index(name)
         width = float(t.ppf(0.5 * (1.0 + level), len(self.waveform.cycles) - 1)) * float(
-            self._logarithms[1][i]
+            self.logarithms[1][i]
         )
         ends = sorted(
-            math.copysign(math.exp(self._logarithms[0][i] + side * width), self[name]) for side in (-1.0, 1.0)
+            math.copysign(math.exp(self.logarithms[0][i] + side * width), self[name]) for side in (-1.0, 1.0)
         )
         return ends[0], ends[1]
 
@@ -542,7 +554,7 @@ class _Problem:
             float(values[-1]),
             tuple(notes),
             count,
-            (logarithms, error),
+            np.array([logarithms, error]),
         )
 
     def _hanging_on_the_law(
