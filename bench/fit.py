@@ -96,13 +96,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--short", action="store_true", help="four traces")
     parser.add_argument("--noise", type=float, default=0.01)
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
+    count = 4 if options.short else options.count
     rows: list[str] = []
     inside: list[list[bool | None]] = []
     times, warned, refused = [], 0, 0
-    for seed in range(options.first, options.first + options.count):
+    for seed in range(options.first, options.first + count):
         values, scene, period, begin = next(rigs(seed))
         trace = trace_of(scene, period, begin, options.noise, seed)
         draw = np.random.default_rng(seed + 1_000_000)
