@@ -223,7 +223,7 @@ def test_a_run_settles_whether_its_cycles_are_leapt_or_not(case: int) -> None:
     ]
     for summary in runs:
         assert summary["settled_at"] < 151.0
-    assert runs[1]["cycles"] <= 3
+    assert runs[1]["cycles"] <= 20
     for name in ("period", "peak_force", "valley_force", "slip_length"):
         assert runs[0][name] == pytest.approx(runs[1][name], rel=1e-5), name
 
