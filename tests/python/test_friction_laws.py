@@ -361,6 +361,33 @@ def test_what_knows_only_two_laws_says_so(name: str) -> None:
         ds.stick_slip_ends(ds.Scene(TEXT, **deck))
 
 
+SLOW_CYCLES: dict[str, Deck] = {
+    "stribeck": friction(law="stribeck", exponent=1.2, viscous=0.1),
+    "table": sampled(weakening, 0.04, 16),
+    "static": friction(mu_static=0.21),
+}
+
+
+@pytest.mark.parametrize("name", SLOW_CYCLES)
+def test_leaps_know_the_law(name: str) -> None:
+    """Fast cycles that are leapt, against each of them."""
+    one = changed({"scene": {"t_end": 4.0}, "integrator": {"method": "radau13", "rtol": 1e-9}}, SLOW_CYCLES[name])
+    leapt, made = run(one), run(one, {"integrator": {"cycle_map": "off"}})
+    assert leapt.statistics["cycles_leapt"] > 1000 and made.statistics["cycles_leapt"] == 0
+    assert leapt.summary["sticks"] == made.summary["sticks"] > 1000
+    assert np.abs(leapt["X"] - made["X"]).max() < 1e-6 * made["X"].max()
+    for value in ("first_peak_force", "sticking_time", "friction_work"):
+        assert leapt.summary[value] == pytest.approx(made.summary[value], rel=1e-6), value
+
+
+@pytest.mark.parametrize("name", ["stribeck", "table"])
+def test_cycles_of_full_are_those_of_a_run(name: str) -> None:
+    (cycle,) = ds.cycles(ds.Scene(TEXT, **SLOW_CYCLES[name])).cycles
+    summary = run(SLOW_CYCLES[name], {"scene": {"t_end": 4.5}, "integrator": {"method": "radau13"}}).summary
+    for value in ("period", "peak_force", "valley_force", "slip_length"):
+        assert getattr(cycle, value) == pytest.approx(summary[value], rel=1e-7), value
+
+
 def test_sweeps_vary_the_coefficients() -> None:
     deck = changed(LOW, {"scene": {"t_end": 3.0}}, friction(law="stribeck"))
     table = ds.sweep(TEXT, {"friction.exponent": [1.0, 1.5, 2.0], "friction.viscous": [0.0, 0.5]}, **deck)
