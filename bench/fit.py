@@ -122,22 +122,22 @@ def main() -> int:
             low <= values[name] <= high if found.parameters[name].told else None
             for name, (low, high) in zip(FREE, ends, strict=True)
         ]
-        if found.notes:
-            warned += 1
-        else:
+        if found.explains:
             inside.append(held)
+        else:
+            warned += 1
         angle = found.parameters["system.misalignment_deg"]
         print(
             f"{seed:5d} period {period:6.3f} s, phi {values[FREE[0]]:5.3f} found {angle.value:6.3f} ± {angle.error:5.3f}, "
             f"{''.join('-' if h is None else '+' if h else 'x' for h in held)} misfit {found.misfit:.2f} {times[-1]:4.1f} s"
-            f"{' NOTE ' + found.notes[0][:60] if found.notes else ''}",
+            f"{'' if found.explains else ' NOT EXPLAINED'}",
             flush=True,
         )
         rows.append(",".join([str(seed), *(f"{values[n]:.9g},{found[n]:.9g}" for n in FREE)]))
     if options.csv:
         options.csv.write_text("\n".join(rows) + "\n", encoding="utf-8")
     told = [h for row in inside for h in row if h is not None]
-    print(f"{len(inside)} fits without a note, {warned} with, {refused} refused")
+    print(f"{len(inside)} fits that explain their trace, {warned} that warn, {refused} refused")
     if told:
         print(f"95 % intervals that hold the truth: {100.0 * np.mean(told):.1f} % of {len(told)}")
         for i, name in enumerate(FREE):

@@ -37,7 +37,6 @@ from ._sweep import open_sweep, sweep
 from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import jacobian, rhs
-from .fit import Fit, fit
 from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
 from .limit_cycles import Cycles, LimitCycle, StickSlipEnds, cycles, stick_slip_ends
 from .record import Described
@@ -56,8 +55,10 @@ from .stability import (
 from .stick_slip import StickSlip, stick_slip_statistics
 from .trace import Trace
 from .trace_comparison import Statistic, TraceComparison, compare
+from .trace_creep import CreepTest, creep_test
 from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
 from .trace_file import read_trace
+from .trace_fit import Fit, FittedParameter, fit
 
 __version__ = _native.origin()["version"]
 
@@ -65,6 +66,7 @@ __all__ = [
     "ColumnError",
     "Creep",
     "CreepEnd",
+    "CreepTest",
     "CriticalMisalignment",
     "Cycles",
     "DeckError",
@@ -74,6 +76,7 @@ __all__ = [
     "FileError",
     "Fit",
     "FitWarning",
+    "FittedParameter",
     "Friction",
     "IncompleteWarning",
     "Initial",
@@ -104,6 +107,7 @@ __all__ = [
     "creep_end",
     "creep_exact",
     "creep_frequency",
+    "creep_test",
     "creep_velocity",
     "critical_misalignment",
     "cycles",

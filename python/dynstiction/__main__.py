@@ -194,8 +194,8 @@ def _compare(options: argparse.Namespace) -> None:
 
 
 def _fit(options: argparse.Namespace) -> None:
-    from .fit import fit  # noqa: PLC0415
     from .plot.style import write  # noqa: PLC0415
+    from .trace_fit import fit  # noqa: PLC0415
 
     stem = Path(options.trace).stem
     deck = options.fitted or Path(f"{stem}_fitted.nml")

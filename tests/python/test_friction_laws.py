@@ -79,10 +79,7 @@ WAYS: dict[str, Deck] = {name: {"integrator": {"method": name}} for name in EXAC
 WAYS |= {
     "moreau_jean": MOREAU_JEAN,
     "smoothed": {"friction": {"contact": "smoothed", "v_smooth": 1e-6}},
-    "rk4": {
-        "friction": {"contact": "smoothed", "v_smooth": 1e-3},
-        "integrator": {"method": "rk4", "rtol": None, "step": 1e-5},
-    },
+    "rk4": {"friction": {"contact": "smoothed", "v_smooth": 1e-3}, "integrator": {"method": "rk4", "rtol": None, "step": 1e-5}},
 }
 
 
@@ -253,10 +250,7 @@ LAWS: dict[str, tuple[dict[str, Any], Callable[[Any], Any]]] = {
         {"law": "stribeck", "exponent": 2.0, "viscous": 0.4},
         lambda v: 0.15 + 0.05 * np.exp(-((v / 0.01) ** 2)) + 0.4 * v,
     ),
-    "steep": (
-        {"law": "stribeck", "exponent": 6.5, "viscous": 0.0},
-        lambda v: 0.15 + 0.05 * np.exp(-((v / 0.01) ** 6.5)),
-    ),
+    "steep": ({"law": "stribeck", "exponent": 6.5, "viscous": 0.0}, lambda v: 0.15 + 0.05 * np.exp(-((v / 0.01) ** 6.5))),
     # One cubic from 0 to 1 m/s would be none of a straight line: two points are one.
     "table": (TABLE | {"table_speed": [0.0, 1.0], "table_mu": [0.2, 0.1]}, lambda v: 0.2 - 0.1 * v),
 }
@@ -284,9 +278,7 @@ def sliding(law: Callable[[Any], Any], rigid: bool) -> Any:
         return np.concatenate([(drive * along - w) * ([1, 0] if rigid else [1, 1]), change])
 
     times = np.linspace(0.0, 0.3, 31)
-    found = solve_ivp(
-        rate, (0.0, 0.3), np.concatenate([[0, 0], drive * along]), "DOP853", times, rtol=1e-12, atol=1e-15
-    )
+    found = solve_ivp(rate, (0.0, 0.3), np.concatenate([[0, 0], drive * along]), "DOP853", times, rtol=1e-12, atol=1e-15)
     # At rest its right-hand side would have no direction; but slow enough that the laws weaken.
     slowest = np.hypot(*found.y[2:]).min()
     assert 5e-3 < slowest < 2e-2

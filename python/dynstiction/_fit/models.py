@@ -16,7 +16,7 @@ from ..scene import Scene
 from ..trace import Trace
 from .waveform import Waveform, bin_means
 
-__all__ = ["NoCycleError", "full_means", "slow_means", "slow_scene", "steady_velocity"]
+__all__ = ["NoCycleError", "fastest_slip", "full_means", "slow_means", "slow_scene", "steady_velocity"]
 
 _Floats = NDArray[np.float64]
 
@@ -145,6 +145,11 @@ def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     if inside.size == 0:
         raise NoCycleError("no whole cycle is found")
     return np.append(bin_means(trace.time, trace.force, edges + inside[-1]), period)
+
+
+def fastest_slip(scene: Scene, wave: Waveform) -> float:
+    """Fastest slip of a scene's settled cycle along the drive [m/s]."""
+    return float(_settled(scene, wave, {"interval": wave.interval, "fields": ["u_x"]}).summary["max_X_rate"])
 
 
 def _settled(scene: Scene, wave: Waveform, output: dict[str, object], precise: bool = False) -> Result:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .style import BLUE, COLUMN_WIDTH, MM, VERMILION, new_figure
 
 if TYPE_CHECKING:
-    from ..fit import Fit
+    from ..trace_fit import Fit
 
 __all__ = ["draw_fit", "fit_figure"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from . import _native
 from ._arguments import instance, number, shown, whole
-from ._fit.models import NoCycleError, full_means, slow_means, slow_scene, steady_velocity
+from ._fit.models import NoCycleError, fastest_slip, full_means, slow_means, slow_scene, steady_velocity
 from ._fit.solve import PRIOR, Model, Solution, best_start, least_squares_of, residuals, weights_of
 from ._fit.starts import glances
 from ._fit.waveform import Waveform, waveform_of
@@ -27,7 +27,7 @@ from .trace_cycles import TraceCycles, find_cycles
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Fit", "Parameter", "fit"]
+__all__ = ["Fit", "FittedParameter", "fit"]
 
 _Floats = NDArray[np.float64]
 
@@ -47,6 +47,10 @@ BROAD_STEP = 0.02
 """Change of a logarithm for a derivative of the full model, whose runs are sampled."""
 RANDOM_STARTS = 6
 WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
+LAW_STEP = 0.01
+"""Of another law: change for a derivative, of the exponent and of the viscous term over the weakening. Twice: the same to 2 %."""
+HANGING = 3.0
+"""Standard errors that another law may change a parameter by before it is told."""
 LEAST_DROP = 1e-3
 """Of mu_0: the least weakening that a fit begins with."""
 SPREAD = 0.7
@@ -55,18 +59,32 @@ BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """What a trace tells of a parameter."""
+class FittedParameter:
+    """What a trace tells of a parameter.
+
+    Attributes
+    ----------
+    name : str
+        ``group.key`` of the deck.
+    value : float
+        Best value; NaN if the trace does not tell it.
+    error : float
+        Standard error; infinite if the trace does not tell it.
+    unit : str
+        Of the value.
+    told : bool
+        Whether the trace tells it.
+    law_error : float
+        Standard error if friction need not fall exponentially: with an exponent of 1 to about 2, and a viscous term up to the
+        weakening. NaN if the law is not 'weakening'.
+    """
 
     name: str
-    """``group.key`` of the deck."""
     value: float
-    """Best value; NaN if the trace does not tell it."""
     error: float
-    """Standard error; infinite if the trace does not tell it."""
     unit: str
     told: bool
-    """Whether the trace tells it."""
+    law_error: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,7 +93,7 @@ class Fit:
 
     Attributes
     ----------
-    parameters : dict of str to Parameter
+    parameters : dict of str to FittedParameter
         By ``group.key``.
     correlation : ndarray, shape (p, p)
         Of the logarithms of the parameters, in their order.
@@ -100,9 +118,11 @@ class Fit:
         What is to be borne in mind; also given as `FitWarning`.
     evaluations : int
         How often a model has been run.
+    logarithms : ndarray, shape (2, p)
+        Logarithms of the parameters, and their standard errors.
     """
 
-    parameters: Mapping[str, Parameter]
+    parameters: Mapping[str, FittedParameter]
     correlation: _Floats
     scene: Scene
     model: str
@@ -114,8 +134,12 @@ class Fit:
     period: float
     notes: tuple[str, ...]
     evaluations: int
-    _logarithms: tuple[_Floats, _Floats]
-    """Logarithms and their standard errors."""
+    logarithms: _Floats
+
+    @property
+    def explains(self) -> bool:
+        """Whether the model explains the trace, within the scatter of its cycles, and is the scene's own."""
+        return self.chance >= MISFIT and self.model == (self.scene.scene.model or "full")
 
     def __getitem__(self, name: str) -> float:
         """Value of a parameter, NaN if the trace does not tell it."""
@@ -147,10 +171,10 @@ class Fit:
             return 0.0, math.inf
         i = list(self.parameters).index(name)
         width = float(t.ppf(0.5 * (1.0 + level), len(self.waveform.cycles) - 1)) * float(
-            self._logarithms[1][i]
+            self.logarithms[1][i]
         )
         ends = sorted(
-            math.copysign(math.exp(self._logarithms[0][i] + side * width), self[name]) for side in (-1.0, 1.0)
+            math.copysign(math.exp(self.logarithms[0][i] + side * width), self[name]) for side in (-1.0, 1.0)
         )
         return ends[0], ends[1]
 
@@ -342,7 +366,27 @@ class _Problem:
                 )
                 model = "low_frequency"
         say(1.0)
-        return self._told(slowly, found, offset, model, notes, count)
+        return self._told(slowly, found, offset, model, notes, count, self._of_other_laws(slow, heard, found))
+
+    def _of_other_laws(self, slow: Scene, heard: Sequence[str], found: Solution) -> _Floats | None:
+        """What another exponent, and a viscous term as large as the weakening in the fastest slip, would change: shape (n + 1, 2)."""
+        if slow.friction.law not in (None, "weakening"):
+            return None
+        here = self.with_values(slow, found.z[:-1], heard)
+        friction = here.friction
+        drop = float(friction.mu_0 or 0.0) - float(friction.mu_inf or 0.0)
+        delay = float(found.z[-1]) * self.wave.fall
+        try:
+            before = slow_means(here, self.wave, delay)
+            viscous = drop / fastest_slip(here, self.wave)
+            columns = [
+                (slow_means(here.replace(friction={"law": "stribeck", **law}), self.wave, delay) - before)
+                / LAW_STEP
+                for law in ({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})
+            ]
+        except NoCycleError:
+            return None
+        return np.column_stack(columns)
 
     def _first(
         self, slowly: Model, own: Model | None, starts: int, seed: int, say: Callable[[float], None]
@@ -441,8 +485,9 @@ class _Problem:
         model: str,
         notes: list[str],
         count: int,
+        other_laws: _Floats | None,
     ) -> Fit:
-        from scipy.stats import f  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+        from scipy.stats import f  # noqa: PLC0415  (optional)
 
         wave = self.wave
         z, jacobian = found.z.copy(), found.jacobian.copy()
@@ -470,6 +515,10 @@ class _Problem:
         error = np.sqrt(np.diag(covariance))[:-1]
         told = np.maximum(broad, error) < TOLD
         notes += self._flat(inverse[:-1, :-1], told)
+        law_error = np.full(p, math.nan)
+        if other_laws is not None:
+            law_error = _law_errors(jacobian, other_laws * weights[:, np.newaxis])[:p]
+            notes += self._hanging_on_the_law(z, error, law_error, told)
         if chance < MISFIT:
             notes.append(
                 f"the model does not explain the trace: its misfit is {misfit:.2g} times what the scatter of the cycles explains: another "
@@ -481,12 +530,13 @@ class _Problem:
             warnings.warn(note, FitWarning, stacklevel=4)
         logarithms = np.where(told, z[:-1], np.log(np.abs(self.begin)))
         parameters = {
-            name: Parameter(
+            name: FittedParameter(
                 name,
                 math.copysign(math.exp(z[i]), self.begin[i]) if told[i] else math.nan,
                 math.exp(z[i]) * float(error[i]) if told[i] else math.inf,
                 _unit(name),
                 bool(told[i]),
+                math.exp(z[i]) * float(law_error[i]),
             )
             for i, name in enumerate(self.names)
         }
@@ -504,8 +554,19 @@ class _Problem:
             float(values[-1]),
             tuple(notes),
             count,
-            (logarithms, error),
+            np.array([logarithms, error]),
         )
+
+    def _hanging_on_the_law(
+        self, z: _Floats, error: _Floats, law_error: _Floats, told: NDArray[np.bool_]
+    ) -> Iterator[str]:
+        hanging = [i for i in range(len(self.names)) if told[i] and law_error[i] > HANGING * error[i]]
+        if hanging:
+            each = ", ".join(f"{self.names[i]} ± {math.exp(z[i]) * law_error[i]:.2g}" for i in hanging)
+            yield (
+                f"{each} if friction need not fall exponentially (another exponent, a viscous term): the trace knows friction at the "
+                "speeds of its slips only, and laws that agree there fit alike"
+            )
 
     def _flat(self, inverse: NDArray[Any], told: NDArray[np.bool_]) -> Iterator[str]:
         """What the trace does not tell, by name."""
@@ -527,6 +588,14 @@ class _Problem:
                     f"the trace does not tell {', '.join(name for name, _ in seen)} apart: a common factor {powers} changes nothing that is "
                     "measured: hold one of them at a known value"
                 )
+
+
+def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
+    """Standard errors with coordinates of other laws, which are known to about 1, beside the parameters."""
+    extended = np.column_stack([jacobian, other_laws])
+    prior = np.append(np.full(jacobian.shape[1], PRIOR**-2), np.ones(other_laws.shape[1]))
+    errors: _Floats = np.sqrt(np.diag(np.linalg.inv(extended.T @ extended + np.diag(prior))))
+    return errors
 
 
 def _normal(jacobian: _Floats) -> _Floats:
