@@ -486,8 +486,8 @@ def test_moreau_jean_converges_to_the_closed_form() -> None:
 @pytest.mark.parametrize("mu_static", [0.25, 0.3])
 def test_moreau_jean_converges_to_radau(mu_static: float) -> None:
     steps = np.array([1.6e-4, 8e-5, 4e-5, 2e-5])
-    one = changed({"scene": {"t_end": 1.0}, "system": {"stiffness_y": 1e4, "misalignment_deg": 10.0}}, friction(mu_static=mu_static))
-    one = changed(one, {"drive": {"velocity": 0.01}})
+    one: Deck = {"scene": {"t_end": 1.0}, "system": {"stiffness_y": 1e4, "misalignment_deg": 10.0}}
+    one = changed(one, {"drive": {"velocity": 0.01}}, friction(mu_static=mu_static))
     exact = run(one, {"integrator": {"method": "radau13", "rtol": 1e-11}})
     assert exact.summary["sticks"] >= 6
     errors = []
