@@ -5,7 +5,7 @@
 !> forces and slopes in slip by F.
 !>
 !> Adding a law: extend `friction_law_t` here and name it in `new_friction_law`; docs/howto/friction_law.md.
-!> Source: Nakano & Popov (2020), Eq. (3) (weakening) and its constant limit; docs/theory.md (stribeck, table).
+!> Source: Nakano & Popov (2020), Eq. (3) (weakening) and its constant limit; docs/equations.md (stribeck, table).
 module dst_friction
   use dst_kinds, only: wp
   use dst_monotone_cubic, only: monotone_cubic_t, new_monotone_cubic

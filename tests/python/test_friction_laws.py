@@ -119,7 +119,7 @@ def test_table_converges_with_the_square_of_the_spacing(model: str) -> None:
         errors = np.abs([summary[name] / exact[name] - 1.0 for summary in found])
         assert errors[0] > 1e-6 and errors[-1] < 3e-5, (name, errors)
         order = -np.polyfit(np.log(panels), np.log(errors), 1)[0]
-        assert order > 1.9, (name, errors)
+        assert order >= 2.0, (name, errors)
 
 
 def test_table_of_a_constant_is_the_constant_law() -> None:
@@ -256,8 +256,8 @@ LAWS: dict[str, tuple[dict[str, Any], Callable[[Any], Any]]] = {
 }
 SLIDING: Deck = {
     "scene": {"t_end": 0.3},
-    "system": {"stiffness_y": 1.0e5, "misalignment_deg": 20.0},
-    "drive": {"velocity": 0.02},
+    "system": {"stiffness_y": 1.0e5, "misalignment_deg": 5.0},
+    "drive": {"velocity": 0.1},
     "initial": {"velocity_ratio": 1.0},
     "output": {"interval": 0.01, "fields": ["u_x", "u_y", "w_x", "w_y"]},
     "integrator": {"rtol": 1e-11},
@@ -266,8 +266,8 @@ SLIDING: Deck = {
 
 def sliding(law: Callable[[Any], Any], rigid: bool) -> Any:
     """u and w of the scene at its samples, by SciPy in other unknowns: of both springs, or with the stiff one rigid."""
-    stiffness, mass, load, drive = np.array([1e3, 1e5]), 0.25, 10.0, 0.02
-    along = np.array([np.cos(np.radians(20.0)), np.sin(np.radians(20.0))])
+    stiffness, mass, load, drive = np.array([1e3, 1e5]), 0.25, 10.0, 0.1
+    along = np.array([np.cos(np.radians(5.0)), np.sin(np.radians(5.0))])
 
     def rate(_: float, state: Any) -> Any:
         u, w = state[:2], state[2:]
@@ -279,7 +279,9 @@ def sliding(law: Callable[[Any], Any], rigid: bool) -> Any:
 
     times = np.linspace(0.0, 0.3, 31)
     found = solve_ivp(rate, (0.0, 0.3), np.concatenate([[0, 0], drive * along]), "DOP853", times, rtol=1e-12, atol=1e-15)
-    assert np.hypot(*found.y[2:]).min() > 1e-3
+    # At rest its right-hand side would have no direction; but slow enough that the laws weaken.
+    slowest = np.hypot(*found.y[2:]).min()
+    assert 5e-3 < slowest < 2e-2
     return found.y
 
 
@@ -320,23 +322,26 @@ def test_slope_of_stribeck_is_that_of_its_force() -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 def test_stick_slip_is_the_same_with_every_method(name: str) -> None:
-    one: Deck = {"scene": {"t_end": 2.6}, "friction": LAWS[name][0], "integrator": {"rtol": 1e-10}}
-    found = {method: run(one, WAYS[method] if method != "radau5" else WAYS["radau13"]) for method in EXACT}
+    """Slip and rest in turns, by all methods."""
+    sticks = {"stribeck": 16, "steep": 5, "table": 2}
+    one = changed(SLIDING, friction(**LAWS[name][0]))
+    one = changed(one, {"scene": {"t_end": 1.0}, "drive": {"velocity": 0.01}, "output": {"fields": "default"}})
+    found = {method: run(one, WAYS[method], {"integrator": {"rtol": 1e-7 if method == "radau5" else 1e-10}}) for method in EXACT}
     reference = found["radau13"]
-    assert reference.summary["sticks"] > 3
+    assert reference.summary["sticks"] == sticks[name]
     for method, result in found.items():
-        for value in ("max_X_rate", "friction_work", "drive_work"):
-            assert result.summary[value] == pytest.approx(reference.summary[value], rel=2e-6), (method, value)
-    coarse = run(one, {"scene": {"t_end": 0.3}}, MOREAU_JEAN, {"integrator": {"step": 1e-5}})
-    exact = run(one, {"scene": {"t_end": 0.3}})
-    assert coarse["X"][-1] == pytest.approx(exact["X"][-1], rel=2e-3)
+        assert result.summary["sticks"] == sticks[name]
+        assert np.abs(result["X"] - reference["X"]).max() < 1e-8 * reference["X"].max(), method
+        for value in ("max_X_rate", "friction_work", "drive_work", "sticking_time"):
+            assert result.summary[value] == pytest.approx(reference.summary[value], rel=1e-7), (method, value)
+        assert abs(result.summary["energy_residual"]) < 1e-6
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_what_knows_only_two_laws_says_so(name: str) -> None:
     law = friction(**LAWS[name][0])
     result = run({"scene": {"model": "auto", "t_end": 0.05, "quantities": "stick_slip"}}, law)
-    assert result.parameters["model"] == "full"
+    assert result.attributes["model"] == "full"
     high = run({"scene": {"model": "high_frequency", "t_end": 0.01}, "friction": {"contact": None}}, law)
     assert np.isfinite(high["u_y"]).all()
     deck = changed(LOW, law)
@@ -348,6 +353,33 @@ def test_what_knows_only_two_laws_says_so(name: str) -> None:
         ds.stick_slip_ends(ds.Scene(TEXT, **deck))
 
 
+SLOW_CYCLES: dict[str, Deck] = {
+    "stribeck": friction(law="stribeck", exponent=1.2, viscous=0.1),
+    "table": sampled(weakening, 0.04, 16),
+    "static": friction(mu_static=0.21),
+}
+
+
+@pytest.mark.parametrize("name", SLOW_CYCLES)
+def test_leaps_know_the_law(name: str) -> None:
+    """Fast cycles that are leapt, against each of them."""
+    one = changed({"scene": {"t_end": 4.0}, "integrator": {"method": "radau13", "rtol": 1e-9}}, SLOW_CYCLES[name])
+    leapt, made = run(one), run(one, {"integrator": {"cycle_map": "off"}})
+    assert leapt.statistics["cycles_leapt"] > 1000 and made.statistics["cycles_leapt"] == 0
+    assert leapt.summary["sticks"] == made.summary["sticks"] > 1000
+    assert np.abs(leapt["X"] - made["X"]).max() < 1e-6 * made["X"].max()
+    for value in ("first_peak_force", "sticking_time", "friction_work"):
+        assert leapt.summary[value] == pytest.approx(made.summary[value], rel=1e-6), value
+
+
+@pytest.mark.parametrize("name", ["stribeck", "table"])
+def test_cycles_of_full_are_those_of_a_run(name: str) -> None:
+    (cycle,) = ds.cycles(ds.Scene(TEXT, **SLOW_CYCLES[name])).cycles
+    summary = run(SLOW_CYCLES[name], {"scene": {"t_end": 4.5}, "integrator": {"method": "radau13"}}).summary
+    for value in ("period", "peak_force", "valley_force", "slip_length"):
+        assert getattr(cycle, value) == pytest.approx(summary[value], rel=1e-7), value
+
+
 def test_sweeps_vary_the_coefficients() -> None:
     deck = changed(LOW, {"scene": {"t_end": 3.0}}, friction(law="stribeck"))
     table = ds.sweep(TEXT, {"friction.exponent": [1.0, 1.5, 2.0], "friction.viscous": [0.0, 0.5]}, **deck)
@@ -357,10 +389,16 @@ def test_sweeps_vary_the_coefficients() -> None:
             case = table.sel({"friction.exponent": exponent, "friction.viscous": viscous})
             assert float(case["max_X_rate"]) == one.summary["max_X_rate"]
     # In lanes where it is the weakening law, and not where it is none.
-    lanes = ds.sweep(TEXT, {"friction.exponent": [1.0, 2.0]}, **changed(deck, {"integrator": {"method": "rodas4p"}}))
+    with pytest.warns(ds.IncompleteWarning, match="friction that falls exponentially: use radau9"):
+        lanes = ds.sweep(TEXT, {"friction.exponent": [1.0, 2.0]}, **changed(deck, {"integrator": {"method": "rodas4p"}}))
     assert [int(code) for code in lanes["result_code"]][0] == 0 != int(lanes["result_code"][1])
-    static = ds.sweep(TEXT, {"friction.mu_static": [0.0, 0.1, 0.25]}, **changed({"scene": {"t_end": 0.05}}))
+    values = [0.0, 0.1, 0.25]
+    with pytest.warns(ds.IncompleteWarning, match="mu_static = 0.1 is below"):
+        static = ds.sweep(TEXT, {"friction.mu_static": values}, **changed({"scene": {"t_end": 0.3}}))
     assert [int(code) == 0 for code in static["result_code"]] == [True, False, True]
+    rates = [float(static["max_X_rate"][i]) for i in (0, 2)]
+    assert rates == [run({"scene": {"t_end": 0.3}}, friction(mu_static=values[i])).summary["max_X_rate"] for i in (0, 2)]
+    assert rates[1] > 5.0 * rates[0]
     points = friction(**TABLE, table_speed=[0.0, 0.1], table_mu=[0.2, 0.15])
     with pytest.raises(ds.DeckError, match="is the first friction coefficient of the table"):
         ds.sweep(TEXT, {"friction.mu_0": [0.1, 0.2]}, **changed(points))
@@ -378,14 +416,15 @@ def stick_slip(mu_static: float, drive: float) -> dict[str, float]:
     swing = (mu_static - KINETIC) * LOAD / STIFFNESS
     slip = 2.0 * (np.pi - np.arctan(swing * omega / drive)) / omega
     fastest = np.hypot(drive, swing * omega)
+    # From peak to valley the object is faster than the drive: half an oscillation.
     return {
         "period": 2.0 * swing / drive + slip,
-        "slip_duration": slip,
-        "stick_duration": 2.0 * swing / drive,
+        "slip_duration": np.pi / omega,
+        "stick_duration": 2.0 * swing / drive + slip - np.pi / omega,
         "peak_force": KINETIC * LOAD + STIFFNESS * fastest / omega,
         "valley_force": KINETIC * LOAD - STIFFNESS * fastest / omega,
         "max_X_rate": drive + fastest,
-        "slip_length": 2.0 * swing + drive * slip,
+        "slip_length": 2.0 * fastest / omega + drive * np.pi / omega,
     }
 
 
@@ -425,15 +464,39 @@ def test_slow_drives_swing_to_twice_kinetic_less_static() -> None:
     assert result.summary["slip_duration"] == pytest.approx(np.pi * np.sqrt(MASS / STIFFNESS), rel=1e-2)
 
 
+def first_order(step: float) -> Deck:
+    return {"integrator": {"method": "moreau_jean", "rtol": None, "step": step}}
+
+
 def test_moreau_jean_converges_to_the_closed_form() -> None:
-    expected = stick_slip(0.25, 1e-2)
+    """Rest and release fall on ends of steps, so the error hangs on where in a step they are: the largest of some drives counts."""
+    steps = np.array([1.6e-4, 8e-5, 4e-5, 2e-5])
     errors = []
-    for step in (8e-5, 4e-5, 2e-5):
-        method = {"integrator": {"method": "moreau_jean", "rtol": None, "step": step}}
-        summary = along_the_drive(0.25, 1e-2, method).summary
-        errors.append([abs(summary[name] / expected[name] - 1.0) for name in ("period", "max_X_rate")])
-    errors = np.array(errors)
-    assert (errors[-1] < 2e-3).all() and (errors[-1] < 0.6 * errors[0]).all(), errors
+    for step in steps:
+        worst = 0.0
+        for drive in (0.0083, 0.0091, 0.0107, 0.0117, 0.0131):
+            expected = stick_slip(0.25, drive)
+            summary = along_the_drive(0.25, drive, first_order(step)).summary
+            worst = max(worst, *(abs(summary[name] / expected[name] - 1.0) for name in ("period", "max_X_rate", "peak_force")))
+        errors.append(worst)
+    order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert order > 0.7 and 1e-5 < errors[-1] < 1e-3, (order, errors)
+
+
+@pytest.mark.parametrize("mu_static", [0.25, 0.3])
+def test_moreau_jean_converges_to_radau(mu_static: float) -> None:
+    steps = np.array([1.6e-4, 8e-5, 4e-5, 2e-5])
+    one: Deck = {"scene": {"t_end": 1.0}, "system": {"stiffness_y": 1e4, "misalignment_deg": 10.0}}
+    one = changed(one, {"drive": {"velocity": 0.01}}, friction(mu_static=mu_static))
+    exact = run(one, {"integrator": {"method": "radau13", "rtol": 1e-11}})
+    assert exact.summary["sticks"] >= 6
+    errors = []
+    for step in steps:
+        found = run(one, first_order(step))
+        assert found.summary["sticks"] == exact.summary["sticks"]
+        errors.append(np.abs(found["X"] - exact["X"]).max() / exact["X"].max())
+    order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert 0.7 < order < 1.6 and errors[-1] < 1e-3, (order, errors)
 
 
 @pytest.mark.parametrize("method", ["radau9", "dop853"])
@@ -457,7 +520,7 @@ def test_static_limit_where_it_means_nothing_is_refused() -> None:
     with pytest.raises(ds.DeckError, match="known without a static limit of its own: remove mu_static"):
         ds.cycles(ds.Scene(TEXT, **friction(mu_static=0.3)))
     result = run({"scene": {"model": "auto", "t_end": 0.05}}, friction(mu_static=0.3))
-    assert result.parameters["model"] == "full"
+    assert result.attributes["model"] == "full"
 
 
 # --- numbers at the edges
