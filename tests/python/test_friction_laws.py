@@ -265,7 +265,7 @@ SLIDING: Deck = {
 
 
 def sliding(law: Callable[[Any], Any], rigid: bool) -> Any:
-    """u and w of the scene at its samples, by SciPy in other unknowns: of both springs, or with the stiff one rigid."""
+    """U and w of the scene at its samples, by SciPy in other unknowns: of both springs, or with the stiff one rigid."""
     stiffness, mass, load, drive = np.array([1e3, 1e5]), 0.25, 10.0, 0.1
     along = np.array([np.cos(np.radians(5.0)), np.sin(np.radians(5.0))])
 
@@ -391,7 +391,7 @@ def test_sweeps_vary_the_coefficients() -> None:
     # In lanes where it is the weakening law, and not where it is none.
     with pytest.warns(ds.IncompleteWarning, match="friction that falls exponentially: use radau9"):
         lanes = ds.sweep(TEXT, {"friction.exponent": [1.0, 2.0]}, **changed(deck, {"integrator": {"method": "rodas4p"}}))
-    assert [int(code) for code in lanes["result_code"]][0] == 0 != int(lanes["result_code"][1])
+    assert next(int(code) for code in lanes["result_code"]) == 0 != int(lanes["result_code"][1])
     values = [0.0, 0.1, 0.25]
     with pytest.warns(ds.IncompleteWarning, match="mu_static = 0.1 is below"):
         static = ds.sweep(TEXT, {"friction.mu_static": values}, **changed({"scene": {"t_end": 0.3}}))
