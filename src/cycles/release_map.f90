@@ -65,7 +65,7 @@ contains
     class(release_map_t), intent(inout) :: self
     type(release_angle_t), intent(in) :: from
     logical, intent(in) :: with_growth
-    type(motion_summary_t) :: empty
+    type(motion_summary_t) :: empty          !! as a constructor here would have to name what is private
 
     select type (motion => self%motion)
     class is (cycle_map_t)

@@ -319,7 +319,7 @@ contains
     far = 0.0_wp
     gain = middle
     step = first_share*reach
-    do while (.not. found)
+    search: do
       do side = 1, 2
         t = step*real(3 - 2*side, wp)
         call gain_at(family, place + t*direction, here, error)
@@ -327,15 +327,14 @@ contains
         found = here%gain*middle <= 0.0_wp
         if (found) then
           bracket = bracket_t([far(side), t], limited([gain(side), here%gain]))
-          exit
+          exit search
         end if
         far(side) = t
         gain(side) = here%gain
       end do
-      if (found) exit
       step = 2.0_wp*step
       if (step > reach) return
-    end do
+    end do search
     do iteration = 1, max_iterations
       t = bracket%false_position()
       if (modulo(iteration, 5) == 0) t = bracket%middle()

@@ -45,7 +45,8 @@ module dst_creep_end
     real(wp) :: feeding = 0.0_wp          !! F_0^2/(m k_x V^2)
   end type path_t
 
-  !> Panels, for the search and for the integral. Twice: D of random sliders differs by less than 2e-6 from a fine midpoint rule.
+  !> Panels, for the search and for the integral. D of random sliders is within 2e-6 of a fine midpoint rule. Twice: as well, so
+  !> that it changes by less than 4e-6.
   integer, parameter :: panels = 64
   !> Ratios beyond this power of two and its inverse are not multiplied. Convention: far from overflow, far from any rig.
   integer, parameter :: most_power = maxexponent(1.0_wp)/8
