@@ -53,8 +53,8 @@ module dst_python_api
   integer, parameter :: longest_cell = 512
 
   !> The parameters of a slider in the order of the vectors that the routines for arrays take: in SI units.
-  character(*), parameter :: slider_parameters(10) = [character(12) :: 'mass', 'stiffness_x', 'stiffness_y', 'misalignment', &
-    'mu_0', 'mu_inf', 'v_f', 'normal_load', 'velocity', 'v_smooth']
+  character(*), parameter :: slider_parameters(12) = [character(12) :: 'mass', 'stiffness_x', 'stiffness_y', 'misalignment', &
+    'mu_0', 'mu_inf', 'v_f', 'normal_load', 'velocity', 'v_smooth', 'damping_x', 'damping_y']
 
   !> Texts and numbers (column, row) that say what something holds.
   type :: table_t
@@ -885,7 +885,7 @@ contains
   !> no value at w = 0; the caller excludes it.
   subroutine equations(slider, n, state, n_columns, values)
     integer(c_int), intent(in) :: n, n_columns
-    real(c_double), intent(in) :: slider(10), state(4, n)
+    real(c_double), intent(in) :: slider(12), state(4, n)
     real(c_double), intent(out) :: values(4, n_columns, n)
     !f2py threadsafe
     type(full_smoothed_t) :: model
@@ -969,8 +969,8 @@ contains
 
   !> Linear theory for n sliders as in `equations`: values (value, slider), as `what` asks.
   !> 'eigenvalues' of steady sliding [1/s]: four real parts, four imaginary parts, by falling real part.
-  !> 'critical' misalignment, whatever a slider's own: whether there is one (0/1), two angles [rad], frequencies [rad/s] of the low
-  !> and the fast branch, stable window [rad], rigid limit of the low branch [rad].
+  !> 'critical' misalignment, whatever a slider's own: whether each branch has one (0/1), two angles [rad], frequencies [rad/s] of
+  !> the low and the fast branch, stable window [rad], rigid limit of the low branch [rad].
   !> 'creep_end': whether slow creep ends in slip (0/1), the angle of friction there [rad], slip speed [m/s], load [N], decay D.
   !> 'damping' ratio of the slow motion at the angles `theta` [rad]: Eq. (10), with friction held at mu_0 W; 'weakening': with the
   !> law's own friction.
@@ -978,7 +978,7 @@ contains
   subroutine steady_sliding(what, n, sliders, theta, n_values, values, failed, message)
     character(len=*), intent(in) :: what
     integer(c_int), intent(in) :: n, n_values
-    real(c_double), intent(in) :: sliders(10, n), theta(n)
+    real(c_double), intent(in) :: sliders(12, n), theta(n)
     real(c_double), intent(out) :: values(n_values, n)
     integer(c_int), intent(out) :: failed
     character(len=256), intent(out) :: message
@@ -1017,7 +1017,7 @@ contains
       else if (what == 'critical') then
         call critical_misalignment(slider, velocity, branches, error)
         if (.not. allocated(error)) call low_frequency_limit(slider, velocity, value, error)
-        found = real([merge(1.0_wp, 0.0_wp, branches%exists), branches%angle, branches%frequency, branches%window, value], c_double)
+        found = real([merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, value], c_double)
       else if (what == 'creep_end') then
         ! It asks for what steady sliding asks for.
         call low_frequency_limit(slider, velocity, value, error)
@@ -1039,7 +1039,7 @@ contains
 
   !> What a deck's reader would refuse, or what cannot be multiplied and squared to make a slider.
   subroutine check_parameters(values, error)
-    real(wp), intent(in) :: values(10)
+    real(wp), intent(in) :: values(12)
     type(error_t), allocatable, intent(out) :: error
     real(wp), parameter :: largest = sqrt(huge(1.0_wp))
 
@@ -1056,7 +1056,7 @@ contains
   end subroutine check_parameters
 
   function slider_from(values) result(slider)
-    real(wp), intent(in) :: values(10)
+    real(wp), intent(in) :: values(12)
     type(slider_t) :: slider
 
     slider%mass = values(1)
@@ -1064,6 +1064,7 @@ contains
     slider%along = [cos(values(4)), sin(values(4))]
     call new_friction_law('weakening', values(5), values(6), values(7), values(8), slider%law)
     slider%smoothing = values(10)**2
+    slider%damping = values(11:12)
   end function slider_from
 
   !> Characters to text.

@@ -14,6 +14,7 @@ from .errors import (
     DeckError,
     Error,
     FileError,
+    FitWarning,
     IncompleteWarning,
     OutOfMemoryError,
     PackageError,
@@ -52,6 +53,12 @@ from .stability import (
     steady_sliding_eigenvalues,
 )
 from .stick_slip import StickSlip, stick_slip_statistics
+from .trace import Trace
+from .trace_comparison import Statistic, TraceComparison, compare
+from .trace_creep import CreepTest, creep_test
+from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
+from .trace_file import read_trace
+from .trace_fit import Fit, FittedParameter, fit
 
 __version__ = _native.origin()["version"]
 
@@ -59,6 +66,7 @@ __all__ = [
     "ColumnError",
     "Creep",
     "CreepEnd",
+    "CreepTest",
     "CriticalMisalignment",
     "Cycles",
     "DeckError",
@@ -66,6 +74,9 @@ __all__ = [
     "Drive",
     "Error",
     "FileError",
+    "Fit",
+    "FitWarning",
+    "FittedParameter",
     "Friction",
     "IncompleteWarning",
     "Initial",
@@ -80,25 +91,37 @@ __all__ = [
     "Simulation",
     "SolverError",
     "Spectrogram",
+    "Statistic",
     "StickSlip",
     "StickSlipEnds",
     "Sweep",
     "System",
+    "Trace",
+    "TraceComparison",
+    "TraceCycles",
     "Trade",
     "UsageError",
+    "Waveform",
+    "compare",
     "creep_asymptotic",
     "creep_end",
     "creep_exact",
     "creep_frequency",
+    "creep_test",
     "creep_velocity",
     "critical_misalignment",
     "cycles",
     "damping_ratio",
+    "find_cycles",
+    "fit",
     "jacobian",
+    "mean_slip",
+    "mean_waveform",
     "open",
     "open_sweep",
     "open_trade",
     "oscillation_frequency",
+    "read_trace",
     "rhs",
     "ridge",
     "run",

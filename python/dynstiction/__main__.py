@@ -19,11 +19,13 @@ from ._native import catalogue
 from ._open import groups_in
 from ._sweep import open_sweep
 from ._trade import open_trade
-from .errors import Error, FileError, IncompleteWarning, UsageError, printable
+from .errors import Error, FileError, FitWarning, IncompleteWarning, UsageError, printable
 from .result import Result, open
+from .scene import Scene
 
 if TYPE_CHECKING:
     from .plot import Drawable
+    from .trace import Trace
 
 # The plotting modules are imported where they are used: matplotlib is slow to import.
 
@@ -112,15 +114,24 @@ def _add_arguments(parser: _Parser, entry: Mapping[str, Any]) -> None:
     operand = entry["operands"].removesuffix("...")
     if operand != entry["operands"]:
         parser.add_argument("files", metavar=operand, type=Path, nargs="+")
+    elif " " in operand:
+        for each in operand.split():
+            parser.add_argument(each.lower(), metavar=each)
     elif operand:
         parser.add_argument("file", metavar=operand, type=Path)
-    for option in catalogue()["options"]:
-        if entry["name"] not in option["commands"]:
-            continue
-        names = ("-o", "--output") if option["name"] == "-o" else (option["name"],)
-        how: dict[str, Any] = {"help": option["meaning"], "required": option["times"] == "1"}
+    options = [option for option in catalogue()["options"] if entry["name"] in option["commands"]]
+    for name in dict.fromkeys(option["name"] for option in options):
+        # An option that takes several kinds of values has an entry for each.
+        option, *others = (each for each in options if each["name"] == name)
+        names = ("-o", "--output") if name == "-o" else (name,)
+        meaning = "; ".join(
+            [option["meaning"], *(f"{each['argument']}: {each['meaning']}" for each in others)]
+        )
+        how: dict[str, Any] = {"help": meaning.replace("%", "%%"), "required": option["times"] == "1"}
         if not option["argument"]:
             how["action"] = "store_true"
+        elif option["times"] == "*":
+            how |= {"metavar": option["argument"], "action": "append", "default": []}
         elif "|" in option["argument"]:
             how["choices"] = option["argument"].split("|")
         else:
@@ -148,6 +159,71 @@ def _short_names(files: Sequence[Path]) -> list[str]:
     """The files' names without folder and suffix, or whole where that is not enough to tell them apart."""
     stems = [file.stem for file in files]
     return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
+
+
+def _trace(options: argparse.Namespace) -> Trace:
+    """The trace that the options of a command describe."""
+    from .trace_file import read_trace  # noqa: PLC0415
+
+    units = {}
+    for setting in options.unit:
+        quantity, equals, unit = setting.partition("=")
+        if not equals:
+            raise UsageError(f"--unit {setting}: write --unit QUANTITY=UNIT, as --unit force=mN")
+        units[quantity] = unit
+    delimiter = {"tab": "\t", "\\t": "\t", "blank": " "}.get(options.delimiter, options.delimiter)
+    return read_trace(
+        options.trace,
+        time=options.time,
+        force=options.force,
+        units=units,
+        delimiter=delimiter,
+        interval=options.interval,
+    ).part(vars(options)["from"], options.to)
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from .plot.style import write  # noqa: PLC0415
+    from .trace_comparison import compare  # noqa: PLC0415
+
+    comparison = compare(Scene.of_command(options.deck, options.set), _trace(options))
+    _say(comparison.report())
+    output = options.output or Path(f"{Path(options.trace).stem}_compared.png")
+    write(comparison.plot(), output)
+    _say(printable(str(output)))
+
+
+def _fit(options: argparse.Namespace) -> None:
+    from .plot.style import write  # noqa: PLC0415
+    from .trace_fit import fit  # noqa: PLC0415
+
+    stem = Path(options.trace).stem
+    deck = options.fitted or Path(f"{stem}_fitted.nml")
+    if deck.exists() and not options.overwrite:
+        raise FileError(
+            f"{printable(str(deck))}: is there already: name another with --fitted, or add --overwrite"
+        )
+    with warnings.catch_warnings():
+        # Its notes are part of what is printed.
+        warnings.simplefilter("ignore", FitWarning)
+        found = fit(
+            Scene.of_command(options.deck, options.set),
+            _trace(options),
+            options.free,
+            starts=options.starts,
+            seed=options.seed,
+        )
+    _say(found)
+    deck.write_text(found.scene.to_deck(), encoding="utf-8")
+    output = options.output or Path(f"{stem}_fitted.png")
+    write(found.plot(), output)
+    _say(printable(str(deck)))
+    _say(printable(str(output)))
+
+
+def _column(text: str) -> int | str:
+    """A column of a table, by number or name."""
+    return int(text) if text.isdecimal() else text
 
 
 def _report(options: argparse.Namespace) -> None:
@@ -263,11 +339,22 @@ def _warnings_in_one_line() -> Iterator[None]:
         print(f"dynstiction: {warning.message}", file=sys.stderr)
 
 
-TYPES = {"KIND": str, "N": int, "NAME": str, "S": float, "T": float}
+TYPES: dict[str, Callable[[str], object]] = {
+    "C": str,
+    "COLUMN": _column,
+    "KEYS": str,
+    "KIND": str,
+    "N": int,
+    "NAME": str,
+    "S": float,
+    "T": float,
+}
 """Types of the arguments of options; the others are paths."""
 
 COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, Any]]] = {
     "plot": (_plot, {}),
+    "compare": (_compare, {}),
+    "fit": (_fit, {"starts": 2, "seed": 0}),
     "report": (_report, {}),
     "export": (_export, {"output": Path()}),
     "animate": (_animate, {"fps": 20, "seconds": 10.0}),

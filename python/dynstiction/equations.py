@@ -24,6 +24,8 @@ LIMITS: dict[str, dict[str, Any]] = {
     "normal_load": {"least": 0.0, "units": "N"},
     "velocity": {"units": "m/s"},
     "v_smooth": {"least": 0.0, "units": "m/s"},
+    "damping_x": {"least": 0.0, "units": "N s/m"},
+    "damping_y": {"least": 0.0, "units": "N s/m"},
 }
 """Of the parameters of a slider, as `_arguments.reals` takes them."""
 
@@ -41,10 +43,12 @@ def rhs(
     normal_load: float,
     velocity: float,
     v_smooth: float = 0.0,
+    damping_x: float = 0.0,
+    damping_y: float = 0.0,
 ) -> NDArray[np.float64]:
     """Time derivative of the state, Eqs. (1)-(5).
 
-    ``u' = V (cos phi, sin phi) - w`` and ``m w' = K u - F(v) w / sqrt(v^2 + v_smooth^2)`` with ``v = |w|``
+    ``u' = V (cos phi, sin phi) - w`` and ``m w' = K u + C u' - F(v) w / sqrt(v^2 + v_smooth^2)`` with ``v = |w|``
     and ``F(v) = [mu_inf + (mu_0 - mu_inf) exp(-v/v_f)] W``.
 
     Parameters
@@ -68,6 +72,8 @@ def rhs(
         V [m/s], of the drive.
     v_smooth : float
         Smoothing velocity [m/s] of the direction of friction; 0 for the exact law.
+    damping_x, damping_y : float
+        c_x, c_y [N s/m] of the dampers beside the springs.
 
     Returns
     -------
@@ -78,11 +84,22 @@ def rhs(
     ------
     UsageError
         If the last dimension of `state` is not 4, an argument is not finite or out of its range (m, k_x, k_y, v_f > 0;
-        mu_0, mu_inf, W, v_smooth >= 0), or only one of `mu_inf` and `v_f` is given. If a rate is not a number: with the exact
-        law (`v_smooth` = 0) friction has no direction at ``w = 0``.
+        mu_0, mu_inf, W, v_smooth, c_x, c_y >= 0), or only one of `mu_inf` and `v_f` is given. If a rate is not a
+        number: with the exact law (`v_smooth` = 0) friction has no direction at ``w = 0``.
     """
     slider = _slider(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        v_smooth,
+        damping_x,
+        damping_y,
     )
     return _evaluated(slider, state, 1)[..., 0]
 
@@ -100,6 +117,8 @@ def jacobian(
     normal_load: float,
     velocity: float,
     v_smooth: float = 0.0,
+    damping_x: float = 0.0,
+    damping_y: float = 0.0,
 ) -> NDArray[np.float64]:
     """Derivative of `rhs` by the state.
 
@@ -107,7 +126,7 @@ def jacobian(
     ----------
     state : array_like, shape (..., 4)
         ``u_x, u_y`` [m], ``w_x, w_y`` [m/s], as for `rhs`.
-    mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : float
+    mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : float
         As for `rhs`.
 
     Returns
@@ -122,7 +141,18 @@ def jacobian(
         As for `rhs`.
     """
     slider = _slider(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        v_smooth,
+        damping_x,
+        damping_y,
     )
     return _evaluated(slider, state, 4)
 

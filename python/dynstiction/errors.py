@@ -7,6 +7,7 @@ __all__ = [
     "DeckError",
     "Error",
     "FileError",
+    "FitWarning",
     "IncompleteWarning",
     "OutOfMemoryError",
     "PackageError",
@@ -99,6 +100,10 @@ class IncompleteWarning(UserWarning):
 
     def __str__(self) -> str:
         return printable(super().__str__())
+
+
+class FitWarning(UserWarning):
+    """A fit is not to be trusted as it stands: the text says in which respect."""
 
 
 SOLVER_GAVE_UP = range(40, 50)

@@ -32,7 +32,7 @@ class CriticalMisalignment(NamedTuple):
     """
 
     angle: NDArray[np.float64]
-    """Critical angles [rad] between 0 and pi/2, shape (..., 2); both NaN where there is none."""
+    """Critical angles [rad] between 0 and pi/2, shape (..., 2); NaN where there is none."""
     frequency: NDArray[np.float64]
     """Angular frequency [rad/s] of the oscillation at the critical angles, shape (..., 2)."""
     window: NDArray[np.float64]
@@ -66,11 +66,14 @@ def steady_sliding_eigenvalues(
     normal_load: ArrayLike,
     velocity: ArrayLike,
     v_smooth: ArrayLike = 0.0,
+    damping_x: ArrayLike = 0.0,
+    damping_y: ArrayLike = 0.0,
 ) -> NDArray[np.complex128]:
     """Eigenvalues of a perturbation of steady sliding.
 
-    ``m u'' + D u' + K u = 0`` with ``D = F'(V) s s^T + F(V)/V n n^T``, ``s = (cos phi, sin phi)``, n normal
-    to s, and ``F(v) = [mu_inf + (mu_0 - mu_inf) exp(-v/v_f)] W``. Steady sliding is stable if all real parts
+    ``m u'' + D u' + K u = 0`` with ``D = F'(V) s s^T + F(V)/V n n^T + C``, ``s = (cos phi, sin phi)``, n normal
+    to s, ``C = diag(c_x, c_y)``, and ``F(v) = [mu_inf + (mu_0 - mu_inf) exp(-v/v_f)] W``. Steady sliding is stable if
+    all real parts
     are negative.
 
     Parameters
@@ -78,6 +81,8 @@ def steady_sliding_eigenvalues(
     mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
         As for `rhs`: m [kg], k_x, k_y [N/m], phi [rad], friction coefficients, v_f [m/s], W [N], V [m/s], which is not 0,
         and the smoothing velocity [m/s].
+    damping_x, damping_y : array_like
+        c_x, c_y [N s/m] of the dampers beside the springs.
 
     Returns
     -------
@@ -96,7 +101,18 @@ def steady_sliding_eigenvalues(
     far below that has no meaning. `critical_misalignment` has no such limit.
     """
     sliders, shape = _sliders(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        v_smooth,
+        damping_x,
+        damping_y,
     )
     parts = _native.steady_sliding("eigenvalues", 8, sliders)
     return (parts[:, :4] + 1j * parts[:, 4:]).reshape(*shape, 4)
@@ -114,16 +130,19 @@ def critical_misalignment(
     normal_load: ArrayLike,
     velocity: ArrayLike,
     v_smooth: ArrayLike = 0.0,
+    damping_x: ArrayLike = 0.0,
+    damping_y: ArrayLike = 0.0,
 ) -> CriticalMisalignment:
     """All misalignments between 0 and 90 degrees at which steady sliding changes its stability.
 
     With weakening friction there are two, one for each branch, if ``|F'| < F/V`` and
     ``|F'| F/V < m (sqrt(k_y) - sqrt(k_x))^2`` at V; otherwise none, and steady sliding is unstable at every angle.
-    With constant or strengthening friction there are none, and it is stable at every angle between.
+    With constant or strengthening friction there are none, and it is stable at every angle between. With dampers one branch
+    may have an angle and the other none.
 
     Parameters
     ----------
-    mass, stiffness_x, stiffness_y, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
+    mass, stiffness_x, stiffness_y, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : array_like
         As for `steady_sliding_eigenvalues`.
     misalignment : array_like
         Without effect but on the shape; taken so that the keywords of `steady_sliding_eigenvalues` serve here too.
@@ -139,10 +158,21 @@ def critical_misalignment(
         As for `steady_sliding_eigenvalues`.
     """
     sliders, shape = _sliders(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth
+        mass,
+        stiffness_x,
+        stiffness_y,
+        misalignment,
+        mu_0,
+        mu_inf,
+        v_f,
+        normal_load,
+        velocity,
+        v_smooth,
+        damping_x,
+        damping_y,
     )
-    values = _native.steady_sliding("critical", 8, sliders)
-    exists, angle, frequency, window, limit = np.split(values, [1, 3, 5, 7], axis=1)
+    values = _native.steady_sliding("critical", 9, sliders)
+    exists, angle, frequency, window, limit = np.split(values, [2, 4, 6, 8], axis=1)
     return CriticalMisalignment(
         np.where(exists == 1.0, angle, np.nan).reshape(*shape, 2),
         np.where(exists == 1.0, frequency, np.nan).reshape(*shape, 2),
@@ -187,7 +217,7 @@ def creep_end(
         As for `steady_sliding_eigenvalues`.
     """
     sliders, shape = _sliders(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, 0.0
+        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, 0.0, 0.0, 0.0
     )
     values = _native.steady_sliding("creep_end", 5, sliders)
     exists = values[:, 0] == 1.0
@@ -243,6 +273,8 @@ def damping_ratio(
         v_f,
         normal_load,
         velocity,
+        0.0,
+        0.0,
         0.0,
         theta=angles,
     )

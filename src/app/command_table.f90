@@ -105,6 +105,18 @@ module dst_command_table
     command_entry_t('plot', 'FILE.h5...', python, 'draw a result file, or several side by side', &
       'Draw a result file; of several runs one figure that compares them.', &
       'dynstiction plot fig3.h5 --kind path'), &
+    command_entry_t('compare', 'DECK TRACE', python, 'a measured trace beside a scene', &
+      'Compare a measured trace of the force along the pull with the run of a deck: period, peak, valley, slip time and creep '// &
+      'before slip of both, cycle by cycle, with their scatter, and the mean force over a cycle. TRACE is a table of text or '// &
+      'an HDF5 file with time and force. Prints a table, draws a figure.', &
+      'dynstiction compare my.nml trace.csv'//n// &
+      'dynstiction compare my.nml trace.csv --time t --force "F [mN]" --unit time=ms --from 10'), &
+    command_entry_t('fit', 'DECK TRACE', python, 'the parameters behind a measured trace', &
+      'Find parameters of a deck behind a measured trace of the force along the pull: least squares on the mean waveform of '// &
+      'its cycles and their period, first with the slow model, then with that of the deck. Prints values, errors, intervals, '// &
+      'and what the trace does not tell; writes the fitted deck, draws waveform and residuals. TRACE is as for compare.', &
+      'dynstiction fit my.nml trace.csv --free system.misalignment_deg,friction.mu_0'//n// &
+      'dynstiction fit my.nml trace.csv --free system.mass --fitted fitted.nml'), &
     command_entry_t('report', 'FILE.h5', python, 'one HTML page with all that a result file holds', &
       'Write one HTML page: summary, figures, animation of the friction vector, cycles, parameters, solver '// &
       'statistics, provenance, deck. It needs neither network nor other files.', &
@@ -129,7 +141,7 @@ module dst_command_table
   character(*), parameter :: trade_quantities = 'final_elongation final_velocity period peak_force valley_force slip_length '// &
     'max_X_rate creep_velocity fast_amplitude fast_phase sticks first_peak_force'
 
-  character(*), parameter :: takes_settings = 'run merge check stability cycles trade'
+  character(*), parameter :: takes_settings = 'run merge check stability cycles trade compare fit'
   character(*), parameter :: trade_help = 'a value: see dynstiction trade --help'
 
   !> name, argument, commands, times, meaning, lacking
@@ -147,7 +159,7 @@ module dst_command_table
     option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', trade_help), &
     option_t('--quantity', 'NAME', 'trade', '?', 'errors of which quantity; all; by default final_elongation, period, '// &
       'peak_force and creep_velocity, as far as the scene has them', trade_help), &
-    option_t('--overwrite', '', 'run merge trade report export', '?', 'replace existing output files', ''), &
+    option_t('--overwrite', '', 'run merge trade report export fit', '?', 'replace existing output files', ''), &
     option_t('--quiet', '', 'run resume merge', '?', 'no progress', ''), &
     option_t('--quiet', '', 'trade', '?', 'no progress and no table', ''), &
     option_t('--keep-shards', '', 'run merge', '?', 'of a sweep: do not remove the shards when the result file is whole', ''), &
@@ -162,6 +174,23 @@ module dst_command_table
     option_t('--quantity', 'NAME', 'plot', '?', &
       'what a map of a sweep shows, like period (swing), or a bifurcation diagram (peak_force)', ''), &
     option_t('-o', 'PNG', 'plot', '?', 'default: FILE.png, of several files comparison.png; also .pdf, .svg', ''), &
+    option_t('--time', 'COLUMN', 'compare fit', '?', &
+      'of TRACE: the column of times, its number from 0 or its name; in HDF5 the path of a dataset; default: time, or 0', ''), &
+    option_t('--force', 'COLUMN', 'compare fit', '?', 'the same of the force along the pull; default: force, or 1', ''), &
+    option_t('--unit', 'QUANTITY=UNIT', 'compare fit', '*', &
+      'unit of time or force, as time=ms or force=mN, or its factor to SI, as force=-9.81e-3; default: what TRACE says, '// &
+      'or SI', ''), &
+    option_t('--delimiter', 'C', 'compare fit', '?', 'between columns; default: it is found', ''), &
+    option_t('--interval', 'S', 'compare fit', '?', 'time between two samples [s], where there is no column of times', ''), &
+    option_t('--from', 'T', 'compare fit', '?', 'first time of the trace that counts [s]', ''), &
+    option_t('--to', 'T', 'compare fit', '?', 'last time of the trace that counts [s]', ''), &
+    option_t('--free', 'KEYS', 'fit', '1', 'parameters GROUP.KEY to be found, with commas between them', &
+      'parameters: write --free system.misalignment_deg'), &
+    option_t('--starts', 'N', 'fit', '?', 'starts that are carried through (2)', ''), &
+    option_t('--seed', 'N', 'fit', '?', 'of the random starts (0): the same seed gives the same bits', ''), &
+    option_t('--fitted', 'NML', 'fit', '?', 'the fitted deck; default: TRACE with _fitted.nml, here', ''), &
+    option_t('-o', 'FIGURE', 'fit', '?', 'default: TRACE with _fitted.png, here; also .pdf, .svg', ''), &
+    option_t('-o', 'FIGURE', 'compare', '?', 'default: TRACE with _compared.png, here; also .pdf, .svg', ''), &
     option_t('-o', 'HTML', 'report', '?', 'default: FILE.html', ''), &
     option_t('--csv', '', 'export', '1', 'the format', ''), &
     option_t('-o', 'DIR', 'export validate-creep', '?', 'made if it is not there; default: here', ''), &

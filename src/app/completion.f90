@@ -30,10 +30,11 @@ contains
     character(:), allocatable :: text
     type(text_builder_t) :: builder
     character(:), allocatable :: command, option, typed
-    integer :: i
+    integer :: i, operands
 
     command = ''
     option = ''
+    operands = 0
     do i = 2, size(arguments) - 1
       ! A word is an option's value, an option, the command, or one of its operands.
       if (takes_value(option)) then
@@ -42,7 +43,11 @@ contains
         option = arguments(i)%text
       else
         option = ''
-        if (command == '') command = arguments(i)%text
+        if (command == '') then
+          command = arguments(i)%text
+        else
+          operands = operands + 1
+        end if
       end if
     end do
     typed = arguments(size(arguments))%text
@@ -55,10 +60,19 @@ contains
     else if (starts_with(typed, '-')) then
       call offer(builder, options_of(command)//' --help', typed)
     else if (find_command(command) > 0) then
-      call offer_kind(builder, operand_of(commands(find_command(command))), typed)
+      call offer_operand(builder, operand_of(commands(find_command(command))), operands, typed)
     end if
     text = builder%content()
   end function completions
+
+  !> Of several operands of different kinds the next one.
+  subroutine offer_operand(builder, kinds, given, typed)
+    type(text_builder_t), intent(inout) :: builder
+    character(*), intent(in) :: kinds, typed
+    integer, intent(in) :: given
+
+    if (kinds /= '') call offer_kind(builder, word(kinds, min(given + 1, word_count(kinds))), typed)
+  end subroutine offer_operand
 
   subroutine offer_values(builder, command, option, typed)
     type(text_builder_t), intent(inout) :: builder
@@ -115,6 +129,11 @@ contains
       call builder%line('*.nml')
     case ('FILE', 'FILE.h5')
       call builder%line('*.h5')
+    case ('TRACE')
+      call builder%line('*.csv')
+      call builder%line('*.h5')
+    case ('FIGURE')
+      call builder%line('*.png')
     case ('PNG', 'HTML')
       call builder%line('*.'//lower_case(kind))
     case ('MODEL')

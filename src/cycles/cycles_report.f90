@@ -83,7 +83,7 @@ contains
       end do
       if (cycles%is_stable(i)) then
         call page%row('  apparent static friction', formatted('(es22.14)', cycles%value(peak, i)/ &
-          slider%law%static_limit)//' mu_0')
+          slider%law%kinetic_limit)//' mu_0')
       else if (cycles%sliding_is_stable .and. i == 1) then
         call page%row('', '  between '//formatted('(es14.7)', cycles%value(valley, i))//' N and '// &
           formatted('(es14.7)', cycles%value(peak, i))//' N the object comes to steady sliding')

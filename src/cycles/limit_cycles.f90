@@ -3,6 +3,7 @@ module dst_limit_cycles
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: cycle_quantities, measures, peak, valley
   use dst_errors, only: error_t, raise, deck_error
+  use dst_friction, only: falls_exponentially
   use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles
   use dst_kinds, only: wp
   use dst_scene, only: scene_t
@@ -59,12 +60,22 @@ contains
     if (cycles%model /= 'full' .and. cycles%model /= 'low_frequency') then
       call raise(error, deck_error, "scene.model: model '"//cycles%model//"' has no limit cycles that are known here: "// &
         "give 'full' or 'low_frequency'", 'scene.model')
+    else if (slider%is_damped()) then
+      call raise(error, deck_error, 'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp)// &
+        ': the limit cycles are known without dampers: take damping_x and damping_y out', &
+        'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp))
     else if (.not. minval(abs(slider%along)) > 0.0_wp) then
       call raise(error, deck_error, 'system.misalignment_deg: the cycles are known for angles that are no multiple of 90: '// &
         'change it a little', 'system.misalignment_deg')
     else if (cycles%model == 'full' .and. scene%contact /= 'exact') then
       call raise(error, deck_error, "friction.contact: the cycles of the full model are known for contact 'exact': its rest is "// &
         'what they are found by', 'friction.contact')
+    else if (slider%law%static_limit > slider%law%kinetic_limit) then
+      call raise(error, deck_error, 'friction.mu_static: the cycles are known without a static limit of its own: '// &
+        'remove mu_static', 'friction.mu_static')
+    else if (cycles%model /= 'full' .and. .not. falls_exponentially(slider%law)) then
+      call raise(error, deck_error, "friction.law: the cycles of the slow motion are known for the laws 'constant' and "// &
+        "'weakening': give one of them, or model 'full'", 'friction.law')
     else if (cycles%model == 'full') then
       call take_full(scene, slider, velocity, cycles, error)
     else

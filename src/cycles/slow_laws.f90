@@ -310,7 +310,7 @@ contains
 
     associate (impedance => sqrt(slider%mass*slider%stiffness(1)))
       least = 0.5_wp*least_swing/impedance
-      most = largest*(abs(velocity) + slider%law%static_limit/impedance)
+      most = largest*(abs(velocity) + slider%law%kinetic_limit/impedance)
       if (.not. (least > 0.0_wp .and. most > least)) return
       n = ceiling(log(most/least)/step)
       best = -1

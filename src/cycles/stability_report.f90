@@ -129,10 +129,9 @@ contains
     call critical_misalignment(slider, velocity, critical, error)
     if (.not. allocated(error)) call low_frequency_limit(slider, velocity, limit, error)
     if (allocated(error)) return
-    if (critical%exists) then
-      call page%row('critical angle, slow mode', angle_and_frequency(low_branch))
-      call page%row('critical angle, fast mode', angle_and_frequency(fast_branch))
-    else
+    if (critical%has(low_branch)) call page%row('critical angle, slow mode', angle_and_frequency(low_branch))
+    if (critical%has(fast_branch)) call page%row('critical angle, fast mode', angle_and_frequency(fast_branch))
+    if (.not. critical%exists) then
       call page%row('critical angle', 'none between 0 and 90 deg')
     end if
     if (critical%window(2) > critical%window(1)) then
@@ -141,7 +140,8 @@ contains
     else
       call page%row('stable for', 'no angle')
     end if
-    call page%row('critical angle, rigid stiff axis', formatted('(f12.6)', limit/degree)//' deg, atan(sqrt(-V F''(V)/F(V)))')
+    call page%row('critical angle, rigid stiff axis', formatted('(f12.6)', limit/degree)//' deg, '// &
+      trim(merge('atan(sqrt(-(F''(V) + c_x)/(F(V)/V + c_x)))', 'atan(sqrt(-V F''(V)/F(V)))                ', slider%is_damped())))
 
   contains
 
@@ -170,6 +170,8 @@ contains
       return
     end if
     misalignment = atan2(slider%along(2), slider%along(1))
+    if (slider%damping(1) > 0.0_wp) call page%row('damping ratio of c_x', formatted('(es14.7)', &
+      0.5_wp*slider%damping(1)/(sqrt(slider%mass)*sqrt(slider%stiffness(1))))//', which adds to zeta: Lambda is of friction alone')
     call page%row('Lambda', formatted('(es14.7)', lambda))
     if (contact /= 'exact') call page%row('', 'Lambda, zeta and theta* take the contact as exact')
     call page%row('zeta at theta = phi', formatted('(es14.7)', damping_ratio(lambda, misalignment))// &

@@ -1,8 +1,8 @@
 !> Where the stick-slip of a scene ends, in its misalignment and in its drive velocity: the solver's answer for the slow motion, and
 !> beside it what the laws say (docs/closed_laws.md).
 module dst_stick_slip_ends
-  use dst_errors, only: error_t
-  use dst_friction, only: exponential_form
+  use dst_errors, only: error_t, raise, deck_error, usage_error
+  use dst_friction, only: exponential_form, falls_exponentially
   use dst_kinds, only: wp
   use dst_slider, only: slider_t
   use dst_slow_ends, only: slow_end_t, misalignment_end, velocity_end, least_swing
@@ -48,6 +48,14 @@ contains
     real(wp), parameter :: outwards(2) = [-1.0_wp, 1.0_wp]
     integer :: i
 
+    if (slider%is_damped()) then
+      call raise(error, usage_error, 'the ends of stick-slip are known without dampers: take damping_x and damping_y out')
+      return
+    end if
+    if (.not. falls_exponentially(slider%law)) then
+      call raise(error, deck_error, "the ends of stick-slip are known for the laws 'constant' and 'weakening'", 'friction.law')
+      return
+    end if
     call low_frequency_limit(slider, velocity, ends%critical_angle, error)
     if (allocated(error) .or. .not. are_moderate(slider, velocity)) return
     own = slider

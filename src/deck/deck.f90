@@ -13,6 +13,7 @@ module dst_deck
   use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_default, is_default, used, unused
   use dst_deck_text, only: resolved, template, key_table, has_model, has_other_condition
   use dst_deck_sweep, only: check_sweep
+  use dst_friction_table, only: take_friction_table
   implicit none
   private
 
@@ -103,6 +104,7 @@ contains
     needs_no_grid = .false.
     if (present(is_varied)) needs_no_grid = is_varied
     if (is_whole) then
+      call take_friction_table(deck)
       call check_keys(deck)
       call check_missing(deck, line_of, last_line(text))
       call check_contact(deck)
@@ -122,6 +124,7 @@ contains
     integer :: i, g
 
     line_of = 0
+    nearest = ''
     do i = 1, list%group_count
       group = lower_case(trim(list%groups(i)%name))
       if (group == '') cycle
@@ -519,6 +522,11 @@ contains
         call deck%faults%add(given%place, "method 'moreau_jean' works on model 'full' only: choose another method")
       if (method%name == 'rodas4p' .and. model /= 'low_frequency') &
         call deck%faults%add(given%place, "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
+      if (method%name == 'rodas4p' .and. deck%real_of('system', 'damping_x') > 0.0_wp) call deck%faults%add( &
+        deck%value(find_key('system', 'damping_x'))%place, "method 'rodas4p' knows no damping_x: use radau9, or damping_x = 0.0")
+      if (method%name == 'rodas4p' .and. .not. is_exponential(deck)) &
+        call deck%faults%add(given%place, "method 'rodas4p' follows friction that falls exponentially: choose "// &
+                        "law = 'weakening', or method 'radau9'")
       if (model /= 'full') return
       if (method%name == 'moreau_jean' .and. contact == 'smoothed') &
         call deck%faults%add(given%place, "method 'moreau_jean' knows only the exact contact: "// &
@@ -528,6 +536,15 @@ contains
                         "choose contact = 'smoothed', or method "//alternatives(adaptive_methods//' moreau_jean'))
     end associate
   end subroutine check_contact
+
+  !> Whether the law is known to rodas4p. A coefficient that is varied is looked at in each case.
+  pure logical function is_exponential(deck)
+    type(deck_t), intent(in) :: deck
+
+    is_exponential = deck%text_of('friction', 'law') /= 'table'
+    if (deck%text_of('friction', 'law') == 'stribeck') &
+      is_exponential = abs(deck%real_of('friction', 'exponent') - 1.0_wp) + deck%real_of('friction', 'viscous') <= 0.0_wp
+  end function is_exponential
 
   !> The corners of the drive: as many times as velocities, from 0 on, never back, a jump between two velocities.
   subroutine check_drive(deck)

@@ -2,7 +2,7 @@
 module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dst_kinds, only: wp
-  use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, unused
+  use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, used, unused
   use dst_schema, only: schema, sweep_group, find_key, in_range, range_text, real_kind, reals_kind, integer_kind, longest_text
   use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word, alternatives
   implicit none
@@ -232,6 +232,9 @@ contains
     else if (has_word(fixed_groups, trim(schema(k)%group)) .or. &
              .not. any(schema(k)%kind == [real_kind, reals_kind, integer_kind])) then
       problem = "'"//name//"' cannot be varied: name a number of &scene, &system, &friction, &drive, &initial or &integrator"
+    else if (schema(k)%name == 'mu_0' .and. deck%text_of('friction', 'law') == 'table' .and. &
+             usage(deck, find_key('friction', 'law')) == used) then
+      problem = "'"//name//"' is the first friction coefficient of the table: vary another key"
     else if (usage(deck, k) == unused) then
       problem = "'"//name//"' is not used with "//failing_condition(deck, k)//': vary another key'
     else if (schema(k)%kind == reals_kind .and. deck%value(k)%valid .and. deck%value(k)%user .and. &

@@ -22,10 +22,15 @@ module dst_scene
     real(wp) :: mass = 0.0_wp                            !! kg; 0 where the model has none
     real(wp) :: stiffness_x = 0.0_wp                     !! N/m
     real(wp) :: stiffness_y = 0.0_wp                     !! N/m; 0 where the model has none
+    real(wp) :: damping_x = 0.0_wp                       !! N s/m
+    real(wp) :: damping_y = 0.0_wp                       !! N s/m
     real(wp) :: misalignment_deg = 0.0_wp                !! deg
     real(wp) :: mu_0 = 0.0_wp                            !! friction coefficient at rest
     real(wp) :: mu_inf = 0.0_wp                          !! at high slip velocity; mu_0 where there is none
     real(wp) :: v_f = 1.0_wp                             !! m/s; without effect for the constant law
+    real(wp) :: exponent = 1.0_wp                        !! of the law stribeck
+    real(wp) :: viscous = 0.0_wp                         !! s/m, of the law stribeck
+    real(wp) :: mu_static = 0.0_wp                       !! up to which rest holds; 0 = what the law is at v = 0
     real(wp) :: normal_load = 0.0_wp                     !! N
     real(wp) :: v_smooth = 0.0_wp                        !! m/s
     real(wp) :: velocity_ratio = 0.0_wp                  !! X'(0)/V
@@ -42,6 +47,8 @@ module dst_scene
     real(wp) :: flush_seconds = 0.0_wp                   !! s of wall time
     real(wp), allocatable :: drive_time(:)               !! s, corners of the drive; one entry at 0 = constant
     real(wp), allocatable :: drive_velocity(:)           !! m/s
+    real(wp), allocatable :: table_speed(:)              !! m/s, points of the law table
+    real(wp), allocatable :: table_mu(:)
     character(24), allocatable :: fields(:)              !! columns of the time series, or 'default'
   contains
     procedure :: is_closed_form
@@ -82,6 +89,8 @@ contains
     scene%drive_time = deck%reals_of('drive', 'time')
     scene%drive_velocity = deck%reals_of('drive', 'velocity')
     scene%method = deck%text_of('integrator', 'method')
+    scene%table_speed = deck%reals_of('friction', 'table_speed')
+    scene%table_mu = deck%reals_of('friction', 'table_mu')
     scene%cycle_map = deck%text_of('integrator', 'cycle_map')
     allocate (fields, source=deck%texts_of('output', 'fields'))
     allocate (scene%fields(size(fields)))
@@ -120,6 +129,10 @@ contains
       scene%stiffness_x = value
     case ('stiffness_y')
       scene%stiffness_y = value
+    case ('damping_x')
+      scene%damping_x = value
+    case ('damping_y')
+      scene%damping_y = value
     case ('misalignment_deg')
       scene%misalignment_deg = value
     case ('mu_0')
@@ -129,6 +142,12 @@ contains
       scene%mu_inf = value
     case ('v_f')
       scene%v_f = value
+    case ('exponent')
+      scene%exponent = value
+    case ('viscous')
+      scene%viscous = value
+    case ('mu_static')
+      scene%mu_static = value
     case ('normal_load')
       scene%normal_load = value
     case ('v_smooth')

@@ -66,19 +66,23 @@ module dst_schema
   character(*), parameter :: plane_models = 'full'
   character(*), parameter :: models = plane_models//' low_frequency high_frequency creep creep_asymptotic auto'
   !> Friction laws that have mu_inf and v_f, and all.
-  character(*), parameter :: weakening_laws = 'weakening'
-  character(*), parameter :: laws = 'constant '//weakening_laws
+  character(*), parameter :: weakening_laws = 'weakening stribeck'
+  character(*), parameter :: laws = 'constant table '//weakening_laws
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
     'friction theta psi sticking zeta'
 
   type(condition_t), parameter :: none = condition_t(), always(2) = none
   type(condition_t), parameter :: dynamic(2) = [condition_t('model', plane_models//' low_frequency high_frequency auto'), none]
   type(condition_t), parameter :: elastic(2) = [condition_t('model', plane_models//' high_frequency creep auto'), none]
+  type(condition_t), parameter :: soft_damped(2) = [condition_t('model', plane_models//' low_frequency auto'), none]
   type(condition_t), parameter :: transverse(2) = [condition_t('model', plane_models//' high_frequency auto'), none]
   type(condition_t), parameter :: contacts(2) = [condition_t('model', plane_models//' auto'), none]
   type(condition_t), parameter :: asymptotic(2) = [condition_t('model', 'creep_asymptotic'), none]
   type(condition_t), parameter :: undecided(2) = [condition_t('model', 'auto'), none]
   type(condition_t), parameter :: weakens(2) = [condition_t('law', weakening_laws), none]
+  type(condition_t), parameter :: stribeck(2) = [condition_t('law', 'stribeck'), none]
+  type(condition_t), parameter :: tabulated(2) = [condition_t('law', 'table'), none]
+  type(condition_t), parameter :: exact(2) = [condition_t('contact', 'exact'), none]
   type(condition_t), parameter :: smoothed(2) = [condition_t('contact', 'smoothed'), none]
   type(condition_t), parameter :: fixed_step(2) = [condition_t('method', fixed_step_methods), none]
   type(condition_t), parameter :: adaptive(2) = [condition_t('method', adaptive_methods), none]
@@ -113,16 +117,32 @@ module dst_schema
           'stiffness along the soft principal axis'), &
     key_t('system', 'stiffness_y', real_kind, 'N/m', positive, must, '', '1.0e7', '', elastic, &
           'stiffness along the stiff principal axis'), &
+    key_t('system', 'damping_x', real_kind, 'N s/m', non_negative, may, '0.0', '', '', soft_damped, &
+          'damping beside the spring along the soft axis'), &
+    key_t('system', 'damping_y', real_kind, 'N s/m', non_negative, may, '0.0', '', '', transverse, &
+          'damping beside the spring along the stiff axis'), &
     key_t('system', 'misalignment_deg', real_kind, 'deg', one_turn, must, '', '1.0', '', always, &
           'angle phi from the drive direction to the soft axis'), &
     key_t('friction', 'law', choice_kind, '', any_real, may, 'weakening', '', laws, dynamic, &
           'how friction depends on the slip velocity'), &
     key_t('friction', 'mu_0', real_kind, '1', non_negative, must, '', '0.20', '', always, &
-          'friction coefficient at rest'), &
+          'friction coefficient F(0)/W as slip begins; with law table the first of table_mu'), &
     key_t('friction', 'mu_inf', real_kind, '1', non_negative, must, '', '0.15', '', weakens, &
           'friction coefficient at high slip velocity'), &
     key_t('friction', 'v_f', real_kind, 'm/s', positive, must, '', '0.010', '', weakens, &
           'slip velocity over which friction weakens'), &
+    key_t('friction', 'exponent', real_kind, '1', range_t(low=1.0_wp, high=10.0_wp), may, '1.0', '', '', stribeck, &
+          'p of (v/v_f)^p; below 1 the slope at rest would be infinite'), &
+    key_t('friction', 'viscous', real_kind, 's/m', non_negative, may, '0.0', '', '', stribeck, &
+          'friction coefficient that is added per slip velocity'), &
+    key_t('friction', 'table_speed', reals_kind, 'm/s', non_negative, must, '0.0', '', '', tabulated, &
+          'slip velocities of the points of the law, from 0 on'), &
+    key_t('friction', 'table_mu', reals_kind, '1', non_negative, must, '0.0', '', '', tabulated, &
+          'friction coefficients there; constant after the last'), &
+    key_t('friction', 'table', text_kind, '', any_real, may, '', '', '', tabulated, &
+          'CSV file of the points, a row for each: table_speed, table_mu; in place of these keys'), &
+    key_t('friction', 'mu_static', real_kind, '1', non_negative, may, '0.0', '', '', exact, &
+          'friction coefficient up to which rest holds, >= F(0)/W; 0 = F(0)/W'), &
     key_t('friction', 'normal_load', real_kind, 'N', non_negative, must, '', '10.0', '', always, &
           'normal load W'), &
     key_t('friction', 'contact', choice_kind, '', any_real, may, 'exact', '', 'exact smoothed', contacts, &
@@ -219,7 +239,7 @@ contains
   pure logical function names_file(key)
     type(key_t), intent(in) :: key
 
-    names_file = key%kind == text_kind .and. (key%name == 'file' .or. key%name == 'points')
+    names_file = key%kind == text_kind .and. any(key%name == [character(name_width) :: 'file', 'points', 'table'])
   end function names_file
 
   !> The names of a group's keys, blank-separated.

@@ -8,13 +8,17 @@
 !>     m (w_1 - w_0) = h K u_h - h f_1,          u_h = theta u_1 + (1 - theta) u_0,
 !>     f_1 = F(|w_1|) w_1/|w_1|  or, where w_1 = 0,  |f_1| <= F_0.
 !>
+!> An object that rests, or that turns back within the step, is held up to the static limit F_s >= F_0.
+!>
 !> Eliminating u_1 leaves A w_1 + f_1 = b with the diagonal A = m/h + theta^2 h K and
 !> b = m w_0/h + K (u_0 + theta D e - theta (1 - theta) h w_0): either |b| <= F_0 and w_1 = 0, or
 !> w_1 = r b/(a r + F(r)) component by component, with the speed r = |w_1| from one scalar equation.
 !>
+!> Dampers C give the impulse C (u_1 - u_0) = h C (D e/h - w_h) more: A holds theta C too, b + C (D e/h - (1 - theta) w_0).
+!>
 !> theta = 1/2 damps no oscillation: without friction the scheme is of second order, with friction,
 !> which is taken at the end of the step, of first order; and the energy balance of a step,
-!> change = D e . K u_h - h f_1 . w_h, holds to roundoff.
+!> change = D e . K u_h - h f_1 . w_h, holds to roundoff; so it does with the power of the dampers.
 !>
 !> Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Eng. 177 (1999)
 !> 235; V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), Ch. 10.
@@ -79,14 +83,23 @@ contains
     real(wp), intent(in) :: step
     type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
-    real(wp), dimension(2) :: driven, inertia, free_force, friction, mean_velocity, mean_elongation
+    real(wp), dimension(2) :: driven, inertia, free_force, friction, mean_velocity, mean_elongation, rate
 
     self%step = step
     associate (m => self%slider%mass, k => self%slider%stiffness, w => from%y(1:2))
       driven = drive%displacement(from%time, step)*system%drive_coupling
       inertia = m/step + theta**2*step*k
       free_force = m*w/step + k*(from%u + theta*(driven - (1.0_wp - theta)*step*w))
-      call slip_velocity_after(self, inertia, free_force, hypot(w(1), w(2)), to%y(1:2), friction)
+      if (self%slider%is_damped()) then
+        inertia = inertia + theta*self%slider%damping
+        free_force = free_force + self%slider%damping*(driven/step - (1.0_wp - theta)*w)
+      end if
+      if (is_held(self%slider%law, free_force, w)) then
+        to%y(1:2) = 0.0_wp
+        friction = free_force
+      else
+        call slip_velocity_after(self, inertia, free_force, hypot(w(1), w(2)), to%y(1:2), friction)
+      end if
       mean_velocity = theta*to%y(1:2) + (1.0_wp - theta)*w
       to%u = from%u + driven - step*mean_velocity
       mean_elongation = theta*to%u + (1.0_wp - theta)*from%u
@@ -94,11 +107,28 @@ contains
       to%position = from%position + step*dot_product(system%drive_coupling, mean_velocity)
       to%drive_work = from%drive_work + dot_product(driven, k*mean_elongation)
       to%friction_work = from%friction_work + step*dot_product(friction, mean_velocity)
+      to%damper_work = from%damper_work
+      if (self%slider%is_damped()) then
+        rate = driven/step - mean_velocity
+        to%drive_work = to%drive_work + dot_product(driven, self%slider%damping*rate)
+        to%damper_work = from%damper_work + step*dot_product(rate, self%slider%damping*rate)
+      end if
       self%speed_scale = max(hypot(w(1), w(2)), hypot(to%y(1), to%y(2)))
     end associate
     call set_nodal(self, system, from, to)
     outcome = attempt_t(solved=.true., error=0.0_wp, factor=1.0_wp)
   end subroutine attempt
+
+  !> Whether static friction above the kinetic one holds the object: at rest it can bear more than as it slips, and an
+  !> object that turns back has been at rest.
+  pure logical function is_held(law, free_force, velocity)
+    class(friction_law_t), intent(in) :: law
+    real(wp), intent(in) :: free_force(2), velocity(2)   !! b [N] and w_0 [m/s]
+
+    is_held = law%static_limit > law%kinetic_limit
+    if (is_held) is_held = hypot(free_force(1), free_force(2)) <= law%static_limit .and. &
+      .not. dot_product(free_force, velocity) > 0.0_wp
+  end function is_held
 
   !> w_1 and f_1 of A w_1 + f_1 = b.
   subroutine slip_velocity_after(self, inertia, free_force, speed_before, velocity, friction)
@@ -140,7 +170,7 @@ contains
 
     speed = 0.0_wp
     iterations = 0
-    can_rest = hypot(free_force(1), free_force(2)) <= law%static_limit
+    can_rest = hypot(free_force(1), free_force(2)) <= law%kinetic_limit
     call law%evaluate(1, [0.0_wp], force, weakening)
     ! Friction weakens most at rest. If inertia outweighs that, e never falls and the solution is the only one.
     pieces = merge(1, most_pieces, minval(inertia) + weakening(1) >= 0.0_wp)

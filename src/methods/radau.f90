@@ -321,6 +321,7 @@ contains
     real(wp), intent(in) :: y(s, m), u(s, n), velocity(s, n), increment(s, m)
     type(state_t), intent(out) :: to
     real(wp) :: x_rate(s), displacement(s), advanced(max_rows), drive_power, friction_power, supplied
+    real(wp) :: damper_power, driven, taken
     integer :: i, k, axis
 
     do i = 1, s
@@ -365,6 +366,17 @@ contains
     to%position = self%nodal(s, column_position)
     to%drive_work = from%drive_work + self%step*drive_power
     to%friction_work = from%friction_work + self%step*friction_power
+    to%damper_work = from%damper_work
+    if (.not. system%is_damped) return
+    drive_power = 0.0_wp
+    damper_power = 0.0_wp
+    do i = 1, s
+      call system%damper_powers(self%drive_velocity(i), velocity(i, :), driven, taken)
+      drive_power = drive_power + self%method%weight(i)*driven
+      damper_power = damper_power + self%method%weight(i)*taken
+    end do
+    to%drive_work = to%drive_work + self%step*drive_power
+    to%damper_work = to%damper_work + self%step*damper_power
   end subroutine complete
 
   !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end relative to the largest slip speed
@@ -402,15 +414,17 @@ contains
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: y(s, m)
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: longest, growth, fastest, y_there(m), coefficient(0:n + m), weakening, limit, rate
+    real(wp) :: longest, growth, fastest, steepest(s), y_there(m), coefficient(0:n + m), weakening, limit, rate
     integer :: point(2), k
     logical :: disturbed
 
     self%unseen_growth = 0.0_wp
     self%emerged = .false.
     ! Where friction falls most with the speed, and where the step ends.
-    point = [maxloc(self%terms%force_y(1:s, 1, 1), dim=1), s]
-    fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, self%terms%force_y(point(1), 1, 1))
+    steepest = self%terms%force_y(1:s, 1, 1)
+    if (system%is_damped) steepest = steepest + self%terms%damping(1:s, 1, 1)
+    point = [maxloc(steepest, dim=1), s]
+    fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, steepest(point(1)))
     if (self%step*fastest <= self%harmless_phase) return
     longest = huge(longest)
     growth = 0.0_wp
@@ -482,6 +496,7 @@ contains
         *dot_product(probe%derivative, self%nodal(:, column_y + k - 1)))
     end do
     call set_filter(n, m, self%point_terms, filter_step, velocity_y, filter)
+    if (system%is_damped) call add_dampers(m, self%point_terms, filter_step, filter)
     call respond(n, m, filter, velocity_y, response, singular)
     do k = 1, n
       error(k) = 0.0_wp
@@ -519,6 +534,21 @@ contains
       if (.not. filter(k, k) > 0.0_wp) filter(k, k) = 1.0_wp
     end do
   end subroutine set_filter
+
+  !> Take all that the dampers make of it in place of what damps: a damper holds back the slip along its own axis only.
+  pure subroutine add_dampers(m, terms, filter_step, filter)
+    integer, intent(in) :: m
+    type(stage_terms_t), intent(in) :: terms
+    real(wp), intent(in) :: filter_step
+    real(wp), intent(inout) :: filter(m, m)
+    integer :: k
+
+    filter = filter + filter_step*terms%damping(1, :, :)
+    do k = 1, m
+      filter(k, k) = filter(k, k) + max(0.0_wp, -filter_step*(terms%force_y(1, k, k) + terms%damping(1, k, k))) &
+        - max(0.0_wp, -filter_step*terms%force_y(1, k, k))
+    end do
+  end subroutine add_dampers
 
   pure real(wp) function norm(vector)
     real(wp), intent(in) :: vector(:)

@@ -52,6 +52,9 @@ module dst_runge_kutta
   real(wp), parameter :: seen = 10.0_wp
   !> Factor after a turn that was missed. Convention.
   real(wp), parameter :: turn_factor = 0.5_wp
+  !> With dampers, which act in much less than the oscillations' time, a step far too long makes stages whose squares would
+  !> overflow. Nothing that large is a state.
+  real(wp), parameter :: no_state = 1.0e70_wp
   !> How much worse than the step's end its dense output may be. Twice: 5 % less work, the same error.
   real(wp), parameter :: dense_allowance = 10.0_wp
   !> The same for the defect of the dense output around a turn, which is of lower order still. Fig. 3 has none.
@@ -64,10 +67,11 @@ module dst_runge_kutta
     real(wp) :: estimate_tolerance = 1.0e-8_wp
     !> dense_weight(:, i): weights of the slopes in the value at node i.
     real(wp) :: dense_weight(max_stages, 0:max_degree) = 0.0_wp
-    !> slope(:, i) = (U', y') at stage i, and the powers of drive and friction there [W].
+    !> slope(:, i) = (U', y') at stage i, and the powers of drive, friction and dampers there [W].
     real(wp) :: slope(n_values, max_stages) = 0.0_wp
     real(wp) :: drive_power(max_stages) = 0.0_wp
     real(wp) :: friction_power(max_stages) = 0.0_wp
+    real(wp) :: damper_power(max_stages) = 0.0_wp
     type(stage_terms_t) :: terms
     !> dw/dy at the stage evaluated last, (component, unknown).
     real(wp) :: velocity_y(max_components*max_unknowns) = 0.0_wp
@@ -213,6 +217,7 @@ contains
           - self%step*dot_product(system%advance_by_slip, matmul(self%slope(1:max_components, 1:s), b))
         to%drive_work = from%drive_work + self%step*dot_product(b, self%drive_power(1:s))
         to%friction_work = from%friction_work + self%step*dot_product(b, self%friction_power(1:s))
+        to%damper_work = from%damper_work + self%step*dot_product(b, self%damper_power(1:s))
       end associate
     end associate
   end subroutine step_stages
@@ -233,6 +238,7 @@ contains
       self%slope(:, 1) = self%slope(:, self%method%stages + 1)
       self%friction_power(1) = self%friction_power(self%method%stages + 1)
       self%drive_power(1) = self%drive_power(self%method%stages + 1)
+      self%damper_power(1) = self%damper_power(self%method%stages + 1)
     else if (.not. self%repeated) then
       call evaluate(self, system, drive, from, 1, state(:n_values), outcome)
     end if
@@ -280,10 +286,10 @@ contains
     integer, intent(in) :: i
     real(wp), intent(in) :: state(n_values)
     type(attempt_t), intent(inout) :: outcome
-    real(wp) :: drive_velocity, velocity(max_components), step_rate
+    real(wp) :: drive_velocity, velocity(max_components), step_rate, driven
 
     outcome%solved = .false.
-    if (.not. all(abs(state) <= huge(1.0_wp))) return
+    if (.not. all(abs(state) <= merge(no_state, huge(1.0_wp), system%is_damped))) return
     self%count%rhs = self%count%rhs + 1
     drive_velocity = drive%velocity_at(from%time + self%method%c(i)*self%step)
     associate (n => system%components, m => system%unknowns, first => system%axis, &
@@ -296,6 +302,10 @@ contains
       self%slope(first_y:max_components + m, i) = terms%force(1, :)/terms%inertia(1, :)
       self%friction_power(i) = terms%dissipation(1)
       self%drive_power(i) = drive_velocity*dot_product(system%drive_stiffness, state(1:max_components)) + terms%supply(1)
+      if (system%is_damped) then
+        call system%damper_powers(drive_velocity, velocity(1:n), driven, self%damper_power(i))
+        self%drive_power(i) = self%drive_power(i) + driven
+      end if
       self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%prescribed*drive_velocity)**2))
       outcome%solved = .true.
       if (self%method%errors > 0) return
@@ -455,6 +465,7 @@ contains
     call archive%serialise(self%slope)
     call archive%serialise(self%drive_power)
     call archive%serialise(self%friction_power)
+    call archive%serialise(self%damper_power)
     call archive%serialise(self%start)
     call archive%serialise(self%end)
     call archive%serialise(self%start_known)

@@ -2,6 +2,7 @@
 module dst_stepper
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
+  use dst_linear_solve, only: solve_in_place
   use dst_drive, only: drive_segment_t
   use dst_dense_output, only: dense_output_t, column_u, column_y
   use dst_interpolation, only: max_degree
@@ -224,6 +225,8 @@ contains
     real(wp), dimension(system%components) :: u, velocity
     real(wp), dimension(system%unknowns) :: y, rate, defect
     real(wp) :: velocity_y(system%components, system%unknowns), basis(0:max_degree), slope(0:max_degree)
+    real(wp) :: matrix(system%unknowns, system%unknowns)
+    logical :: singular
     real(wp) :: distance, place, elapsed, weight
     integer :: j, k, side
 
@@ -250,10 +253,25 @@ contains
           call system%kinematics(1, y, velocity, velocity_y)
           call system%dynamics(1, [drive%velocity_at(from%time + elapsed)], u, y, velocity_y, terms)
           do k = 1, m
-            weight = abs(terms%inertia(1, k)) + relaxation*self%step*max(0.0_wp, -terms%force_y(1, k, k))
+            weight = abs(terms%inertia(1, k)) &
+              + relaxation*self%step*max(0.0_wp, -(terms%force_y(1, k, k) + terms%damping(1, k, k)))
             defect(k) = max(0.0_wp, abs(self%step*terms%force(1, k) - terms%inertia(1, k)*rate(k)) &
-              - self%step*system%acceleration_noise)/max(weight, tiny(weight))
+              - self%step*system%acceleration_noise)
+            if (system%is_damped) then
+              matrix(k, 1:m) = relaxation*self%step*terms%damping(1, k, :)
+              matrix(k, k) = matrix(k, k) + weight
+              defect(k) = sign(defect(k), self%step*terms%force(1, k) - terms%inertia(1, k)*rate(k))
+            else
+              defect(k) = defect(k)/max(weight, tiny(weight))
+            end if
           end do
+          ! A damper holds back the slip along its axis only.
+          if (system%is_damped) then
+            call solve_in_place(m, matrix, defect, singular)
+            if (singular) cycle
+            total = total + distance*maxval(abs(matmul(velocity_y, defect))/max(allowed(1:n), tiny(distance)))
+            cycle
+          end if
           total = total + distance*maxval(matmul(abs(velocity_y), defect)/max(allowed(1:n), tiny(distance)))
         end do
       end do

@@ -45,7 +45,7 @@ contains
     type(drive_segment_t), intent(in) :: drive
     type(state_t), intent(in) :: from
     type(braking_t) :: stopping
-    real(wp) :: direction(2), friction(1), slope(1), driven(2), discriminant
+    real(wp) :: direction(2), friction(1), slope(1), driven(2), discriminant, damping
 
     associate (v => from%y(1), theta => from%y(2), k => slider%stiffness, m => slider%mass)
       direction = [cos(theta), sin(theta)]
@@ -53,12 +53,21 @@ contains
       call slider%law%evaluate(1, [v], friction, slope)
       stopping%acceleration = (dot_product(k*from%u, direction) - friction(1))/m
       stopping%jerk = (dot_product(k*(driven - v*slider%free*direction), direction) - slope(1)*stopping%acceleration)/m
+      damping = 0.0_wp
+      if (slider%is_damped()) then
+        associate (c => slider%damping)
+          damping = dot_product(c*slider%free*direction, direction)
+          stopping%acceleration = (dot_product(k*from%u + c*(driven - v*slider%free*direction), direction) - friction(1))/m
+          stopping%jerk = (dot_product(k*(driven - v*slider%free*direction) + c*drive%acceleration*slider%drive_coupling(), &
+            direction) - (slope(1) + damping)*stopping%acceleration)/m
+        end associate
+      end if
       discriminant = stopping%acceleration**2 - 2.0_wp*stopping%jerk*v
       stopping%falls = discriminant >= 0.0_wp
       if (stopping%falls) stopping%falls = sqrt(discriminant) > stopping%acceleration .and. &
         (stopping%acceleration < 0.0_wp .or. stopping%jerk < 0.0_wp)
       if (stopping%falls) stopping%delay = 2.0_wp*v/(sqrt(discriminant) - stopping%acceleration)
-      associate (change => [abs(slope(1))*v, abs(friction(1) - slope(1)*v - slider%law%static_limit)])
+      associate (change => [(abs(slope(1)) + damping)*v, abs(friction(1) - slope(1)*v - slider%law%kinetic_limit)])
         stopping%steady = change(1) <= linear_change*m*abs(stopping%acceleration) .and. &
           change(2) <= curved_change*m*abs(stopping%acceleration)
       end associate
@@ -76,7 +85,7 @@ contains
     ends_within = self%falls .and. self%steady .and. self%highest <= cut .and. self%delay <= time
   end function ends_within
 
-  !> The state at the end of slip. Its works are those of u and F(v) that vary in between.
+  !> The state at the end of slip. Its works are those of u, F(v) and the dampers that vary in between.
   pure function end_of_slip(self, slider, drive, from) result(to)
     class(braking_t), intent(in) :: self
     type(slider_t), intent(in) :: slider
@@ -95,11 +104,40 @@ contains
       to%u = from%u + travel*slider%drive_coupling() - slipped*slider%free*direction
       to%y = 0.0_wp
       to%position = from%position + slipped*dot_product(slider%along, direction)
-      to%friction_work = from%friction_work + slider%law%static_limit*slipped + slope(1)*v**2*delay/3.0_wp
+      to%friction_work = from%friction_work + slider%law%kinetic_limit*slipped + slope(1)*v**2*delay/3.0_wp
       to%drive_work = from%drive_work + travel*dot_product(slider%stiffness*slider%drive_coupling(), 0.5_wp*(from%u + to%u)) &
         + slipped*dot_product(slider%held_force(from%u), direction)
     end associate
+    if (slider%is_damped()) call add_damper_works(self, slider, drive, from, direction, to)
   end function end_of_slip
+
+  !> Add what the drive does through the dampers, and what they take: of polynomials of degree 4 in time.
+  pure subroutine add_damper_works(self, slider, drive, from, direction, to)
+    class(braking_t), intent(in) :: self
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(state_t), intent(in) :: from
+    real(wp), intent(in) :: direction(2)
+    type(state_t), intent(inout) :: to
+    !> Gauss's points and weights on [0, 1].
+    real(wp), parameter :: half_way = 0.5_wp*sqrt(0.6_wp)
+    real(wp), parameter :: point(3) = [0.5_wp - half_way, 0.5_wp, 0.5_wp + half_way]
+    real(wp), parameter :: weight(3) = [5.0_wp, 8.0_wp, 5.0_wp]/18.0_wp
+    real(wp) :: time, drive_velocity, speed, rate(2), works(2)
+    integer :: i
+
+    works = 0.0_wp
+    do i = 1, 3
+      time = point(i)*self%delay
+      drive_velocity = drive%velocity_at(from%time + time)
+      speed = from%y(1) + time*(self%acceleration + 0.5_wp*time*self%jerk)
+      rate = slider%drive_coupling()*drive_velocity - speed*slider%free*direction
+      works = works + weight(i)*self%delay &
+        *[drive_velocity*sum(slider%damping*slider%drive_coupling()*rate), sum(slider%damping*rate**2)]
+    end do
+    to%drive_work = to%drive_work + works(1)
+    to%damper_work = from%damper_work + works(2)
+  end subroutine add_damper_works
 
   !> Distance slipped [m] in `time` [s] from the slip speed v [m/s] on.
   pure real(wp) function slipped(self, v, time)

@@ -13,7 +13,7 @@ module dst_creep_motion
   use dst_errors, only: error_t, raise, deck_error
   use dst_motion, only: motion_t
   use dst_piece, only: stick_begins, slip_begins, slips, sticks
-  use dst_rest, only: spring_force_size, release_delay
+  use dst_rest, only: release_delay
   use dst_slider, only: slider_t, direction_of
   use dst_state, only: instant_t
   use dst_text, only: short_text
@@ -58,7 +58,7 @@ contains
     motion%piece%drive = drive%segment(1)
     motion%form = form
     motion%phi = atan2(abs(slider%along(2)), abs(slider%along(1)))
-    motion%length = slider%law%static_limit/slider%stiffness(1)
+    motion%length = slider%law%kinetic_limit/slider%stiffness(1)
     if (drive%distance(t_end) < 0.0_wp) motion%drive_sign = -1.0_wp
     motion%side = motion%drive_sign*sign([1.0_wp, 1.0_wp], slider%along)
     call check_range(motion, t_end, error)
@@ -78,7 +78,7 @@ contains
     real(wp) :: travel
 
     travel = abs(motion%drive%distance(t_end))
-    if (.not. motion%slider%law%static_limit > 0.0_wp) then
+    if (.not. motion%slider%law%kinetic_limit > 0.0_wp) then
       call raise(error, deck_error, 'slow creep needs friction: mu_0 and normal_load must be > 0')
     else if (.not. motion%drive%never_reverses()) then
       call raise(error, deck_error, 'slow creep holds for a drive that never reverses, and drive.velocity changes '// &
@@ -168,7 +168,7 @@ contains
       instant%sticking = .true.
       instant%state%u = driven*self%slider%along
       instant%spring_force = self%slider%stiffness*instant%state%u
-      instant%friction = spring_force_size(self%slider, instant%state%u)
+      instant%friction = hypot(instant%spring_force(1), instant%spring_force(2))
       instant%theta = direction_of(instant%spring_force)
     else
       call follow_exact(self, abs(driven)/self%length, instant)
@@ -184,7 +184,7 @@ contains
 
     creep = creep_at(self%path, tau)
     direction = self%side*[sin(creep%alpha), cos(creep%alpha)]
-    instant%friction = self%slider%law%static_limit
+    instant%friction = self%slider%law%kinetic_limit
     instant%spring_force = instant%friction*direction
     instant%state%u = instant%spring_force/self%slider%stiffness
     instant%state%position = self%drive_sign*self%length*creep%position

@@ -46,6 +46,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     logical :: ended
 
+    call self%look_at_jump()
     if (self%contact /= slips) then
       call self%stay_stuck(horizon)
     else if (self%just_released) then
@@ -81,7 +82,8 @@ contains
       ended = stopping%ends_within(now%until(horizon), cut)
       if (ended) then
         to = stopping%end_of_slip(self%slider, drive, now)
-        if (.not. negligible) ended = holds(self%slider, to%u, drive_velocity)
+        if (.not. negligible) ended = holds(self%slider, to%u, merge(drive%velocity_at(to%time), drive_velocity, &
+          self%slider%is_damped()), drive%acceleration)
       end if
       if (.not. ended) then
         ended = negligible .and. (.not. now%time > drive%start .or. stopping%acceleration < 0.0_wp)
@@ -113,7 +115,7 @@ contains
     self%just_released = .false.
     associate (from => self%piece%from, to => self%piece%to, drive => self%piece%drive)
       release = release_series(self%slider, drive, from, self%release_rate, self%stepper%release_tolerance)
-      if (.not. release%moves .and. spring_force_size(self%slider, from%u) > 0.0_wp) then
+      if (.not. release%moves .and. spring_force_size(self%slider, from%u, self%drive_velocity()) > 0.0_wp) then
         ! As much force as friction, and no growth: it stays.
         call self%come_to_rest()
         return

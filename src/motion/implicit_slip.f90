@@ -62,6 +62,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     logical :: ended
 
+    call self%look_at_jump()
     if (self%contact /= slips) then
       call self%stay_stuck(horizon)
       return
@@ -97,7 +98,8 @@ contains
         if (.not. is_unloaded(self, to)) return
       end if
       ended = now%y(1) <= negligible_share*cut
-      if (.not. ended) ended = holds(self%slider, to%u, self%drive_velocity())
+      if (.not. ended) ended = holds(self%slider, to%u, merge(drive%velocity_at(to%time), self%drive_velocity(), &
+        self%slider%is_damped()), drive%acceleration)
     end associate
     if (ended) call self%finish(stopping, to)
   end subroutine end_slow_slip
@@ -109,8 +111,10 @@ contains
     type(state_t), intent(in) :: state
     real(wp) :: friction(1), slope(1)
 
-    associate (limit => self%slider%law%static_limit)
-      is_unloaded = spring_force_size(self%slider, state%u) <= self%cut_share*limit
+    associate (limit => self%slider%law%kinetic_limit)
+      is_unloaded = spring_force_size(self%slider, state%u, self%piece%drive%velocity_at(state%time)) <= self%cut_share*limit
+      if (is_unloaded .and. self%slider%is_damped()) &
+        is_unloaded = maxval(self%slider%damping)*state%y(1) <= self%cut_share*limit
       if (.not. is_unloaded) return
       call self%slider%law%evaluate(1, state%y(1:1), friction, slope)
       is_unloaded = limit - friction(1) <= self%cut_share*limit

@@ -40,6 +40,7 @@ module dst_release
     real(wp) :: theta(0:series_order) = 0.0_wp
     real(wp) :: drive_work(0:series_order) = 0.0_wp          !! J
     real(wp) :: friction_work(0:series_order) = 0.0_wp       !! J
+    real(wp) :: damper_work(0:series_order) = 0.0_wp         !! J
     !> Whether there is slip, and whether the series could be made accurate enough.
     logical :: moves = .false.
     logical :: accurate = .false.
@@ -62,10 +63,15 @@ contains
     integer :: attempt
 
     release%unit = slider%radian_time()
+    if (slider%is_damped()) release%unit = min(release%unit, 1.0_wp/slider%damping_rate())
     gain = slider%stiffness*slider%drive_coupling()
     growth = hypot(gain(1), gain(2))*(abs(drive%velocity_at(from%time)) + abs(drive%acceleration)*release%unit)
-    v_range = release%unit*(rate + growth*release%unit/slider%mass)
-    if (.not. spring_force_size(slider, from%u) > 0.0_wp .or. .not. v_range > 0.0_wp) return
+    if (slider%is_damped()) then
+      gain = slider%damping*slider%drive_coupling()
+      growth = growth + hypot(gain(1), gain(2))*abs(drive%acceleration)
+    end if
+    v_range = min(release%unit*(rate + growth*release%unit/slider%mass), slider%law%first_knot())
+    if (.not. spring_force_size(slider, from%u, drive%velocity_at(from%time)) > 0.0_wp .or. .not. v_range > 0.0_wp) return
     do attempt = 1, max_ranges
       call fit_law(slider, v_range, law, discrepancy)
       call expand(slider, drive, from, rate, law, v_range, release)
@@ -109,7 +115,8 @@ contains
   !> The coefficients, order by order. With n = (cos, sin) and t = (-sin, cos) of theta,
   !> f = K u and primes for d/dtau,
   !>     v' = unit (f . n - F(v))/m,    m v theta' = unit f . t,    slipped' = unit v n.
-  !> The second equation at order k gives theta_k, because v_0 = 0 and f . t holds -|f_0| theta_k.
+  !> The second equation at order k gives theta_k, because v_0 = 0 and f . t holds -|f_0| theta_k. Dampers add C (V e - w) to f,
+  !> w = v n, of which order k needs v_k but no theta_k.
   pure subroutine expand(slider, drive, from, rate, law, v_range, release)
     type(slider_t), intent(in) :: slider
     type(drive_segment_t), intent(in) :: drive
@@ -118,7 +125,9 @@ contains
     type(release_t), intent(inout) :: release
     real(wp), dimension(0:series_order) :: cosine, sine, friction, spring, drive_speed
     real(wp) :: force(0:series_order, 2), power(0:series_order, 5), driven(0:series_order), angle_part
-    integer :: j, k
+    real(wp) :: stretch(0:series_order, 2)   !! u'
+    logical :: damped
+    integer :: j, k, axis
 
     associate (v => release%v, theta => release%theta, slip => release%slipped, unit => release%unit, &
         m => slider%mass, stiffness => slider%stiffness)
@@ -135,7 +144,10 @@ contains
       theta(0) = from%y(2)
       cosine(0) = cos(theta(0))
       sine(0) = sin(theta(0))
-      force(0, :) = stiffness*from%u
+      force(0, :) = slider%force_at_rest(from%u, drive_speed(0))
+      damped = slider%is_damped()
+      stretch = 0.0_wp
+      stretch(0, :) = slider%drive_coupling()*drive_speed(0)
       friction(0) = law(0)
       v(1) = unit*rate
       do k = 1, series_order
@@ -144,6 +156,12 @@ contains
         force(k, :) = stiffness*slider%free*(driven(k)*slider%along - slip(k, :))
         if (k > 1) v(k) = unit*(convolution(force(:, 1), cosine, k - 1) + convolution(force(:, 2), sine, k - 1) &
           - friction(k - 1))/(m*real(k, wp))
+        if (damped) then
+          cosine(k) = 0.0_wp
+          sine(k) = 0.0_wp
+          stretch(k, :) = slider%free*(slider%along*drive_speed(k) - [convolution(v, cosine, k), convolution(v, sine, k)])
+          force(k, :) = force(k, :) + slider%damping*stretch(k, :)
+        end if
         cosine(k) = 0.0_wp
         sine(k) = 0.0_wp
         angle_part = 0.0_wp
@@ -173,6 +191,15 @@ contains
           + dot_product(slider%held_force(from%u), slip(k, :))
         release%friction_work(k) = unit*convolution(friction, v, k - 1)/real(k, wp)
       end do
+      release%damper_work = 0.0_wp
+      if (damped) then
+        do k = 1, series_order
+          do axis = 1, 2
+            release%damper_work(k) = release%damper_work(k) &
+              + slider%damping(axis)*unit*convolution(stretch(:, axis), stretch(:, axis), k - 1)/real(k, wp)
+          end do
+        end do
+      end if
     end associate
   end subroutine expand
 
@@ -257,6 +284,7 @@ contains
     motion%position = from%position + dot_product(slider%along, slipped)
     motion%drive_work = from%drive_work + value(self%drive_work, tau)
     motion%friction_work = from%friction_work + value(self%friction_work, tau)
+    motion%damper_work = from%damper_work + value(self%damper_work, tau)
   end function release_at
 
   !> The motion during `duration` [s] after the release at `from`, at the nodes of `path`, and the state at its end.

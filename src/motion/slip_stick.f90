@@ -8,7 +8,7 @@ module dst_slip_stick
   use dst_interpolation, only: new_grid, max_degree
   use dst_kinds, only: wp, pi
   use dst_piece, only: stick_begins, slip_begins, slips, touches, sticks
-  use dst_rest, only: holds, release_delay, slip_start_t, start_of_slip, touch_time
+  use dst_rest, only: holds, release_delay, slip_start_t, start_at_release, start_of_slip, touch_time
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
   use dst_stepping, only: stepping_t, first_phase, start_stepping => start, serialise_stepping
@@ -46,6 +46,7 @@ module dst_slip_stick
     procedure :: first_step
     procedure :: come_to_rest
     procedure :: rest_or_set_off
+    procedure :: look_at_jump
     procedure :: stay_stuck
     procedure :: finish
     procedure :: set_off
@@ -105,7 +106,7 @@ contains
   pure real(wp) function first_step(self)
     class(slip_stick_t), intent(in) :: self
 
-    first_step = self%piece%to%y(1)*self%slider%mass/max(self%slider%law%static_limit, tiny(1.0_wp))
+    first_step = self%piece%to%y(1)*self%slider%mass/max(self%slider%law%kinetic_limit, tiny(1.0_wp))
   end function first_step
 
   !> At v = 0: rest, or go on in the direction of K u.
@@ -113,13 +114,27 @@ contains
     class(slip_stick_t), intent(inout) :: self
 
     associate (u => self%piece%to%u, drive_velocity => self%drive_velocity())
-      if (holds(self%slider, u, drive_velocity)) then
+      if (holds(self%slider, u, drive_velocity, self%piece%drive%acceleration)) then
         call self%come_to_rest()
       else
-        call self%set_off(start_of_slip(self%slider, u, drive_velocity))
+        call self%set_off(start_of_slip(self%slider, u, drive_velocity, self%piece%drive%acceleration))
       end if
     end associate
   end subroutine rest_or_set_off
+
+  !> Where the drive jumps, dampers pull otherwise than just before: a slip that begins there begins with what they pull more than
+  !> friction holds, and one that was to begin after a stop may not.
+  subroutine look_at_jump(self)
+    class(slip_stick_t), intent(inout) :: self
+
+    if (.not. (self%slider%is_damped() .and. self%just_released)) return
+    if (self%piece%from%time > self%piece%drive%start .or. self%piece%drive%start <= 0.0_wp) return
+    self%just_released = .false.
+    self%contact = slips
+    call self%rest_or_set_off()
+    self%piece%from = self%piece%to
+    self%piece%contact = self%contact
+  end subroutine look_at_jump
 
   !> From slip to rest.
   subroutine come_to_rest(self)
@@ -137,7 +152,7 @@ contains
 
     associate (now => self%piece%to, drive => self%piece%drive)
       delay = release_delay(self%slider, now%u, drive, now%time)
-      is_touch = now%time > 0.0_wp .and. delay <= touch_time(self%slider, self%drive_velocity()) &
+      is_touch = now%time > 0.0_wp .and. delay <= touch_time(self%slider, self%drive_velocity(), drive%acceleration) &
         .and. delay < now%until(min(self%t_end, drive%end))
     end associate
   end function is_touch
@@ -146,8 +161,7 @@ contains
   subroutine stay_stuck(self, horizon)
     class(slip_stick_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
-    real(wp) :: delay, duration, travel
-    type(slip_start_t) :: beginning
+    real(wp) :: delay, duration, travel, taken
     logical :: released
 
     associate (from => self%piece%from, to => self%piece%to, drive => self%piece%drive, k => self%slider%stiffness, &
@@ -162,6 +176,13 @@ contains
       call to%later(from, duration)
       if (.not. released) call to%arrive(horizon)
       to%drive_work = from%drive_work + travel*dot_product(k*coupling, 0.5_wp*(from%u + to%u))
+      to%damper_work = from%damper_work
+      if (self%slider%is_damped()) then
+        ! The springs are stretched as fast as the drive moves.
+        taken = sum(self%slider%damping*coupling**2)*drive%velocity_square(from%time, duration)
+        to%drive_work = to%drive_work + taken
+        to%damper_work = from%damper_work + taken
+      end if
     end associate
     if (.not. released) then
       ! What was thought to be a touch lasts.
@@ -170,10 +191,7 @@ contains
       return
     end if
     if (self%contact == sticks) call self%note_event(slip_begins)
-    beginning = start_of_slip(self%slider, self%piece%to%u, self%drive_velocity())
-    ! The release is where |K u| = F_0 by definition: no excess from roundoff.
-    beginning%rate(1) = 0.0_wp
-    call self%set_off(beginning)
+    call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
   end subroutine stay_stuck
 
   !> Whether the load grows beyond its own roundoff within `time` [s] of a release that is `delay` away. If it does not, nothing can
@@ -185,9 +203,9 @@ contains
 
     associate (from => self%piece%from, drive => self%piece%drive)
       beginning = start_of_slip(self%slider, from%u + drive%displacement(from%time, delay)*self%system%drive_coupling, &
-        drive%velocity_at(from%time + delay))
+        drive%velocity_at(from%time + delay), drive%acceleration)
     end associate
-    moves_within = .not. beginning%curvature(1) > 0.0_wp &
+    moves_within = .not. beginning%curvature(1) > 0.0_wp .or. (self%slider%is_damped() .and. beginning%rate(1) > 0.0_wp) &
       .or. beginning%curvature(1)*time > noise_allowance*self%system%acceleration_noise
   end function moves_within
 
@@ -213,14 +231,11 @@ contains
     class(slip_stick_t), intent(inout) :: self
     real(wp), intent(in) :: theta
     type(state_t), intent(in) :: at
-    type(slip_start_t) :: beginning
 
     self%piece%to = at
     self%piece%to%u = self%slider%elongation_at_limit(theta)
     self%piece%to%y = 0.0_wp
-    beginning = start_of_slip(self%slider, self%piece%to%u, self%drive_velocity())
-    beginning%rate(1) = 0.0_wp
-    call self%set_off(beginning)
+    call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
   end subroutine place_at_release
 
   !> After a step that has ended in a stop, or not.
@@ -242,7 +257,8 @@ contains
     fades = .false.
     if (self%contact /= slips .or. self%just_released) return
     associate (now => self%piece%to)
-      if (now%y(1) <= faded_share*self%stepper%start_speed) fades = holds(self%slider, now%u, self%drive_velocity())
+      if (now%y(1) <= faded_share*self%stepper%start_speed) &
+        fades = holds(self%slider, now%u, self%drive_velocity(), self%piece%drive%acceleration)
     end associate
   end function fades
 

@@ -255,14 +255,17 @@ contains
     type(state_t), intent(in) :: state
     integer, intent(in) :: contact
     type(instant_t) :: instant
+    real(wp) :: balance(2)
 
     instant%state = state
     instant%sticking = contact == sticks
     instant%drive_velocity = self%piece%drive%velocity_at(state%time)
     instant%spring_force = self%slider%stiffness*instant%state%u
     if (contact /= slips) then
-      instant%friction = hypot(instant%spring_force(1), instant%spring_force(2))
-      instant%theta = direction_of(instant%spring_force)
+      balance = instant%spring_force
+      if (self%slider%is_damped()) balance = self%slider%force_at_rest(instant%state%u, instant%drive_velocity)
+      instant%friction = hypot(balance(1), balance(2))
+      instant%theta = direction_of(balance)
       return
     end if
     instant%velocity = self%velocity(instant%state)

@@ -25,7 +25,7 @@ contains
     call self%stepping_t%begin()
     associate (now => self%piece%to)
       if (any(abs(now%y) > 0.0_wp)) return
-      if (.not. holds(self%slider, now%u, self%drive_velocity())) return
+      if (.not. holds(self%slider, now%u, self%drive_velocity(), self%piece%drive%acceleration)) return
     end associate
     self%contact = sticks
     call self%note_event(stick_begins)
@@ -42,7 +42,7 @@ contains
     end associate
     associate (now => self%piece%to)
       rests = .not. any(abs(now%y) > 0.0_wp) .and. &
-        spring_force_size(self%slider, now%u) <= self%slider%law%static_limit*(1.0_wp + limit_roundoff)
+        spring_force_size(self%slider, now%u, self%drive_velocity()) <= self%slider%law%static_limit*(1.0_wp + limit_roundoff)
     end associate
     if (rests .and. self%contact == slips) call self%note_event(stick_begins)
     if (.not. rests .and. self%contact == sticks) call self%note_event(slip_begins)

@@ -59,7 +59,8 @@ module dst_creep_end
 contains
 
   !> The end of creep from unstretched springs under a constant drive velocity V [m/s], for both stiffnesses > 0. None for friction
-  !> that does not weaken, without misalignment, where creep goes over into steady sliding, and beyond ratios of 2^128.
+  !> that does not weaken from rest on, F'(0) >= 0, or has a static limit above F(0), without misalignment, where creep goes over
+  !> into steady sliding, and beyond ratios of 2^128.
   pure function creep_end(slider, velocity) result(end)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity
@@ -102,12 +103,14 @@ contains
     integer :: powers(4)
 
     exists = slider%mass > 0.0_wp .and. minval(slider%stiffness) > 0.0_wp .and. minval(abs(slider%along)) > 0.0_wp &
-      .and. abs(velocity) > 0.0_wp .and. slider%law%static_limit > 0.0_wp
+      .and. abs(velocity) > 0.0_wp .and. slider%law%kinetic_limit > 0.0_wp
+    ! Where friction at rest is higher than in slip, the object jerks and does not creep.
+    if (slider%law%static_limit > slider%law%kinetic_limit) exists = .false.
     if (.not. exists) return
     call slider%law%evaluate(1, [0.0_wp], friction, slope)
     exists = slope(1) < 0.0_wp
     if (.not. exists) return
-    associate (limit => exponent(slider%law%static_limit), speed => exponent(velocity), stiffness => exponent(slider%stiffness))
+    associate (limit => exponent(slider%law%kinetic_limit), speed => exponent(velocity), stiffness => exponent(slider%stiffness))
       powers = [stiffness(2) - stiffness(1), 2*(limit - speed) - exponent(slider%mass) - stiffness(1), &
         exponent(slope(1)) + speed - limit, exponent(minval(abs(slider%along)))]
     end associate
@@ -116,7 +119,7 @@ contains
     path%speed = abs(velocity)
     path%phi = atan2(abs(slider%along(2)), abs(slider%along(1)))
     path%resistance = slider%stiffness(2)/slider%stiffness(1)
-    path%feeding = (slider%law%static_limit/path%speed/slider%mass)*(slider%law%static_limit/path%speed/slider%stiffness(1))
+    path%feeding = (slider%law%kinetic_limit/path%speed/slider%mass)*(slider%law%kinetic_limit/path%speed/slider%stiffness(1))
   end subroutine new_path
 
   !> Along the path, at x = ln(theta): how the load rises as theta falls, -sin(theta) d(F cos theta)/d(theta) over F_0, and -2 sigma
@@ -132,8 +135,8 @@ contains
     speed = sin(path%phi)/sin(theta)
     cosine2 = cos(theta)**2
     call slider%law%evaluate(size(x), path%speed*speed, force, slope)
-    force = force/slider%law%static_limit
-    slope = slope*(path%speed/slider%law%static_limit)
+    force = force/slider%law%kinetic_limit
+    slope = slope*(path%speed/slider%law%kinetic_limit)
     rise = force*sin(theta)**2 + slope*speed*cosine2
     decay = path%resistance*speed*cosine2/force + path%feeding*slope
   end subroutine look

@@ -19,6 +19,7 @@ module dst_drive
   contains
     procedure :: velocity_at
     procedure :: displacement
+    procedure :: velocity_square
   end type drive_segment_t
 
   !> The whole profile: consecutive segments; the last one has no end.
@@ -81,6 +82,17 @@ contains
 
     displacement = duration*(self%velocity + self%acceleration*(time - self%start + 0.5_wp*duration))
   end function displacement
+
+  !> Integral of V^2 [m2/s] from `time` [s] on, over `duration` [s], within the segment.
+  pure real(wp) function velocity_square(self, time, duration)
+    class(drive_segment_t), intent(in) :: self
+    real(wp), intent(in) :: time, duration
+    real(wp) :: first, last
+
+    first = self%velocity_at(time)
+    last = self%velocity_at(time + duration)
+    velocity_square = duration*(first**2 + first*last + last**2)/3.0_wp
+  end function velocity_square
 
   !> The same motion with those stretches marked in which the drive is taken to rest: V = 0, and of a ramp
   !> through zero what is slower than `share` of its fastest.

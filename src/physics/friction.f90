@@ -1,21 +1,30 @@
 !> Friction laws: magnitude of the friction force against the slip speed.
 !>
+!> Two limits are told apart. The static limit F_s is what friction at rest can bear; the kinetic limit F_0 = F(0+) is what it
+!> falls to as slip begins. They are equal unless a scene has a `mu_static` above F_0/W. Rest, release and landing go by F_s,
+!> forces and slopes in slip by F.
+!>
 !> Adding a law: extend `friction_law_t` here and name it in `new_friction_law`; docs/howto/friction_law.md.
-!> Source: Nakano & Popov (2020), Eq. (3) (weakening) and its constant limit.
+!> Source: Nakano & Popov (2020), Eq. (3) (weakening) and its constant limit; docs/equations.md (stribeck, table).
 module dst_friction
   use dst_kinds, only: wp
+  use dst_monotone_cubic, only: monotone_cubic_t, new_monotone_cubic
   implicit none
   private
 
-  public :: friction_law_t, new_friction_law, exponential_form
+  public :: friction_law_t, new_friction_law, exponential_form, falls_exponentially
 
   !> A friction law, with its coefficients.
   type, abstract :: friction_law_t
-    !> The static limit F_0 = mu_0 W [N], which is also F(0).
+    !> The static limit F_s [N], up to which the object stays at rest; F(0), unless a scene sets it higher.
     real(wp) :: static_limit = 0.0_wp
+    !> The kinetic limit F_0 = F(0) [N].
+    real(wp) :: kinetic_limit = 0.0_wp
   contains
     !> Force F(v) [N] and slope F'(v) [N s/m] at n slip speeds v [m/s].
     procedure(evaluate), deferred :: evaluate
+    !> The lowest speed above 0 [m/s] at which the law has no third derivative; huge where it is smooth.
+    procedure :: first_knot
   end type friction_law_t
 
   abstract interface
@@ -46,21 +55,60 @@ module dst_friction
     procedure :: evaluate => evaluate_weakening
   end type weakening_friction_t
 
+  !> F = [mu_inf + (mu_0 - mu_inf) exp(-(v/v_f)^p) + viscous v] W, p >= 1.
+  type, extends(friction_law_t) :: stribeck_friction_t
+    !> mu_inf W [N].
+    real(wp) :: limit = 0.0_wp
+    !> (mu_0 - mu_inf) W [N].
+    real(wp) :: drop = 0.0_wp
+    !> 1/v_f [s/m].
+    real(wp) :: decay = 0.0_wp
+    !> p, without unit.
+    real(wp) :: exponent = 1.0_wp
+    !> viscous W [N s/m].
+    real(wp) :: viscosity = 0.0_wp
+  contains
+    procedure :: evaluate => evaluate_stribeck
+  end type stribeck_friction_t
+
+  !> F through points (v, F), piecewise cubic and monotone where they are; constant above the last point.
+  type, extends(friction_law_t) :: table_friction_t
+    type(monotone_cubic_t) :: curve
+  contains
+    procedure :: evaluate => evaluate_table
+    procedure :: first_knot => first_knot_of_table
+  end type table_friction_t
+
 contains
 
-  !> The law called `name`, for a normal load [N] and its coefficients.
-  subroutine new_friction_law(name, mu_0, mu_inf, v_f, normal_load, law)
+  !> The law called `name`, for a normal load [N] and its coefficients: `exponent` and `viscous` [s/m] of the law 'stribeck', the
+  !> points `speed` [m/s] and `mu` of the law 'table'.
+  subroutine new_friction_law(name, mu_0, mu_inf, v_f, normal_load, law, exponent, viscous, speed, mu)
     character(*), intent(in) :: name
     real(wp), intent(in) :: mu_0, mu_inf, v_f, normal_load
     class(friction_law_t), allocatable, intent(out) :: law
+    real(wp), intent(in), optional :: exponent, viscous
+    real(wp), intent(in), optional :: speed(:), mu(:)
 
     select case (name)
     case ('weakening')
       law = weakening_friction_t(static_limit=mu_0*normal_load, limit=mu_inf*normal_load, &
         drop=(mu_0 - mu_inf)*normal_load, decay=1.0_wp/v_f)
+    case ('stribeck')
+      if (abs(exponent - 1.0_wp) + viscous > 0.0_wp) then
+        law = stribeck_friction_t(static_limit=mu_0*normal_load, limit=mu_inf*normal_load, &
+          drop=(mu_0 - mu_inf)*normal_load, decay=1.0_wp/v_f, exponent=exponent, viscosity=viscous*normal_load)
+      else
+        ! The same numbers, and its form is known to be exponential.
+        law = weakening_friction_t(static_limit=mu_0*normal_load, limit=mu_inf*normal_load, &
+          drop=(mu_0 - mu_inf)*normal_load, decay=1.0_wp/v_f)
+      end if
+    case ('table')
+      law = table_friction_t(static_limit=mu(1)*normal_load, curve=new_monotone_cubic(speed, mu*normal_load))
     case default
       law = constant_friction_t(static_limit=mu_0*normal_load)
     end select
+    law%kinetic_limit = law%static_limit
   end subroutine new_friction_law
 
   !> The law as F = limit + drop exp(-decay v), if it has this form: as numbers, many laws can be evaluated side by side.
@@ -69,7 +117,7 @@ contains
     real(wp), intent(out) :: limit, drop, decay       !! N, N, s/m
     logical, intent(out) :: is_exponential
 
-    limit = law%static_limit
+    limit = law%kinetic_limit
     drop = 0.0_wp
     decay = 0.0_wp
     is_exponential = .true.
@@ -84,13 +132,21 @@ contains
     end select
   end subroutine exponential_form
 
+  !> Whether a law has the exponential form, constant friction included.
+  pure logical function falls_exponentially(law)
+    class(friction_law_t), intent(in) :: law
+    real(wp) :: limit, drop, decay
+
+    call exponential_form(law, limit, drop, decay, falls_exponentially)
+  end function falls_exponentially
+
   pure subroutine evaluate_constant(self, n, speed, force, slope)
     class(constant_friction_t), intent(in) :: self
     integer, intent(in) :: n
     real(wp), intent(in) :: speed(n)
     real(wp), intent(out) :: force(n), slope(n)
 
-    force = self%static_limit + 0.0_wp*speed
+    force = self%kinetic_limit + 0.0_wp*speed
     slope = 0.0_wp
   end subroutine evaluate_constant
 
@@ -112,4 +168,50 @@ contains
       slope(i) = -part*self%decay
     end do
   end subroutine evaluate_weakening
+
+  !> Below v = 0, which only a stage beyond a stop can reach, the power is continued as an odd one for one v_f, and the
+  !> force then by its tangent, so that it cannot overflow: with p = 1 what the weakening law does.
+  pure subroutine evaluate_stribeck(self, n, speed, force, slope)
+    class(stribeck_friction_t), intent(in) :: self
+    integer, intent(in) :: n
+    real(wp), intent(in) :: speed(n)
+    real(wp), intent(out) :: force(n), slope(n)
+    !> From this v/v_f on the exponential is 0 for each p >= 1, and up to here its power is a number.
+    real(wp), parameter :: far = -2.0_wp*real(minexponent(1.0_wp), wp)
+    real(wp) :: x, y, power, part
+    integer :: i
+
+    do i = 1, n
+      x = -speed(i)*self%decay
+      y = max(min(x, 1.0_wp), -far)
+      ! |v/v_f|^(p - 1): finite at v = 0, where |v/v_f|^p/v is not.
+      power = abs(y)**(self%exponent - 1.0_wp)
+      part = self%drop*exp(y*power)
+      force(i) = self%limit + part*(1.0_wp + self%exponent*(x - min(x, 1.0_wp))) + self%viscosity*speed(i)
+      slope(i) = self%viscosity - part*self%decay*(self%exponent*power)
+    end do
+  end subroutine evaluate_stribeck
+
+  pure subroutine evaluate_table(self, n, speed, force, slope)
+    class(table_friction_t), intent(in) :: self
+    integer, intent(in) :: n
+    real(wp), intent(in) :: speed(n)
+    real(wp), intent(out) :: force(n), slope(n)
+
+    call self%curve%evaluate(speed, force, slope)
+  end subroutine evaluate_table
+
+  pure real(wp) function first_knot(self)
+    class(friction_law_t), intent(in) :: self
+
+    associate (unused => self%static_limit)
+    end associate
+    first_knot = huge(1.0_wp)
+  end function first_knot
+
+  pure real(wp) function first_knot_of_table(self)
+    class(table_friction_t), intent(in) :: self
+
+    first_knot_of_table = self%curve%x(2)
+  end function first_knot_of_table
 end module dst_friction

@@ -2,7 +2,7 @@
 !>
 !> Polar, for the exact contact: y = (v, theta), w = v (cos theta, sin theta),
 !>     v' = (K u . n - F(v))/m,    v theta' = K u . t/m,    n = (cos, sin), t = (-sin, cos).
-!> Smooth through v = 0 in this form.
+!> Smooth through v = 0 in this form. With dampers C beside the springs, K u stands for K u + C (V e - w) everywhere.
 !>
 !> Cartesian, for the smoothed contact: y = w,
 !>     w' = (K u - F(|w|) w/sqrt(|w|^2 + v_s^2))/m.
@@ -50,6 +50,9 @@ contains
     model%acceleration_noise = slider%acceleration_noise()
     model%frequency = slider%frequency()
     model%static_speed = slider%static_speed()
+    model%is_damped = slider%is_damped()
+    model%damping = slider%damping
+    model%relaxation = slider%relaxation()
   end function new_full_polar
 
   !> With slider%smoothing > 0.
@@ -64,6 +67,9 @@ contains
     model%acceleration_noise = slider%acceleration_noise()
     model%frequency = slider%frequency()
     model%static_speed = slider%static_speed()
+    model%is_damped = slider%is_damped()
+    model%damping = slider%damping
+    model%relaxation = slider%relaxation()
   end function new_full_smoothed
 
   pure subroutine polar_kinematics(self, stages, y, velocity, velocity_y)
@@ -94,8 +100,6 @@ contains
     real(wp) :: friction(stages), slope(stages), accel_x, accel_y, per_mass
     integer :: i
 
-    associate (unused => drive_velocity)
-    end associate
     call self%slider%law%evaluate(stages, y(:, 1), friction, slope)
     per_mass = 1.0_wp/self%slider%mass
     associate (k => self%slider%stiffness)
@@ -125,7 +129,29 @@ contains
         terms%dissipation_y(i, 2) = 0.0_wp
       end do
     end associate
+    if (self%is_damped) call damp_polar(self, stages, drive_velocity, y, velocity_y, terms)
   end subroutine polar_dynamics
+
+  !> Add the dampers: their force turns with the direction of slip as that of the springs does.
+  pure subroutine damp_polar(self, stages, drive_velocity, y, velocity_y, terms)
+    class(full_polar_t), intent(in) :: self
+    integer, intent(in) :: stages
+    real(wp), intent(in) :: drive_velocity(stages)
+    real(wp), intent(in) :: y(stages, self%unknowns)
+    real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
+    type(stage_terms_t), intent(inout) :: terms
+    real(wp) :: velocity(stages, 2), springs(stages, 2)
+    integer :: i
+
+    velocity(:, 1) = y(:, 1)*velocity_y(:, 1, 1)
+    velocity(:, 2) = y(:, 1)*velocity_y(:, 2, 1)
+    springs = terms%force(1:stages, 1:2)
+    call self%add_dampers(stages, drive_velocity, velocity, velocity_y, terms)
+    do i = 1, stages
+      terms%force_y(i, 1, 2) = terms%force_y(i, 1, 2) + (terms%force(i, 2) - springs(i, 2))
+      terms%force_y(i, 2, 2) = terms%force_y(i, 2, 2) - (terms%force(i, 1) - springs(i, 1))
+    end do
+  end subroutine damp_polar
 
   pure function polar_velocity(self, y, drive_velocity) result(velocity)
     class(full_polar_t), intent(in) :: self
@@ -163,8 +189,8 @@ contains
     coefficient = plane_decay(self%slider, [cos(y(2)), sin(y(2))], slope(1), across)
   end subroutine polar_decay
 
-  !> By rising power, the determinant of m lambda^2 + D lambda + K over m^2, with D = F' n n^T + (F/v) t t^T: `along` is F' and
-  !> `across` F/v [N s/m].
+  !> By rising power, the determinant of m lambda^2 + D lambda + K over m^2, with D = F' n n^T + (F/v) t t^T + C: `along` is F' and
+  !> `across` F/v [N s/m], C the dampers.
   pure function plane_decay(slider, n, along, across) result(coefficient)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: n(2), along, across
@@ -176,6 +202,12 @@ contains
       frequency_square = slider%stiffness/m
       coefficient = [product(frequency_square), damping(1)*frequency_square(2) + damping(2)*frequency_square(1), &
         sum(frequency_square) + (along/m)*(across/m), (along + across)/m, 1.0_wp]
+      if (.not. slider%is_damped()) return
+      associate (dampers => slider%damping/m)
+        coefficient(1) = coefficient(1) + dampers(1)*frequency_square(2) + dampers(2)*frequency_square(1)
+        coefficient(2) = coefficient(2) + dampers(1)*damping(2) + dampers(2)*damping(1) + product(dampers)
+        coefficient(3) = coefficient(3) + sum(dampers)
+      end associate
     end associate
   end function plane_decay
 
@@ -205,8 +237,6 @@ contains
     real(wp) :: per_mass, smooth, viscosity, curvature
     integer :: i, j, k
 
-    associate (unused => drive_velocity)
-    end associate
     per_mass = 1.0_wp/self%slider%mass
     speed = sqrt(y(:, 1)**2 + y(:, 2)**2)
     call self%slider%law%evaluate(stages, speed, friction, slope)
@@ -230,6 +260,7 @@ contains
       terms%dissipation(i) = viscosity*speed(i)**2
       terms%dissipation_y(i, :) = (2.0_wp*viscosity + curvature*speed(i)**2)*y(i, :)
     end do
+    if (self%is_damped) call self%add_dampers(stages, drive_velocity, y(:, 1:2), velocity_y, terms)
   end subroutine smoothed_dynamics
 
   pure function smoothed_velocity(self, y, drive_velocity) result(velocity)

@@ -5,7 +5,8 @@
 !>
 !>     u_x' = V c - w_x,      w_x' = (k_x u_x - F(v) w_x/v)/m.
 !>
-!> The force of the rigid spring across is F(v) V s/v + m s V'. The drive's work against friction across
+!> A damper beside the soft spring adds c_x u_x' to its force. The force of the rigid spring across is
+!> F(v) V s/v + m s V'. The drive's work against friction across
 !> the axis enters as `supply`; the inertia of the prescribed motion is in neither work nor energy.
 !>
 !> Where V s = 0 there is rest, and dst_straight_slip takes over.
@@ -48,6 +49,9 @@ contains
     model%acceleration_noise = slider%acceleration_noise()
     model%frequency = slider%frequency()
     model%static_speed = slider%static_speed()
+    model%is_damped = slider%is_damped()
+    model%damping = slider%free*slider%damping
+    model%relaxation = slider%relaxation()
   end function new_low_frequency
 
   pure subroutine kinematics(self, stages, y, velocity, velocity_y)
@@ -92,6 +96,7 @@ contains
       terms%inertia(i, 1) = 1.0_wp
       terms%inertia_y(i, 1, 1) = 0.0_wp
     end do
+    if (self%is_damped) call self%add_dampers(stages, drive_velocity, y, velocity_y, terms)
   end subroutine dynamics
 
   include 'slow_forces.inc'
@@ -116,6 +121,7 @@ contains
     associate (m => self%slider%mass)
       weakening = -slope(1)/m
       coefficient = [self%slider%stiffness(1)/m, (slope(1)*y(1)**2 + friction(1)*across**2/speed)/(m*speed**2), 1.0_wp]
+      if (self%is_damped) coefficient(1) = coefficient(1) + self%damping(1)/m
     end associate
   end subroutine decay_polynomial
 end module dst_low_frequency

@@ -1,20 +1,24 @@
 !> Rest in the exact contact: set-valued Coulomb friction (NUMERICS: "rest is part of the model").
 !>
-!> Stuck while |K u| <= F_0; u then follows the drive, u(t) = u_s + D(t) e. Released when
-!> |K u| = F_0, in the direction of K u. Coming to rest with |K u| >= F_0 is no rest: the motion
-!> goes on in the direction of K u.
+!> Stuck while |K u| <= F_s, the static limit; u then follows the drive, u(t) = u_s + D(t) e. Released when
+!> |K u| = F_s, in the direction of K u, with the acceleration (F_s - F_0)/m: none, where F_s is the kinetic
+!> limit F_0 = F(0+). Coming to rest with |K u| >= F_s is no rest: the motion goes on in the direction of K u.
+!>
+!> With dampers C the force on the object at rest is K u + C V e, V the velocity of the drive, and takes the place of K u. Where V
+!> jumps it jumps too.
 !>
 !> A rest that lasts no longer than a thousandth of the time in which the stiffer spring oscillates by one radian, or in which the
 !> drive loads the springs from nothing to the static limit, is a touch: the object passes on, and neither a stick nor an event
 !> is counted. How many touches there are hangs on roundoff where the slip speed just reaches zero in each oscillation.
 module dst_rest
+  use dst_bernstein, only: first_zero
   use dst_kinds, only: wp
   use dst_drive, only: drive_segment_t
   use dst_slider, only: slider_t
   implicit none
   private
 
-  public :: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, touch_time, limit_roundoff
+  public :: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, start_at_release, touch_time, limit_roundoff
 
   !> Roundoff of the spring force at the static limit, relative to it: where it rests there, and where it has been moved there.
   !> That of |K u|, with a margin. Twice: no change on Fig. 3 with radau9 and dopri5.
@@ -32,45 +36,60 @@ module dst_rest
 
 contains
 
-  !> Magnitude of the spring force |K u| [N].
-  pure real(wp) function spring_force_size(slider, u)
+  !> Magnitude of the spring force |K u| [N]; with the drive at a velocity [m/s], of the force of springs and dampers at rest.
+  pure real(wp) function spring_force_size(slider, u, drive_velocity)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2)
+    real(wp), intent(in), optional :: drive_velocity
+    real(wp) :: force(2)
 
-    spring_force_size = hypot(slider%stiffness(1)*u(1), slider%stiffness(2)*u(2))
+    force = slider%stiffness*u
+    if (present(drive_velocity)) force = slider%force_at_rest(u, drive_velocity)
+    spring_force_size = hypot(force(1), force(2))
   end function spring_force_size
 
   !> Whether an object at rest stays at rest. Exactly at the static limit that depends on whether the
-  !> drive [m/s] pulls further out.
-  pure logical function holds(slider, u, drive_velocity)
+  !> drive [m/s, m/s2] pulls further out.
+  pure logical function holds(slider, u, drive_velocity, drive_acceleration)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity
+    real(wp), intent(in), optional :: drive_acceleration
     real(wp) :: pull(2), outward, force
 
-    force = spring_force_size(slider, u)
-    pull = slider%stiffness*slider%drive_coupling()*drive_velocity
-    outward = dot_product(pull, slider%stiffness*u)
+    force = spring_force_size(slider, u, drive_velocity)
+    pull = slider%loading_rate(drive_velocity, drive_acceleration)
+    outward = dot_product(pull, slider%force_at_rest(u, drive_velocity))
     if (.not. force > 0.0_wp) outward = dot_product(pull, pull)
     holds = force < slider%law%static_limit
     if (.not. outward > 0.0_wp) holds = force <= slider%law%static_limit*(1.0_wp + limit_roundoff)
   end function holds
 
   !> Time [s] from `time` until the stuck object is released, huge if it is not within the segment.
-  !> |K (u + D e)| = F_0 is quadratic in D, and D(t) is quadratic in t.
+  !> |K (u + D e) + C V e| = F_s is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.
   pure real(wp) function release_delay(slider, u, drive, time)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), time
     type(drive_segment_t), intent(in) :: drive
     real(wp) :: force(2), gain(2), a, b, c, root, forward, backward
 
-    force = slider%stiffness*u
+    if (slider%is_damped()) then
+      if (spring_force_size(slider, u, drive%velocity_at(time)) > slider%law%static_limit*(1.0_wp + excess_roundoff)) then
+        ! The velocity of the drive has jumped.
+        release_delay = 0.0_wp
+        return
+      else if (abs(drive%acceleration) > 0.0_wp) then
+        release_delay = damped_delay(slider, u, drive, time)
+        return
+      end if
+    end if
+    force = slider%force_at_rest(u, drive%velocity_at(time))
     gain = slider%stiffness*slider%drive_coupling()
     a = dot_product(gain, gain)
     release_delay = huge(release_delay)
     if (.not. a > 0.0_wp) return
     b = dot_product(gain, force)
-    ! F_0^2 - |K u|^2 as a product keeps its digits close to the limit.
-    associate (limit => slider%law%static_limit, size => spring_force_size(slider, u))
+    ! F_s^2 - |K u|^2 as a product keeps its digits close to the limit.
+    associate (limit => slider%law%static_limit, size => hypot(force(1), force(2)))
       c = max(0.0_wp, (limit - size)*(limit + size))
     end associate
     root = sqrt(b**2 + a*c)
@@ -83,6 +102,59 @@ contains
     end if
     release_delay = min(time_to_travel(drive, time, forward, 1.0_wp), time_to_travel(drive, time, backward, -1.0_wp))
   end function release_delay
+
+  !> The same with dampers under a ramp: the force is a quadratic polynomial, its square one of degree 4.
+  pure real(wp) function damped_delay(slider, u, drive, time) result(delay)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: u(2), time
+    type(drive_segment_t), intent(in) :: drive
+    integer, parameter :: most_iterations = 4
+    real(wp) :: force(2, 0:2), power(0:4), coefficient(0:4), here(2), there(2), length, size, slope, limit
+    integer :: iteration
+
+    ! As a polynomial in the share of what is left of the ramp, in units of the static limit.
+    delay = huge(delay)
+    limit = slider%law%static_limit
+    length = drive%end - time
+    if (.not. (length > 0.0_wp .and. limit > 0.0_wp)) then
+      if (length > 0.0_wp .and. any(abs(slider%drive_coupling()) > 0.0_wp)) delay = 0.0_wp
+      return
+    end if
+    force(:, 0) = slider%force_at_rest(u, drive%velocity_at(time))/limit
+    force(:, 1) = (length/limit)*slider%loading_rate(drive%velocity_at(time), drive%acceleration)
+    force(:, 2) = (0.5_wp*length/limit)*slider%loading_rate(drive%acceleration*length, 0.0_wp)
+    size = hypot(force(1, 0), force(2, 0))
+    power(0) = min(0.0_wp, (size - 1.0_wp)*(size + 1.0_wp))
+    power(1) = 2.0_wp*dot_product(force(:, 0), force(:, 1))
+    power(2) = dot_product(force(:, 1), force(:, 1)) + 2.0_wp*dot_product(force(:, 0), force(:, 2))
+    power(3) = 2.0_wp*dot_product(force(:, 1), force(:, 2))
+    power(4) = dot_product(force(:, 2), force(:, 2))
+    if (.not. power(0) < 0.0_wp .and. (power(1) > 0.0_wp .or. (.not. power(1) < 0.0_wp .and. power(2) > 0.0_wp))) then
+      delay = 0.0_wp
+      return
+    end if
+    ! 1 - |f|^2 falls through zero.
+    coefficient(0) = -power(0)
+    coefficient(1) = coefficient(0) - power(1)/4.0_wp
+    coefficient(2) = coefficient(0) - power(1)/2.0_wp - power(2)/6.0_wp
+    coefficient(3) = coefficient(0) - 3.0_wp*power(1)/4.0_wp - power(2)/2.0_wp - power(3)/4.0_wp
+    coefficient(4) = coefficient(0) - sum(power(1:4))
+    delay = first_zero(coefficient)
+    if (delay > 1.0_wp) then
+      delay = huge(delay)
+      return
+    end if
+    ! A long ramp has few digits where the release is near its beginning.
+    do iteration = 1, most_iterations
+      here = force(:, 0) + delay*(force(:, 1) + delay*force(:, 2))
+      there = force(:, 1) + 2.0_wp*delay*force(:, 2)
+      size = hypot(here(1), here(2))
+      slope = dot_product(here, there)/size
+      if (.not. slope > 0.0_wp) exit
+      delay = min(1.0_wp, max(0.0_wp, delay - (size - 1.0_wp)/slope))
+    end do
+    delay = delay*length
+  end function damped_delay
 
   !> x/y with 0/0 = 0.
   pure real(wp) function quotient(x, y)
@@ -115,29 +187,31 @@ contains
     if (.not. delay <= huge(delay)) delay = huge(delay)
   end function time_to_travel
 
-  !> Longest rest [s] that is a touch only, with the drive at this velocity [m/s].
-  pure real(wp) function touch_time(slider, drive_velocity)
+  !> Longest rest [s] that is a touch only, with the drive at this velocity [m/s] and acceleration [m/s2].
+  pure real(wp) function touch_time(slider, drive_velocity, drive_acceleration)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: drive_velocity
+    real(wp), intent(in), optional :: drive_acceleration
     real(wp) :: pull(2), growth
 
-    pull = slider%stiffness*slider%drive_coupling()*drive_velocity
+    pull = slider%loading_rate(drive_velocity, drive_acceleration)
     growth = hypot(pull(1), pull(2))
     touch_time = slider%radian_time()
     if (growth*touch_time > slider%law%static_limit) touch_time = slider%law%static_limit/growth
     touch_time = touch_share*touch_time
   end function touch_time
 
-  !> Start of slip from rest at elongation `u`, where |K u| >= F_0.
-  pure function start_of_slip(slider, u, drive_velocity) result(begin)
+  !> Start of slip from rest at elongation `u`, where |K u| >= F_0, with the acceleration that the excess gives.
+  pure function start_of_slip(slider, u, drive_velocity, drive_acceleration) result(begin)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity
+    real(wp), intent(in), optional :: drive_acceleration
     type(slip_start_t) :: begin
     real(wp) :: force(2), growth(2), along, across, magnitude
 
-    growth = slider%stiffness*slider%drive_coupling()*drive_velocity
-    force = slider%stiffness*u
-    magnitude = spring_force_size(slider, u)
+    growth = slider%loading_rate(drive_velocity, drive_acceleration)
+    force = slider%force_at_rest(u, drive_velocity)
+    magnitude = hypot(force(1), force(2))
     if (.not. magnitude > 0.0_wp) force = growth
     begin%y = [0.0_wp, atan2(force(2), force(1))]
     associate (c => cos(begin%y(2)), s => sin(begin%y(2)), m => slider%mass)
@@ -145,10 +219,27 @@ contains
       across = growth(2)*c - growth(1)*s
       ! An excess within roundoff is none.
       begin%rate(1) = 0.0_wp
-      if (magnitude > slider%law%static_limit*(1.0_wp + excess_roundoff)) begin%rate(1) = (magnitude - slider%law%static_limit)/m
+      if (magnitude > slider%law%kinetic_limit*(1.0_wp + excess_roundoff)) begin%rate(1) = (magnitude - slider%law%kinetic_limit)/m
+      ! The dampers oppose the slip that begins.
+      if (slider%is_damped()) then
+        growth = growth - begin%rate(1)*slider%free*slider%damping*[c, s]
+        along = growth(1)*c + growth(2)*s
+        across = growth(2)*c - growth(1)*s
+      end if
       begin%rate(2) = 0.0_wp
       if (magnitude > 0.0_wp .and. slider%direction_free) begin%rate(2) = across/(magnitude + m*begin%rate(1))
       begin%curvature(1) = along/m
     end associate
   end function start_of_slip
+
+  !> Start of slip at a release, where |K u| = F_s by definition: what exceeds the static limit is roundoff.
+  pure function start_at_release(slider, u, drive_velocity, drive_acceleration) result(begin)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: u(2), drive_velocity
+    real(wp), intent(in), optional :: drive_acceleration
+    type(slip_start_t) :: begin
+
+    begin = start_of_slip(slider, u, drive_velocity, drive_acceleration)
+    begin%rate(1) = (slider%law%static_limit - slider%law%kinetic_limit)/slider%mass
+  end function start_at_release
 end module dst_rest

@@ -23,13 +23,20 @@ module dst_slider
     class(friction_law_t), allocatable :: law
     !> Square of the smoothing velocity [m2/s2]; 0 = exact contact.
     real(wp) :: smoothing = 0.0_wp
+    !> c_x, c_y of the dampers beside the springs, N s/m.
+    real(wp) :: damping(2) = 0.0_wp
   contains
+    procedure :: is_damped
+    procedure :: force_at_rest
+    procedure :: loading_rate
+    procedure :: relaxation
     procedure :: drive_coupling
     procedure :: elongation_at_limit
     procedure :: held_force
     procedure :: acceleration_noise
     procedure :: frequency
     procedure :: radian_time
+    procedure :: damping_rate
     procedure :: static_speed
   end type slider_t
 
@@ -42,6 +49,53 @@ contains
 
     drive_coupling = self%free*self%along
   end function drive_coupling
+
+  !> Whether there is a damper beside a spring.
+  pure logical function is_damped(self)
+    class(slider_t), intent(in) :: self
+
+    is_damped = any(self%damping > 0.0_wp)
+  end function is_damped
+
+  !> Force of springs and dampers [N] on the object at rest, K u + C V e, at elongation `u` [m] and velocity V of the drive [m/s].
+  pure function force_at_rest(self, u, drive_velocity) result(force)
+    class(slider_t), intent(in) :: self
+    real(wp), intent(in) :: u(2), drive_velocity
+    real(wp) :: force(2)
+
+    force = self%stiffness*u
+    if (self%is_damped()) force = force + self%damping*self%drive_coupling()*drive_velocity
+  end function force_at_rest
+
+  !> Rate [N/s] at which a drive with this velocity [m/s] and acceleration [m/s2], 0 if not given, loads the object at rest:
+  !> K V e + C V' e.
+  pure function loading_rate(self, drive_velocity, drive_acceleration) result(rate)
+    class(slider_t), intent(in) :: self
+    real(wp), intent(in) :: drive_velocity
+    real(wp), intent(in), optional :: drive_acceleration
+    real(wp) :: rate(2)
+
+    rate = self%stiffness*self%drive_coupling()*drive_velocity
+    if (present(drive_acceleration) .and. self%is_damped()) &
+      rate = rate + self%damping*self%drive_coupling()*drive_acceleration
+  end function loading_rate
+
+  !> Times c/k [s] in which either damper lets its spring relax.
+  pure function relaxation(self)
+    class(slider_t), intent(in) :: self
+    real(wp) :: relaxation(2)
+
+    relaxation = 0.0_wp
+    ! A model without the spring has no damper beside it.
+    where (self%damping > 0.0_wp) relaxation = self%free*self%damping/self%stiffness
+  end function relaxation
+
+  !> The larger rate c/m [1/s] at which the dampers slow the mass down.
+  pure real(wp) function damping_rate(self)
+    class(slider_t), intent(in) :: self
+
+    damping_rate = maxval(self%free*self%damping)/self%mass
+  end function damping_rate
 
   !> Elongation [m] at the static limit, with the spring force in the direction `theta` [rad].
   pure function elongation_at_limit(self, theta) result(u)
@@ -61,11 +115,13 @@ contains
     force = (1.0_wp - self%free)*self%stiffness*u
   end function held_force
 
-  !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced.
-  pure real(wp) function acceleration_noise(self)
+  !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced, and those of dampers at a velocity of this size [m/s].
+  pure real(wp) function acceleration_noise(self, velocity)
     class(slider_t), intent(in) :: self
+    real(wp), intent(in), optional :: velocity
 
     acceleration_noise = force_roundoff*self%law%static_limit/self%mass
+    if (present(velocity)) acceleration_noise = acceleration_noise + force_roundoff*self%damping_rate()*velocity
   end function acceleration_noise
 
   !> Frequencies sqrt(k/m) of the mass on either spring [rad/s].

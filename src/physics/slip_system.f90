@@ -28,6 +28,8 @@ module dst_slip_system
     real(wp), allocatable :: force_y(:, :, :)    !! dg/dy
     real(wp), allocatable :: inertia(:, :)       !! diagonal of B
     real(wp), allocatable :: inertia_y(:, :, :)  !! dB/dy
+    !> The dampers' part of -dg/dy, but for the turning of the direction of slip.
+    real(wp), allocatable :: damping(:, :, :)
     real(wp), allocatable :: dissipation(:)      !! power of the friction force, W
     real(wp), allocatable :: dissipation_y(:, :) !! its derivative
     !> Power that enters other than through the springs that the drive stretches, W.
@@ -59,6 +61,10 @@ module dst_slip_system
     !> stretches the spring to the static limit.
     real(wp) :: frequency(max_components) = 0.0_wp
     real(wp) :: static_speed(max_components) = huge(1.0_wp)
+    !> Whether there are dampers, c [N s/m], and the times c/k [s], along each principal axis.
+    logical :: is_damped = .false.
+    real(wp) :: damping(max_components) = 0.0_wp
+    real(wp) :: relaxation(max_components) = 0.0_wp
   contains
     !> Slip velocity w(y) and dw/dy at the stages.
     procedure(kinematics), deferred :: kinematics
@@ -68,6 +74,10 @@ module dst_slip_system
     procedure(slip_velocity), deferred :: slip_velocity
     !> How disturbances of steady sliding would grow or decay, with these slip unknowns.
     procedure(decay_polynomial), deferred :: decay_polynomial
+    !> Add the force of the dampers to the terms of the springs.
+    procedure :: add_dampers
+    !> Powers of drive and dampers that the dampers make.
+    procedure :: damper_powers
     !> Whether the slip has turned by more than a right angle from one point to another.
     procedure :: has_turned
     !> Slip speed that counts as large along each axis, for its spring.
@@ -127,9 +137,51 @@ contains
     allocate (terms%force(stages, unknowns), terms%inertia(stages, unknowns))
     allocate (terms%force_u(stages, unknowns, components), terms%force_y(stages, unknowns, unknowns))
     allocate (terms%inertia_y(stages, unknowns, unknowns))
+    allocate (terms%damping(stages, unknowns, unknowns), source=0.0_wp)
     allocate (terms%dissipation(stages), terms%dissipation_y(stages, unknowns))
     allocate (terms%supply(stages), terms%supply_y(stages, unknowns), source=0.0_wp)
   end function new_terms
+
+  !> Dampers act as longer springs: with the times r = c/k, k u becomes k (u + r u'), u' = V e - w. To be called last in `dynamics`,
+  !> with dg/du there for the springs, in which w = `velocity`.
+  pure subroutine add_dampers(self, stages, drive_velocity, velocity, velocity_y, terms)
+    class(slip_system_t), intent(in) :: self
+    integer, intent(in) :: stages
+    real(wp), intent(in) :: drive_velocity(stages), velocity(stages, self%components)
+    real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
+    type(stage_terms_t), intent(inout) :: terms
+    real(wp) :: longer(stages)
+    integer :: i, j, k
+
+    terms%damping(1:stages, :, :) = 0.0_wp
+    do k = 1, self%components
+      associate (axis => self%axis + k - 1)
+        longer = self%relaxation(axis)*(drive_velocity*self%drive_coupling(axis) - velocity(:, k))
+        do i = 1, self%unknowns
+          terms%force(1:stages, i) = terms%force(1:stages, i) + terms%force_u(1:stages, i, k)*longer
+          do j = 1, self%unknowns
+            terms%damping(1:stages, i, j) = terms%damping(1:stages, i, j) &
+              + self%relaxation(axis)*terms%force_u(1:stages, i, k)*velocity_y(:, k, j)
+          end do
+        end do
+      end associate
+    end do
+    terms%force_y(1:stages, :, :) = terms%force_y(1:stages, :, :) - terms%damping(1:stages, :, :)
+  end subroutine add_dampers
+
+  !> Power of the drive through the dampers, and the power that they take [W], at slip velocities [m/s] along the components.
+  pure subroutine damper_powers(self, drive_velocity, velocity, driven, taken)
+    class(slip_system_t), intent(in) :: self
+    real(wp), intent(in) :: drive_velocity, velocity(:)
+    real(wp), intent(out) :: driven, taken
+    real(wp) :: rate(self%components)
+
+    associate (first => self%axis, last => self%axis + self%components - 1)
+      rate = drive_velocity*self%drive_coupling(first:last) - velocity
+      driven = drive_velocity*sum(self%drive_coupling(first:last)*self%damping(first:last)*rate)
+      taken = sum(self%damping(first:last)*rate**2)
+    end associate
+  end subroutine damper_powers
 
   !> For unknowns y of which the first are the slip velocity itself, or its size along a fixed direction.
   pure logical function has_turned(self, before, after)

@@ -4,7 +4,8 @@
 !>
 !>     m u'' + D u' + K u = 0,     D = alpha s s^T + beta n n^T,     alpha = F'(V),  beta = F(V)/V,
 !>
-!> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact). Of its characteristic polynomial only one
+!> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact); dampers C beside the springs add to D.
+!> Without these, of its characteristic polynomial only one
 !> coefficient depends on phi, and linearly in sin^2(phi): the critical angles have a closed form, derived in
 !> docs/theory_stability.md. The damping ratio of the slow motion at any direction of friction is Eq. (10) of
 !> Nakano & Popov (2020). SI units, angles in radians.
@@ -24,9 +25,11 @@ module dst_stability
   integer, parameter :: low_branch = 1, fast_branch = 2
 
   !> Where in 0 < phi < pi/2 the largest real part of the eigenvalues crosses zero. There are two such
-  !> angles, one for each branch, or none.
+  !> angles, one for each branch, or none; with dampers there may be one.
   type :: critical_t
     logical :: exists = .false.
+    !> Whether each branch has one: with dampers one may, and the other not.
+    logical :: has(2) = .false.
     real(wp) :: angle(2) = 0.0_wp        !! of the low-frequency and of the fast branch, rad
     real(wp) :: frequency(2) = 0.0_wp    !! of the oscillation there, rad/s
     !> Steady sliding is stable between these angles [rad]; equal when it is stable at none.
@@ -37,7 +40,7 @@ module dst_stability
   !> digit of a result, but keep squares and products within the numbers where the results are.
   type :: own_units_t
     real(wp) :: mass, stiffness(2)
-    real(wp) :: alpha, beta
+    real(wp) :: alpha, beta, damping(2)
     !> The unit of frequency is 2**rate 1/s.
     integer :: rate
   end type own_units_t
@@ -86,6 +89,7 @@ contains
       do j = 1, 2
         matrix(i + 2, j + 2) = -(own%alpha*slider%along(i)*slider%along(j) + own%beta*normal(i)*normal(j))/own%mass
       end do
+      matrix(i + 2, i + 2) = matrix(i + 2, i + 2) - own%damping(i)/own%mass
     end do
     double_matrix = real(matrix, real64)
     ! LAPACK stops the program over a number that is not finite.
@@ -118,6 +122,10 @@ contains
     type(own_units_t) :: own
     real(wp) :: alpha, beta, coupling, root_sum, gap, share, p(2), below(2), above(2), soft(2), stiff(2), frequency(2)
 
+    if (slider%is_damped()) then
+      call damped_misalignment(slider, velocity, critical, error)
+      return
+    end if
     call resistance(slider, velocity, alpha, beta, error)
     if (allocated(error)) return
     if (alpha > 0.0_wp .or. (alpha >= 0.0_wp .and. beta > 0.0_wp .and. differ(slider%stiffness))) &
@@ -144,6 +152,7 @@ contains
     call to_si('the frequency at the critical angle', frequency, own%rate, error)
     if (allocated(error)) return
     critical%exists = .true.
+    critical%has = .true.
     critical%frequency = frequency
     ! Squares of the sine and the cosine of the angle to the soft axis, but for a common factor.
     share = -alpha/beta
@@ -158,8 +167,131 @@ contains
     end if
   end subroutine critical_misalignment
 
-  !> The critical angle [rad] in the limit of a rigid stiff axis, tan^2(phi) = -V F'(V)/F(V); stable above it.
-  !> 0 when friction does not weaken.
+  !> The same with dampers. With q = sin^2(phi), D_11 = alpha (1 - q) + beta q + c_x and D_22 = alpha q + beta (1 - q) + c_y, both
+  !> linear in q as the determinant E of D + C, and S = D_11 + D_22, Routh's criterion for the eigenvalues is S > 0, R > 0 and
+  !>     G = m (k_y - k_x)^2 D_11 D_22 + S R E > 0,      R = k_x D_22 + k_y D_11;
+  !> G is quadratic in q, and where it vanishes, m omega^2 = R/S.
+  subroutine damped_misalignment(slider, velocity, critical, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    type(critical_t), intent(out) :: critical
+    type(error_t), allocatable, intent(out) :: error
+    type(own_units_t) :: own
+    real(wp) :: edge(4), angle, frequency(1), square, ratio
+    integer :: side, i, edges, branch
+
+    call to_own_units(slider, velocity, own, error)
+    if (allocated(error)) return
+    edge(1) = 0.0_wp
+    edges = 1
+    ! Angles up to 45 degrees from sin^2, the others from cos^2: each has its digits.
+    do side = 1, 2
+      associate (zeros => zeros_of_stability(own, side))
+        do i = 1, 2
+          ratio = zeros(merge(i, 3 - i, side == 1))
+          if (.not. (ratio > 0.0_wp .and. (ratio < 0.5_wp .or. (side == 1 .and. ratio <= 0.5_wp)))) cycle
+          if (.not. min(trace(own), rigidity(own, side, ratio)) > 0.0_wp) cycle
+          angle = atan2(sqrt(ratio), sqrt(1.0_wp - ratio))
+          if (side == 2) angle = atan2(sqrt(1.0_wp - ratio), sqrt(ratio))
+          square = rigidity(own, side, ratio)/(trace(own)*own%mass)
+          frequency = sqrt(square)
+          call to_si('the frequency at the critical angle', frequency, own%rate, error)
+          if (allocated(error)) return
+          branch = merge(low_branch, fast_branch, square*own%mass <= sqrt(product(own%stiffness)))
+          if (critical%has(branch)) branch = 3 - branch
+          critical%has(branch) = .true.
+          critical%angle(branch) = angle
+          critical%frequency(branch) = frequency(1)
+          edges = edges + 1
+          edge(edges) = angle
+        end do
+      end associate
+    end do
+    critical%exists = any(critical%has)
+    if (all(critical%has) .and. critical%frequency(1) > critical%frequency(2)) then
+      critical%angle = critical%angle([2, 1])
+      critical%frequency = critical%frequency([2, 1])
+    end if
+    edges = edges + 1
+    edge(edges) = 0.5_wp*pi
+    ! The stable part, the widest if there were several.
+    do i = 2, edges
+      if (.not. is_damped_stable(own, 0.5_wp*(edge(i - 1) + edge(i)))) cycle
+      if (edge(i) - edge(i - 1) > critical%window(2) - critical%window(1)) critical%window = edge(i - 1:i)
+    end do
+  end subroutine damped_misalignment
+
+  !> Trace of D + C, S above.
+  pure real(wp) function trace(own)
+    type(own_units_t), intent(in) :: own
+
+    trace = own%alpha + own%beta + sum(own%damping)
+  end function trace
+
+  !> The values at q = 0 (side 1; 2: at cos^2(phi) = 0) of D_11, D_22 and E above, and their slopes with sin^2 (cos^2).
+  pure function damping_terms(own, side) result(term)
+    type(own_units_t), intent(in) :: own
+    integer, intent(in) :: side
+    real(wp) :: term(3, 2), here, there
+
+    here = merge(own%alpha, own%beta, side == 1)
+    there = merge(own%beta, own%alpha, side == 1)
+    term(:, 1) = [here + own%damping(1), there + own%damping(2), (here + own%damping(1))*(there + own%damping(2))]
+    term(:, 2) = [there - here, here - there, (there - here)*(own%damping(2) - own%damping(1))]
+  end function damping_terms
+
+  !> R above, at sin^2(phi), or at cos^2(phi).
+  pure real(wp) function rigidity(own, side, square)
+    type(own_units_t), intent(in) :: own
+    integer, intent(in) :: side
+    real(wp), intent(in) :: square
+    real(wp) :: term(3, 2)
+
+    term = damping_terms(own, side)
+    rigidity = own%stiffness(1)*(term(2, 1) + square*term(2, 2)) + own%stiffness(2)*(term(1, 1) + square*term(1, 2))
+  end function rigidity
+
+  !> The zeros of G in sin^2(phi), or in cos^2(phi), the smaller one first; 2 if there are none.
+  pure function zeros_of_stability(own, side) result(zeros)
+    type(own_units_t), intent(in) :: own
+    integer, intent(in) :: side
+    real(wp) :: zeros(2), term(3, 2), rest, slope, a, b, c, discriminant, larger
+
+    term = damping_terms(own, side)
+    zeros = 2.0_wp
+    associate (gap => own%mass*(own%stiffness(2) - own%stiffness(1))**2, s => trace(own))
+      rest = rigidity(own, side, 0.0_wp)
+      slope = own%stiffness(1)*term(2, 2) + own%stiffness(2)*term(1, 2)
+      a = gap*term(1, 2)*term(2, 2) + s*slope*term(3, 2)
+      b = gap*(term(1, 1)*term(2, 2) + term(2, 1)*term(1, 2)) + s*(rest*term(3, 2) + slope*term(3, 1))
+      c = gap*term(1, 1)*term(2, 1) + s*rest*term(3, 1)
+    end associate
+    discriminant = b**2 - 4.0_wp*a*c
+    if (.not. discriminant >= 0.0_wp) return
+    larger = -0.5_wp*(b + sign(sqrt(discriminant), b))
+    if (abs(larger) > 0.0_wp) zeros(1) = c/larger
+    if (abs(larger) < 2.0_wp*abs(a)) zeros(2) = larger/a
+    if (zeros(1) > zeros(2)) zeros = zeros([2, 1])
+  end function zeros_of_stability
+
+  !> Routh's criterion at an angle [rad].
+  pure logical function is_damped_stable(own, angle)
+    type(own_units_t), intent(in) :: own
+    real(wp), intent(in) :: angle
+    real(wp) :: term(3, 2), damping(3), square
+    integer :: side
+
+    side = merge(1, 2, angle <= 0.25_wp*pi)
+    square = merge(sin(angle), cos(angle), side == 1)**2
+    term = damping_terms(own, side)
+    damping = term(:, 1) + square*term(:, 2)
+    is_damped_stable = min(trace(own), rigidity(own, side, square)) > 0.0_wp
+    if (is_damped_stable) is_damped_stable = own%mass*(own%stiffness(2) - own%stiffness(1))**2*damping(1)*damping(2) &
+      + trace(own)*rigidity(own, side, square)*damping(3) > 0.0_wp
+  end function is_damped_stable
+
+  !> The critical angle [rad] in the limit of a rigid stiff axis, tan^2(phi) = -(F' + c_x)/(F/V + c_x); stable above it.
+  !> 0 when friction weakens no more than the damper takes.
   subroutine low_frequency_limit(slider, velocity, angle, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
@@ -170,7 +302,9 @@ contains
     angle = 0.0_wp
     call resistance(slider, velocity, alpha, beta, error)
     if (allocated(error)) return
-    if (alpha < 0.0_wp) angle = atan2(sqrt(-alpha), sqrt(beta))
+    alpha = alpha + slider%damping(1)
+    beta = beta + slider%damping(1)
+    if (alpha < 0.0_wp .and. beta >= 0.0_wp) angle = atan2(sqrt(-alpha), sqrt(beta))
   end subroutine low_frequency_limit
 
   !> Whether all eigenvalues have negative real parts, decided without computing them: a real part far below
@@ -181,9 +315,15 @@ contains
     logical, intent(out) :: stable
     type(error_t), allocatable, intent(out) :: error
     type(critical_t) :: critical
+    type(own_units_t) :: own
     real(wp) :: alpha, beta, angle
 
     stable = .false.
+    if (slider%is_damped()) then
+      call to_own_units(slider, velocity, own, error)
+      if (.not. allocated(error)) stable = is_damped_stable(own, atan2(abs(slider%along(2)), abs(slider%along(1))))
+      return
+    end if
     call resistance(slider, velocity, alpha, beta, error)
     if (.not. allocated(error)) call critical_misalignment(slider, velocity, critical, error)
     if (allocated(error)) return
@@ -208,8 +348,8 @@ contains
                  'so V and the misalignment must be finite and not 0')
     if (allocated(error)) return
     damping = impedance(slider)
-    values = 0.5_wp*fraction(slider%law%static_limit)/(fraction(drift)*fraction(damping))
-    call to_si('Lambda', values, exponent(slider%law%static_limit) - exponent(drift) - exponent(damping), error)
+    values = 0.5_wp*fraction(slider%law%kinetic_limit)/(fraction(drift)*fraction(damping))
+    call to_si('Lambda', values, exponent(slider%law%kinetic_limit) - exponent(drift) - exponent(damping), error)
     if (.not. allocated(error)) lambda = values(1)
   end subroutine damping_scale
 
@@ -314,6 +454,8 @@ contains
     within = speed
     call exponential_form(law, limit, drop, decay, is_exponential)
     if (power_of(speed) + power_of(decay) > room) within = 2.0_wp**room/decay
+    ! Viscous friction grows with the speed, without a limit.
+    if (.not. is_exponential) within = min(speed, 2.0_wp**(maxexponent(speed)/2))
     call law%evaluate(1, [within], forces, slopes)
     force = forces(1)
     slope = slopes(1)
@@ -338,7 +480,10 @@ contains
       call raise(error, usage_error, 'stiffness_x/stiffness_y is '//beyond)
     if (max(power_of(alpha), power_of(beta)) - damping > maxexponent(1.0_real64) - room) &
       call raise(error, usage_error, 'the friction over the mass and the stiffness is '//beyond)
+    if (slider%is_damped() .and. max(power_of(alpha), power_of(beta), maxval(power_of(slider%damping))) - damping &
+      > maxexponent(1.0_real64)/8) call raise(error, usage_error, 'the damping over the mass and the stiffness is '//beyond)
     if (allocated(error)) return
+    own%damping = scale(slider%damping, -damping)
     own%mass = scale(slider%mass, -mass)
     own%stiffness = scale(slider%stiffness, -stiffness)
     own%alpha = scale(alpha, -damping)
@@ -380,6 +525,10 @@ contains
     call check('stiffness_x', slider%stiffness(1), 'N/m')
     call check('stiffness_y', slider%stiffness(2), 'N/m')
     if (allocated(error)) return
+    if (.not. all(slider%damping >= 0.0_wp .and. slider%damping <= huge(slider%damping))) then
+      call raise(error, usage_error, 'damping_x or damping_y is negative or not a number: both must be finite and >= 0')
+      return
+    end if
     if (.not. sum(abs(slider%along)) <= 2.0_wp) then
       call raise(error, usage_error, 'the misalignment is not a number: it must be finite')
       return

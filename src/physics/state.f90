@@ -18,6 +18,7 @@ module dst_state
     real(wp) :: position = 0.0_wp                    !! X, m
     real(wp) :: drive_work = 0.0_wp                  !! J
     real(wp) :: friction_work = 0.0_wp               !! J
+    real(wp) :: damper_work = 0.0_wp                 !! J
   contains
     procedure :: later
     procedure :: until
@@ -80,5 +81,6 @@ contains
     call archive%serialise(self%position)
     call archive%serialise(self%drive_work)
     call archive%serialise(self%friction_work)
+    call archive%serialise(self%damper_work)
   end subroutine serialise
 end module dst_state

@@ -3,7 +3,8 @@
 !>
 !>     u_i' = V e_i - v n_i,      v' = (K u . n - F(v))/m,
 !>
-!> the other elongation is constant. Rest and release are those of the exact contact.
+!> the other elongation is constant. A damper beside the spring that follows adds c_i u_i' to its
+!> force. Rest and release are those of the exact contact.
 !>
 !> It is two models. `high_frequency` (Eq. 9 of Nakano & Popov 2020; i = 2): the longitudinal load
 !> k_x u_x = F_0 cos theta is given, and the object oscillates on the stiff spring with the mass m/sin^2 theta
@@ -56,6 +57,9 @@ contains
     model%acceleration_noise = slider%acceleration_noise()
     model%frequency = slider%frequency()
     model%static_speed = slider%static_speed()
+    model%is_damped = slider%is_damped()
+    model%damping = slider%free*slider%damping
+    model%relaxation = slider%relaxation()
     call model%set_slip_direction(0.0_wp)
   end function new_straight_slip
 
@@ -96,8 +100,6 @@ contains
     real(wp) :: friction(stages), slope(stages), per_mass, stiffness
     integer :: i
 
-    associate (unused => drive_velocity)
-    end associate
     per_mass = 1.0_wp/self%slider%mass
     stiffness = self%slider%stiffness(self%axis)
     call self%slider%law%evaluate(stages, y(:, 1), friction, slope)
@@ -112,6 +114,7 @@ contains
       terms%supply(i) = self%held_force*y(i, 1)
       terms%supply_y(i, 1) = self%held_force
     end do
+    if (self%is_damped) call self%add_dampers(stages, drive_velocity, self%direction(self%axis)*y(:, 1:1), velocity_y, terms)
   end subroutine dynamics
 
   !> The unknowns (v, theta) of slip along a line with velocity `w` [m/s].
@@ -145,6 +148,8 @@ contains
     call self%slider%law%evaluate(1, y(1:1), friction, slope)
     weakening = -slope(1)/self%slider%mass
     coefficient = [self%slider%stiffness(self%axis)*self%direction(self%axis)**2, slope(1), self%slider%mass]/self%slider%mass
+    if (self%is_damped) coefficient(1) = coefficient(1) &
+      + self%damping(self%axis)*self%direction(self%axis)**2/self%slider%mass
   end subroutine decay_polynomial
 
   subroutine serialise(self, archive)

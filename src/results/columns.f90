@@ -126,7 +126,7 @@ contains
       case (c_sticking)
         value = merge(1.0_wp, 0.0_wp, instant%sticking)
       case (c_zeta)
-        value = slider%law%static_limit*abs(sin(instant%theta))**3 &
+        value = slider%law%kinetic_limit*abs(sin(instant%theta))**3 &
           /(2.0_wp*abs(instant%drive_velocity*e(2))*sqrt(slider%mass*slider%stiffness(1)))
       case default
         value = 0.0_wp

@@ -65,7 +65,8 @@ contains
     self%velocity = motion%velocity_now()
     associate (slider => motion%slider)
       ! High frequency: the longitudinal load is given.
-      if (minval(slider%free) > 0.0_wp .and. .not. slider%smoothing > 0.0_wp .and. motion%drive%is_steady(motion%t_end)) then
+      if (minval(slider%free) > 0.0_wp .and. .not. (slider%smoothing > 0.0_wp .or. slider%is_damped()) .and. &
+        motion%drive%is_steady(motion%t_end)) then
         end = creep_end(slider, motion%drive%segment(1)%velocity)
         if (end%exists) self%fast_decay = end%decay
       end if
@@ -102,6 +103,7 @@ contains
       view%last = moment_of(motion, piece, piece%to, self%velocity)
       self%exchanged = self%exchanged + abs(piece%to%drive_work - piece%from%drive_work) + &
         abs(piece%to%friction_work - piece%from%friction_work)
+      if (motion%slider%is_damped()) self%exchanged = self%exchanged + abs(piece%to%damper_work - piece%from%damper_work)
       if (piece%event == stick_begins) self%sticks = self%sticks + 1
       if (self%undecided_from < 0.0_wp .and. motion%is_undecided()) self%undecided_from = piece%to%time
     end associate
@@ -131,7 +133,8 @@ contains
       call summary_values(self%summary_t, value, given)
     else
       call summary_values(self%summary_t, value, given, energies_t(self%first_energy, motion%energy(self%velocity), &
-        motion%piece%to%drive_work, motion%piece%to%friction_work))
+        motion%piece%to%drive_work, motion%piece%to%friction_work, &
+        merge(max(0.0_wp, motion%piece%to%damper_work), -1.0_wp, motion%slider%is_damped())))
     end if
     select type (motion)
     class is (cycle_map_t)

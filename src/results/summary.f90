@@ -63,6 +63,7 @@ module dst_summary
     quantity_t('sticking_time', 's', 'time at rest'), &
     quantity_t('drive_work', 'J', 'work of the drive on the spring'), &
     quantity_t('friction_work', 'J', 'work done against friction'), &
+    quantity_t('damper_work', 'J', 'work done on the dampers beside the springs; only with dampers'), &
     quantity_t('energy_residual', '1', 'open energy balance over all energy exchanged: first energy and absolute works'), &
     quantity_t('swing', 'N', 'largest less smallest k_x u_x in the second half of the run'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
@@ -175,6 +176,7 @@ module dst_summary
   !> Energies [J] that a motion began with, has now, and has exchanged.
   type :: energies_t
     real(wp) :: first = 0.0_wp, now = 0.0_wp, drive_work = 0.0_wp, friction_work = 0.0_wp
+    real(wp) :: damper_work = -1.0_wp           !! negative where there are no dampers
   end type energies_t
 
 contains
@@ -617,9 +619,11 @@ contains
     if (.not. present(energies)) return
     call put('drive_work', energies%drive_work)
     call put('friction_work', energies%friction_work)
+    if (energies%damper_work >= 0.0_wp) call put('damper_work', energies%damper_work)
     if (self%exchanged > 0.0_wp) then
       call put('energy_residual', &
-        (energies%drive_work - energies%friction_work - (energies%now - energies%first))/self%exchanged)
+        (energies%drive_work - energies%friction_work - max(0.0_wp, energies%damper_work) - (energies%now - energies%first)) &
+        /self%exchanged)
     else
       call put('energy_residual', 0.0_wp)
     end if

@@ -57,6 +57,8 @@ contains
     logical :: rests_first
 
     call slider_from_scene(scene, slider)
+    call check_static_friction(scene, error)
+    if (allocated(error)) return
     drive = new_drive(scene%drive_time, scene%drive_velocity)
     if (scene%is_closed_form()) then
       call start_creep(scene, slider, drive, motion, error)
@@ -65,6 +67,11 @@ contains
     call choose_equations(scene, slider, drive, resting, sliding, error)
     if (.not. allocated(error)) call check_method(scene, drive, resting, sliding, error)
     if (allocated(error)) return
+    if (slider%is_damped()) then
+      if (allocated(resting)) call take_dampers(resting)
+      if (allocated(sliding)) call take_dampers(sliding)
+      if (allocated(error)) return
+    end if
     if (allocated(resting)) then
       call choose_method(scene, slider, resting, stepper)
     else
@@ -84,6 +91,17 @@ contains
     call leap_cycles(scene, first, motion)
     if (allocated(with_rest)) call move_alloc(with_rest, other)
     if (allocated(without)) call move_alloc(without, other)
+
+  contains
+
+    !> Refuse equations that have no dampers; those that have them difference larger forces.
+    subroutine take_dampers(system)
+      class(slip_system_t), intent(inout) :: system
+
+      if (.not. system%is_damped) call raise(error, deck_error, "model '"//scene%model//"' has no dampers: leave damping_x and "// &
+        'damping_y out', 'system.damping_x')
+      system%acceleration_noise = slider%acceleration_noise(drive%largest_speed())
+    end subroutine take_dampers
   end subroutine new_motion
 
   !> The motion that has been started, with fast cycles leapt where the scene lets it.
@@ -94,7 +112,8 @@ contains
     class(slip_stick_t), allocatable :: steps
     type(cycle_map_t), allocatable :: map
 
-    if (scene%cycle_map == 'auto' .and. scene%model == 'full') then
+    ! The map knows its cycles by the angle of friction at a release, where the load is K u.
+    if (scene%cycle_map == 'auto' .and. scene%model == 'full' .and. .not. first%slider%is_damped()) then
       select type (first)
       class is (slip_stick_t)
         allocate (steps, source=first)
@@ -177,10 +196,24 @@ contains
 
     slider%mass = scene%mass
     slider%stiffness = [scene%stiffness_x, scene%stiffness_y]
+    slider%damping = [scene%damping_x, scene%damping_y]
     slider%along = cos_sin_degrees(scene%misalignment_deg)
-    call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law)
+    call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law, &
+      scene%exponent, scene%viscous, scene%table_speed, scene%table_mu)
+    slider%law%static_limit = max(slider%law%static_limit, scene%mu_static*scene%normal_load)
     if (scene%contact /= 'exact') slider%smoothing = scene%v_smooth**2
   end subroutine slider_from_scene
+
+  !> Friction at rest is no less than as slip begins.
+  subroutine check_static_friction(scene, error)
+    type(scene_t), intent(in) :: scene
+    type(error_t), allocatable, intent(out) :: error
+
+    if (.not. scene%mu_static > 0.0_wp .or. scene%mu_static >= scene%mu_0) return
+    call raise(error, deck_error, 'mu_static = '//trim(short_text(scene%mu_static))//' is below the friction coefficient '// &
+      'F(0)/W as slip begins, mu_0 = '//trim(short_text(scene%mu_0))//': give mu_static >= mu_0, or 0 for the same', &
+      'friction.mu_static')
+  end subroutine check_static_friction
 
   !> Methods that cannot follow this motion.
   subroutine check_method(scene, drive, resting, sliding, error)

@@ -11,6 +11,7 @@ module dst_model_choice
   use dst_creep, only: creep_t, creep_exact, position_third_order
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_errors, only: error_t
+  use dst_friction, only: falls_exponentially
   use dst_memory_writer, only: memory_writer_t
   use dst_methods, only: fixed_step_methods
   use dst_model_columns, only: column_obstacle, gives_column, holds_column
@@ -290,6 +291,12 @@ contains
       text = 'the errors of the reduced models are known for unstretched springs at the start'
     else if (abs(scene%velocity_ratio) > 1.0_wp) then
       text = 'the errors of the reduced models are known for a slow start'
+    else if (slider%is_damped()) then
+      text = 'the errors of the reduced models are known without dampers'
+    else if (.not. falls_exponentially(slider%law)) then
+      text = "the errors of the reduced models are known for the laws 'constant' and 'weakening'"
+    else if (slider%law%static_limit > slider%law%kinetic_limit) then
+      text = 'the errors of the reduced models are known without a static limit of its own (mu_static)'
     else if (.not. slider%law%static_limit > 0.0_wp) then
       text = 'without friction there is nothing to reduce'
     else if (.not. slider%along(1) > 0.0_wp .or. .not. abs(slider%along(2)) > 0.0_wp) then

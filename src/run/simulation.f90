@@ -222,7 +222,7 @@ contains
     associate (piece => self%motion%piece)
       associate (to => piece%to)
         if (.not. abs(to%time) + sum(abs(to%u)) + sum(abs(to%y)) + abs(to%position) + abs(to%drive_work) &
-          + abs(to%friction_work) <= huge(1.0_wp)) then
+          + abs(to%friction_work) + abs(to%damper_work) <= huge(1.0_wp)) then
           call raise(error, not_finite, 'the motion is not finite after '//trim(at_time(piece%from))// &
             ': use a smaller rtol or another method')
           return

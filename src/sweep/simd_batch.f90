@@ -108,7 +108,7 @@ contains
 
     associate (lanes => self%lanes%scene)
       call exponential_form(slider%law, lanes%limit(lane), lanes%drop(lane), lanes%decay(lane), is_exponential)
-      self%refused(lane) = .not. (is_exponential .and. size(scene%drive_velocity) == 1 &
+      self%refused(lane) = .not. (is_exponential .and. .not. slider%is_damped() .and. size(scene%drive_velocity) == 1 &
         .and. abs(scene%drive_velocity(1)*slider%along(2)) > 0.0_wp)
       lanes%busy(lane) = 1.0_wp
       lanes%per_mass(lane) = 1.0_wp/slider%mass
@@ -377,7 +377,7 @@ contains
 
     if (self%refused(lane)) then
       call raise(error, deck_error, "method 'rodas4p' follows sliding without rest, driven steadily with V sin(phi) /= 0, "// &
-        'and friction that falls exponentially: use radau9')
+        'without dampers, and friction that falls exponentially: use radau9')
       return
     end if
     associate (control => self%lanes%control, max_steps => self%lanes%scene%max_steps(lane))

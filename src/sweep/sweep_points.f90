@@ -1,9 +1,8 @@
 !> A list of points for a sweep, from a CSV file: names of keys in the first line, a case in each other line.
 !>
-!> Fields are separated by what the first line has: semicolons, commas, tabs or blanks, the first of these that it holds. They
-!> may stand in double quotes; blank lines are passed over; lines end with LF, CR LF or CR, or with the file (RFC 4180, and what
-!> spreadsheets make of it). A fault is reported with its line.
+!> Lines and fields as dst_csv divides them; blank lines are passed over. A fault is reported with its line.
 module dst_sweep_points
+  use dst_csv, only: blanks, find_fields, find_line, first_byte, line_end_of, separator_of
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: varied_key, variation_problem, range_problem
   use dst_disk, only: read_bytes
@@ -17,10 +16,7 @@ module dst_sweep_points
 
   public :: path_of_points, read_csv, name_axis
 
-  character, parameter :: lf = achar(10), cr = achar(13), tab = achar(9), quote = '"'
-  character(*), parameter :: separators = ';,'//tab//' ', blanks = ' '//tab
   character(*), parameter :: hdf5_signature = char(137)//'HDF'
-  character(*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
 
   integer, parameter :: most_bytes = 2**28
 
@@ -55,17 +51,12 @@ contains
         'datasets as parameters, with points=True')
       return
     end if
-    line_end = lf
-    if (index(text, lf) == 0) line_end = cr
-    first = 1
-    if (index(text, byte_order_mark) == 1) first = 1 + len(byte_order_mark)
+    line_end = line_end_of(text)
+    next = first_byte(text)
     line = 0
     n = 0
-    do while (first <= len(text) .and. .not. allocated(error))
-      last = first - 2 + index(text(first:), line_end)
-      if (last < first - 1) last = len(text)
-      next = last + 2
-      if (text(max(first, last):last) == cr) last = last - 1
+    do while (next <= len(text) .and. .not. allocated(error))
+      call find_line(text, line_end, next, first, last)
       line = line + 1
       if (verify(text(first:last), blanks) > 0) then
         if (allocated(axes)) then
@@ -77,7 +68,6 @@ contains
           if (.not. allocated(error)) call make_room(axes, line_count(text(next:), line_end), path, error)
         end if
       end if
-      first = next
     end do
     if (n == 0 .and. .not. allocated(error)) call raise(error, file_error, path// &
       ': holds no points: give names of keys in the first line, and a case in each other line')
@@ -115,16 +105,6 @@ contains
       if (text(i:i) == line_end) line_count = line_count + 1
     end do
   end function line_count
-
-  pure character function separator_of(line)
-    character(*), intent(in) :: line
-    integer :: i
-
-    do i = 1, len(separators)
-      separator_of = separators(i:i)
-      if (index(line, separator_of) > 0) return
-    end do
-  end function separator_of
 
   !> The first line.
   subroutine read_names(deck, line, separator, place, axes, error)
@@ -191,41 +171,4 @@ contains
     end do
     if (problem /= '') call raise(error, file_error, place//': '//problem)
   end subroutine read_row
-
-  !> First and last character of each field, without the blanks and quotes around it.
-  pure subroutine find_fields(line, separator, bounds)
-    character(*), intent(in) :: line
-    character, intent(in) :: separator
-    integer, allocatable, intent(out) :: bounds(:, :)
-    integer, allocatable :: found(:, :)
-    integer :: n, first, length
-
-    allocate (found(2, len(line) + 1))
-    n = 0
-    first = 1
-    do while (first <= len(line) + 1)
-      length = index(line(first:), separator) - 1
-      if (length < 0) length = len(line) - first + 1
-      ! Several blanks separate once.
-      if (length > 0 .or. separator /= ' ') then
-        n = n + 1
-        found(:, n) = without_blanks(line, [first, first + length - 1])
-        associate (inner => found(:, n))
-          if (inner(2) > inner(1)) then
-            if (line(inner(1):inner(1))//line(inner(2):inner(2)) == quote//quote) inner = without_blanks(line, inner + [1, -1])
-          end if
-        end associate
-      end if
-      first = first + length + 1
-    end do
-    bounds = found(:, :n)
-  end subroutine find_fields
-
-  pure function without_blanks(line, bounds) result(inner)
-    character(*), intent(in) :: line
-    integer, intent(in) :: bounds(2)
-    integer :: inner(2)
-
-    inner = bounds(1) - 1 + [verify(line(bounds(1):bounds(2))//'.', blanks), verify(line(bounds(1):bounds(2)), blanks, back=.true.)]
-  end function without_blanks
 end module dst_sweep_points

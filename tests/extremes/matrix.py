@@ -49,6 +49,8 @@ ENDS: list[End] = [
     *_ends("misalignment", "system", "misalignment_deg", 0.0, 1e-12, -1.0, 45.0, 90.0, 180.0),
     *(End("anisotropy", f"k_y/k_x = {ratio:g}", (("system", "stiffness_y", 1e3 * ratio),)) for ratio in (1e-3, 1.0, 1e12)),
     *_ends("mass", "system", "mass", 1e-12, 1e6),
+    *_ends("damping_x", "system", "damping_x", 1e-12, 31.0, 1e12),
+    *_ends("damping_y", "system", "damping_y", 1e-12, 3e3, 1e12),
     *_ends("velocity", "drive", "velocity", 0.0, 1e-12, -1e-3, 1e2),
     *_ends("v_f", "friction", "v_f", 1e-9, 1e9),
     End("coefficients", "mu_0 = mu_inf", (("friction", "mu_inf", 0.20),)),
@@ -148,7 +150,7 @@ def scene_of(groups: Groups, kind: Kind, profile: Profile = ()) -> Groups:
         groups["integrator"]["method"] = kind.method
     if kind.method in {"rk4", "moreau_jean"}:
         del groups["integrator"]["rtol"]
-        groups["integrator"]["step"] = max(min(numbers.fast_period, numbers.stop) / 50, t_end / MAX_STEPS)
+        groups["integrator"]["step"] = max(min(numbers.fast_period, numbers.stop, numbers.relaxation) / 50, t_end / MAX_STEPS)
     if kind.smoothed:
         groups["friction"].update(contact="smoothed", v_smooth=0.1 * (numbers.velocity_scale or 1e-3))
     _drop_unused(groups, kind)
@@ -158,16 +160,18 @@ def scene_of(groups: Groups, kind: Kind, profile: Profile = ()) -> Groups:
 def _drop_unused(groups: Groups, kind: Kind) -> None:
     unused: dict[str, tuple[str, ...]] = {}
     if kind.model == "low_frequency":
-        unused = {"system": ("stiffness_y",), "initial": ("elongation_y",)}
+        unused = {"system": ("stiffness_y", "damping_y"), "initial": ("elongation_y",)}
+    elif kind.model == "high_frequency":
+        unused = {"system": ("damping_x",)}
     elif kind.closed_form:
         unused = {
-            "system": ("mass",),
+            "system": ("mass", "damping_x", "damping_y"),
             "friction": ("law", "mu_inf", "v_f"),
             "initial": tuple(groups["initial"]),
             "integrator": tuple(groups["integrator"]),
         }
         if kind.model == "creep_asymptotic":
-            unused["system"] = ("mass", "stiffness_y")
+            unused["system"] = ("mass", "stiffness_y", "damping_x", "damping_y")
     for group, keys in unused.items():
         for key in keys:
             groups[group].pop(key, None)
@@ -182,6 +186,7 @@ class Scales:
     release: float
     travel: float
     stop: float
+    relaxation: float
     velocity: float
     velocity_scale: float
 
@@ -206,6 +211,7 @@ class Scales:
             release=limit / growth if growth > 0 else fast_period,
             travel=limit / (soft * speed) if speed > 0 else slow_period,
             stop=mass * max(speed, 1e-12) / limit if limit > 0 else fast_period,
+            relaxation=mass / max(number.get("damping_x", 0.0), number.get("damping_y", 0.0), 1e-300),
             velocity=velocity,
             velocity_scale=speed,
         )

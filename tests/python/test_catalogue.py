@@ -85,7 +85,7 @@ def test_the_commands_of_python_take_what_the_table_says(catalogue: dict[str, An
         defaults = commands_of_python.COMMANDS[name][1]
         assert set(defaults) <= {action.dest for action in parser._actions}
         operands = [action.metavar for action in parser._actions if not action.option_strings]
-        assert operands == [listed[name]["operands"].removesuffix("...")] * bool(listed[name]["operands"])
+        assert operands == listed[name]["operands"].removesuffix("...").split()
 
 
 def test_results_have_the_columns_and_values_of_the_table(fig3_result: ds.Result, catalogue: dict[str, Any]) -> None:

@@ -63,7 +63,9 @@ def test_choices_are_offered_after_a_key(executable, form):
     before = "--set=" if form == "--set=" else ""
     assert offered(executable, f"dynstiction check {form}friction.law=") == [
         f"{before}friction.law=constant",
+        f"{before}friction.law=table",
         f"{before}friction.law=weakening",
+        f"{before}friction.law=stribeck",
     ]
     assert offered(executable, f"dynstiction check {form}system.mass=") == []
     assert offered(executable, f"dynstiction check {form}system.mess=") == []

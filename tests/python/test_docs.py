@@ -15,7 +15,15 @@ import pytest
 from pages import DOCS, first_missing, run_page
 
 ROOT = DOCS.parent
-PAGES = ("tutorial", "howto/drive_profile", "howto/model_and_accuracy", "howto/slurm", "howto/read_files")
+PAGES = (
+    "tutorial",
+    "howto/drive_profile",
+    "howto/model_and_accuracy",
+    "howto/slurm",
+    "howto/read_files",
+    "howto/measured_traces",
+    "howto/fit_a_trace",
+)
 GENERATED = {"make_pages": ("command_line.md", "deck.md"), "make_file_page": ("file.md",)}
 
 

@@ -188,7 +188,7 @@ contains
         end do
       end associate
     end do
-    call check_text('keys of a group', keys_of('system'), 'mass stiffness_x stiffness_y misalignment_deg')
+    call check_text('keys of a group', keys_of('system'), 'mass stiffness_x stiffness_y damping_x damping_y misalignment_deg')
     call check_text('condition', condition_text(schema(find_name('v_cut'))), 'method dopri5 | dop853 and contact exact')
   end subroutine test_schema
 
@@ -433,7 +433,7 @@ contains
     call refuse_once('v_f of the constant law', constant//n//'v_f = 0.1 /', &
                      "bad.nml:5: 'v_f' is not used with law constant: remove it, it works only with law weakening")
     call refuse_once('mu_inf missing', whole(:index(whole, 'mu_inf') - 1)//whole(index(whole, 'v_f'):), &
-                     "'mu_inf' is missing in &friction (needed with law weakening)")
+                     "'mu_inf' is missing in &friction (needed with law weakening | stribeck)")
     call refuse_once('v_smooth missing', smoothed//' /', "'v_smooth' is missing in &friction (needed with contact smoothed)")
     call refuse_once('v_smooth zero', smoothed//' v_smooth = 0 /', "v_smooth = '0.0' is out of range: it must be > 0.0")
     call accept('v_smooth', smoothed//' v_smooth = 1e-9 /', deck)

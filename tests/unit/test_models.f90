@@ -9,8 +9,9 @@ program test_models
   use dst_drive, only: drive_t, drive_segment_t, new_drive
   use dst_friction, only: friction_law_t, new_friction_law
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
+  use dst_monotone_cubic, only: monotone_cubic_t, new_monotone_cubic
   use dst_low_frequency, only: low_frequency_t, new_low_frequency
-  use dst_rest, only: spring_force_size, holds, release_delay, slip_start_t, start_of_slip
+  use dst_rest, only: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, start_at_release
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
   use dst_state, only: state_t
@@ -23,6 +24,9 @@ program test_models
 
   call start_random(2)
   call test_friction_laws()
+  call test_stribeck()
+  call test_table()
+  call test_static_limit()
   call test_directions()
   call test_drive()
   call test_jacobians()
@@ -78,6 +82,148 @@ contains
     call law%evaluate(6, v, force, slope)
     call check('no friction', all(abs(force) <= 0.0_wp) .and. all(abs(slope) <= 0.0_wp))
   end subroutine test_friction_laws
+
+  !> Against the formula, its slope against differences, with p = 1 the bits of the weakening law, and at any speed a number.
+  subroutine test_stribeck()
+    class(friction_law_t), allocatable :: law, weakening
+    real(wp), parameter :: mu_0 = 0.2_wp, mu_inf = 0.15_wp, v_f = 0.01_wp, w = 10.0_wp, viscous = 0.3_wp
+    real(wp), parameter :: powers(4) = [1.0_wp, 1.5_wp, 2.0_wp, 10.0_wp]
+    real(wp) :: v(40), force(40), slope(40), above(40), below(40), unused(40), expected(40), h
+    real(wp) :: far(6), far_force(6), far_slope(6)
+    integer :: i, side
+
+    v = log_uniform_many(40, 1.0e-4_wp, 1.0e2_wp)*v_f
+    do i = 1, size(powers)
+      call new_friction_law('stribeck', mu_0, mu_inf, v_f, w, law, powers(i), viscous)
+      call check_close('stribeck: kinetic limit', law%kinetic_limit, mu_0*w, 0.0_wp)
+      call law%evaluate(40, v, force, slope)
+      expected = (mu_inf + (mu_0 - mu_inf)*exp(-(v/v_f)**powers(i)) + viscous*v)*w
+      call check_close('stribeck: its formula', maxval(abs(force/expected - 1.0_wp)), 0.0_wp, 16.0_wp*eps)
+      ! On either side of v = 0, but not across it, where the power has no second derivative.
+      do side = 1, -1, -2
+        h = real(side, wp)
+        call law%evaluate(40, h*v, force, slope)
+        call law%evaluate(40, h*v*(1.0_wp + 1.0e-5_wp), above, unused)
+        call law%evaluate(40, h*v*(1.0_wp - 1.0e-5_wp), below, unused)
+        call check_close('stribeck: slope', maxval(abs(slope - (above - below)/(2.0e-5_wp*h*v))*v_f), 0.0_wp, 2.0e-7_wp*w)
+      end do
+      call law%evaluate(2, [-1.0e-300_wp, 0.0_wp], force(:2), slope(:2))
+      call check_close('stribeck: smooth through v = 0', slope(1), slope(2), 0.0_wp)
+      far = [-1.0e100_wp, -1.0e10_wp, -2.0_wp*v_f, 1.0e10_wp, 1.0e100_wp, 1.0e300_wp]
+      call law%evaluate(6, far, far_force, far_slope)
+      call check('stribeck: a number at any speed', all(abs(far_force) <= huge(1.0_wp)) .and. all(abs(far_slope) <= huge(1.0_wp)))
+      call check_close('stribeck: viscous at last', far_slope(6), viscous*w, 4.0_wp*eps*viscous*w)
+    end do
+    call new_friction_law('weakening', mu_0, mu_inf, v_f, w, weakening)
+    ! So little that only the form of the law tells it from 1 and 0.
+    do i = 1, 2
+      call new_friction_law('stribeck', mu_0, mu_inf, v_f, w, law, 1.0_wp, merge(0.0_wp, tiny(1.0_wp), i == 1))
+      v = [log_uniform_many(20, 1.0e-6_wp, 1.0e6_wp)*v_f, -log_uniform_many(20, 1.0e-6_wp, 1.0e6_wp)*v_f]
+      call law%evaluate(40, v, force, slope)
+      call weakening%evaluate(40, v, above, below)
+      call check('stribeck: the bits of the weakening law', all(abs(force - above) <= 0.0_wp) .and. &
+        all(abs(slope - below) <= 100.0_wp*tiny(1.0_wp)))
+      call check('stribeck: of its type if it is that', same_type_as(law, weakening) .eqv. i == 1)
+    end do
+  end subroutine test_stribeck
+
+  function log_uniform_many(n, low, high) result(values)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: low, high
+    real(wp) :: values(n)
+    integer :: i
+
+    do i = 1, n
+      values(i) = log_uniform(low, high)
+    end do
+  end function log_uniform_many
+
+  !> Through the points, smooth between them, without overshoot, constant above, straight below; of the third order.
+  subroutine test_table()
+    integer, parameter :: n = 12, fine = 2001
+    type(monotone_cubic_t) :: curve
+    class(friction_law_t), allocatable :: law
+    real(wp) :: x(n), y(n), value(n), slope(n), at(fine), values(fine), slopes(fine), above(fine), below(fine), unused(fine)
+    real(wp) :: error(3), step, part
+    integer :: i, k, trial, panels
+    logical :: within
+
+    do trial = 1, 50
+      x(1) = 0.0_wp
+      y(1) = log_uniform(0.1_wp, 1.0_wp)
+      do i = 2, n
+        x(i) = x(i - 1) + log_uniform(1.0e-3_wp, 1.0_wp)
+        y(i) = log_uniform(0.1_wp, 1.0_wp)
+        if (modulo(i, 5) == 0) y(i) = y(i - 1)
+      end do
+      curve = new_monotone_cubic(x, y)
+      call curve%evaluate(x, value, slope)
+      call check('table: through its points', all(abs(value - y) <= 0.0_wp))
+      within = .true.
+      do k = 1, n - 1
+        do i = 0, 20
+          part = real(i, wp)/20.0_wp
+          call curve%evaluate([x(k) + part*(x(k + 1) - x(k))], values(:1), slopes(:1))
+          within = within .and. values(1) >= min(y(k), y(k + 1)) - 4.0_wp*eps .and. values(1) <= max(y(k), y(k + 1)) + 4.0_wp*eps
+          within = within .and. slopes(1)*(y(k + 1) - y(k)) >= -1.0e-9_wp
+        end do
+      end do
+      call check('table: monotone between two points', within)
+      at(:n - 2) = x(2:n - 1)
+      call curve%evaluate(at(:n - 2)*(1.0_wp - 1.0e-12_wp), values(:n - 2), slopes(:n - 2))
+      call check_close('table: one slope at a point', maxval(abs(slopes(:n - 2) - slope(2:n - 1))/(1.0_wp + abs(slope(2:n - 1)))), &
+        0.0_wp, 1.0e-4_wp)
+    end do
+
+    do i = 1, 3
+      panels = 16*2**i
+      step = 10.0_wp/real(panels, wp)
+      curve = new_monotone_cubic([(real(k, wp)*step, k=0, panels)], [(exp(-real(k, wp)*step), k=0, panels)])
+      at = [(10.0_wp*real(k, wp)/real(fine, wp), k=0, fine - 1)]
+      call curve%evaluate(at, values, slopes)
+      error(i) = maxval(abs(values - exp(-at)))
+      call curve%evaluate(at + 1.0e-6_wp, above, unused)
+      call curve%evaluate(at - 1.0e-6_wp, below, unused)
+      call check_close('table: its derivative', maxval(abs(slopes - (above - below)/2.0e-6_wp)), 0.0_wp, 2.0e-6_wp)
+    end do
+    call check('table: of the third order', minval(log(error(:2)/error(2:))/log(2.0_wp)) > 2.7_wp)
+
+    call new_friction_law('table', 0.0_wp, 0.0_wp, 1.0_wp, 10.0_wp, law, speed=[0.0_wp, 0.1_wp, 0.3_wp], &
+      mu=[0.2_wp, 0.16_wp, 0.15_wp])
+    call check_close('table: kinetic limit', law%kinetic_limit, 2.0_wp, 0.0_wp)
+    call check_close('table: no knot below the second point', law%first_knot(), 0.1_wp, 0.0_wp)
+    call law%evaluate(5, [-1.0_wp, 0.0_wp, 0.3_wp, 1.0e300_wp, -1.0e300_wp], values(:5), slopes(:5))
+    call check_close('table: straight below v = 0', values(1), values(2) - slopes(2), 4.0_wp*eps)
+    call check('table: constant above', all(abs(values(3:4) - 1.5_wp) <= 0.0_wp) .and. all(abs(slopes(3:4)) <= 0.0_wp))
+    ! The slope of the parabola at its end, -0.4667 s/m: (mu_2 - mu_1)/h_1 + h_1/(h_1 + h_2) (s_1 - s_2).
+    call check_close('table: slope at rest', slopes(2), 10.0_wp*(-0.4_wp - (0.4_wp - 0.05_wp)/3.0_wp), 1.0e-13_wp)
+  end subroutine test_table
+
+  !> A static limit above F(0): rest holds up to it, and slip begins with the excess over F(0).
+  subroutine test_static_limit()
+    type(slider_t) :: slider
+    type(slip_start_t) :: begin
+    real(wp) :: u(2), force(1), slope(1)
+
+    slider%mass = 0.25_wp
+    slider%stiffness = [1.0e3_wp, 1.0e7_wp]
+    slider%along = cos_sin_degrees(1.0_wp)
+    call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
+    slider%law%static_limit = 2.5_wp
+    call slider%law%evaluate(1, [0.0_wp], force, slope)
+    call check_close('static limit: F(0) stays', force(1), 2.0_wp, 4.0_wp*eps)
+    u = slider%elongation_at_limit(0.5_wp)
+    call check_close('static limit: of the spring force', spring_force_size(slider, u), 2.5_wp, 4.0_wp*eps)
+    call check('static limit: rest holds below, not above', holds(slider, 0.99_wp*u, 1.0e-3_wp) .and. &
+      .not. holds(slider, 1.01_wp*u, 1.0e-3_wp))
+    begin = start_at_release(slider, u, 1.0e-3_wp)
+    call check_close('static limit: acceleration at the release', begin%rate(1), 0.5_wp/0.25_wp, 4.0_wp*eps)
+    begin = start_of_slip(slider, 1.2_wp*u, 1.0e-3_wp)
+    call check_close('static limit: acceleration beyond it', begin%rate(1), 1.0_wp/0.25_wp, 32.0_wp*eps)
+    slider%law%static_limit = slider%law%kinetic_limit
+    begin = start_at_release(slider, slider%elongation_at_limit(0.5_wp), 1.0e-3_wp)
+    call check_close('static limit: none at F(0)', begin%rate(1), 0.0_wp, 0.0_wp)
+  end subroutine test_static_limit
 
   subroutine test_directions()
     real(wp) :: angle, direction(2), mirrored(2), worst, worst_unit

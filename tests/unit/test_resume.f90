@@ -21,6 +21,7 @@ program test_resume
   end do
   do i = 1, 5
     call compare(trim(methods(i))//', creep and turning back', turning_back(trim(methods(i))))
+    call compare(trim(methods(i))//', dampers', damped(turning_back(trim(methods(i)))))
     call compare(trim(methods(i))//', low frequency', low_frequency(trim(methods(i))))
     call compare(trim(methods(i))//', along a line', along_a_line(fig3(2.9_wp, trim(methods(i)), 1.0e-7_wp)))
   end do
@@ -60,6 +61,16 @@ contains
     scene%drive_time = [0.0_wp, 0.02_wp, 0.02_wp, 0.03_wp, 0.04_wp, 0.06_wp, 0.07_wp]
     scene%drive_velocity = [1.0e-3_wp, 1.0e-3_wp, 0.0_wp, 0.0_wp, 2.0e-3_wp, 2.0e-3_wp, -1.0e-3_wp]
   end function turning_back
+
+  !> The same with dampers, of which that of the stiff spring is below the critical damping.
+  pure function damped(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%damping_x = 5.0_wp
+    changed%damping_y = 300.0_wp
+  end function damped
 
   function low_frequency(method) result(scene)
     character(*), intent(in) :: method

@@ -44,7 +44,8 @@ LEAST_SWING = 0.01
 """Share of F_0 that a cycle needs, as in src/results/cycles.f90: what swings less slides steadily."""
 
 SLIDER = ("mass", "stiffness_x", "misalignment_deg", "mu_0", "normal_load", "velocity")
-"""What the stability of steady sliding depends on; besides these mu_inf and v_f where friction weakens, and k_y."""
+"""What the stability of steady sliding depends on; besides these mu_inf and v_f where friction weakens, k_y, and dampers."""
+OPTIONAL = ("stiffness_y", "mu_inf", "v_f", "damping_x", "damping_y")
 
 FINE = 2000
 """Values of the parameter at which steady sliding is looked at."""
@@ -238,9 +239,11 @@ def _final_load(table: Table) -> Floats:
 
 
 def _slider(table: Table, side: Axis, values: Floats) -> dict[str, Floats] | None:
-    """Parameters of steady sliding where that of the diagram has these values; None if some are missing, or V is 0."""
-    names = [*SLIDER, *(name for name in ("stiffness_y", "mu_inf", "v_f") if table.has(name))]
-    if not all(name in table.numbers or name == side.name for name in names):
+    """Parameters of steady sliding where that of the diagram has these values; None if some are missing, or V is 0,
+    or the friction law is none that coefficients tell.
+    """
+    names = [*SLIDER, *(name for name in OPTIONAL if table.has(name))]
+    if not table.has_theory or not all(name in table.numbers or name == side.name for name in names):
         return None
     found = {
         name: values if name == side.name else np.full(values.shape, table.numbers[name]) for name in names

@@ -43,6 +43,8 @@ SIGNED_COLOURS = "RdBu_r"
 
 SLIDER = ("mass", "stiffness_x", "stiffness_y", "mu_0", "mu_inf", "v_f", "normal_load", "velocity")
 """What the lines of stability depend on, besides the misalignment."""
+DAMPERS = ("damping_x", "damping_y")
+"""And where the springs have dampers."""
 
 FINE = 2000
 """Points of a line of stability."""
@@ -150,10 +152,12 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
     spaced = np.geomspace if right.scale == "log" else np.linspace
     values = spaced(right.values.min(), right.values.max(), FINE)
     shown = right._replace(values=values).shown
-    if all(name in table.numbers or name == right.name for name in SLIDER if name != "stiffness_y"):
+    if table.has_theory and all(
+        name in table.numbers or name == right.name for name in SLIDER if name != "stiffness_y"
+    ):
         # Without a stiff axis only the limit of a rigid one is drawn, which does not depend on it.
         given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
-        given |= {name: table.numbers[name] for name in SLIDER if name in table.numbers}
+        given |= {name: table.numbers[name] for name in (*SLIDER, *DAMPERS) if name in table.numbers}
         critical = critical_misalignment(**(given | {right.name: values}))
         (slow, fast), rigid = np.degrees(critical.angle).T, np.degrees(critical.limit)
         if table.has("stiffness_y"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..errors import UsageError
 from ..scene import Scene
 from .samples import Floats
+from .theory import is_exponential
 
 if TYPE_CHECKING:
     import xarray
@@ -20,6 +22,8 @@ SYMBOLS = {
     "mass": ("$m$", 1.0, "kg"),
     "stiffness_x": ("$k_x$", 1.0, "N/m"),
     "stiffness_y": ("$k_y$", 1.0, "N/m"),
+    "damping_x": ("$c_x$", 1.0, "N s/m"),
+    "damping_y": ("$c_y$", 1.0, "N s/m"),
     "misalignment_deg": (r"$\varphi$", 1.0, "deg"),
     "mu_0": (r"$\mu_0$", 1.0, "1"),
     "mu_inf": (r"$\mu_\infty$", 1.0, "1"),
@@ -76,6 +80,8 @@ class Table(NamedTuple):
     is_grid: bool
     numbers: dict[str, float]
     """Numbers of the deck by name of the key."""
+    has_theory: bool = True
+    """Whether the linear theory of steady sliding, which takes coefficients, stands for the friction law."""
 
     def has(self, name: str) -> bool:
         """Whether every case has this parameter."""
@@ -118,11 +124,18 @@ def table_of(data: xarray.Dataset) -> Table:
         Axis(str(key), np.asarray(data[key].values, dtype=float), units[key])
         for key in (dims if is_grid else data.coords)
     )
-    return Table(data, axes, is_grid, numbers_of(str(data.attrs.get("deck", ""))))
+    values = values_of(str(data.attrs.get("deck", "")))
+    varied = [_name_of(key) for key in data.coords]
+    has_theory = is_exponential(values) and not {"exponent", "viscous"}.intersection(varied)
+    return Table(data, axes, is_grid, numbers_of(values), has_theory)
 
 
-def numbers_of(deck: str) -> dict[str, float]:
-    """Values of the deck's keys that have one number."""
+def values_of(deck: str) -> dict[str, object]:
+    """Values of the deck's keys by name."""
     groups = Scene(deck).groups().values() if deck else ()
-    values = {name: value for group in groups for name, value in group.items()}
+    return {name: value for group in groups for name, value in group.items()}
+
+
+def numbers_of(values: Mapping[str, object]) -> dict[str, float]:
+    """Those of one number."""
     return {name: float(value) for name, value in values.items() if isinstance(value, (int, float))}

@@ -13,17 +13,25 @@ from ..spectrum import oscillation_frequency
 from ..stability import damping_ratio
 from .samples import Floats
 
-__all__ = ["creep", "damping_crossing", "scaled_time", "slider", "stiff_frequency"]
+__all__ = ["creep", "damping_crossing", "is_exponential", "scaled_time", "slider", "stiff_frequency"]
 
 ALWAYS = ("mass", "stiffness_x", "stiffness_y", "mu_0", "normal_load", "velocity")
 WEAKENING = ("mu_inf", "v_f")
+
+
+def is_exponential(values: Mapping[str, object]) -> bool:
+    """Whether the friction law of a deck with these values by key is constant, or falls exponentially."""
+    law = values.get("law", "constant")
+    plain = values.get("exponent", 1.0) == 1.0 and values.get("viscous", 0.0) == 0.0
+    return law in ("constant", "weakening") or (law == "stribeck" and plain)
 
 
 def slider(result: Result) -> dict[str, float]:
     """Keywords of `damping_ratio` and its like [SI], of the friction law as the deck has it; a `UsageError` if one is missing."""
     parameters = _numbers(result, *ALWAYS, "misalignment_deg")
     parameters["misalignment"] = np.radians(parameters.pop("misalignment_deg"))
-    if all(name in result.parameters for name in WEAKENING):
+    # With another law the curve of friction held at mu_0 W remains.
+    if is_exponential(result.parameters) and all(name in result.parameters for name in WEAKENING):
         parameters |= _numbers(result, *WEAKENING)
     return parameters
 

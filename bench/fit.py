@@ -1,0 +1,155 @@
+"""How honest a fit is: how often its 95 % intervals hold the truth, over synthetic traces of drawn rigs.
+
+Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 1 % of the swing. Drawn are misalignment, both
+friction coefficients, v_f, mass, soft stiffness and drive velocity, all of them but the velocity are free in the fit, which begins at
+values that are off by up to 30 %. Kept are rigs with stick-slip that repeats, with at least 20 samples in a slip and slips that take
+less than a quarter of the period. `python bench/fit.py` fits 200 (`--count`), `--first N` begins elsewhere, `--noise`, `--csv FILE`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import dynstiction as ds
+import numpy as np
+
+FREE = (
+    "system.misalignment_deg",
+    "friction.mu_0",
+    "friction.mu_inf",
+    "friction.v_f",
+    "system.mass",
+    "system.stiffness_x",
+)
+RIG = """
+&scene model = 'full', t_end = 10.0 /
+&system mass = 0.25, stiffness_x = 1.0e3, stiffness_y = 1.0e7, misalignment_deg = 1.0 /
+&friction mu_0 = 0.20, mu_inf = 0.15, v_f = 0.010, normal_load = 10.0 /
+&drive velocity = 1.0e-3 /
+&integrator rtol = 1.0e-7 /
+"""
+CYCLES = 20.6
+RATE = 1.0e3
+FASTEST = 20.0
+"""Samples in a slip, at least."""
+SHORTEST = 0.25
+"""Of the period: the longest slip."""
+AWAY = 0.3
+"""Largest change of a logarithm from the truth to the values that a fit begins with."""
+
+
+def with_values(scene: ds.Scene, values: dict[str, float]) -> ds.Scene:
+    groups: dict[str, dict[str, float]] = {}
+    for name, value in values.items():
+        group, _, key = name.partition(".")
+        groups.setdefault(group, {})[key] = float(value)
+    return scene.replace(**groups)  # type: ignore[arg-type]
+
+
+def rigs(seed: int) -> Iterator[tuple[dict[str, float], ds.Scene, float, float]]:
+    """Values, scene, period and time at which it has settled, of one rig after another."""
+    draw = np.random.default_rng(seed)
+    while True:
+        mu_0 = draw.uniform(0.15, 0.6)
+        values = {
+            "system.misalignment_deg": float(np.exp(draw.uniform(np.log(0.5), np.log(3.0)))),
+            "friction.mu_0": mu_0,
+            "friction.mu_inf": mu_0 * draw.uniform(0.6, 0.9),
+            "friction.v_f": 10.0 ** draw.uniform(-2.5, -1.5),
+            "system.mass": 10.0 ** draw.uniform(-1.0, 0.5),
+            "system.stiffness_x": 10.0 ** draw.uniform(2.5, 3.7),
+        }
+        scene = with_values(ds.Scene(RIG), values | {"drive.velocity": 10.0 ** draw.uniform(-3.5, -2.5)})
+        cycles = ds.cycles(scene, model="low_frequency").stable
+        if not cycles:
+            continue
+        settled = ds.run(
+            scene, scene={"settle": 1e-7, "t_end": 40.0 * cycles[0].period}, output={"interval": 1.0}
+        )
+        about = settled.summary
+        if "settled_at" not in about:
+            continue
+        slip, period = about["slip_duration"], about["period"]
+        if slip * RATE >= FASTEST and slip <= SHORTEST * period:
+            yield values, scene, float(period), float(settled.time[-1])
+
+
+def trace_of(scene: ds.Scene, period: float, begin: float, noise: float, seed: int) -> ds.Trace:
+    """The rig's force for 20 cycles, with noise."""
+    draw = np.random.default_rng(seed)
+    run = ds.run(
+        scene,
+        scene={"t_end": begin + CYCLES * period},
+        output={"interval": 1.0 / RATE, "fields": ["spring_force_x", "spring_force_y"]},
+    )
+    trace = ds.Trace.of(run).part(start=begin + draw.uniform(0.0, 0.5) * period)
+    swing = np.ptp(trace.force)
+    return ds.Trace(trace.time, trace.force + noise * swing * draw.standard_normal(trace.time.size))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--short", action="store_true", help="four traces")
+    parser.add_argument("--noise", type=float, default=0.01)
+    parser.add_argument("--csv", type=Path)
+    options = parser.parse_args()
+    count = 4 if options.short else options.count
+    rows: list[str] = []
+    inside: list[list[bool | None]] = []
+    times, warned, refused = [], 0, 0
+    for seed in range(options.first, options.first + count):
+        values, scene, period, begin = next(rigs(seed))
+        trace = trace_of(scene, period, begin, options.noise, seed)
+        draw = np.random.default_rng(seed + 1_000_000)
+        deck = with_values(scene, {k: v * np.exp(draw.uniform(-AWAY, AWAY)) for k, v in values.items()})
+        started = time.process_time()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                found = ds.fit(deck, trace, FREE)
+        except ds.Error as error:
+            refused += 1
+            print(f"{seed:5d} refused: {error}", flush=True)
+            continue
+        times.append(time.process_time() - started)
+        ends = [found.interval(name) for name in FREE]
+        held = [
+            low <= values[name] <= high if found.parameters[name].told else None
+            for name, (low, high) in zip(FREE, ends, strict=True)
+        ]
+        if found.explains:
+            inside.append(held)
+        else:
+            warned += 1
+        angle = found.parameters["system.misalignment_deg"]
+        print(
+            f"{seed:5d} period {period:6.3f} s, phi {values[FREE[0]]:5.3f} found {angle.value:6.3f} ± {angle.error:5.3f}, "
+            f"{''.join('-' if h is None else '+' if h else 'x' for h in held)} misfit {found.misfit:.2f} {times[-1]:4.1f} s"
+            f"{'' if found.explains else ' NOT EXPLAINED'}",
+            flush=True,
+        )
+        rows.append(",".join([str(seed), *(f"{values[n]:.9g},{found[n]:.9g}" for n in FREE)]))
+    if options.csv:
+        options.csv.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    told = [h for row in inside for h in row if h is not None]
+    print(f"{len(inside)} fits that explain their trace, {warned} that warn, {refused} refused")
+    if told:
+        print(f"95 % intervals that hold the truth: {100.0 * np.mean(told):.1f} % of {len(told)}")
+        for i, name in enumerate(FREE):
+            column = [row[i] for row in inside if row[i] is not None]
+            print(f"  {name:24s} {100.0 * np.mean(column):5.1f} % of {len(column)}")
+        print(
+            f"processor time of a fit: median {np.median(times):.2f} s, 95 % below {np.quantile(times, 0.95):.2f} s, longest {max(times):.2f} s"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

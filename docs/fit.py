@@ -1,0 +1,138 @@
+"""Measure what docs/fit.md says of fits, and draw its figures: what a reader can rerun.
+
+    python docs/fit.py [--short]
+
+Prints two tables in Markdown. The first: what a force trace along the pull tells of a rig, as standard errors by noise and sampling.
+The second: how often creep before slip is seen, by misalignment and noise, and with static friction. Writes docs/figures/fit.png,
+identifiability.png.
+"""
+
+import argparse
+import math
+import warnings
+from pathlib import Path
+
+import dynstiction as ds
+import numpy as np
+from dynstiction.plot.style import BLUE, COLUMN_WIDTH, GREEN, MM, VERMILION, new_figure, write
+from matplotlib.figure import Figure
+
+DOCS = Path(__file__).resolve().parent
+RIG = ds.Scene(DOCS.parent / "inputs" / "fig3.nml").replace(
+    integrator={"method": "radau13", "rtol": 1e-7},
+    system={"misalignment_deg": 1.4, "stiffness_x": 900.0, "mass": 0.4},
+    friction={"mu_0": 0.24, "mu_inf": 0.19},
+)
+FREE = (
+    "system.misalignment_deg",
+    "friction.mu_0",
+    "friction.mu_inf",
+    "friction.v_f",
+    "system.mass",
+    "system.stiffness_x",
+)
+NOISES, RATES = (0.001, 0.01, 0.05), (200.0, 1e3, 5e3)
+CYCLES = 20.6
+SEEDS = 20
+ANGLES, CREEP_NOISES = (0.1, 0.3, 1.0, 3.0), (0.002, 0.01, 0.03, 0.1)
+
+
+def clean_trace(scene: ds.Scene, cycles: float, rate: float) -> ds.Trace:
+    """Force of the settled motion."""
+    period = ds.run(scene, scene={"settle": 1e-7, "t_end": 60.0}, output={"interval": 1.0}).summary["period"]
+    run = ds.run(
+        scene,
+        scene={"t_end": (4.0 + cycles) * period},
+        output={"interval": 1.0 / rate, "fields": ["spring_force_x", "spring_force_y"]},
+    )
+    return ds.Trace.of(run).part(start=4.0 * period)
+
+
+def noisy(trace: ds.Trace, noise: float, seed: int) -> ds.Trace:
+    random = np.random.default_rng(seed)
+    return ds.Trace(
+        trace.time, trace.force + noise * np.ptp(trace.force) * random.standard_normal(trace.time.size)
+    )
+
+
+def identifiability(short: bool) -> dict[tuple[float, float], ds.Fit]:
+    found = {}
+    for rate in RATES[1:2] if short else RATES:
+        trace = clean_trace(RIG, CYCLES, rate)
+        for noise in NOISES[1:2] if short else NOISES:
+            found[rate, noise] = ds.fit(RIG, noisy(trace, noise, 1), FREE)
+    names = [name.partition(".")[2] for name in FREE]
+    print("| samples a second | noise, of the swing | " + " | ".join(names) + " |")
+    print("| --- " * (len(FREE) + 2) + "|")
+    for (rate, noise), fit in found.items():
+        cells = [
+            f"{100.0 * p.error / p.value:.2g} %" if p.told else "–"
+            for p in (fit.parameters[name] for name in FREE)
+        ]
+        print(f"| {rate:g} | {100.0 * noise:g} % | " + " | ".join(cells) + " |")
+    law = found[1e3, 0.01]
+    cells = [
+        f"{100.0 * p.law_error / p.value:.2g} %" if p.told else "–" for p in (law.parameters[n] for n in FREE)
+    ]
+    print("| 1000 | 1 %, any law | " + " | ".join(cells) + " |\n")
+    return found
+
+
+def power(short: bool) -> None:
+    print("| scene | " + " | ".join(f"noise {100.0 * noise:g} %" for noise in CREEP_NOISES) + " |")
+    print("| --- " * (len(CREEP_NOISES) + 1) + "|")
+    fig3 = ds.Scene(RIG, system={"stiffness_x": 1e3, "mass": 0.25}, friction={"mu_0": 0.2, "mu_inf": 0.15})
+    scenes = {f"{angle:g}°": ds.Scene(fig3, system={"misalignment_deg": angle}) for angle in ANGLES}
+    for static in (0.2, 0.22, 0.3):
+        scenes[f"0°, mu_static = {static:g}"] = ds.Scene(
+            fig3, system={"misalignment_deg": 0.0}, friction={"mu_static": static}
+        )
+    for name, scene in list(scenes.items())[:: 3 if short else 1]:
+        trace = clean_trace(scene, 11.3, 1e3)
+        cells = []
+        for noise in CREEP_NOISES:
+            seen = [ds.creep_test(noisy(trace, noise, seed)).creeps for seed in range(3 if short else SEEDS)]
+            cells.append(f"{100.0 * np.mean(seen):.0f} %")
+        print(f"| {name} | " + " | ".join(cells) + " |")
+
+
+def draw_identifiability(found: dict[tuple[float, float], ds.Fit], figure: Figure) -> None:
+    figure.set_size_inches(COLUMN_WIDTH, 75.0 * MM)
+    axis = figure.subplots()
+    for rate, colour, marker in zip(RATES, (BLUE, VERMILION, GREEN), "osv", strict=True):
+        for noise in NOISES:
+            fit = found[rate, noise]
+            errors = [
+                p.error / p.value if p.told else math.nan for p in (fit.parameters[name] for name in FREE)
+            ]
+            size = {0.001: 2.5, 0.01: 4.0, 0.05: 6.0}[noise]
+            axis.plot(range(len(FREE)), errors, marker, color=colour, markersize=size, markerfacecolor="none")
+    axis.set_yscale("log")
+    axis.set_ylabel("standard error, relative")
+    axis.set_xticks(range(len(FREE)), [r"$\varphi$", r"$\mu_0$", r"$\mu_\infty$", "$v_f$", "$m$", "$k_x$"])
+    for rate, colour, marker in zip(RATES, (BLUE, VERMILION, GREEN), "osv", strict=True):
+        axis.plot(
+            [], [], marker, color=colour, markerfacecolor="none", markersize=4.0, label=f"{rate:g} samples/s"
+        )
+    figure.legend(loc="outside upper center", ncols=3, columnspacing=1.0, handletextpad=0.1)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--short", action="store_true", help="a part of the tables, no figures")
+    short = parser.parse_args().short
+    warnings.simplefilter("ignore", ds.FitWarning)
+    found = identifiability(short)
+    power(short)
+    if not short:
+        write(found[1e3, 0.01].plot(), DOCS / "figures" / "fit.png")
+        write(
+            new_figure(lambda figure: draw_identifiability(found, figure)),
+            DOCS / "figures" / "identifiability.png",
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,194 @@
+"""The force along the pull in the settled stick-slip of a scene, over the bins of a waveform."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _native
+from .._run import run
+from ..errors import Error, SolverError
+from ..result import Result
+from ..scene import Scene
+from ..trace import Trace
+from .waveform import Waveform, bin_means
+
+__all__ = ["NoCycleError", "fastest_slip", "full_means", "slow_means", "slow_scene", "steady_velocity"]
+
+_Floats = NDArray[np.float64]
+
+SETTLED = 1e-6
+"""Two cycles that agree to this are the settled one."""
+LONGEST = (12.0, 100.0)
+"""Of the measured period: how long the motion may take to settle. Leaps over cycles that repeat go on up to half of it."""
+TOLERANCE = 1e-7
+"""Of the slow model's steps: its error is far below what a thousandth of a parameter changes."""
+SLOW_METHOD = "radau5"
+"""Its steps are close enough for cubic polynomials between their ends."""
+FINER = 4
+"""Samples of the full model between two of the trace."""
+CYCLES = 2.3
+"""Cycles of the full model that are looked at."""
+
+
+class NoCycleError(Error):
+    """The scene has no stick-slip that repeats."""
+
+
+def slow_scene(scene: Scene) -> Scene:
+    """The scene for the model low_frequency: without the keys that this model does not use."""
+    unused: dict[str, dict[str, None]] = {}
+    for group, keys in scene.groups().items():
+        for key in keys:
+            for on, choices in _native.key_info(group, key).used_by:
+                if on == "model" and "low_frequency" not in choices:
+                    unused.setdefault(group, {})[key] = None
+    slow = scene.replace(**unused)
+    return slow.replace(scene={"model": "low_frequency"})
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A force that repeats: its integral from `begin` on, over one period."""
+
+    begin: float
+    period: float
+    slip: float
+    integral: Callable[[_Floats], _Floats]
+
+    def means(self, wave: Waveform, delay: float) -> _Floats:
+        """Over the bins of a waveform, its phases kept; behind them the period."""
+        edges = wave.edges * (self.period / wave.period) + self.slip + delay
+        turns = np.floor((edges - self.begin) / self.period)
+        whole = self.integral(np.array([self.begin + self.period]))[0]
+        total = self.integral(edges - turns * self.period) + turns * whole
+        return np.append(np.diff(total) / np.diff(edges), self.period)
+
+
+def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
+    """The settled cycle of a scene with the model low_frequency, smooth in all its parameters.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    wave : Waveform
+        Whose bins are taken.
+    delay : float
+        By which its slips come later than the model's [s].
+
+    Returns
+    -------
+    ndarray, shape (n + 1,)
+        Mean force of each bin [N], and the period [s].
+
+    Raises
+    ------
+    NoCycleError
+        If there is no stick-slip that repeats.
+    """
+    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+
+    result = _settled(
+        scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "spring_force_y"]}, precise=True
+    )
+    period = float(result.summary["period"])
+    cosine, sine, velocity = _geometry(scene)
+    sense = np.sign(velocity)
+    stiffness = sense * cosine * float(scene.system.stiffness_x or 0.0)
+    keep = np.append(True, np.diff(result.time) > 0.0)
+    keep[: max(0, int(np.searchsorted(result.time, result.time[-1] - period)) - 2)] = False
+    time = result.time[keep]
+    # The load is smooth; the force of the rigid spring jumps with the direction of friction, where steps are short.
+    load = CubicHermiteSpline(
+        time, stiffness * result["u_x"][keep], stiffness * (velocity * cosine - result["w_x"][keep])
+    )
+    across = PchipInterpolator(time, sense * sine * result["spring_force_y"][keep])
+    load_integral, across_integral = load.antiderivative(), across.antiderivative()
+    end = float(time[-1])
+    begin = end - period
+    grid = np.linspace(begin, end, 400)
+    middle = 0.5 * cosine * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
+    slip = _fall_through(middle, grid, load)
+
+    def integral(t: _Floats) -> _Floats:
+        total: _Floats = load_integral(t) + across_integral(t) - load_integral(begin) - across_integral(begin)
+        return total
+
+    return _Curve(begin, period, slip, integral).means(wave, delay)
+
+
+def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
+    """As `slow_means`, of any model, by runs that are sampled more finely than the trace."""
+    result = _settled(scene, wave, {"interval": wave.interval, "fields": ["sticking"]})
+    end, period = float(result.time[-1]), float(result.summary["period"])
+    fine = run(
+        scene,
+        progress=False,
+        scene={"settle": 0.0, "t_end": end + CYCLES * period},
+        output={"interval": wave.interval / FINER, "fields": ["spring_force_x", "spring_force_y"]},
+    )
+    trace = Trace.of(fine).part(start=end)
+    load = np.sign(_geometry(scene)[2]) * fine["spring_force_x"][-trace.time.size :] * _geometry(scene)[0]
+    middle = (
+        0.5
+        * abs(_geometry(scene)[0])
+        * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
+    )
+    k = np.flatnonzero((load[:-1] > middle) & (load[1:] <= middle))
+    slips = trace.time[k] + (load[k] - middle) / (load[k] - load[k + 1]) * np.diff(trace.time)[k]
+    edges = wave.edges * (period / wave.period) + delay
+    inside = slips[(slips + edges[0] >= trace.time[0]) & (slips + edges[-1] <= trace.time[-1])]
+    if inside.size == 0:
+        raise NoCycleError("no whole cycle is found")
+    return np.append(bin_means(trace.time, trace.force, edges + inside[-1]), period)
+
+
+def fastest_slip(scene: Scene, wave: Waveform) -> float:
+    """Fastest slip of a scene's settled cycle along the drive [m/s]."""
+    return float(_settled(scene, wave, {"interval": wave.interval, "fields": ["u_x"]}).summary["max_X_rate"])
+
+
+def _settled(scene: Scene, wave: Waveform, output: dict[str, object], precise: bool = False) -> Result:
+    integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE} if precise else {}
+    for longest in LONGEST:
+        try:
+            result = run(
+                scene,
+                progress=False,
+                scene={"settle": SETTLED, "t_end": longest * wave.period},
+                integrator=integrator,
+                output=output,
+            )
+        except SolverError as error:
+            raise NoCycleError(str(error)) from error
+        if "settled_at" in result.summary and result.summary["period"] < result.time[-1]:
+            return result
+    raise NoCycleError(f"{scene.name}: no stick-slip that repeats within {LONGEST[-1]:g} measured periods")
+
+
+def steady_velocity(scene: Scene) -> float:
+    """Drive velocity [m/s]; 0 if it has several values."""
+    given = scene.drive.velocity
+    velocity = np.ravel(np.asarray(0.0 if given is None else given, dtype=np.float64))
+    return float(velocity[0]) if velocity.size == 1 else 0.0
+
+
+def _geometry(scene: Scene) -> tuple[float, float, float]:
+    angle = np.radians(scene.system.misalignment_deg or 0.0)
+    return float(np.cos(angle)), float(np.sin(angle)), steady_velocity(scene)
+
+
+def _fall_through(level: float, grid: _Floats, load: Callable[[_Floats], _Floats]) -> float:
+    """Last time at which the load falls through a level; the first of the grid if it does so at the seam."""
+    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+
+    values = load(grid)
+    falls = np.flatnonzero((values[:-1] > level) & (values[1:] <= level))
+    if falls.size == 0:
+        return float(grid[0])
+    k = falls[-1]
+    return float(brentq(lambda t: float(load(t)) - level, grid[k], grid[k + 1], xtol=1e-15, rtol=1e-14))

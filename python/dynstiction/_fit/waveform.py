@@ -1,0 +1,192 @@
+"""The mean waveform of a force trace about its slips, as means over bins: the same for a measurement and for a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UsageError
+from ..trace import Trace
+from ..trace_cycles import TraceCycles
+
+__all__ = ["Waveform", "bin_means", "waveform_of"]
+
+_Floats = NDArray[np.float64]
+
+FEWEST = 3
+"""Cycles without which there is no scatter."""
+LEAD = 0.9
+"""The window of a cycle begins this share of a period before its slip, and ends a period later."""
+CREEP_BINS = 40
+"""Bins of the creep before the slip. Twice: the standard errors change by less than 5 %."""
+SLIP_BINS = 25
+"""Bins over the fall of the force at a slip, if there are as many samples."""
+CORNER = 0.1
+"""Around the valley, where the force along the pull jumps with the direction of friction and rings, this share of the fall is left
+out."""
+SMOOTHED = 2
+"""Bins on either side over which the scatter of a bin is averaged."""
+
+
+@dataclass(frozen=True)
+class Waveform:
+    """Force over one stick-slip cycle, and its period.
+
+    Attributes
+    ----------
+    edges : ndarray, shape (n + 1,)
+        Of the bins, time since the slip [s].
+    cycles : ndarray, shape (cycles, n)
+        Mean force of each bin in each cycle [N].
+    error : ndarray, shape (n,)
+        Standard error of a bin's mean over the cycles [N].
+    used : ndarray of bool, shape (n,)
+        Bins that count in a fit.
+    period, period_error : float
+        Mean period and its standard error [s].
+    fall : float
+        How long the force takes to fall from 85 % to 15 % of its swing [s].
+    interval : float
+        Time between two samples [s].
+    """
+
+    edges: _Floats
+    cycles: _Floats
+    error: _Floats
+    used: NDArray[np.bool_]
+    period: float
+    period_error: float
+    fall: float
+    interval: float
+
+    @property
+    def mean(self) -> _Floats:
+        """Mean over the cycles [N], shape (n,)."""
+        mean: _Floats = self.cycles.mean(axis=0)
+        return mean
+
+    @property
+    def time(self) -> _Floats:
+        """Middles of the bins, since the slip [s], shape (n,)."""
+        middle: _Floats = 0.5 * (self.edges[1:] + self.edges[:-1])
+        return middle
+
+    @property
+    def swing(self) -> float:
+        """Highest bin less lowest [N]."""
+        return float(np.ptp(self.mean))
+
+
+def bin_means(time: _Floats, force: _Floats, edges: _Floats) -> _Floats:
+    """Means of the straight lines between samples over bins.
+
+    Parameters
+    ----------
+    time, force : ndarray, shape (m,)
+        Samples [s, N].
+    edges : ndarray, shape (n + 1,)
+        Edges of the bins [s], inside the samples' times.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Mean of each bin [N].
+    """
+    steps = np.diff(time)
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * steps)])
+    k = np.clip(np.searchsorted(time, edges, side="right") - 1, 0, time.size - 2)
+    past = edges - time[k]
+    slope = (force[k + 1] - force[k]) / steps[k]
+    integral = total[k] + past * (force[k] + 0.5 * past * slope)
+    means: _Floats = np.diff(integral) / np.diff(edges)
+    return means
+
+
+def waveform_of(trace: Trace, cycles: TraceCycles) -> Waveform:
+    """Waveform of a trace.
+
+    Parameters
+    ----------
+    trace : Trace
+        The trace.
+    cycles : TraceCycles
+        Its cycles, from `find_cycles`.
+
+    Raises
+    ------
+    UsageError
+        If fewer than three slips have their whole cycle around them in the trace.
+    """
+    time, force, slips, noise = trace.time, trace.force, cycles.slips, cycles.noise
+    interval = trace.interval
+    period = float(np.mean(np.diff(slips)))
+    fall = _fall(time, force, slips, period)
+    edges = _edges(period, fall, interval)
+    whole = [slip for slip in slips if slip + edges[0] >= time[0] and slip + edges[-1] <= time[-1]]
+    if len(whole) < FEWEST:
+        raise UsageError(
+            f"{trace.name}: {len(whole)} slips have a whole cycle of {period:.4g} s around them: a fit needs at least {FEWEST}"
+        )
+    rows = np.array([bin_means(time, force, edges + slip) for slip in whole])
+    white = noise**2 * np.minimum(1.0, interval / np.diff(edges))
+    scatter = _smoothed(rows.var(axis=0, ddof=1))
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    mean = rows.mean(axis=0)
+    after = np.flatnonzero(middle > 0.0)
+    valley = middle[after[np.argmin(mean[after])]]
+    return Waveform(
+        edges,
+        rows,
+        np.sqrt(np.maximum(white, scatter) / len(whole)),
+        np.abs(middle - valley) > max(3.0 * interval, CORNER * fall),
+        period,
+        _period_error(np.diff(slips), period),
+        fall,
+        interval,
+    )
+
+
+def _fall(time: _Floats, force: _Floats, slips: _Floats, period: float) -> float:
+    """Mean time from 85 % to 15 % of the swing."""
+    low, high = np.quantile(force, [0.02, 0.98])
+    lengths = []
+    for slip in slips:
+        near = (time > slip - 0.4 * period) & (time < slip + 0.4 * period)
+        t, share = time[near], (force[near] - low) / (high - low)
+        before, after = t[(t <= slip) & (share > 0.85)], t[(t >= slip) & (share < 0.15)]
+        if before.size and after.size:
+            lengths.append(after[0] - before[-1])
+    return float(np.median(lengths)) if lengths else 0.02 * period
+
+
+def _edges(period: float, fall: float, interval: float) -> _Floats:
+    step = max(interval, fall / SLIP_BINS)
+    first, last = -LEAD * period, (1.0 - LEAD) * period
+    near = np.arange(max(-2.0 * fall, 0.5 * first), min(3.0 * fall, last), step)
+    creep = np.linspace(
+        first, near[0], min(CREEP_BINS, max(2, int((near[0] - first) / step))), endpoint=False
+    )
+    rest = np.linspace(near[-1], last, 9)[1:] if last - near[-1] > 8.0 * step else np.array([])
+    return np.concatenate([creep, near, rest])
+
+
+def _smoothed(variance: _Floats) -> _Floats:
+    width = 2 * SMOOTHED + 1
+    padded = np.pad(variance, SMOOTHED, mode="edge")
+    smooth: _Floats = np.convolve(padded, np.ones(width) / width, mode="valid")
+    return smooth
+
+
+def _period_error(periods: _Floats, period: float) -> float:
+    """Standard error of the mean period: errors of the slips' times cancel from cycle to cycle, true changes do not.
+
+    Of n periods with the variance s^2 = d^2 + 2 e^2 and the covariance -e^2 of neighbours, with e the error of a time.
+    """
+    n = periods.size
+    off = periods - period
+    variance = float(off @ off) / max(n - 1, 1)
+    timing = max(0.0, -float(off[1:] @ off[:-1]) / max(n - 1, 1))
+    drifting = max(0.0, variance - 2.0 * timing)
+    return max(float(np.sqrt((2.0 * timing + n * drifting) / n**2)), 1e-7 * period)

@@ -1,0 +1,304 @@
+"""Traces: a force along the pull against time, from arrays, or from a run; from files in `trace_file`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._arguments import instance, number, shown, whole
+from .errors import FileError, UsageError
+from .result import Result
+from .scene import Scene
+
+__all__ = ["QUANTITIES", "Trace", "pull_forces"]
+
+_Floats = NDArray[np.float64]
+
+QUANTITIES = ("time", "force", "displacement", "lateral_force")
+"""What a trace may hold: time and force always."""
+
+GAP = 5.0
+"""A time between two samples that is so many usual ones long is a gap."""
+
+NEEDED = 3
+"""Samples, at least."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trace:
+    """A force along the pull against time, in SI units.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Times of the samples [s], increasing and without gaps: none is more than five usual sampling intervals after the
+        one before.
+    force : array_like, shape (n,)
+        Force along the pull [N], positive where the drive pulls.
+    displacement : array_like, shape (n,), optional
+        Displacement of the object along the pull [m].
+    lateral_force : array_like, shape (n,), optional
+        Force across the pull [N].
+    name : str
+        Of the trace, as messages and figures show it.
+    lines : array_like of int, shape (n,), optional
+        Lines of the file that the samples come from, for messages.
+
+    Raises
+    ------
+    UsageError
+        If these are no arrays of one length, or there are too few samples.
+    FileError
+        If the samples are not usable: one is no number, times do not increase, or there is a gap. The text names the
+        sample, or the line of the file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> time = np.linspace(0.0, 5.0, 501)
+    >>> Trace(time, 1.0 + 0.2 * (time % 0.5))
+    <Trace 'trace': 501 samples from 0 to 5 s, 1 to 1.098 N>
+    """
+
+    time: _Floats
+    force: _Floats
+    displacement: _Floats | None = None
+    lateral_force: _Floats | None = None
+    name: str = "trace"
+    lines: NDArray[np.int64] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise UsageError(f"name = {shown(self.name)}: name must be a string")
+        for quantity in QUANTITIES:
+            given = getattr(self, quantity)
+            if given is None and quantity in ("displacement", "lateral_force"):
+                continue
+            object.__setattr__(self, quantity, _column(quantity, given))
+        n = self.time.size
+        for quantity, values in self._columns().items():
+            if values.size != n:
+                raise UsageError(f"{quantity} has {values.size} samples and time has {n}: give as many")
+        if self.lines is not None:
+            lines = np.asarray(self.lines)
+            if lines.shape != (n,) or lines.dtype.kind not in "iu":
+                raise UsageError("lines must be whole numbers, one a sample")
+            object.__setattr__(self, "lines", lines.astype(np.int64))
+        if n < NEEDED:
+            raise FileError(f"{self.name}: has {n} samples: at least {NEEDED} are needed")
+        self._check_numbers()
+        self._check_times()
+        for values in self._columns().values():
+            values.setflags(write=False)
+
+    def _columns(self) -> dict[str, _Floats]:
+        columns = {quantity: getattr(self, quantity) for quantity in QUANTITIES}
+        return {quantity: values for quantity, values in columns.items() if values is not None}
+
+    def place(self, sample: int) -> str:
+        """Where a sample comes from: the file and line, or the trace and the sample's number, from 0.
+
+        Parameters
+        ----------
+        sample : int
+            Its number, from 0.
+        """
+        if self.lines is None:
+            return f"{self.name}: sample {sample}"
+        return f"{self.name}:{self.lines[sample]}"
+
+    def _check_numbers(self) -> None:
+        for quantity, values in self._columns().items():
+            bad = np.flatnonzero(~np.isfinite(values))
+            if bad.size:
+                also = f", and {bad.size - 1} more" if bad.size > 1 else ""
+                raise FileError(
+                    f"{self.place(bad[0])}: {quantity} is {values[bad[0]]:g}{also}: take the "
+                    f"{'samples' if bad.size > 1 else 'sample'} out, or use a part of the trace without"
+                )
+
+    def _check_times(self) -> None:
+        steps = np.diff(self.time)
+        bad = np.flatnonzero(steps <= 0.0)
+        if bad.size:
+            i = int(bad[0])
+            what = "is the one before" if steps[i] == 0.0 else f"comes after {self.time[i]:.9g} s"
+            remedy = (
+                "write times with more digits, or give the sampling interval instead of a column of times"
+                if steps[i] == 0.0
+                else "sort the samples, or use one recording at a time"
+            )
+            raise FileError(f"{self.place(i + 1)}: time {self.time[i + 1]:.9g} s {what}: {remedy}")
+        usual = float(np.median(steps))
+        bad = np.flatnonzero(steps > GAP * usual)
+        if bad.size:
+            i = int(bad[0])
+            also = f", and {bad.size - 1} more gaps" if bad.size > 1 else ""
+            raise FileError(
+                f"{self.place(i + 1)}: a gap of {steps[i]:.4g} s before {self.time[i + 1]:.9g} s, samples are "
+                f"{usual:.4g} s apart{also}: use the part before or after it, or fill it by interpolation"
+            )
+
+    @property
+    def interval(self) -> float:
+        """Usual time between two samples [s]: the median."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def part(self, start: float | None = None, end: float | None = None) -> Trace:
+        """The samples between two times, both included.
+
+        Parameters
+        ----------
+        start, end : float, optional
+            First and last time [s]; by default those of the trace.
+
+        Raises
+        ------
+        UsageError
+            If fewer than three samples are there.
+        """
+        low = -np.inf if start is None else number("start", start)
+        high = np.inf if end is None else number("end", end)
+        inside = (self.time >= low) & (self.time <= high)
+        if np.count_nonzero(inside) < NEEDED:
+            raise UsageError(
+                f"{self.name}: {np.count_nonzero(inside)} samples from {low:g} to {high:g} s: "
+                f"it has times from {self.time[0]:g} to {self.time[-1]:g} s"
+            )
+        columns = {quantity: values[inside] for quantity, values in self._columns().items()}
+        return Trace(**columns, name=self.name, lines=None if self.lines is None else self.lines[inside])
+
+    def regular(self, interval: float | None = None) -> Trace:
+        """The same at regular times, by linear interpolation; itself, if it is regular and no interval is given.
+
+        Parameters
+        ----------
+        interval : float, optional
+            Time between two samples [s]; by default the usual one.
+
+        Raises
+        ------
+        UsageError
+            If fewer than three samples would be there.
+        """
+        step = self.interval if interval is None else number("interval", interval, above=0.0, units="s")
+        if interval is None and np.allclose(np.diff(self.time), step, rtol=1e-3, atol=0.0):
+            return self
+        count = int(np.floor(self.duration / step * (1.0 + 1e-12))) + 1
+        if count < NEEDED:
+            raise UsageError(
+                f"interval = {step:g} s: leaves {count} samples of a trace of {self.duration:g} s: "
+                "give a shorter one"
+            )
+        time = np.minimum(self.time[0] + step * np.arange(count), self.time[-1])
+        columns = {q: np.interp(time, self.time, v) for q, v in self._columns().items() if q != "time"}
+        return Trace(time, **columns, name=self.name)
+
+    def with_noise(self, deviation: float, seed: int = 0) -> Trace:
+        """The same with white noise on the force.
+
+        Parameters
+        ----------
+        deviation : float
+            Standard deviation of the noise [N].
+        seed : int
+            Of the noise: the same seed gives the same noise.
+        """
+        size = number("deviation", deviation, least=0.0, units="N")
+        noise = np.random.default_rng(whole("seed", seed, least=0)).standard_normal(self.time.size)
+        columns = self._columns() | {"force": self.force + size * noise}
+        return Trace(**columns, name=self.name, lines=self.lines)
+
+    @classmethod
+    def of(cls, result: Result, interval: float | None = None) -> Trace:
+        """The force that a load cell along the drive would show in a run, with displacement X and the force across.
+
+        The force along the drive is k_x u_x cos phi + k_y u_y sin phi, positive where the drive pulls; across it
+        k_y u_y cos phi - k_x u_x sin phi.
+
+        Parameters
+        ----------
+        result : Result
+            A run with the columns ``spring_force_x``, ``spring_force_y`` and, for the displacement, ``X``.
+        interval : float, optional
+            Time between two samples [s], by linear interpolation; by default that of the result.
+
+        Raises
+        ------
+        ColumnError
+            If the result lacks a column.
+        UsageError
+            If this is no result.
+        """
+        result = instance("result", result, Result, "give what run or open returns")
+        along, across = pull_forces(result)
+        keep = np.append(True, np.diff(result.time) > 0.0)
+        x = result.columns.get("X")
+        sense = _sense(result)
+        columns: dict[str, Any] = {
+            "force": sense * along[keep],
+            "displacement": None if x is None else sense * x[keep],
+            "lateral_force": sense * across[keep],
+        }
+        time = result.time[keep]
+        name = str(result.parameters.get("title", "")) or "run"
+        if interval is not None or not np.allclose(np.diff(time), np.median(np.diff(time)), rtol=1e-3):
+            # Samples at every step of the method are no regular ones: what is between them is a gap only of the samples.
+            step = (
+                float(np.median(np.diff(time)))
+                if interval is None
+                else number("interval", interval, above=0.0, units="s")
+            )
+            count = int(np.floor((time[-1] - time[0]) / step * (1.0 + 1e-12))) + 1
+            at = np.minimum(time[0] + step * np.arange(count), time[-1])
+            columns = {q: None if v is None else np.interp(at, time, v) for q, v in columns.items()}
+            time = at
+        return cls(time, columns["force"], columns["displacement"], columns["lateral_force"], name)
+
+    def __repr__(self) -> str:
+        more = [
+            q.replace("_", " ") for q in ("displacement", "lateral_force") if getattr(self, q) is not None
+        ]
+        return (
+            f"<Trace {self.name!r}: {self.time.size} samples from {self.time[0]:g} to {self.time[-1]:g} s, "
+            f"{self.force.min():.4g} to {self.force.max():.4g} N{''.join(f', {each}' for each in more)}>"
+        )
+
+
+def pull_forces(result: Result) -> tuple[_Floats, _Floats]:
+    """Spring force along the drive and across it [N]."""
+    phi = np.radians(float(result.parameters.get("misalignment_deg", 0.0)))
+    cosine, sine = np.cos(phi), np.sin(phi)
+    x, y = result["spring_force_x"], result["spring_force_y"]
+    return x * cosine + y * sine, y * cosine - x * sine
+
+
+def _sense(result: Result) -> float:
+    """-1 of a drive that goes backwards only."""
+    velocity: object = result.parameters.get("velocity")
+    if velocity is None and result.resolved_deck:
+        velocity = Scene.from_deck(result.resolved_deck).groups()["drive"]["velocity"]
+    values = np.atleast_1d(np.asarray(1.0 if velocity is None else velocity, dtype=np.float64))
+    return -1.0 if np.min(values) < 0.0 and np.max(values) <= 0.0 else 1.0
+
+
+def _column(quantity: str, values: ArrayLike) -> _Floats:
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind not in "biuf":
+            array = array.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"{quantity} is no array of real numbers: {error}") from None
+    if np.ma.is_masked(values):
+        raise UsageError(f"{quantity} has masked elements: take them out, or fill them")
+    if array.ndim != 1:
+        raise UsageError(f"{quantity} has the shape {array.shape}: it must have one dimension")
+    return array.astype(np.float64)

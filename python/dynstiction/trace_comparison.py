@@ -1,0 +1,361 @@
+"""A measured trace beside a scene: the cycles of both by one code, with their scatter (docs/howto/measured_traces.md)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, Unpack
+
+import numpy as np
+
+from ._arguments import instance, whole
+from .errors import FileError, UsageError, printable
+from .groups import Groups
+from .html import page_table
+from .scene import DeckLike, Scene
+from .simulation import Simulation
+from .trace import Trace
+from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Statistic", "TraceComparison", "compare", "simulate_like"]
+
+FEWEST, MOST = 12, 60
+"""Cycles that are compared of a run: at least, and at most, where the trace has not more."""
+FACTOR = 2
+"""Of the cycles of the trace: so many of the run, that the run adds little to the doubt."""
+CHUNK = 10.0
+"""Measured periods that a run goes on before its cycles are counted."""
+LONGEST = 100.0
+"""Measured periods after which a run without enough cycles ends, if the deck does not say longer."""
+MOST_SAMPLES = 50_000_000
+"""Of a run."""
+POINTS = 500
+"""Phases of the mean waveforms."""
+DIFFERENT = 3.0
+"""Standard errors from which on two means differ."""
+SURE = 1e-6
+"""What no standard error is smaller than, relative to the value: roundoff of runs and files."""
+FIELDS = ("spring_force_x", "spring_force_y", "X")
+"""Columns of a run of which a trace is made."""
+SEED = 20201209
+"""Of the noise that a run gets, so that a comparison repeats itself."""
+
+
+class Statistic(NamedTuple):
+    """One line of a comparison."""
+
+    name: str
+    units: str
+    long_name: str
+    measured: float
+    """Mean over the cycles of the trace."""
+    measured_scatter: float
+    """Its standard deviation from cycle to cycle."""
+    measured_error: float
+    """Standard error of the mean."""
+    simulated: float
+    simulated_scatter: float
+    simulated_error: float
+    difference: float
+    """Simulated less measured."""
+    deviation: float
+    """The difference over the standard error of both together; NaN where one is not told."""
+
+    @property
+    def differs(self) -> bool:
+        """Whether the means are more than three standard errors apart."""
+        return abs(self.deviation) > DIFFERENT
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class TraceComparison:
+    """A trace and a run, side by side.
+
+    Attributes
+    ----------
+    trace : Trace
+        The measured trace.
+    run : Trace
+        The settled part of the run, sampled like the trace, with noise like its.
+    scene : Scene
+        What was run.
+    measured, simulated : TraceCycles
+        Their cycles.
+    statistics : tuple of Statistic
+        Means, scatter and differences, one a column of the cycles.
+    measured_waveform, simulated_waveform : Waveform
+        Mean force over the phase from slip to slip.
+    measured_slip, simulated_slip : Waveform
+        Mean force around the middle of a slip.
+    """
+
+    trace: Trace
+    run: Trace
+    scene: Scene
+    measured: TraceCycles
+    simulated: TraceCycles
+    statistics: tuple[Statistic, ...]
+    measured_waveform: Waveform
+    simulated_waveform: Waveform
+    measured_slip: Waveform
+    simulated_slip: Waveform
+
+    def __getitem__(self, name: str) -> Statistic:
+        for statistic in self.statistics:
+            if statistic.name == name:
+                return statistic
+        raise UsageError(f"no statistic {name!r}, only {', '.join(each.name for each in self.statistics)}")
+
+    @property
+    def waveform_rms(self) -> float:
+        """Root mean square of the difference of both waveforms over the phase, relative to the measured swing."""
+        difference = self.simulated_waveform.force - self.measured_waveform.force
+        return float(np.sqrt(np.mean(difference**2))) / self["swing"].measured
+
+    @property
+    def differing(self) -> tuple[str, ...]:
+        """Names of the statistics whose means are more than three standard errors apart."""
+        return tuple(each.name for each in self.statistics if each.differs)
+
+    def report(self) -> str:
+        """The table as text, with the notes."""
+        names = ("measured", "scatter", "error", "simulated", "scatter", "error", "difference", "in errors")
+        rows = [("", *names), *(_row(each) for each in self.statistics)]
+        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        lines = [
+            f"{self.trace.name}: {len(self.measured)} cycles, noise {self.measured.noise:.3g} N a sample"
+        ]
+        lines.append(f"{self.scene.name}: {len(self.simulated)} cycles of a settled run with the same noise")
+        lines.append("")
+        for row in rows:
+            first, *others = (
+                text.ljust(w) if i == 0 else text.rjust(w)
+                for i, (text, w) in enumerate(zip(row, widths, strict=True))
+            )
+            lines.append("  ".join([first, *others]).rstrip())
+        lines.append("")
+        lines.append(f"waveforms: {self.waveform_rms:.3g} of the swing apart (root mean square over a cycle)")
+        told = ", ".join(self.differing)
+        lines.append(
+            f"differ by more than {DIFFERENT:g} standard errors: {told}"
+            if told
+            else f"nothing differs by more than {DIFFERENT:g} standard errors"
+        )
+        for side, cycles in ((self.trace.name, self.measured), (self.scene.name, self.simulated)):
+            lines += [f"{side}: {note}" for note in cycles.notes]
+        return "\n".join(map(printable, lines)) + "\n"
+
+    def plot(self) -> Figure:
+        """Figure: mean waveforms over a cycle and around the slip with bands of two standard errors, and the table.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Not attached to any window.
+        """
+        from .plot.style import new_figure  # noqa: PLC0415
+        from .plot.trace_comparison import draw_trace_comparison  # noqa: PLC0415  (matplotlib is slow to import)
+
+        return new_figure(lambda figure: draw_trace_comparison(self, figure))
+
+    def __repr__(self) -> str:
+        return f"<TraceComparison\n{self.report()}>"
+
+    def _repr_html_(self) -> str:
+        head = (
+            "",
+            "measured",
+            "scatter",
+            "error",
+            "simulated",
+            "scatter",
+            "error",
+            "difference",
+            "in errors",
+        )
+        return page_table(
+            f"{self.trace.name} and {self.scene.name}", head, [_row(each) for each in self.statistics], ""
+        )
+
+
+def _row(each: Statistic) -> tuple[str, ...]:
+    units = "" if each.units == "1" else f" [{each.units}]"
+    values = (
+        each.measured,
+        each.measured_scatter,
+        each.measured_error,
+        each.simulated,
+        each.simulated_scatter,
+        each.simulated_error,
+        each.difference,
+    )
+    forms = ("{:.5g}", "{:.2g}", "{:.2g}", "{:.5g}", "{:.2g}", "{:.2g}", "{:+.2g}")
+    texts = ["–" if np.isnan(v) else form.format(v) for form, v in zip(forms, values, strict=True)]
+    return (f"{each.name}{units}", *texts, "–" if np.isnan(each.deviation) else f"{each.deviation:+.1f}")
+
+
+def compare(deck: DeckLike, trace: Trace, *, noise: bool = True, **groups: Unpack[Groups]) -> TraceComparison:
+    """Compare a scene with a measured trace.
+
+    The scene is run until it has twice as many cycles as the trace, and as many before them, which do not count; its force along the
+    pull is sampled like the trace and gets white noise like its. So every statistic comes from the same code under the same conditions.
+
+    Parameters
+    ----------
+    deck : str, PathLike or Scene
+        Path of a deck, text of a deck, or a scene.
+    trace : Trace
+        The measured trace, from `read_trace` or `Trace`.
+    noise : bool
+        Whether the run gets noise like that of the trace.
+    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
+        Overrides by group, as for `dynstiction.run`.
+
+    Returns
+    -------
+    TraceComparison
+        Statistics of both with scatter and standard errors, aligned mean waveforms; `TraceComparison.plot` draws them.
+
+    Raises
+    ------
+    DeckError, SolverError
+        As for `dynstiction.run`.
+    FileError
+        If the trace is not usable (`find_cycles`).
+    UsageError
+        If the scene has no stick-slip to compare, or `trace` is no trace.
+    """
+    scene = Scene(deck, **groups)
+    trace = instance("trace", trace, Trace, "give what read_trace or Trace returns").regular()
+    measured = find_cycles(trace)
+    run = simulate_like(scene, trace, measured)
+    if noise:
+        run = run.with_noise(measured.noise, SEED)
+    try:
+        simulated = find_cycles(run)
+    except FileError as error:
+        raise _without_cycles(scene, error) from None
+    fall = 0.5 * float(
+        np.mean(measured.slips - measured.onsets) + np.mean(simulated.slips - simulated.onsets)
+    )
+    period = min(measured.means()["period"], simulated.means()["period"])
+    before, after = min(6.0 * fall, 0.4 * period), min(8.0 * fall, 0.5 * period)
+    return TraceComparison(
+        trace,
+        run,
+        scene,
+        measured,
+        simulated,
+        _statistics(measured, simulated),
+        mean_waveform(trace, measured, POINTS),
+        mean_waveform(run, simulated, POINTS),
+        mean_slip(trace, measured, before, after),
+        mean_slip(run, simulated, before, after),
+    )
+
+
+def _without_cycles(scene: Scene, fault: FileError | None) -> UsageError:
+    """What is wrong with a run, without what could be done about a trace."""
+    reason = str(fault).partition(": ")[2].rpartition(": ")[0]
+    return UsageError(
+        f"{scene.name}: its run has no cycles to compare with the trace: {reason}: change the deck; dynstiction stability tells where it "
+        "has stick-slip"
+    )
+
+
+def _statistics(measured: TraceCycles, simulated: TraceCycles) -> tuple[Statistic, ...]:
+    sides = [(each.means(), each.scatter(), each.errors()) for each in (measured, simulated)]
+    found = []
+    for info, value in sides[0][0].info():
+        name = info.name
+        mine, theirs = (tuple(table[name] for table in side) for side in sides)
+        difference = theirs[0] - value
+        sure = SURE * max(abs(value), abs(theirs[0]))
+        error = float(np.hypot(np.hypot(mine[2], theirs[2]), sure))
+        deviation = difference / error if error > 0.0 else 0.0
+        found.append(
+            Statistic(
+                name,
+                info.units,
+                info.long_name,
+                mine[0],
+                mine[1],
+                mine[2],
+                theirs[0],
+                theirs[1],
+                theirs[2],
+                difference,
+                deviation,
+            )
+        )
+    return tuple(found)
+
+
+def simulate_like(
+    scene: Scene, trace: Trace, cycles: TraceCycles | None = None, count: int | None = None
+) -> Trace:
+    """The force of a settled run of a scene, sampled like a trace, without noise.
+
+    Under a steady drive the run goes on until it has twice as many cycles as are wanted, whatever the deck's `t_end` says, and the
+    later half is returned; under another drive it ends at `t_end`, and the later half of its cycles is returned.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is run.
+    trace : Trace
+        The trace, for its sampling interval.
+    cycles : TraceCycles, optional
+        Its cycles, by default from `find_cycles`.
+    count : int, optional
+        Cycles that are wanted; by default twice those of the trace, at least 12, and at most 60 if the trace has not more.
+
+    Returns
+    -------
+    Trace
+        From somewhat before the first of the slips on.
+
+    Raises
+    ------
+    DeckError, SolverError
+        As for `dynstiction.run`.
+    UsageError
+        If the run has no stick-slip, or too few cycles.
+    """
+    cycles = cycles or find_cycles(trace)
+    n = len(cycles)
+    wanted = whole("count", count, least=1) if count is not None else max(FEWEST, min(FACTOR * n, MOST), n)
+    period = cycles.means()["period"]
+    values = scene.replace(
+        scene={"settle": None}, output={"interval": trace.interval, "wall_limit": None, "fields": FIELDS}
+    )
+    velocities = np.unique(np.atleast_1d(scene.groups().get("drive", {}).get("velocity", 0.0)))
+    steady = velocities.size == 1
+    with Simulation(values) as asked:
+        t_end = asked.t_end
+    longest = max(t_end, LONGEST * period, 4.0 * wanted * period) if steady else t_end
+    longest = min(longest, max(MOST_SAMPLES * trace.interval, t_end))
+    with Simulation(values, scene={"t_end": longest}) as simulation:
+        until = max(CHUNK, 2.0 * wanted) * period if steady else longest
+        found: TraceCycles | None = None
+        fault: FileError | None = None
+        while True:
+            simulation.step_to(min(until, longest))
+            run = Trace.of(simulation.result, trace.interval)
+            try:
+                found, fault = find_cycles(run), None
+            except FileError as error:
+                found, fault = None, error
+            if (found is not None and len(found) >= 2 * wanted) or until >= longest:
+                break
+            until *= 1.5
+    if found is None:
+        raise _without_cycles(scene, fault)
+    # The last slips of the later half, and what lies before the first of them.
+    kept = min(wanted, max(len(found) // 2, 3))
+    first = found.slips.size - 1 - kept
+    start = run.time[0] if first <= 0 else 0.5 * (found.slips[first - 1] + found.slips[first])
+    part = run.part(float(start))
+    return Trace(part.time, part.force, part.displacement, part.lateral_force, name=scene.name)

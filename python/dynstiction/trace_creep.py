@@ -1,0 +1,80 @@
+"""Does a force trace show dynamic stiction, or static friction? By the creep before its slips (docs/fit.md)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ._optional import needed
+from .trace import Trace
+from .trace_cycles import find_cycles
+
+__all__ = ["CreepTest", "creep_test"]
+
+INERTIA = 0.17
+"""What inertia rounds a slip that begins at a sharp limit by: of slip duration over period, at most. Measured: 0.15 to 0.17 over
+misalignment 0 and static limits from mu_0 to 1.5 mu_0 (docs/fit.md)."""
+
+
+class CreepTest(NamedTuple):
+    """Whether an object creeps before it slips."""
+
+    creep_share: float
+    """What the force lacks before slip to the straight line of the loading, over the swing: mean over the cycles."""
+    error: float
+    """Its standard error."""
+    of_inertia: float
+    """What it would be, at most, with static friction: slip takes its time to begin."""
+    cycles: int
+    probability: float
+    """Probability of so much creep if there is static friction alone."""
+
+    @property
+    def creeps(self) -> bool:
+        """Whether that is below one in a thousand."""
+        return self.probability < 1e-3
+
+    def __str__(self) -> str:
+        verdict = (
+            "it creeps before it slips: dynamic stiction, or friction that grows as it rests"
+            if self.creeps
+            else "no creep before slip is seen: static friction, or creep that is too small for this trace"
+        )
+        return (
+            f"creep before slip: {self.creep_share:.4f} ± {self.error:.4f} of the swing, inertia alone {self.of_inertia:.4f}; "
+            f"by chance with probability {self.probability:.1e}: {verdict}"
+        )
+
+
+def creep_test(trace: Trace) -> CreepTest:
+    """Tell dynamic stiction from static friction by the creep before the slips of a trace.
+
+    With static friction the load rises along a straight line until it slips; only the inertia of the slip rounds its peak. With
+    dynamic stiction the object creeps while the friction vector turns, and the load falls behind the line.
+
+    Parameters
+    ----------
+    trace : Trace
+        Force along the pull, from `read_trace`.
+
+    Returns
+    -------
+    CreepTest
+        How much the load falls behind, and how probable that is with static friction alone (Student's distribution, one-sided).
+
+    Raises
+    ------
+    FileError
+        If the trace has no stick-slip, see `find_cycles`.
+    """
+    needed("scipy", "creep_test")
+    from scipy.stats import t  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+
+    cycles = find_cycles(trace)
+    means, errors = cycles.means(), cycles.errors()
+    slip = means["slip_duration"]
+    inertia = INERTIA * (2.0 * trace.interval if np.isnan(slip) else slip) / means["period"]
+    share, error = means["creep_share"], max(errors["creep_share"], 1e-12)
+    n = len(cycles)
+    return CreepTest(share, error, inertia, n, float(t.sf((share - inertia) / error, n - 1)))

@@ -1,0 +1,515 @@
+"""Stick-slip cycles of a force trace: one code for measured traces and for runs, made for noise.
+
+A slip is a fall of the force. Falls are found on a smoothed trace, by turns of more than 30 % of the usual fall; what is told of
+them comes from the samples themselves. Times are means over a band of the fall, peaks and valleys are values of parabolas fitted
+beside the fall: none hangs on an extreme sample, which noise would push outwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._arguments import instance, number, whole
+from .errors import FileError, UsageError
+from .record import Described, Info, Table
+from .stick_slip import _turns
+from .trace import Trace
+
+__all__ = [
+    "CYCLE_COLUMNS",
+    "TraceCycles",
+    "Waveform",
+    "find_cycles",
+    "mean_slip",
+    "mean_waveform",
+    "noise_level",
+]
+
+_Floats = NDArray[np.float64]
+
+FEWEST_CYCLES = 3
+"""Whole cycles below which a scatter says nothing."""
+FEWEST_SAMPLES = 20
+"""Samples in a cycle, at least."""
+THRESHOLD = 0.3
+"""Of the usual fall: what the force must turn by to count."""
+QUIET = 0.02
+"""Noise that is left for finding falls, relative to the range of the force."""
+ABOVE_NOISE = 12.0
+"""Of the noise that is left: what a fall must be, at least. White noise alone makes 8 to 9 over a million samples."""
+WHOLE_PART = 1.0 / 20.0
+"""Of the trace: the longest window to smooth over."""
+BACKWARDS = 3.0
+"""A force that rises so many times faster than it falls has the wrong sign."""
+MID_BAND, END_BAND = 0.25, 0.05
+"""Of the fall: half of the bands over which times at its middle and at its ends are means."""
+NEAR_END = 0.1
+"""Of the fall: its ends, where the slip's duration and the windows of the parabolas begin."""
+BEYOND = 0.7
+"""Of the time from an end to the middle of the fall: how far outwards a harmonic fall has its extreme."""
+FEWEST_FITTED, PARABOLA = 5, 8
+"""Samples that a line, and from how many on a parabola, is fitted to."""
+CURVED = (0.1, 0.6)
+"""Shares of the loading time between which the parabola is fitted that tells from where the loading starts."""
+STRAIGHT = (0.3, 0.6)
+"""Shares of the loading time between which the straight line of the loading is fitted."""
+FINE = 64
+"""Samples that a fall is refined to by linear interpolation, at least."""
+DRIFTS = 4.0
+"""Standard errors of the drift that are worth a note."""
+
+CYCLE_COLUMNS = (
+    Info("slip_time", "s", "middle of the slip that begins the cycle"),
+    Info("period", "s", "from slip to slip"),
+    Info("peak_force", "N", "peak of the force before the next slip"),
+    Info("valley_force", "N", "force from which the loading starts after the slip"),
+    Info("swing", "N", "peak less valley"),
+    Info("slip_duration", "s", "in which the force falls from 90 % to 10 % of the fall"),
+    Info("loading_rate", "N/s", "slope of the force from 30 % to 60 % of the loading"),
+    Info(
+        "creep_share",
+        "1",
+        "what the force lacks before slip to the straight line of the loading, over the swing",
+    ),
+)
+"""What is told of a cycle."""
+
+INSTANTS = ("slip_time",)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class TraceCycles(Table[_Floats]):
+    """Table of the stick-slip cycles of a force trace, from each slip to the next.
+
+    Attributes
+    ----------
+    columns : Described of ndarray, shape (n,)
+        ``slip_time`` [s], ``period`` [s], ``peak_force`` [N], ``valley_force`` [N], ``swing`` [N], ``slip_duration`` [s]
+        (NaN where the fall takes less than two sampling intervals), ``loading_rate`` [N/s], ``creep_share``.
+    slips : ndarray, shape (n + 1,)
+        Middles of all slips [s].
+    onsets : ndarray, shape (n + 1,)
+        Where the slips begin [s]: as in a harmonic fall, from the times at 90 % and at its middle.
+    noise : float
+        Standard deviation of the noise from sample to sample [N].
+    drift : float
+        Slope of the middle of the force over time [N/s].
+    drift_error : float
+        Its standard error [N/s].
+    notes : tuple of str
+        What is to be borne in mind.
+    """
+
+    columns: Described[_Floats]
+    slips: _Floats
+    onsets: _Floats
+    noise: float
+    drift: float
+    drift_error: float
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.slips.size) - 1
+
+    def means(self) -> Described[float]:
+        """Mean of each column but the times of slip."""
+        return self._each(lambda values: float(np.mean(values)))
+
+    def scatter(self) -> Described[float]:
+        """Standard deviation (n - 1) of each column but the times of slip."""
+        return self._each(lambda values: float(np.std(values, ddof=1)))
+
+    def errors(self) -> Described[float]:
+        """Standard error of each mean, as of independent cycles; of the period of a regular motion it is too large."""
+        return self._each(lambda values: float(np.std(values, ddof=1) / np.sqrt(values.size)))
+
+    def _each(self, of: object) -> Described[float]:
+        return Described((info, of(v)) for info, v in self.columns.info() if info.name not in INSTANTS)  # type: ignore[operator]
+
+    def _values(self) -> tuple[str, str, Described[float]]:
+        return f"{len(self)} cycles of a trace", "mean of", self.means()
+
+    def __repr__(self) -> str:
+        errors = self.errors()
+        lines = [f"{n} = {v:.6g} ± {errors[n]:.2g} {self.columns.units[n]}" for n, v in self.means().items()]
+        return "\n  ".join([f"<TraceCycles: {len(self)} cycles", *lines, *self.notes]) + ">"
+
+
+class Waveform(NamedTuple):
+    """Mean of the force over cycles."""
+
+    phase: _Floats
+    """Phase from slip to slip, 0 to 1, or time from the slip [s]; shape (points,)."""
+    force: _Floats
+    """Mean force [N]."""
+    error: _Floats
+    """Its standard error [N], from the scatter of the cycles."""
+    cycles: int
+    """How many cycles the mean is taken over."""
+
+
+def noise_level(force: _Floats) -> float:
+    """Standard deviation of white noise on a force [N], from the median of its second differences.
+
+    Parameters
+    ----------
+    force : ndarray, shape (n,)
+        Samples at regular times.
+    """
+    second = np.abs(force[2:] - 2.0 * force[1:-1] + force[:-2])
+    if second.size == 0:
+        return 0.0
+    return float(1.4826 * np.median(second) / np.sqrt(6.0))
+
+
+def find_cycles(trace: Trace) -> TraceCycles:
+    """Stick-slip cycles of a trace.
+
+    Parameters
+    ----------
+    trace : Trace
+        A measured trace, or ``Trace.of`` a run.
+
+    Returns
+    -------
+    TraceCycles
+        One row a whole cycle, from slip to slip.
+
+    Raises
+    ------
+    FileError
+        If the force is constant, there is no stick-slip above the noise, there are fewer than three whole cycles, too few
+        samples in a cycle, or the force seems to have the wrong sign. The text says what to do.
+    UsageError
+        If this is no trace.
+    """
+    trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
+    noise = noise_level(trace.force)
+    falls = _falls(trace, noise)
+    _refuse_few(trace, falls)
+    slips = _slips(trace, falls)
+    interval = trace.interval
+    rows = [_row(trace, interval, before, after) for before, after in pairwise(slips)]
+    columns = [np.array(values) for values in zip(*rows, strict=True)]
+    times = np.array([slip.time for slip in slips])
+    onsets = np.array([slip.onset for slip in slips])
+    notes = []
+    unresolved = np.isnan(columns[5])
+    if unresolved.any():
+        columns[5][:] = np.nan
+        notes.append(
+            f"slips take less than two sampling intervals ({interval:.3g} s): their duration is not told"
+        )
+    drift, drift_error = _slope(columns[0], 0.5 * (columns[2] + columns[3]))
+    swing = float(np.mean(columns[4]))
+    if abs(drift) > DRIFTS * drift_error and abs(drift) * trace.duration > 0.05 * swing:
+        notes.append(
+            f"the force drifts by {drift * trace.duration:.2g} N over the trace: peaks and valleys have no one value"
+        )
+    return TraceCycles(
+        Described(zip(CYCLE_COLUMNS, columns, strict=True)),
+        times,
+        onsets,
+        noise,
+        drift,
+        drift_error,
+        tuple(notes),
+    )
+
+
+def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform:
+    """Mean of the force over the phase, from the middle of a slip to that of the next.
+
+    Parameters
+    ----------
+    trace : Trace
+        The trace.
+    cycles : TraceCycles
+        Its cycles, from `find_cycles`.
+    points : int
+        Phases, from 0 to 1.
+
+    Returns
+    -------
+    Waveform
+        Phases, mean force and its standard error.
+
+    Raises
+    ------
+    UsageError
+        If these are no trace and cycles, or too few points.
+    """
+    _refuse_others(trace, cycles)
+    phase = np.linspace(0.0, 1.0, whole("points", points, least=2))
+    at = cycles.slips[:-1, np.newaxis] + phase * np.diff(cycles.slips)[:, np.newaxis]
+    return _mean(trace, at, phase)
+
+
+def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, points: int = 200) -> Waveform:
+    """Mean of the force around the slips.
+
+    Parameters
+    ----------
+    trace : Trace
+        The trace.
+    cycles : TraceCycles
+        Its cycles, from `find_cycles`.
+    before, after : float
+        Times before and after the middle of the slip [s].
+    points : int
+        Times.
+
+    Returns
+    -------
+    Waveform
+        Times from the middle of the slip, mean force and its standard error; of the slips for which the trace has them.
+
+    Raises
+    ------
+    UsageError
+        If the trace has fewer than two such slips, or these are no trace and cycles.
+    """
+    _refuse_others(trace, cycles)
+    low, high = number("before", before, above=0.0, units="s"), number("after", after, above=0.0, units="s")
+    time = np.linspace(-low, high, whole("points", points, least=2))
+    inside = (cycles.slips - low >= trace.time[0]) & (cycles.slips + high <= trace.time[-1])
+    if np.count_nonzero(inside) < 2:
+        raise UsageError(
+            f"before = {low:g} s, after = {high:g} s: the trace has fewer than two slips with such times around"
+        )
+    return _mean(trace, cycles.slips[inside][:, np.newaxis] + time, time)
+
+
+def _refuse_others(trace: Trace, cycles: TraceCycles) -> None:
+    instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
+    instance("cycles", cycles, TraceCycles, "give what find_cycles returns")
+
+
+def _mean(trace: Trace, at: _Floats, phase: _Floats) -> Waveform:
+    force = np.interp(at, trace.time, trace.force)
+    n = len(force)
+    error = np.std(force, axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.full(phase.size, np.nan)
+    return Waveform(phase, np.mean(force, axis=0), error, n)
+
+
+# Finding the falls --------------------------------------------------------------------------------------------------------
+
+
+def _falls(trace: Trace, noise: float) -> list[tuple[int, int, int, int]]:
+    """Samples of each fall: the valley before, or the first sample; peak; valley; next peak, or the last sample."""
+    force = trace.force
+    extent = float(force.max() - force.min())
+    if extent <= 1e-12 * float(np.abs(force).max()):
+        raise FileError(
+            f"{trace.name}: the force is constant, {force[0]:.6g} N: name the column of the force, or give a trace with stick-slip"
+        )
+    range_of = float(np.diff(np.percentile(force, (0.5, 99.5)))[0]) or extent
+    usual = range_of
+    # The noise widens the range: a second look knows the falls.
+    for _ in range(2):
+        window = int(np.ceil((noise / (QUIET * usual)) ** 2))
+        window = min(window | 1, max(1, int(WHOLE_PART * force.size)) | 1)
+        smooth = _smoothed(force, window)
+        left = noise / np.sqrt(window)
+        least = max(0.5 * ABOVE_NOISE * left, 0.5 * QUIET * usual)
+        usual = _usual_size(np.array([smooth[p] - smooth[v] for _, p, v, _ in _pairs(smooth, least)]))
+        if usual < ABOVE_NOISE * left or usual == 0.0:
+            raise FileError(
+                f"{trace.name}: no stick-slip above the noise: the force has no falls beyond {ABOVE_NOISE * left:.3g} N, with a noise "
+                f"of {noise:.3g} N a sample: name the column of the force, or give a trace with stick-slip"
+            )
+        if left <= QUIET * usual:
+            break
+    return _pairs(smooth, THRESHOLD * usual)
+
+
+def _pairs(smooth: _Floats, least: float) -> list[tuple[int, int, int, int]]:
+    turns = _turns(smooth, least)
+    at = [0, *(i for i, _ in turns), smooth.size - 1]
+    # A trace that begins in a fall has a valley first.
+    return [(at[k], at[k + 1], at[k + 2], at[k + 3]) for k in range(len(turns) - 1) if turns[k][1] > 0]
+
+
+def _smoothed(force: _Floats, window: int) -> _Floats:
+    """Without spikes of one sample, and averaged over a window."""
+    low, high = np.minimum(force[:-2], force[2:]), np.maximum(force[:-2], force[2:])
+    inner = np.clip(force[1:-1], low, high)
+    quiet = np.concatenate([inner[:1], inner, inner[-1:]])
+    if window == 1:
+        return quiet
+    half = window // 2
+    sums = np.concatenate([[0.0], np.cumsum(quiet - quiet[0])])
+    i = np.arange(quiet.size)
+    start, stop = np.maximum(i - half, 0), np.minimum(i + half + 1, quiet.size)
+    return np.asarray(quiet[0] + (sums[stop] - sums[start]) / (stop - start))
+
+
+def _usual_size(sizes: _Floats) -> float:
+    """The size that falls above and below it share the sum of all sizes: neither many small nor one large one count."""
+    if sizes.size == 0:
+        return 0.0
+    ordered = np.sort(sizes)
+    return float(ordered[np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())])
+
+
+# One slip -----------------------------------------------------------------------------------------------------------------
+
+
+class _Slip(NamedTuple):
+    time: float
+    onset: float
+    end: float
+    duration: float
+    peak: float
+    last: float
+    """Value of the parabola before the fall where that begins."""
+    valley: float
+
+
+def _slips(trace: Trace, falls: list[tuple[int, int, int, int]]) -> list[_Slip]:
+    """What the samples say of each fall; first with the extremes of the samples, then with what is fitted beside the fall."""
+    peaks = [float(np.median(trace.force[max(p - 2, first) : p + 1])) for first, p, _, _ in falls]
+    bottoms = [float(np.median(trace.force[v : min(v + 3, last + 1)])) for _, _, v, last in falls]
+    times = [_times(trace, *each) for each in zip(falls, peaks, bottoms, strict=True)]
+    ends = [late + BEYOND * max(late - middle, 0.0) for _, middle, late in times]
+    onsets = [_onset(early, middle) for early, middle, _ in times]
+    valleys = [
+        _loading_begins(trace, *each)
+        for each in zip(ends[:-1], onsets[1:], bottoms[:-1], peaks[1:], strict=True)
+    ]
+    # The loading after the last slip may have no end.
+    valleys.append(bottoms[-1] + float(np.median(np.subtract(valleys, bottoms[:-1]))))
+    slips = []
+    for fall, end, bottom, top, begin in zip(falls, ends, bottoms, peaks, valleys, strict=True):
+        peak, at_onset, valley = top, top, begin if begin < top else bottom
+        for _ in range(2):
+            early, middle, late = _times(trace, fall, peak, valley)
+            onset, size = _onset(early, middle), peak - valley
+            found, at_onset = _peak(trace, fall[0], onset, peak - NEAR_END * size, END_BAND * size)
+            peak = found if found > valley else peak
+        slips.append(_Slip(middle, onset, end, late - early, peak, at_onset, valley))
+    return slips
+
+
+def _onset(early: float, middle: float) -> float:
+    return early - BEYOND * max(middle - early, 0.0)
+
+
+def _times(
+    trace: Trace, fall: tuple[int, int, int, int], peak: float, valley: float
+) -> tuple[float, float, float]:
+    """Times near the beginning of the fall, at its middle and near its end."""
+    first, p, v, last = fall
+    around = slice(max(p - (v - p), first), min(v + (v - p), last) + 1)
+    size = peak - valley
+    levels = (
+        (peak - NEAR_END * size, END_BAND),
+        (valley + 0.5 * size, MID_BAND),
+        (valley + NEAR_END * size, END_BAND),
+    )
+    early, middle, late = (
+        _time_above(trace.time, trace.force, around, level, band * size, p, v) for level, band in levels
+    )
+    return early, middle, late
+
+
+def _time_above(
+    time: _Floats, force: _Floats, around: slice, level: float, band: float, p: int, v: int
+) -> float:
+    """When the force falls through a level: the mean over a band, so that noise has no say in it."""
+    t, f = time[around], force[around]
+    inner_p, inner_v = p - around.start, v - around.start
+    fine = np.linspace(t[0], t[-1], max(FINE * (t.size // max(inner_v - inner_p, 1) + 1), 4 * t.size) + 1)
+    share = _share_above(np.interp(fine, t, f), level, band)
+    # Before the peak the force is above, after the valley below, whatever the loading does there.
+    share[fine <= t[inner_p]] = 1.0
+    share[fine >= t[inner_v]] = 0.0
+    return float(fine[0] + np.sum(0.5 * (share[1:] + share[:-1])) * (fine[1] - fine[0]))
+
+
+def _share_above(force: _Floats, level: float, band: float) -> _Floats:
+    return np.clip((force - (level - band)) / (2.0 * band), 0.0, 1.0)
+
+
+def _peak(trace: Trace, first: int, onset: float, level: float, band: float) -> tuple[float, float]:
+    """Largest value of the parabola through the samples before `onset` that are near the peak, and its value at `onset`."""
+    stop = int(np.searchsorted(trace.time, onset, side="right"))
+    # As many samples as there are above the level, all told: noise on both sides of it cancels.
+    count = round(float(_share_above(trace.force[first:stop], level, band).sum()))
+    inside = slice(max(first, stop - max(count, FEWEST_FITTED)), stop)
+    t, f = trace.time[inside] - onset, trace.force[inside]
+    if t.size < 2:
+        nearest = float(trace.force[max(stop - 1, 0)])
+        return nearest, nearest
+    c = np.polynomial.polynomial.polyfit(t, f, 2 if t.size >= PARABOLA else 1)
+    places = np.array([t[0], 0.0])
+    if c.size == 3 and c[2] < 0.0:
+        places = np.append(places, np.clip(-0.5 * c[1] / c[2], t[0], 0.0))
+    return float(np.max(np.polynomial.polynomial.polyval(places, c))), float(c[0])
+
+
+def _loading_begins(trace: Trace, end: float, onset: float, bottom: float, peak: float) -> float:
+    """Force from which the loading starts: a parabola through a part of it, continued back to the end of the slip.
+
+    A dip at the end of the slip, where friction turns back, and what rings after it do not count.
+    """
+    loading = onset - end
+    inside = slice(*np.searchsorted(trace.time, [end + share * loading for share in CURVED]))
+    t, f = trace.time[inside] - end, trace.force[inside]
+    if t.size < FEWEST_FITTED:
+        return bottom
+    begin = float(np.polynomial.polynomial.polyfit(t, f, 2 if t.size >= PARABOLA else 1)[0])
+    return begin if begin < peak else bottom
+
+
+def _row(trace: Trace, interval: float, before: _Slip, after: _Slip) -> tuple[float, ...]:
+    """A cycle, from one slip to the next, in the order of `CYCLE_COLUMNS`."""
+    loading = after.onset - before.end
+    inside = slice(*np.searchsorted(trace.time, [before.end + share * loading for share in STRAIGHT]))
+    t, f = trace.time[inside], trace.force[inside]
+    swing = after.peak - before.valley
+    rate = lacking = np.nan
+    if t.size >= 3:
+        rate, _ = _slope(t, f)
+        line = float(np.mean(f)) + rate * (after.onset - float(np.mean(t)))
+        lacking = (line - after.last) / swing
+    duration = before.duration if before.duration >= 2.0 * interval else np.nan
+    return (before.time, after.time - before.time, after.peak, before.valley, swing, duration, rate, lacking)
+
+
+def _slope(x: _Floats, y: _Floats) -> tuple[float, float]:
+    """Slope of the straight line through points, and its standard error."""
+    dx, dy = x - np.mean(x), y - np.mean(y)
+    square = float(np.sum(dx**2))
+    if x.size < 3 or square == 0.0:
+        return 0.0, np.inf
+    slope = float(np.sum(dx * dy)) / square
+    rest = float(np.sum((dy - slope * dx) ** 2))
+    return slope, float(np.sqrt(rest / (x.size - 2) / square))
+
+
+def _refuse_few(trace: Trace, falls: list[tuple[int, int, int, int]]) -> None:
+    cycles = max(len(falls) - 1, 0)
+    if cycles < FEWEST_CYCLES:
+        raise FileError(
+            f"{trace.name}: {cycles} whole cycles ({len(falls)} slips) in {trace.duration:.4g} s: at least {FEWEST_CYCLES} are "
+            "needed: give a longer trace"
+        )
+    period = float(np.median(np.diff([trace.time[p] for _, p, _, _ in falls])))
+    samples = period / trace.interval
+    if samples < FEWEST_SAMPLES:
+        raise FileError(
+            f"{trace.name}: {samples:.3g} samples in a cycle of {period:.4g} s: at least {FEWEST_SAMPLES} are needed: sample more often"
+        )
+    _, p, v, after = trace.time[np.array(falls)].T
+    fall, rise = float(np.median(v - p)), float(np.median((after - v)[:-1]))
+    if fall > BACKWARDS * rise:
+        raise FileError(
+            f"{trace.name}: the force rises in {rise:.3g} s and falls in {fall:.3g} s, as if its sign were turned: "
+            "give a negative factor as the unit of force"
+        )

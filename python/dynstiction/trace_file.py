@@ -1,0 +1,484 @@
+"""Measured traces in files: tables of text, HDF5."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._arguments import number, path_name, shown
+from .errors import FileError, UsageError
+from .trace import QUANTITIES, Trace
+
+if TYPE_CHECKING:
+    import h5py  # type: ignore[import-untyped]
+
+__all__ = ["UNITS", "Column", "Units", "read_trace", "unit_factor"]
+
+_Floats = NDArray[np.float64]
+
+Column: TypeAlias = int | str
+"""A column of a table by its number, from 0, or its name; a dataset of an HDF5 file by its path."""
+
+Units: TypeAlias = Mapping[str, str | float]
+"""Of a quantity the name of its unit, or the factor to SI."""
+
+UNITS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
+    "force": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9, "kN": 1e3},
+    "displacement": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9},
+}
+"""What the units of a trace's file may be called, and their factors to SI."""
+UNITS["lateral_force"] = UNITS["force"]
+
+ALTERNATIVES: dict[str, tuple[str, ...]] = {
+    "time": ("time", "t", "time_series/time"),
+    "force": ("force", "f", "pull_force", "friction_force"),
+}
+"""Names by which time and force are found where the user names none."""
+
+HDF5_BEGINNING = b"\x89HDF\r\n\x1a\n"
+DELIMITERS = (";", "\t", ",", " ")
+SNIFFED = 20
+"""Lines by which the delimiter is found."""
+MOST_HEADS = 2
+"""Lines of names and units that a table may begin with."""
+WORDS = {";": "semicolons", "\t": "tabs", ",": "commas", " ": "blanks"}
+
+
+def unit_factor(quantity: str, unit: str | float) -> float:
+    """Factor to SI of a unit by name, or the factor itself.
+
+    Raises
+    ------
+    UsageError
+        If there is no such unit; the text names those that there are.
+    """
+    if isinstance(unit, str):
+        known = UNITS[quantity]
+        name = _unit_name(unit)
+        if name in known:
+            return known[name]
+        try:
+            unit = float(unit)
+        except ValueError:
+            raise UsageError(
+                f"units: {quantity} in {shown(unit)}: the units are {', '.join(known)}; for another give its factor to "
+                f"{next(iter(known))}"
+            ) from None
+    factor = number(f"the unit of {quantity}", unit)
+    if factor == 0.0:
+        raise UsageError(f"units: the factor of {quantity} is 0: give one that is not")
+    return factor
+
+
+def _unit_name(text: str) -> str:
+    return text.strip().replace("µ", "u").replace("μ", "u")
+
+
+def read_trace(
+    path: str | os.PathLike[str],
+    *,
+    time: Column | None = None,
+    force: Column | None = None,
+    displacement: Column | None = None,
+    lateral_force: Column | None = None,
+    units: Units | None = None,
+    delimiter: str | None = None,
+    interval: float | None = None,
+) -> Trace:
+    """Read a trace from a table of text or from an HDF5 file.
+
+    A table has a sample a line, with commas, semicolons, tabs or blanks between the columns; it may begin with a line of
+    names, ``force [mN]`` or ``force``, and one of units. Empty lines and what follows a ``#`` are left out; where the
+    delimiter is not a comma, a number may have a decimal comma.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        The file.
+    time, force : int or str, optional
+        Their columns, by number from 0 or by name; of an HDF5 file the paths of the datasets. By default the columns named
+        ``time`` and ``force``, else the first and the second.
+    displacement, lateral_force : int or str, optional
+        Columns of the object's displacement along the pull and of the force across it.
+    units : mapping, optional
+        Units, ``{"time": "ms", "force": "mN"}``, or factors to SI, ``{"force": 9.81e-3}``; a negative factor turns the sign.
+        By default those that stand in brackets beside the names, or in the attribute ``units`` of a dataset, else SI.
+    delimiter : str, optional
+        Between the columns; by default it is found.
+    interval : float, optional
+        Time between two samples [s]: then there is no column of times.
+
+    Returns
+    -------
+    Trace
+        In SI units.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or a sample is not usable; the text names file, line and remedy.
+    UsageError
+        If there is no such column or unit.
+    """
+    name = path_name(path)
+    wanted: dict[str, Column | None] = {
+        "time": time,
+        "force": force,
+        "displacement": displacement,
+        "lateral_force": lateral_force,
+    }
+    if not isinstance(units, Mapping | None):
+        raise UsageError(f"units = {shown(units)}: units are a mapping of names, {{'force': 'mN'}}")
+    given = dict(units or {})
+    for quantity in given:
+        if quantity not in QUANTITIES:
+            raise UsageError(f"units: {shown(quantity)}: a trace has {', '.join(QUANTITIES)}")
+    for quantity, column in wanted.items():
+        if isinstance(column, bool) or not isinstance(column, int | str | None):
+            raise UsageError(
+                f"{quantity} = {shown(column)}: a column is given by its number, from 0, or its name"
+            )
+    if interval is not None:
+        interval = number("interval", interval, above=0.0, units="s")
+        if time is not None:
+            raise UsageError("time and interval: give the column of times or the time between two samples")
+    factors = {quantity: unit_factor(quantity, unit) for quantity, unit in given.items()}
+    if _is_hdf5(name):
+        if delimiter is not None:
+            raise UsageError(f"{name}: is an HDF5 file, which has no delimiter: leave it out")
+        return _read_hdf5(name, wanted, factors, interval)
+    return _read_table(name, wanted, factors, delimiter, interval)
+
+
+def _is_hdf5(name: str) -> bool:
+    if os.path.exists(name) and not os.path.isfile(name):
+        raise FileError(f"{name}: is not a regular file: give a file with a table, or an HDF5 file")
+    try:
+        with open(name, "rb") as stream:
+            return stream.read(len(HDF5_BEGINNING)) == HDF5_BEGINNING
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{name}: cannot be read: {reason}: give the file of a trace") from error
+
+
+def _trace(values: Mapping[str, _Floats], name: str, lines: NDArray[np.int64] | None = None) -> Trace:
+    displacement, across = values.get("displacement"), values.get("lateral_force")
+    return Trace(values["time"], values["force"], displacement, across, name, lines)
+
+
+# Tables -------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Lines of a table, split."""
+
+    name: str
+    delimiter: str
+    heads: list[tuple[int, list[str]]]
+    rows: list[tuple[int, list[str]]]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the columns, if there are any."""
+        return self.heads[0][1] if self.heads else []
+
+    @property
+    def width(self) -> int:
+        return len(self.rows[0][1]) if self.rows else len(self.names)
+
+    def about(self) -> str:
+        """The columns, for a message."""
+        if self.names:
+            return "the columns are " + ", ".join(f"{i} {shown(each)}" for i, each in enumerate(self.names))
+        return f"there are {self.width} columns without names, 0 to {self.width - 1}"
+
+    def unit(self, column: int) -> tuple[str, bool]:
+        """Unit that the head names, '' if none, and whether it stands in square brackets or in a line of units."""
+        if len(self.heads) > 1 and column < len(self.heads[1][1]):
+            return self.heads[1][1][column].strip("[]() "), True
+        name = self.names[column] if column < len(self.names) else ""
+        for opening, closing in ("[]", "()"):
+            before, bracket, rest = name.rpartition(opening)
+            if bracket and rest.rstrip().endswith(closing) and before.strip():
+                return rest.rstrip()[:-1].strip(), opening == "["
+        return "", False
+
+
+def _read_table(
+    name: str,
+    wanted: Mapping[str, Column | None],
+    factors: Mapping[str, float],
+    delimiter: str | None,
+    interval: float | None,
+) -> Trace:
+    table = _split_table(name, delimiter)
+    columns: dict[str, int] = {}
+    for quantity, column in wanted.items():
+        if column is not None:
+            columns[quantity] = _find(table, quantity, column)
+    for quantity, usual in (("time", 0), ("force", 1)):
+        if quantity not in columns and not (quantity == "time" and interval is not None):
+            columns[quantity] = _usual(
+                table, quantity, 0 if interval is not None else usual, set(columns.values())
+            )
+    twice = [q for q in columns if list(columns.values()).count(columns[q]) > 1]
+    if twice:
+        raise UsageError(
+            f"{name}: {' and '.join(twice)} are the same column, {columns[twice[0]]}: {table.about()}"
+        )
+    lines = np.array([line for line, _ in table.rows], dtype=np.int64)
+    values = {q: _numbers(table, q, c) * _factor(table, q, c, factors) for q, c in columns.items()}
+    if interval is not None:
+        values["time"] = np.multiply(interval, np.arange(lines.size, dtype=np.float64))
+    return _trace(values, name, lines)
+
+
+def _split_table(name: str, delimiter: str | None) -> _Table:
+    text = _text_of(name)
+    comments: list[tuple[int, str]] = []
+    lines: list[tuple[int, str]] = []
+    for i, line in enumerate(text.split("\n"), 1):
+        before, mark, after = line.partition("#")
+        if before.strip():
+            lines.append((i, before.rstrip("\r")))
+        elif mark and not lines:
+            comments.append((i, after.strip().lstrip("#").strip()))
+    if not lines:
+        raise FileError(f"{name}: has no samples: a table has one a line, time and force")
+    if delimiter is None:
+        delimiter = _sniff(name, lines)
+    elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in '\r\n"#.+-0123456789':
+        raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
+    rows = [(i, _fields(line, delimiter)) for i, line in lines]
+    # What delimiters at the ends of all lines make.
+    while all(len(fields) > 1 and fields[-1] == "" for _, fields in rows):
+        rows = [(i, fields[:-1]) for i, fields in rows]
+    heads: list[tuple[int, list[str]]] = []
+    while rows and len(heads) < MOST_HEADS and not any(_is_number(f, delimiter) for f in rows[0][1]):
+        heads.append(rows.pop(0))
+    if not rows:
+        raise FileError(f"{name}: has names and no samples: a table has one sample a line, time and force")
+    if not heads and comments:
+        fields = _fields(comments[-1][1], delimiter)
+        if len(fields) == len(rows[0][1]) and not any(_is_number(f, delimiter) for f in fields):
+            heads.append((comments[-1][0], fields))
+    return _Table(name, delimiter, heads, rows)
+
+
+def _text_of(name: str) -> str:
+    try:
+        data = Path(name).read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{name}: cannot be read: {reason}") from error
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        encodings: tuple[str, ...] = ("utf-16",)
+    else:
+        encodings = ("utf-8-sig", "latin-1")
+    for encoding in encodings:
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if "\0" in text:
+            break
+        return text.replace("\r\n", "\n").replace("\r", "\n")
+    raise FileError(f"{name}: is no text: give a table of text, or an HDF5 file")
+
+
+def _fields(line: str, delimiter: str) -> list[str]:
+    if delimiter == " ":
+        return line.split()
+    if '"' in line:
+        try:
+            return [field.strip() for field in next(csv.reader([line], delimiter=delimiter))]
+        except csv.Error:
+            pass
+    return [field.strip() for field in line.split(delimiter)]
+
+
+def _sniff(name: str, lines: Sequence[tuple[int, str]]) -> str:
+    """The delimiter that parts the last lines into the same columns, at least two of them numbers and none of them several."""
+    sample = [line for _, line in lines[-SNIFFED:]]
+    if len(lines) <= SNIFFED:
+        sample = sample[min(len(sample) - 1, MOST_HEADS) :]
+    # One line may be damaged, and that is told later: what most lines agree on is enough.
+    for share in (1.0, 0.6):
+        for delimiter in DELIMITERS:
+            fields = [_fields(line, delimiter) for line in sample]
+            good = [each for each in fields if _is_row(each, delimiter)]
+            if len(good) >= share * len(sample) and len({len(each) for each in good}) == 1:
+                return delimiter
+    if all(_is_number(line.strip(), " ") for line in sample):
+        return " "
+    raise FileError(
+        f"{name}:{lines[-1][0]}: no columns of numbers are found: name the delimiter, or give a table with one sample a "
+        "line, time and force"
+    )
+
+
+def _is_row(fields: Sequence[str], delimiter: str) -> bool:
+    several = any(
+        len(parts := field.split()) > 1 and all(_is_number(p, " ") for p in parts) for field in fields
+    )
+    return sum(_is_number(field, delimiter) for field in fields) >= 2 and not several
+
+
+def _value(field: str, delimiter: str) -> float:
+    if delimiter != "," and "," in field and "." not in field:
+        field = field.replace(",", ".", 1)
+    if "_" in field:
+        raise ValueError(field)
+    return float(field)
+
+
+def _is_number(field: str, delimiter: str) -> bool:
+    try:
+        _value(field, delimiter)
+    except ValueError:
+        return False
+    return field.strip().lower().lstrip("+-") not in ("nan", "inf", "infinity")
+
+
+def _bare(name: str) -> str:
+    """The name of a column without its unit."""
+    for bracket in "[(":
+        before = name.partition(bracket)[0].strip()
+        if before:
+            name = before
+    return name.strip()
+
+
+def _find(table: _Table, quantity: str, column: Column) -> int:
+    if isinstance(column, int):
+        if not 0 <= column < table.width:
+            raise UsageError(f"{table.name}: {quantity} is to be column {column}: {table.about()}")
+        return column
+    for form in (str, _bare, lambda each: _bare(each).lower()):
+        found = [
+            i
+            for i, each in enumerate(table.names)
+            if form(each) == (form(column) if form is not _bare else column)
+        ]
+        if len(found) == 1:
+            return found[0]
+        if len(found) > 1:
+            raise UsageError(
+                f"{table.name}: {len(found)} columns are called {shown(column)}: give its number; {table.about()}"
+            )
+    raise UsageError(f"{table.name}: {quantity} is to be column {shown(column)}: {table.about()}")
+
+
+def _usual(table: _Table, quantity: str, usual: int, taken: set[int]) -> int:
+    bare = [_bare(each).lower() for each in table.names]
+    for name in ALTERNATIVES[quantity]:
+        if bare.count(name) == 1 and bare.index(name) not in taken:
+            return bare.index(name)
+    if usual >= table.width or usual in taken:
+        raise UsageError(f"{table.name}: which column is {quantity}? Name it: {table.about()}")
+    return usual
+
+
+def _factor(table: _Table, quantity: str, column: int, factors: Mapping[str, float]) -> float:
+    if quantity in factors:
+        return factors[quantity]
+    unit, certain = table.unit(column)
+    if _unit_name(unit) in UNITS[quantity]:
+        return UNITS[quantity][_unit_name(unit)]
+    if unit and certain:
+        raise UsageError(
+            f"{table.name}: {quantity} is in {shown(unit)}, which is unknown: name the unit ({', '.join(UNITS[quantity])}) or its "
+            f"factor to {next(iter(UNITS[quantity]))}"
+        )
+    return 1.0
+
+
+def _numbers(table: _Table, quantity: str, column: int) -> _Floats:
+    values = np.empty(len(table.rows))
+    for k, (line, fields) in enumerate(table.rows):
+        if column >= len(fields):
+            raise FileError(
+                f"{table.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or "
+                f"take it out (columns are parted by {WORDS.get(table.delimiter, table.delimiter)})"
+            )
+        field = fields[column]
+        try:
+            values[k] = _value(field, table.delimiter)
+        except ValueError:
+            what = f"is {shown(field)}, no number" if field else "is empty"
+            raise FileError(
+                f"{table.name}:{line}: {quantity} (column {column}) {what}: correct the line or take it out, or name another "
+                f"column; {table.about()}"
+            ) from None
+    return values
+
+
+# HDF5 ---------------------------------------------------------------------------------------------------------------------
+
+
+def _read_hdf5(
+    name: str, wanted: Mapping[str, Column | None], factors: Mapping[str, float], interval: float | None
+) -> Trace:
+    import h5py  # noqa: PLC0415  (slow to import)
+
+    try:
+        with h5py.File(name, "r") as file:
+            values = {}
+            for quantity, column in wanted.items():
+                usual = ALTERNATIVES.get(quantity, ())
+                if (column is None and not usual) or (quantity == "time" and interval is not None):
+                    continue
+                dataset = _dataset(file, name, quantity, usual if column is None else (column,))
+                values[quantity] = _dataset_values(dataset, name, quantity, factors)
+    except (FileError, UsageError):
+        raise
+    except Exception as error:  # whatever h5py and NumPy make of damaged files
+        raise FileError(f"{name}: cannot be read: {error}") from error
+    if interval is not None:
+        values["time"] = np.multiply(interval, np.arange(values["force"].size, dtype=np.float64))
+    return _trace(values, name)
+
+
+def _dataset(file: h5py.File, name: str, quantity: str, paths: Sequence[Column]) -> h5py.Dataset:
+    import h5py  # noqa: PLC0415
+
+    for path in paths:
+        found = file.get(path) if isinstance(path, str) else None
+        if isinstance(found, h5py.Dataset):
+            return found
+    there: list[str] = []
+    file.visititems(lambda path, item: there.append(path) if isinstance(item, h5py.Dataset) else None)
+    more = ", …" if len(there) > 12 else ""
+    raise UsageError(
+        f"{name}: no dataset {' or '.join(shown(path) for path in paths)} for {quantity}: name one of "
+        f"{', '.join(there[:12]) or 'none: the file is empty'}{more}"
+    )
+
+
+def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str, factors: Mapping[str, float]) -> _Floats:
+    if dataset.ndim != 1 or dataset.dtype.kind not in "biuf":
+        raise UsageError(
+            f"{name}: {dataset.name} has the shape {dataset.shape} and the type {dataset.dtype}: {quantity} must be real numbers in "
+            "one dimension; otherwise read it yourself and give the arrays to Trace"
+        )
+    values = np.asarray(dataset[()], dtype=np.float64)
+    if quantity in factors:
+        return values * factors[quantity]
+    unit: Any = dataset.attrs.get("units", "")
+    unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
+    if unit in ("", "1"):
+        return values
+    if _unit_name(unit) not in UNITS[quantity]:
+        raise UsageError(
+            f"{name}: {dataset.name} is in {shown(unit)}, which is unknown: name the unit ({', '.join(UNITS[quantity])}) or its factor"
+        )
+    return values * UNITS[quantity][_unit_name(unit)]
