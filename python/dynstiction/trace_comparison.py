@@ -14,7 +14,7 @@ from .html import page_table
 from .scene import DeckLike, Scene
 from .simulation import Simulation
 from .trace import Trace
-from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
+from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_lateral, mean_slip, mean_waveform
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,6 +89,8 @@ class TraceComparison:
         Mean force over the phase from slip to slip.
     measured_slip, simulated_slip : Waveform
         Mean force around the middle of a slip.
+    measured_lateral, simulated_lateral : Waveform, optional
+        Mean lateral force over the phase, if the trace has one.
     """
 
     trace: Trace
@@ -101,6 +103,8 @@ class TraceComparison:
     simulated_waveform: Waveform
     measured_slip: Waveform
     simulated_slip: Waveform
+    measured_lateral: Waveform | None = None
+    simulated_lateral: Waveform | None = None
 
     def __getitem__(self, name: str) -> Statistic:
         for statistic in self.statistics:
@@ -253,6 +257,8 @@ def compare(deck: DeckLike, trace: Trace, *, noise: bool = True, **groups: Unpac
         mean_waveform(run, simulated, POINTS),
         mean_slip(trace, measured, before, after),
         mean_slip(run, simulated, before, after),
+        mean_lateral(trace, measured, POINTS),
+        mean_lateral(run, simulated, POINTS),
     )
 
 

@@ -7,6 +7,7 @@ beside the fall: none hangs on an extreme sample, which noise would push outward
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -25,6 +26,7 @@ __all__ = [
     "TraceCycles",
     "Waveform",
     "find_cycles",
+    "mean_lateral",
     "mean_slip",
     "mean_waveform",
     "noise_level",
@@ -77,7 +79,16 @@ CYCLE_COLUMNS = (
         "what the force lacks before slip to the straight line of the loading, over the swing",
     ),
 )
-"""What is told of a cycle."""
+"""Quantities of a cycle."""
+SLIP_LENGTH = Info("slip_length", "m", "displacement in the slip that begins the cycle")
+"""Of a trace with a displacement."""
+LATERAL_CHANGE = Info(
+    "lateral_change",
+    "N",
+    "increase of the lateral force: mean of the last tenth of the loading minus mean of the first",
+)
+"""Of a trace with a lateral force."""
+TENTH = 0.1
 
 INSTANTS = ("slip_time",)
 
@@ -90,7 +101,8 @@ class TraceCycles(Table[_Floats]):
     ----------
     columns : Described of ndarray, shape (n,)
         ``slip_time`` [s], ``period`` [s], ``peak_force`` [N], ``valley_force`` [N], ``swing`` [N], ``slip_duration`` [s]
-        (NaN where the fall takes less than two sampling intervals), ``loading_rate`` [N/s], ``creep_share``.
+        (NaN where the fall takes less than two sampling intervals), ``loading_rate`` [N/s], ``creep_share``; of a trace with a
+        displacement ``slip_length`` [m], with a lateral force ``lateral_change`` [N].
     slips : ndarray, shape (n + 1,)
         Middles of all slips [s].
     onsets : ndarray, shape (n + 1,)
@@ -212,7 +224,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
             f"the force drifts by {drift * trace.duration:.2g} N over the trace: peaks and valleys have no one value"
         )
     return TraceCycles(
-        Described(zip(CYCLE_COLUMNS, columns, strict=True)),
+        Described([*zip(CYCLE_COLUMNS, columns, strict=True), *_optional_columns(trace, slips)]),
         times,
         onsets,
         noise,
@@ -245,9 +257,13 @@ def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Wavef
         If these are no trace and cycles, or too few points.
     """
     _refuse_others(trace, cycles)
-    phase = np.linspace(0.0, 1.0, whole("points", points, least=2))
-    at = cycles.slips[:-1, np.newaxis] + phase * np.diff(cycles.slips)[:, np.newaxis]
-    return _mean(trace, at, phase)
+    return _over_phase(trace, trace.force, cycles, points)
+
+
+def mean_lateral(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform | None:
+    """As `mean_waveform`, of the lateral force; None if the trace has none."""
+    _refuse_others(trace, cycles)
+    return None if trace.lateral_force is None else _over_phase(trace, trace.lateral_force, cycles, points)
 
 
 def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, points: int = 200) -> Waveform:
@@ -282,7 +298,7 @@ def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, po
         raise UsageError(
             f"before = {low:g} s, after = {high:g} s: the trace has fewer than two slips with such times around"
         )
-    return _mean(trace, cycles.slips[inside][:, np.newaxis] + time, time)
+    return _mean(trace, trace.force, cycles.slips[inside][:, np.newaxis] + time, time)
 
 
 def _refuse_others(trace: Trace, cycles: TraceCycles) -> None:
@@ -290,8 +306,14 @@ def _refuse_others(trace: Trace, cycles: TraceCycles) -> None:
     instance("cycles", cycles, TraceCycles, "give what find_cycles returns")
 
 
-def _mean(trace: Trace, at: _Floats, phase: _Floats) -> Waveform:
-    force = np.interp(at, trace.time, trace.force)
+def _over_phase(trace: Trace, values: _Floats, cycles: TraceCycles, points: int) -> Waveform:
+    phase = np.linspace(0.0, 1.0, whole("points", points, least=2))
+    at = cycles.slips[:-1, np.newaxis] + phase * np.diff(cycles.slips)[:, np.newaxis]
+    return _mean(trace, values, at, phase)
+
+
+def _mean(trace: Trace, values: _Floats, at: _Floats, phase: _Floats) -> Waveform:
+    force = np.interp(at, trace.time, values)
     n = len(force)
     error = np.std(force, axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.full(phase.size, np.nan)
     return Waveform(phase, np.mean(force, axis=0), error, n)
@@ -480,6 +502,22 @@ def _row(trace: Trace, interval: float, before: _Slip, after: _Slip) -> tuple[fl
         lacking = (line - after.last) / swing
     duration = before.duration if before.duration >= 2.0 * interval else np.nan
     return (before.time, after.time - before.time, after.peak, before.valley, swing, duration, rate, lacking)
+
+
+def _optional_columns(trace: Trace, slips: list[_Slip]) -> Iterator[tuple[Info, _Floats]]:
+    """What the displacement and the lateral force say of each cycle."""
+    if trace.displacement is not None:
+        ends = np.array([(slip.onset, slip.end) for slip in slips[:-1]])
+        yield SLIP_LENGTH, np.diff(np.interp(ends, trace.time, trace.displacement))[:, 0]
+    if trace.lateral_force is not None:
+        changes = []
+        for before, after in pairwise(slips):
+            tenth = TENTH * (after.onset - before.end)
+            at = [before.end, before.end + tenth, after.onset - tenth, after.onset]
+            i, j, k, m = np.searchsorted(trace.time, at)
+            first, last = trace.lateral_force[i : max(j, i + 1)], trace.lateral_force[min(k, m - 1) : m]
+            changes.append(float(np.mean(last) - np.mean(first)))
+        yield LATERAL_CHANGE, np.array(changes)
 
 
 def _slope(x: _Floats, y: _Floats) -> tuple[float, float]:

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 from dynstiction.trace_comparison import simulate_like
-from dynstiction.trace_cycles import noise_level
+from dynstiction.trace_cycles import mean_lateral, noise_level
 from dynstiction.trace_file import UNITS
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -566,7 +566,34 @@ def test_the_run_is_as_long_as_it_must_be(measured: ds.Trace) -> None:
     ],
 )
 def test_mirror_images_and_settings_of_output_change_nothing(measured: ds.Trace, change: dict[str, Any]) -> None:
-    assert ds.compare(SCENE, measured, **change).differing == ()
+    along = ds.Trace(measured.time, measured.force)
+    assert ds.compare(SCENE, along, **change).differing == ()
+
+
+def test_displacement_and_lateral_force_are_compared(result: ds.Result, measured: ds.Trace) -> None:
+    cycles = ds.find_cycles(measured)
+    assert cycles.means()["slip_length"] == pytest.approx(result.summary["slip_length"], rel=0.03)
+    # Over a cycle the object goes as far as the drive: what it does not slip it creeps.
+    assert cycles.means()["slip_length"] < 2.0e-3 * cycles.means()["period"] * np.cos(np.radians(3.0))
+    # Friction turns across the pull in slip and back towards it in creep.
+    lateral = mean_lateral(measured, cycles)
+    assert lateral is not None
+    assert -np.ptp(lateral.force) < cycles.means()["lateral_change"] < -0.5 * np.ptp(lateral.force)
+    assert ds.compare(SCENE, measured).differing == ()
+    comparison = ds.compare(SCENE, measured, system={"misalignment_deg": 4.5})
+    assert "slip_length" in comparison.differing
+    axes = comparison.plot().axes
+    assert len(axes) == 4
+    np.testing.assert_array_equal(axes[2].lines[0].get_ydata(), comparison.measured_lateral.force)
+    mirrored = ds.compare(SCENE, measured, system={"misalignment_deg": -3.0})
+    assert mirrored.differing == ("lateral_change",)
+
+
+def test_without_them_they_are_not_compared(measured: ds.Trace) -> None:
+    comparison = ds.compare(SCENE, ds.Trace(measured.time, measured.force))
+    assert {each.name for each in comparison.statistics}.isdisjoint({"slip_length", "lateral_change"})
+    assert comparison.measured_lateral is None
+    assert len(comparison.plot().axes) == 3
 
 
 def test_scenes_without_cycles_are_refused(measured: ds.Trace) -> None:
@@ -583,7 +610,7 @@ def test_scenes_without_cycles_are_refused(measured: ds.Trace) -> None:
 def test_the_figure_shows_both(measured: ds.Trace, tmp_path: Path) -> None:
     comparison = ds.compare(SCENE, measured, system={"misalignment_deg": 4.0})
     figure = comparison.plot()
-    cycle, slip, table = figure.axes
+    cycle, slip, _, table = figure.axes
     for axis, waves in (
         (cycle, (comparison.measured_waveform, comparison.simulated_waveform)),
         (slip, (comparison.measured_slip, comparison.simulated_slip)),

@@ -28,15 +28,23 @@ SYMBOLS = {
     "slip_duration": "slip [s]",
     "loading_rate": "loading [N/s]",
     "creep_share": "creep share",
+    "slip_length": "slip length [m]",
+    "lateral_change": "lateral change [N]",
 }
 """How the statistics are called in the figure."""
 
 
 def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
-    """(a) Mean force over a cycle, (b) around the slip, both with bands of two standard errors; below, the statistics."""
-    figure.set_size_inches(COLUMN_WIDTH, 150.0 * MM)
-    axes = figure.subplots(3, 1, height_ratios=(3.0, 3.0, 2.4))
-    cycle, slip, table = axes
+    """(a) Mean force over a cycle, (b) around the slip, (c) the lateral force if the trace has one; below, the statistics.
+
+    Bands are two standard errors wide to either side.
+    """
+    lateral = (comparison.measured_lateral, comparison.simulated_lateral)
+    heights = [3.0, 3.0, 0.3 * len(comparison.statistics)]
+    if lateral[0] is not None:
+        heights.insert(2, 2.2)
+    figure.set_size_inches(COLUMN_WIDTH, 18.0 * MM * sum(heights))
+    cycle, slip, *others, table = figure.subplots(len(heights), 1, height_ratios=heights)
     _draw(cycle, comparison.measured_waveform, comparison.simulated_waveform, 1.0)
     cycle.set_xlim(0.0, 1.0)
     cycle.set_xlabel("phase from slip to slip")
@@ -45,8 +53,14 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
     _draw(slip, comparison.measured_slip, comparison.simulated_slip, scale)
     slip.set_xlim(scale * comparison.measured_slip.phase[[0, -1]])
     slip.set_xlabel(f"time from the middle of the slip [{unit}]")
-    for axis, letter in ((cycle, "a"), (slip, "b")):
-        axis.set_ylabel("force along the pull [N]")
+    for axis in others:
+        if lateral[0] is not None and lateral[1] is not None:
+            _draw(axis, lateral[0], lateral[1], 1.0)
+        axis.set_xlim(0.0, 1.0)
+        axis.set_xlabel("phase from slip to slip")
+    names = ["force along the pull [N]"] * 2 + ["lateral force [N]"] * len(others)
+    for axis, letter, name in zip((cycle, slip, *others), "abc", names, strict=False):
+        axis.set_ylabel(name)
         axis.text(-0.17, 1.0, f"({letter})", transform=axis.transAxes, va="top", fontweight="bold")
     _draw_table(table, comparison.statistics)
 
