@@ -9,6 +9,7 @@ from pathlib import Path
 import dynstiction as ds
 import numpy as np
 import pytest
+from dynstiction import trace_fit
 from programs import INPUTS, Program
 
 pytest.importorskip("scipy")
@@ -89,6 +90,20 @@ def test_the_same_seed_gives_the_same_bits(found: ds.Fit, trace: ds.Trace) -> No
     again = ds.fit(DECK, trace, ",".join(ALL))
     assert [each.value for each in again.parameters.values()] == [each.value for each in found.parameters.values()]
     assert again.correlation.tobytes() == found.correlation.tobytes()
+
+
+def test_random_starts_follow_the_seed(trace: ds.Trace, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[bytes] = []
+
+    def nothing_near(model: object, wave: object, starts: list[np.ndarray], count: int) -> list[np.ndarray]:
+        tried.append(np.array(starts).tobytes())
+        return []
+
+    monkeypatch.setattr(trace_fit, "best_start", nothing_near)
+    for seed in (3, 3, 4):
+        with pytest.raises(ds.UsageError, match="no stick-slip near any start"):
+            ds.fit(DECK, trace, ALL, seed=seed)
+    assert tried[0] == tried[1] != tried[2]
 
 
 def test_intervals_are_wider_for_more_confidence_and_more_noise(found: ds.Fit) -> None:
