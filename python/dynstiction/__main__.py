@@ -176,6 +176,8 @@ def _trace(options: argparse.Namespace) -> Trace:
         options.trace,
         time=options.time,
         force=options.force,
+        displacement=vars(options).get("displacement"),
+        lateral_force=vars(options).get("lateral"),
         units=units,
         delimiter=delimiter,
         interval=options.interval,

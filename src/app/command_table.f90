@@ -177,9 +177,11 @@ module dst_command_table
     option_t('--time', 'COLUMN', 'compare fit', '?', &
       'of TRACE: the column of times, its number from 0 or its name; in HDF5 the path of a dataset; default: time, or 0', ''), &
     option_t('--force', 'COLUMN', 'compare fit', '?', 'the same of the force along the pull; default: force, or 1', ''), &
+    option_t('--displacement', 'COLUMN', 'compare', '?', 'the same of the displacement along the pull, if it was measured', ''), &
+    option_t('--lateral', 'COLUMN', 'compare', '?', 'the same of the lateral force, if it was measured', ''), &
     option_t('--unit', 'QUANTITY=UNIT', 'compare fit', '*', &
-      'unit of time or force, as time=ms or force=mN, or its factor to SI, as force=-9.81e-3; default: what TRACE says, '// &
-      'or SI', ''), &
+      'unit of time, force, displacement or lateral_force, as time=ms or force=mN, or its factor to SI, as force=-9.81e-3; '// &
+      'default: what TRACE says, or SI', ''), &
     option_t('--delimiter', 'C', 'compare fit', '?', 'between columns; default: it is found', ''), &
     option_t('--interval', 'S', 'compare fit', '?', 'time between two samples [s], where there is no column of times', ''), &
     option_t('--from', 'T', 'compare fit', '?', 'first time of the trace that counts [s]', ''), &

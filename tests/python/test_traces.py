@@ -646,6 +646,12 @@ def test_the_command_compares(executable: Path, measured: ds.Trace, tmp_path: Pa
     own = call(*how, "-o", "own.svg", status=0).stdout
     assert "nothing differs by more than 3 standard errors" in own
     assert (tmp_path / "own.svg").exists()
+    assert "slip_length" not in own
+    rows = zip(measured.time.tolist(), measured.force.tolist(), (1e6 * measured.displacement).tolist(), strict=True)
+    write(tmp_path, table(rows, "t,f,stage\n"), "both.csv")
+    both = call("rig.nml", "both.csv", "--displacement", "stage", "--unit", "displacement=um", status=0).stdout
+    assert "slip_length [m]" in both
+    assert "nothing differs by more than 3 standard errors" in both
 
 
 def test_the_command_refuses_with_file_and_line(executable: Path, tmp_path: Path) -> None:
