@@ -94,6 +94,9 @@ class SolverError(Error):
 class OutOfMemoryError(SolverError, MemoryError):
     """A run took more memory than there is; `code` is 47."""
 
+    # MemoryError's own would refuse this class when a copy is made by __new__, as for another process.
+    __new__ = SolverError.__new__
+
 
 class IncompleteWarning(UserWarning):
     """A result ends before the `t_end` of its deck."""

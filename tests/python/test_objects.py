@@ -24,7 +24,7 @@ import h5py
 import numpy as np
 import programs
 import pytest
-from dynstiction import _native, _sweep
+from dynstiction import _native, _sweep, errors
 from dynstiction.errors import error_for
 from programs import SCRIPT, Program, small_disk
 from results import assert_same
@@ -191,6 +191,17 @@ def test_what_is_data_is_copied(fig3: ds.Scene, fig3_result: ds.Result) -> None:
             assert type(again) is type(thing)
             assert repr(again) == repr(thing)
     assert_same(pickle.loads(pickle.dumps(fig3_result)), fig3_result)
+
+
+def test_errors_are_made_again_by_new() -> None:
+    """As tblib does, which sends what a case raises between the processes of dask."""
+    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, BaseException)]
+    assert len(kinds) > 8
+    for kind in kinds:
+        again = kind.__new__(kind)
+        again.args = ("no memory", 47, None)
+        assert type(again) is kind
+        assert "no memory" in str(again)
 
 
 SENT = """

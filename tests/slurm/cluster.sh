@@ -50,7 +50,8 @@ start_munge() {
   wait_for 10 munge --socket="$work/munge/socket" --no-input || skip "munged does not start: $(tail -n 1 "$work"/munge*.log)"
 }
 
-# Jobs requeued start as soon as their credential has expired; the controller looks at limits every few seconds.
+# Jobs requeued start as soon as their credential has expired; the controller looks at limits every few seconds, and knows of
+# jobs that have ended as long as the tests may take.
 write_configuration() {
   local host ports
   host=$(hostname -s)
@@ -82,6 +83,7 @@ SwitchType=switch/none
 ReturnToService=2
 MpiDefault=none
 KillWait=5
+MinJobAge=3600
 OverTimeLimit=0
 NodeName=$host NodeAddr=127.0.0.1 CPUs=16 State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
