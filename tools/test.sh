@@ -214,7 +214,7 @@ tests_with_sanitizers() {
 
 say_how_long
 sets=(test)
-[[ $level == proof ]] || sets+=(package)
+[[ $level == proof || $level == sanitize ]] || sets+=(manual)
 if is_wanted cluster; then
   debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge parallel)
 fi
@@ -260,15 +260,15 @@ case $level in
     ;;
 esac
 
-# Sweeps on a cluster and benchmarks hardly use the processor; beside them, with less right to it, what does.
+# Sweeps on a cluster use little of the processor, but want it at once. What compiles has less right to it.
 first_list() {
   ! is_wanted cluster || cluster_tests
   ! is_wanted bench || benchmarks
+  ! is_wanted mutation || mutation_tests
 }
 second_list() {
   renice -n 10 -p "$BASHPID" > /dev/null
   ! is_wanted package || package_tests
-  ! is_wanted mutation || mutation_tests
   ! is_wanted package || manual_tests
 }
 ((${#extras[@]} == 0)) || together first_list second_list

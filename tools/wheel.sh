@@ -11,7 +11,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 help_if_wanted "$@"
 folder=${1:-dist}
 build=$checkout/build/wheel
-archives=$build/archives
+# With a blank, as the path of the checkout may have one.
+archives="$build/static libraries"
 
 # A folder in which the linker finds static libraries only, also where the compiler asks for them by itself.
 collect_archives() {
