@@ -45,6 +45,10 @@ build_program -Dtests=false
 create_tools
 export PYTHONPATH=$venv/lib/python$python_version/site-packages
 quietly 'Making the manual' "$tools/bin/sphinx-build" -W --keep-going -E -a -b html -d "$checkout/build/doctrees" "$checkout/docs" "$manual"
+for notebook in "$checkout"/docs/notebooks/*.ipynb; do
+  name=$(basename "$notebook" .ipynb)
+  grep -q '<img[^>]*_images/' "$manual/notebooks/$name.html" || die "the notebook $name draws no figure"
+done
 quietly 'Making the pages of the Fortran modules' "$tools/bin/ford" -o "$manual/fortran" "$checkout/docs/ford.md"
 ! grep -i warning "$log" || die 'FORD warns: see above'
 cut_network "$manual/fortran"
