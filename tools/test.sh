@@ -87,7 +87,7 @@ add_summary() { printf '%s\t%s\t%s\n' "$2" "$1" "$3" >> "$results/summary.txt"; 
 # together FUNCTION...: several lists of sets at the same time, each in its order; twice a minute a line says which sets are running.
 lists=()
 together() {
-  local list silence
+  local list silence next=$((SECONDS + 30))
   side_by_side=yes
   # Processes of their own groups: they hear Ctrl-C, and end with this script.
   set -m
@@ -98,7 +98,9 @@ together() {
   set +m
   exec {silence}<> <(:)
   while kill -0 "${lists[@]}" 2> /dev/null; do
-    read -r -t 30 -u "$silence" || true
+    read -r -t 1 -u "$silence" || true
+    ((SECONDS >= next)) || continue
+    next=$((SECONDS + 30))
     say "  $SECONDS s: $(cd "$results" && ls -- *.running 2> /dev/null | sed 's/\.running$//' | tr '\n' ' ')"
   done
   for list in "${lists[@]}"; do
@@ -212,54 +214,6 @@ tests_with_sanitizers() {
   unit_tests 'Threads with ThreadSanitizer' "$threaded" threads
 }
 
-say_how_long
-sets=(test)
-[[ $level == proof || $level == sanitize ]] || sets+=(manual)
-if is_wanted cluster; then
-  debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge parallel)
-fi
-if is_wanted package; then
-  debian_packages+=(patch musl-tools)
-  sets+=(package)
-fi
-! is_wanted bench || debian_packages+=(g++ libboost-dev)
-prepare "${sets[@]}"
-! is_wanted cluster || (add_requirements cluster) || say 'No engines for shards: their tests are skipped'
-if is_wanted package; then
-  # Without a browser the report is not looked at, and without flang the core is compiled by gfortran alone.
-  have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'
-  have flang-new-19 || (apt_install flang-19) || say 'No flang: the core is compiled by gfortran alone'
-fi
-build_release
-# Scripts that are called from here find all installed.
-export DYNSTICTION_PREPARED=$checkout DYNSTICTION_EXE=$venv/bin/dynstiction
-cd "$checkout"
-mkdir -p "$results"
-rm -f "$results"/*
-
-if [[ $level == full ]]; then
-  export DYNSTICTION_FULL=1
-  configure "$quad" -Dprecision=quad
-  compile_in "$quad"
-  export DYNSTICTION_QUAD_EXE=$quad/src/dynstiction-quad
-  unit_tests 'Fortran unit tests in quadruple precision' "$quad"
-fi
-
-case $level in
-  proof)
-    unit_tests 'Fortran unit tests' "$release" --no-suite fuzz
-    python_tests 'Python tests' -m 'not full' "${proof[@]}"
-    ;;
-  release | standard)
-    unit_tests 'Fortran unit tests' "$release"
-    python_tests 'Python tests' -m 'not full' "${all_python[@]}"
-    ;;
-  full)
-    unit_tests 'Fortran unit tests' "$release"
-    python_tests 'Python tests' "${all_python[@]}"
-    ;;
-esac
-
 # Sweeps on a cluster use little of the processor, but want it at once. What compiles has less right to it.
 first_list() {
   ! is_wanted cluster || cluster_tests
@@ -271,18 +225,73 @@ second_list() {
   ! is_wanted package || package_tests
   ! is_wanted package || manual_tests
 }
-((${#extras[@]} == 0)) || together first_list second_list
 
-case $level in
-  standard | full) tests_with_checks ;;&
-  standard | full | sanitize) tests_with_sanitizers ;;
-esac
+# A function: the script is read to its end before it begins, and may be changed meanwhile.
+main() {
+  say_how_long
+  local sets=(test) failed
+  [[ $level == proof || $level == sanitize ]] || sets+=(manual)
+  if is_wanted cluster; then
+    debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge parallel)
+  fi
+  if is_wanted package; then
+    debian_packages+=(patch musl-tools)
+    sets+=(package)
+  fi
+  ! is_wanted bench || debian_packages+=(g++ libboost-dev)
+  prepare "${sets[@]}"
+  ! is_wanted cluster || (add_requirements cluster) || say 'No engines for shards: their tests are skipped'
+  if is_wanted package; then
+    # Without a browser the report is not looked at, and without flang the core is compiled by gfortran alone.
+    have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'
+    have flang-new-19 || (apt_install flang-19) || say 'No flang: the core is compiled by gfortran alone'
+  fi
+  build_release
+  # Scripts that are called from here find all installed.
+  export DYNSTICTION_PREPARED=$checkout DYNSTICTION_EXE=$venv/bin/dynstiction
+  cd "$checkout"
+  mkdir -p "$results"
+  rm -f "$results"/*
 
-printf '\n'
-sort -s -k1,1n "$results/summary.txt" | cut -f 2,3 | sed 's/\t/: /'
-failed=$(awk -F '\t' '$1 > 0 { printf "%s%s", between, $2; between = "; " }' "$results/summary.txt")
-if [[ -n $failed ]]; then
-  printf 'failed after %d min: %s\n' $(((SECONDS + 30)/60)) "$failed"
-  exit 1
-fi
-printf 'all passed, in %d min\n' $(((SECONDS + 30)/60))
+  if [[ $level == full ]]; then
+    export DYNSTICTION_FULL=1
+    configure "$quad" -Dprecision=quad
+    compile_in "$quad"
+    export DYNSTICTION_QUAD_EXE=$quad/src/dynstiction-quad
+    unit_tests 'Fortran unit tests in quadruple precision' "$quad"
+  fi
+
+  case $level in
+    proof)
+      unit_tests 'Fortran unit tests' "$release" --no-suite fuzz
+      python_tests 'Python tests' -m 'not full' "${proof[@]}"
+      ;;
+    release | standard)
+      unit_tests 'Fortran unit tests' "$release"
+      python_tests 'Python tests' -m 'not full' "${all_python[@]}"
+      ;;
+    full)
+      unit_tests 'Fortran unit tests' "$release"
+      python_tests 'Python tests' "${all_python[@]}"
+      ;;
+  esac
+
+  ((${#extras[@]} == 0)) || together first_list second_list
+
+  case $level in
+    standard | full) tests_with_checks ;;&
+    standard | full | sanitize) tests_with_sanitizers ;;
+  esac
+
+  printf '\n'
+  sort -s -k1,1n "$results/summary.txt" | cut -f 2,3 | sed 's/\t/: /'
+  failed=$(awk -F '\t' '$1 > 0 { printf "%s%s", between, $2; between = "; " }' "$results/summary.txt")
+  if [[ -n $failed ]]; then
+    printf 'failed after %d min: %s\n' $(((SECONDS + 30)/60)) "$failed"
+    exit 1
+  fi
+  printf 'all passed, in %d min\n' $(((SECONDS + 30)/60))
+}
+
+main
+exit

@@ -25,7 +25,7 @@ build() {
     FC=mpifort.$name meson setup "$folder/$name" "$checkout" -Dmpi=enabled -Dpython=false -Dtests=false > "$log" 2>&1 ||
       { cat "$log" >&2; return 1; }
   fi
-  ninja -C "$folder/$name" --quiet
+  ninja -C "$folder/$name" --quiet src/dynstiction
   export "$variable=$folder/$name/src/dynstiction"
 }
 

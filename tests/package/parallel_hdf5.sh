@@ -13,7 +13,8 @@ prepare
 build_program -Dtests=false
 folder=$checkout/build/parallel_hdf5
 rm -rf "$folder"
-build "$folder" --native-file "$checkout/tools/parallel_hdf5.ini" -Dmpi=enabled -Dpython=false -Dtests=false
+configure "$folder" --native-file "$checkout/tools/parallel_hdf5.ini" -Dmpi=enabled -Dpython=false -Dtests=false
+compile_in "$folder" src/dynstiction
 
 run() { "$1" run "$checkout/inputs/fig3.nml" -o "$scratch/$2" --quiet --set scene.t_end=2.5; }
 
