@@ -37,7 +37,7 @@ prepare
 build_program -Dtests=false
 say "Running $deck"
 dynstiction run "$deck" --overwrite "$@"
-python -m dynstiction plot "$file" -o "$picture"
+PYTHONDONTWRITEBYTECODE='' python -m dynstiction plot "$file" -o "$picture"
 printf '%s\n' "$file" "$picture"
 if [[ $is_new == yes ]]; then
   say "For the command dynstiction and the Python package in this shell: source $(printf '%q' "$venv/bin/activate")"

@@ -137,6 +137,8 @@ add_requirements() {
     if cmp -s "$requirements" "$stamp"; then continue; fi
     say "Installing into $venv: $(names_in "$requirements")"
     pip_install -r "$requirements"
+    # Tests start Python often, and may not be allowed to write bytecode.
+    busy "$checkout/build/bytecode.log" '' "$venv/bin/python" -m compileall -q -j 0 "$venv/lib" || true
     cp "$requirements" "$stamp"
   done
 }
@@ -144,7 +146,7 @@ add_requirements() {
 # pip_install [OPTION]... [PACKAGE]...: into .venv.
 pip_install() {
   local log=$checkout/build/pip.log
-  # Bytecode is made of what is imported, when it is: that takes less time and room than for all there is.
+  # Bytecode of all there is takes most of the time, and a third of the room. run.sh makes it of what it imports.
   busy "$log" '^ *(Collecting|Downloading|Installing) [^ ]*( [^ ]*)?' \
     "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off --no-compile "$@" || {
     grep -vE '^ *(Collecting|Downloading|Using cached|Requirement already)' "$log" >&2 || true

@@ -221,7 +221,7 @@ first_list() {
   ! is_wanted mutation || mutation_tests
 }
 second_list() {
-  renice -n 10 -p "$BASHPID" > /dev/null
+  renice -n $(($(nice) < 9 ? $(nice) + 10 : 19)) -p "$BASHPID" > /dev/null
   ! is_wanted package || package_tests
   ! is_wanted package || manual_tests
 }

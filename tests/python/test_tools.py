@@ -122,12 +122,12 @@ def test_an_environment_is_made_once_and_again_when_it_was_not_finished(checkout
     assert calls(checkout) == ["venv", "pip"]
     (checkout / "offline").unlink()
     in_setup(checkout, install, status=0)
-    assert calls(checkout) == ["venv", "pip", "pip"]
+    assert calls(checkout) == ["venv", "pip", "pip", "compileall"]
     assert in_setup(checkout, install, status=0).stderr == ""
     assert calls(checkout) == []
     # Packages of a further set alone.
     in_setup(checkout, "create_environment; add_requirements test package", status=0)
-    assert calls(checkout) == ["pip"]
+    assert calls(checkout) == ["pip", "compileall"]
 
 
 def test_a_removal_that_was_interrupted_is_noticed(checkout: Path) -> None:
