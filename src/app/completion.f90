@@ -2,8 +2,8 @@
 !>
 !> `dynstiction complete WORD...` is called by the scripts in tools/completion with the words after the program's name; the last
 !> one is being typed. It prints the candidates, a line each; a line '*.nml' or '*.h5' stands for the files of that ending, '*/' for
-!> folders, and a candidate that ends in '=' is only the beginning of a word. So the shells have no list of commands, options or keys
-!> of their own.
+!> folders, and a candidate that ends in '=' is only the beginning of a word. So the shells have no list of commands, options or
+!> keys of their own.
 module dst_completion
   use dst_command_line, only: argument_t, takes_value
   use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of, &
