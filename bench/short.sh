@@ -5,6 +5,7 @@
 
 source "$(dirname "${BASH_SOURCE[0]}")/../tools/setup.sh"
 
+help_if_wanted "$@"
 mpi=${1:-$checkout/build/mpi}/openmpi
 passed=0
 failed=0
@@ -33,8 +34,8 @@ in_build() {
   ninja -C "$1" --quiet "bench/$2" >&2 && "${@:3}"
 }
 
-prepare
-build_release
+prepare test
+build_program -Dtests=false
 cd "$checkout"
 for file in bench/*.py; do
   short "${file##*/}" python "$file" --short

@@ -6,6 +6,7 @@ The second line of a room's meson.build says which rooms it may use. A module th
 a promise that nothing needs are complained of, and nothing is drawn. So the picture cannot disagree with the source.
 """
 
+import argparse
 import re
 import sys
 from pathlib import Path
@@ -153,6 +154,10 @@ def picture(source: Path) -> str:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.parse_args()
     found = complaints(ROOT / "src")
     for line in found:
         print(line, file=sys.stderr)

@@ -6,6 +6,7 @@ Names, types, units and meanings are read from the files of a short run and a sm
 them stands here.
 """
 
+import argparse
 import subprocess
 import sys
 import tempfile
@@ -81,7 +82,11 @@ column `/remainder/time_series/<name>`, what the double loses of it. The checkpo
 
 
 def main() -> None:
-    executable = sys.argv[1] if len(sys.argv) > 1 else "dynstiction"
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("executable", nargs="?", default="dynstiction", help="default: the one on PATH")
+    executable = parser.parse_args().executable
     with tempfile.TemporaryDirectory() as folder:
         run = written(executable, Path(folder) / "run.h5", "--set", "scene.t_end=5")
         sweep = written(

@@ -5,9 +5,9 @@
 It comes from src/app/command_table.f90 and src/deck/schema.f90, so every option, key, unit, range and default has one source.
 """
 
+import argparse
 import json
 import subprocess
-import sys
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -72,7 +72,11 @@ KINDS = {"reals": "list of reals", "texts": "list of texts"}
 
 
 def main() -> None:
-    executable = sys.argv[1] if len(sys.argv) > 1 else "dynstiction"
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("executable", nargs="?", default="dynstiction", help="default: the one on PATH")
+    executable = parser.parse_args().executable
     said = subprocess.run([executable, "keys", "--json"], capture_output=True, text=True, check=True).stdout
     # Numbers stay as the program writes them.
     catalogue = json.loads(said, parse_int=str, parse_float=str)

@@ -1,11 +1,12 @@
 """Bytecode of the package, for `meson install`: a file that Meson installs is one that it uninstalls; one that Python caches is not.
 
-Usage: compile_bytecode.py PACKAGE OUTPUT DEPFILE [MADE]... OUTPUT gets the folders ``__pycache__`` of PACKAGE, to which the
-modules MADE by the build belong, and nothing else.
+    python python/compile_bytecode.py PACKAGE OUTPUT DEPFILE [MADE]...
+
+OUTPUT gets the folders ``__pycache__`` of PACKAGE, to which the modules MADE by the build belong, and nothing else.
 """
 
+import argparse
 import shutil
-import sys
 from importlib.util import cache_from_source
 from pathlib import Path
 from py_compile import PycInvalidationMode, compile
@@ -31,4 +32,11 @@ def main(package: Path, output: Path, depfile: Path, *made: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    for name in ("package", "output", "depfile"):
+        parser.add_argument(name, type=Path)
+    parser.add_argument("made", type=Path, nargs="*")
+    arguments = parser.parse_args()
+    main(arguments.package, arguments.output, arguments.depfile, *arguments.made)

@@ -3,6 +3,7 @@
 python python/generate_stub.py python/core/python_api.f90 python/dynstiction/_core.pyi
 """
 
+import argparse
 import sys
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -25,7 +26,13 @@ _Characters = NDArray[np.bytes_]
 
 
 def main() -> int:
-    source, target = sys.argv[1:]
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("source")
+    parser.add_argument("target")
+    arguments = parser.parse_args()
+    source, target = arguments.source, arguments.target
     crackfortran.verbose = 0
     with redirect_stdout(sys.stderr):
         (module,) = crackfortran.crackfortran([source])

@@ -1,8 +1,11 @@
 """Generate the C and Fortran wrappers of one Fortran file with f2py, and refuse what f2py only warns of.
 
 f2py maps a kind that it does not know to C ``float`` and goes on; the extension would then return wrong numbers.
+
+    python python/generate_wrappers.py python/core/python_api.f90 FOLDER
 """
 
+import argparse
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +14,13 @@ MODULE = "_core"
 
 
 def main() -> int:
-    source, folder = sys.argv[1], Path(sys.argv[2])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("source")
+    parser.add_argument("folder", type=Path)
+    arguments = parser.parse_args()
+    source, folder = arguments.source, arguments.folder
     command = [
         sys.executable,
         "-m",

@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # tools/docs.sh: makes the manual, build/docs/index.html. Installs what is missing, as tools/run.sh does, and the tools of
-# docs/requirements.txt into build/docs-venv. Any warning is an error.
+# docs/requirements.txt into build/docs-venv. Any warning is an error. Takes about three minutes.
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 
-(($# == 0)) || die "no arguments, please"
+help_if_wanted "$@"
+(($# == 0)) || die "it takes no arguments; see tools/docs.sh --help"
 manual=$checkout/build/docs
 tools=$checkout/build/docs-venv
 log=$checkout/build/docs.log
@@ -13,10 +14,11 @@ log=$checkout/build/docs.log
 create_tools() {
   local requirements=$checkout/docs/requirements.txt
   cmp -s "$requirements" "$tools/installed" && return
-  say "Installing into $tools: $(grep -v '^#' "$requirements" | tr '\n' ' ')"
+  say "Installing into $tools: $(names_in "$requirements")"
+  rm -f "$tools/installed"
   rm -rf "$tools"
   "$python" -m venv "$tools"
-  "$tools/bin/python" -m pip install --quiet --disable-pip-version-check -r "$requirements" >&2
+  venv=$tools pip_install -r "$requirements"
   cp "$requirements" "$tools/installed"
 }
 
@@ -34,15 +36,19 @@ END
 
 # quietly WHAT COMMAND...: its output goes to the log and is shown if it fails.
 quietly() {
-  say "$1"
-  "${@:2}" > "$log" 2>&1 || { cat "$log" >&2; die "$1 failed: see above"; }
+  say "$1 ..."
+  busy "$log" '^(reading sources|writing output|Processing|Generating).*' "${@:2}" || { cat "$log" >&2; die "$1 failed: see above"; }
 }
 
 prepare
-build_release
+build_program -Dtests=false
 create_tools
 export PYTHONPATH=$venv/lib/python$python_version/site-packages
 quietly 'Making the manual' "$tools/bin/sphinx-build" -W --keep-going -E -a -b html -d "$checkout/build/doctrees" "$checkout/docs" "$manual"
+for notebook in "$checkout"/docs/notebooks/*.ipynb; do
+  name=$(basename "$notebook" .ipynb)
+  grep -q '<img[^>]*_images/' "$manual/notebooks/$name.html" || die "the notebook $name draws no figure"
+done
 quietly 'Making the pages of the Fortran modules' "$tools/bin/ford" -o "$manual/fortran" "$checkout/docs/ford.md"
 ! grep -i warning "$log" || die 'FORD warns: see above'
 cut_network "$manual/fortran"

@@ -1,11 +1,12 @@
 """Write groups.py of the Python package, the deck's groups as dataclasses, from what the program says of its keys.
 
-    generate_groups.py PROGRAM OUTPUT
+    python tools/generate_groups.py PROGRAM OUTPUT
 
 The build does so. The schema is src/deck/schema.f90. A file that is written, rather than classes made at import, is what editors,
 type checkers and readers see, and it costs nothing at import.
 """
 
+import argparse
 import json
 import subprocess
 import sys
@@ -43,7 +44,13 @@ from .deck_group import DeckGroup
 
 
 def main() -> int:
-    program, target = sys.argv[1:]
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("program", help="the executable dynstiction")
+    parser.add_argument("output")
+    arguments = parser.parse_args()
+    program, target = arguments.program, arguments.output
     said = subprocess.run([program, "keys", "--json"], stdout=subprocess.PIPE, check=True).stdout
     # Numbers as texts: as the schema writes them.
     keys = [Key(**key) for key in json.loads(said, parse_int=str, parse_float=str)["keys"]]

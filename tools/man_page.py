@@ -1,13 +1,15 @@
 """Write the manual page dynstiction.1 from what `dynstiction keys --json` prints.
 
-Usage: man_page.py PROGRAM OUTPUT
+    python tools/man_page.py PROGRAM OUTPUT
+
+The build does so.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import subprocess
-import sys
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -109,4 +111,10 @@ def escape(text: str) -> str:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("program", help="the executable dynstiction")
+    parser.add_argument("output", type=Path)
+    arguments = parser.parse_args()
+    main(arguments.program, arguments.output)

@@ -9,8 +9,8 @@ motion has settled. System and friction are those of Fig. 3 of Nakano and Popov 
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -79,4 +79,15 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1] / "inputs")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "folder",
+        metavar="DIR",
+        nargs="?",
+        type=Path,
+        default=Path(__file__).parents[1] / "inputs",
+        help="default: inputs",
+    )
+    main(parser.parse_args().folder)

@@ -1,4 +1,6 @@
-"""Compile the core with another Fortran compiler, and run its unit tests: `python tools/second_compiler.py flang-new-19`.
+"""Compile the core with another Fortran compiler, and run its unit tests.
+
+    python tools/second_compiler.py COMPILER, for example flang-new-19
 
 Everything below the result file is compiled, in the order of use; HDF5's and MPI's own modules fit one compiler only. Left out of
 the tests are those that need these rooms, or functions in quadruple precision, which LLVM 19 has not. Prints the first file that
@@ -7,6 +9,7 @@ does not compile, or a last line `N files compiled, N test programs passed, N fa
 
 from __future__ import annotations
 
+import argparse
 import re
 import subprocess
 import sys
@@ -78,4 +81,8 @@ def main(compiler: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("compiler")
+    sys.exit(main(parser.parse_args().compiler))

@@ -1,5 +1,6 @@
-# Sourced by run.sh and test.sh: installs what is missing and builds, and says so before it does.
+# Sourced by the scripts in this folder: installs what is missing and builds, and says so before it does.
 # Nothing but the apt packages below is installed outside the checkout. A rerun with nothing changed takes seconds.
+# A script that was interrupted is simply started again: what is half done is recognised and done anew.
 
 set -euo pipefail
 
@@ -13,13 +14,55 @@ say() { printf '%s\n' "$*" >&2; }
 die() { say "${0##*/}: $*"; exit 1; }
 have() { command -v "$1" > /dev/null; }
 
-# Everything that the two commands need; afterwards .venv/bin comes first on PATH.
+# help_if_wanted "$@": with --help or -h as the first argument, print the comment at the head of the script, and end.
+help_if_wanted() {
+  [[ ${1:-} == --help || ${1:-} == -h ]] || return 0
+  awk 'NR > 1 { if (!/^#/) exit; sub(/^# ?/, ""); print }' "$0"
+  exit 0
+}
+
+# busy LOG PATTERN COMMAND...: run the command, with its output into LOG. As long as it takes, a line every 8 s says how far it is:
+# the last match of PATTERN (of grep -E) in LOG.
+busy() {
+  local log=$1 pattern=$2 watcher status=0
+  shift 2
+  mkdir -p "$(dirname "$log")"
+  : > "$log"
+  report_progress "$log" "$pattern" &
+  watcher=$!
+  "$@" > "$log" 2>&1 < /dev/null || status=$?
+  kill "$watcher" 2> /dev/null || true
+  wait "$watcher" 2> /dev/null || true
+  return $status
+}
+
+report_progress() {
+  local begin=$SECONDS next=8 silence last
+  exec {silence}<> <(:)
+  while kill -0 $$ 2> /dev/null; do
+    # A pause of a second without a process that would outlive this one.
+    read -r -t 1 -u "$silence" || true
+    ((SECONDS - begin >= next)) || continue
+    next=$((next + 8))
+    last=$([[ -z $2 ]] || grep -aoE "$2" "$1" | tail -n 1) || true
+    say "  $((SECONDS - begin)) s${last:+: ${last:0:100}}"
+  done
+}
+
+# prepare [SET]...: everything that a run and a picture need, and what tools/requirements_SET.txt names; afterwards .venv/bin comes first
+# on PATH.
 prepare() {
   find_python
   install_system_packages
-  create_environment
+  if ! is_prepared; then
+    create_environment
+    add_requirements "$@"
+  fi
   export PATH=$venv/bin:$PATH
 }
+
+# Whether tools/test.sh of this checkout, which calls this script, has already installed all, and runs tests with what is installed.
+is_prepared() { [[ ${DYNSTICTION_PREPARED:-} == "$checkout" ]]; }
 
 find_python() {
   local candidate
@@ -63,45 +106,127 @@ apt_install() {
     have sudo || die "these packages need an administrator: apt-get install $*"
     as_root=(sudo)
   fi
-  apt_get() { "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq "$@" < /dev/null > /dev/null; }
+  apt_get() { busy "$checkout/build/apt.log" '^(Get:[0-9]+|Unpacking|Setting up) .*' "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get "$@"; }
   # The lists may be absent or stale; an unreachable extra source must not stop the installation.
   apt_get update || say "apt-get update failed; trying with the lists that are here"
-  apt_get install --no-install-recommends -y "$@" || die "apt-get could not install $*"
+  apt_get install --no-install-recommends -y "$@" || { tail -n 20 "$checkout/build/apt.log" >&2; die "apt-get could not install $*"; }
 }
 
-# The .venv of this checkout; made anew when the requirements, the Python or the checkout's place changed.
+names_in() { grep -v '^#' "$1" | tr '\n' ' '; }
+
+# The .venv of this checkout; made anew when its requirements, the Python or the checkout's place changed.
 create_environment() {
-  local stamp=$venv/installed wanted
-  wanted=$(printf 'Python %s, %s\n' "$python_version" "$checkout"; cat "$checkout/tools/requirements.txt")
+  local stamp=$venv/installed wanted requirements=$checkout/tools/requirements.txt
+  wanted=$(printf 'Python %s, %s\n' "$python_version" "$checkout"; cat "$requirements")
   if [[ -e $stamp && $(< "$stamp") == "$wanted" ]]; then return; fi
-  say "Installing into $venv: $(grep -v '^#' "$checkout/tools/requirements.txt" | tr '\n' ' ')"
+  say "Installing into $venv (about 30 s): $(names_in "$requirements")"
+  # First what says that all is there: removing may be interrupted, too.
+  rm -f "$stamp" "$checkout"/build/*/build.ninja
   rm -rf "$venv" "$checkout/build"
-  "$python" -m venv "$venv"
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r "$checkout/tools/requirements.txt" >&2
+  busy "$checkout/build/venv.log" '' "$python" -m venv "$venv" || { cat "$checkout/build/venv.log" >&2; die "no environment: see above"; }
+  pip_install -r "$requirements"
   printf '%s\n' "$wanted" > "$stamp"
 }
 
-# build FOLDER [MESON OPTION]...: configure where that has not been done, and compile.
-build() {
-  local folder=$1 log
-  shift
-  if [[ ! -e $folder/build.ninja ]]; then
-    say "Configuring $folder"
-    rm -rf "$folder"
-    mkdir -p "$folder"
-    log=$folder.log
-    if ! meson setup "$folder" "$checkout" "$@" > "$log" 2>&1; then
-      cat "$log" >&2
-      rm -rf "$folder"
-      die "configuring failed: see above"
-    fi
-  fi
-  ninja -C "$folder" --quiet >&2 || die "compiling failed: see above"
+# What tests and packages need besides, by sets.
+add_requirements() {
+  local set requirements stamp
+  for set in "$@"; do
+    requirements=$checkout/tools/requirements_$set.txt
+    stamp=$venv/installed_$set
+    if cmp -s "$requirements" "$stamp"; then continue; fi
+    say "Installing into $venv: $(names_in "$requirements")"
+    pip_install -r "$requirements"
+    # Tests start Python often, and may not be allowed to write bytecode.
+    busy "$checkout/build/bytecode.log" '' "$venv/bin/python" -m compileall -q -j 0 "$venv/lib" || true
+    cp "$requirements" "$stamp"
+  done
 }
 
-# The executable in .venv/bin and the package in .venv's site-packages.
-build_release() {
-  build "$release" --prefix="$venv" -Dpython.install_env=venv
-  rm -rf "$venv/lib/python$python_version/site-packages/dynstiction"
+# pip_install [OPTION]... [PACKAGE]...: into .venv.
+pip_install() {
+  local log=$checkout/build/pip.log
+  # Bytecode of all there is takes most of the time, and a third of the room. run.sh makes it of what it imports.
+  busy "$log" '^ *(Collecting|Downloading|Installing) [^ ]*( [^ ]*)?' \
+    "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off --no-compile "$@" || {
+    grep -vE '^ *(Collecting|Downloading|Using cached|Requirement already)' "$log" >&2 || true
+    die "pip could not install $*: see above. Is the network there? To try again, start the same command again"
+  }
+}
+
+# configure FOLDER [MESON OPTION]...: where that has not been done.
+configure() {
+  local folder=$1 log=$1.log
+  shift
+  [[ ! -e $folder/build.ninja ]] || return 0
+  say "Configuring $folder"
+  rm -rf "$folder"
+  mkdir -p "$folder"
+  busy "$log" '^[A-Z].*' meson setup "$folder" "$checkout" "$@" || {
+    cat "$log" >&2
+    rm -rf "$folder"
+    die "configuring failed: see above"
+  }
+}
+
+# build FOLDER [MESON OPTION]...: configure and compile.
+build() {
+  configure "$@"
+  compile_in "$1"
+}
+
+# compile_in FOLDER [TARGET]...: says so if there is much to do. The compilers' output goes to FOLDER-ninja.log.
+compile_in() {
+  local folder=$1 log=$1-ninja.log steps
+  shift
+  if [[ ! -e $folder/.ninja_log ]]; then
+    say "Compiling $folder (half a minute on two idle cores) ..."
+  else
+    steps=$(ninja -C "$folder" -n "$@" 2> /dev/null | grep -c '^\[') || true
+    ((steps < 20)) || say "Compiling what has changed in $folder ..."
+  fi
+  busy "$log" '^\[[0-9]+/[0-9]+\]' ninja -C "$folder" "$@" || {
+    sed -n '/^FAILED/,$p' "$log" >&2
+    die "compiling failed: see above"
+  }
+}
+
+# The executable in .venv/bin and the package in .venv's site-packages. build_program leaves the tests out of a build that has none.
+build_program() {
+  ! is_prepared || return 0
+  local site=$venv/lib/python$python_version/site-packages/dynstiction
+  build "$release" --prefix="$venv" -Dpython.install_env=venv "$@"
+  rm -rf "$site"
   meson install -C "$release" --quiet --no-rebuild
+  load_completion
+}
+
+# The same with all tests.
+build_release() {
+  ! is_prepared || return 0
+  if [[ -e $release/build.ninja ]] && ! grep -q 'tests/unit/' "$release/build.ninja"; then
+    say 'Compiling the tests (20 s on two idle cores) ...'
+    meson configure "$release" -Dtests=true
+  fi
+  build_program -Dtests=true
+}
+
+# Completion of the command line comes with `source .venv/bin/activate`, in bash and zsh, and with activate.fish.
+load_completion() {
+  local activate=$venv/bin/activate
+  grep -q '_dynstiction' "$activate" || cat >> "$activate" << 'END'
+
+# Completion of dynstiction's command line; zsh where its own completion is on (compinit).
+if [ -n "${BASH_VERSION:-}" ] && [ -r "$VIRTUAL_ENV/share/bash-completion/completions/dynstiction" ]; then
+    . "$VIRTUAL_ENV/share/bash-completion/completions/dynstiction"
+elif [ -n "${ZSH_VERSION:-}" ]; then
+    eval 'fpath=("$VIRTUAL_ENV/share/zsh/site-functions" $fpath)
+    if whence compdef > /dev/null; then autoload -Uz _dynstiction; compdef _dynstiction dynstiction; fi'
+fi
+END
+  grep -q 'dynstiction' "$activate.fish" || cat >> "$activate.fish" << 'END'
+
+# Completion of dynstiction's command line.
+source "$VIRTUAL_ENV/share/fish/vendor_completions.d/dynstiction.fish"
+END
 }

@@ -1,58 +1,136 @@
 #!/usr/bin/env bash
-# tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package] [--bench] [--mutation]: installs what is missing, builds, and runs every test.
-# --quick leaves out the builds with run-time checks and sanitizers; --full adds the heavier proofs, the decks under the
-# sanitizers and the build in quadruple precision; --sanitize runs the sanitizers and valgrind alone. --cluster adds sweeps on
-# real MPI and Slurm, --package wheel, source archive, library, manual and notebooks, --bench the short forms of all benchmarks,
-# --mutation 25 small changes of the core that the tests must notice. See docs/testing.md.
+# tools/test.sh [--release | --standard | --full | --sanitize] [--cluster] [--package] [--bench] [--mutation]
+#
+# Installs what is missing, builds and tests. Says first how long that takes; the last line is "all passed", or names what failed.
+# Without an option it proves an installation: unit tests, reference results, models, decks, the Python package and a figure.
+#
+#   --release    every unit test and Python test, and fuzzing, with the build that is installed
+#   --standard   also builds with run-time checks and sanitizers, and line coverage
+#   --full       also the heavier proofs, the decks under the sanitizers, and the build in quadruple precision
+#   --sanitize   the sanitizers and valgrind alone
+#
+# In addition to any of these:
+#
+#   --cluster    sweeps on real MPI and Slurm
+#   --package    wheel, source archive, library, another compiler, manual and notebooks
+#   --bench      the short forms of all benchmarks
+#   --mutation   25 small changes of the core that the tests must notice
+#
+# The output of each set of tests is in build/tests. See docs/testing.md.
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 
-with_release=yes
-with_debug=yes
-with_sanitizers=yes
-with_quad=no
-with_cluster=no
-with_package=no
-with_bench=no
-with_mutation=no
-selection=(-m 'not full')
+level=proof
+extras=()
 for argument in "$@"; do
   case $argument in
-    --quick) with_debug=no with_sanitizers=no ;;
-    --sanitize) with_release=no with_debug=no ;;
-    --full) selection=() with_quad=yes DYNSTICTION_FULL=1; export DYNSTICTION_FULL ;;
-    --cluster) with_cluster=yes ;;
-    --package) with_package=yes ;;
-    --bench) with_bench=yes ;;
-    --mutation) with_mutation=yes ;;
-    *) die "unknown option $argument: tools/test.sh [--quick | --full | --sanitize] [--cluster] [--package] [--bench] [--mutation]" ;;
+    --release | --standard | --full | --sanitize) level=${argument#--} ;;
+    --quick) level=proof ;;
+    --cluster | --package | --bench | --mutation) extras+=("${argument#--}") ;;
+    -h | --help) help_if_wanted --help ;;
+    *) die "unknown option $argument; see tools/test.sh --help" ;;
   esac
 done
+
+is_wanted() { [[ " ${extras[*]-} " == *" $1 "* ]]; }
 
 debug=$checkout/build/debug
 quad=$checkout/build/quad
 sanitized=$checkout/build/sanitized
 threaded=$checkout/build/threaded
+mpi=$checkout/build/mpi
 checks='-fcheck=all -ffpe-trap=invalid,zero,overflow -fbacktrace'
-summaries=()
-failed=0
+results=$checkout/build/tests
+python_summary='^=+ .*(passed|failed|error|skipped|no tests ran).* =+$'
 
-# run_tests TITLE PATTERN COMMAND...: run, and keep the runner's own summary lines.
+# Reference results, models, decks, the Python package, commands of Python, and a figure.
+proof=("$checkout"/tests/python/test_{references,models,decks,python_api,handover}.py
+  "$checkout/tests/python/test_plots.py::test_command_draws_a_file")
+
+# Minutes on two idle cores.
+declare -A minutes=([proof]=2 [release]=8 [standard]=15 [full]=60 [sanitize]=3 [cluster]=7 [package]=10 [bench]=2 [mutation]=3)
+
+say_how_long() {
+  local part total first=0 second=0
+  for part in ${extras[@]+"${extras[@]}"}; do
+    if [[ $part == package ]]; then second=${minutes[$part]}; else first=$((first + ${minutes[$part]})); fi
+  done
+  total=$((${minutes[$level]} + (first > second ? first : second)))
+  say "This takes about $total minutes$([[ $level != full ]] || echo ' or more') on two idle cores, and up to two more the first time."
+  [[ $level != proof ]] || say 'Every test: tools/test.sh --standard. All options: tools/test.sh --help'
+}
+
+# run_tests TITLE PATTERN COMMAND...: run, and keep the runner's own summary lines. Where sets run side by side, what they print goes to
+# a file, and is shown if they fail.
+side_by_side=no
 run_tests() {
-  local title=$1 pattern=$2 log=$checkout/build/tests.log summary
+  local title=$1 pattern=$2 begin=$SECONDS status=0 log summary
+  log=$results/$(tr -cs '[:alnum:]\n' _ <<< "$1").log
   shift 2
-  say "== $title"
-  "$@" < /dev/null 2>&1 | tee "$log" || failed=1
-  summary=$(grep -E "$pattern" "$log" | tr -s ' ' | tr '\n' ' ') || summary='did not run: see above'
-  summaries+=("$title: $summary")
+  if [[ $side_by_side == yes ]]; then
+    say "== $title: begins"
+    touch "${log%.log}.running"
+    "$@" < /dev/null > "$log" 2>&1 || status=$?
+    rm -f "${log%.log}.running"
+    ((status == 0)) || sed "s/^/[$title] /" "$log" >&2
+  else
+    say "== $title"
+    "$@" < /dev/null 2>&1 | tee "$log" || status=$?
+  fi
+  summary=$(grep -aE "$pattern" "$log" | tr -d '=' | tr -s ' ' | tr '\n' ' ') || summary='did not run: see above'
+  [[ $side_by_side == no ]] || say "== $title: ends after $((SECONDS - begin)) s, $([[ $status == 0 ]] && echo passed || echo FAILED)"
+  add_summary "$title" "$status" "$summary"
 }
 
-unit_tests() { run_tests "$1" '^(Ok|Fail|Expected Fail|Skipped|Timeout):' meson test -C "$2" --no-rebuild --print-errorlogs; }
-# On all cores; a file's tests stay together, for what they share.
-python_tests() {
-  run_tests "$1" '^=+ .*(passed|failed|error|skipped|no tests ran).* =+$' python -m pytest -n auto --dist loadfile \
-    "${@:2}" "$checkout"/tests/{python,extremes,audit}
+# One line at a time: sets that run side by side write into one file.
+add_summary() { printf '%s\t%s\t%s\n' "$2" "$1" "$3" >> "$results/summary.txt"; }
+
+# together FUNCTION...: several lists of sets at the same time, each in its order; twice a minute a line says which sets are running.
+lists=()
+together() {
+  local list silence next=$((SECONDS + 30))
+  side_by_side=yes
+  # Processes of their own groups: they hear Ctrl-C, and end with this script.
+  set -m
+  for list; do
+    "$list" < /dev/null &
+    lists+=($!)
+  done
+  set +m
+  exec {silence}<> <(:)
+  while kill -0 "${lists[@]}" 2> /dev/null; do
+    read -r -t 1 -u "$silence" || true
+    ((SECONDS >= next)) || continue
+    next=$((SECONDS + 30))
+    say "  $SECONDS s: $(cd "$results" && ls -- *.running 2> /dev/null | sed 's/\.running$//' | tr '\n' ' ')"
+  done
+  for list in "${lists[@]}"; do
+    wait "$list" || add_summary "$1" 1 'ended early: see above'
+    shift
+  done
+  lists=()
+  side_by_side=no
 }
+end_lists() {
+  local list
+  for list in ${lists[@]+"${lists[@]}"}; do
+    kill -TERM -- "-$list" 2> /dev/null || true
+  done
+}
+trap end_lists EXIT
+trap 'exit 130' INT
+trap 'exit 143' TERM
+
+# unit_tests TITLE FOLDER [OPTION of meson test]...
+unit_tests() {
+  run_tests "$1" '^(Ok|Fail|Expected Fail|Skipped|Timeout):' meson test -C "$2" --no-rebuild --print-errorlogs "${@:3}"
+}
+
+# python_tests TITLE [OPTION of pytest]... FILE...: on all cores; a file's tests stay together, for what they share.
+python_tests() {
+  run_tests "$1" "$python_summary" python -m pytest -n auto --dist loadfile --durations=10 --durations-min=5 "${@:2}"
+}
+all_python=("$checkout"/tests/{python,extremes,audit})
 
 # What the tests of the checked build have reached of src/, by file: lines, share, name; last the total. The flat layer for
 # Python is not in that build.
@@ -66,93 +144,155 @@ print_coverage() {
       printf "%6d %6.1f %%  %s\n", lines, part[2], name | "sort -k2 -n"
     }
     END { close("sort -k2 -n"); printf "%6d %6.1f %%  total\n", all, 100*all_reached/all }' | tee "$table"
-  summaries+=("Line coverage of src/: $(awk 'END { print $2, $3 }' "$table")")
+  add_summary 'Line coverage of src/' 0 "$(awk 'END { print $2, $3 }' "$table")"
 }
 
 # One short run.
 memcheck() {
   if ! have valgrind; then
-    summaries+=('Valgrind: skipped, valgrind is not installed')
+    add_summary Valgrind 0 'skipped, valgrind is not installed'
     return
   fi
   run_tests 'Valgrind on a short run' 'ERROR SUMMARY' valgrind --error-exitcode=1 --child-silent-after-fork=yes --leak-check=full --errors-for-leak-kinds=definite \
     "$release/src/dynstiction" run inputs/fig3.nml --set scene.t_end=0.05 --quiet --overwrite -o "$checkout/build/memcheck.h5"
 }
 
-# Engines that run the shards of a sweep; without them their tests are skipped.
-install_engines() {
-  python -m pip install --quiet --disable-pip-version-check hyperqueue distributed >&2 || say 'pip could not install the engines for shards'
-}
-
 # Sweeps over real MPI processes and through a real Slurm, on this machine.
 cluster_tests() {
-  run_tests 'Sweeps over MPI' '(^=+ .*(passed|failed|error|skipped|no tests ran).* =+$)|skipped' "$checkout/tests/mpi/run.sh" "$checkout/build/mpi"
-  run_tests 'Sweeps through Slurm' '(^=+ .*(passed|failed|error|skipped|no tests ran).* =+$)|skipped:' "$checkout/tests/slurm/run.sh" \
-    "$DYNSTICTION_EXE" "$checkout/build/mpi/openmpi/src/dynstiction" pmix "$checkout/build/mpi/mpich/src/dynstiction" pmi2
+  run_tests 'Sweeps over MPI' "($python_summary)|skipped" "$checkout/tests/mpi/run.sh" "$mpi"
+  run_tests 'Sweeps through Slurm' "($python_summary)|skipped:" "$checkout/tests/slurm/run.sh" \
+    "$DYNSTICTION_EXE" "$mpi/openmpi/src/dynstiction" pmix "$mpi/mpich/src/dynstiction" pmi2
 }
 
-# What a user installs, and the manual.
+benchmarks() { run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh" "$mpi"; }
+
+# What a user installs.
 package_tests() {
   local script
-  # Without a browser the report is not looked at, and a line says so.
-  have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'
   for script in sdist meson_install wheel parallel_hdf5; do
     run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
   done
-  have flang-new-19 || (apt_install flang-19) || say 'No flang: the core is compiled by gfortran alone'
   ! have flang-new-19 || run_tests 'The core with another compiler' '(files compiled|does not compile)' \
     python "$checkout/tools/second_compiler.py" flang-new-19
-  run_tests 'Manual' '(build/docs/index.html|failed)' "$checkout/tools/docs.sh"
-  run_tests 'Pages that change the source, notebooks, report' '^=+ .*(passed|failed|error|skipped|no tests ran).* =+$' \
-    python -m pytest "$checkout"/tests/python/test_{howto,notebooks,report,documented}.py
 }
 
-[[ $with_cluster == no ]] || debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge parallel)
-[[ $with_package == no ]] || debian_packages+=(patch musl-tools)
-prepare
-[[ $with_cluster == no ]] || install_engines
-build_release
-cd "$checkout"
-export DYNSTICTION_EXE=$venv/bin/dynstiction
-if [[ $with_quad == yes ]]; then
-  build "$quad" -Dprecision=quad
-  export DYNSTICTION_QUAD_EXE=$quad/src/dynstiction-quad
-  unit_tests 'Fortran unit tests in quadruple precision' "$quad"
-fi
-if [[ $with_release == yes ]]; then
-  unit_tests 'Fortran unit tests' "$release"
-  python_tests 'Python tests' ${selection[@]+"${selection[@]}"}
-fi
+# Making the manual runs the notebooks. After every Python test only the heavy ones of these files are left.
+manual_tests() {
+  local selection=(-m full)
+  [[ $level == release || $level == standard ]] || selection=()
+  run_tests 'Manual' '(build/docs/index.html|failed)' "$checkout/tools/docs.sh"
+  run_tests 'Pages that change the source, report in a browser' "$python_summary" \
+    python -m pytest ${selection[@]+"${selection[@]}"} "$checkout"/tests/python/test_{howto,report,documented}.py
+}
 
-[[ $with_cluster == no ]] || cluster_tests
-[[ $with_package == no ]] || package_tests
-[[ $with_bench == no ]] || run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh" "$checkout/build/mpi"
-[[ $with_mutation == no ]] || run_tests 'Small changes of the core that the tests notice' '^[0-9]+ passed, [0-9]+ failed$' \
-  python "$checkout/tests/mutation/mutate.py" --count 25 --jobs "$(nproc)"
+mutation_tests() {
+  run_tests 'Small changes of the core that the tests notice' '^[0-9]+ passed, [0-9]+ failed$' \
+    python "$checkout/tests/mutation/mutate.py" --count 25 --jobs "$(nproc)"
+}
 
-if [[ $with_debug == yes ]]; then
-  build "$debug" -Dpython=false -Doptimization=1 -Ddebug=true -Dwerror=true -Db_coverage=true "-Dfortran_args=$checks"
+tests_with_checks() {
+  configure "$debug" -Dpython=false -Doptimization=1 -Ddebug=true -Dwerror=true -Db_coverage=true "-Dfortran_args=$checks"
+  compile_in "$debug"
   find "$debug" -name '*.gcda' -delete
-  export DYNSTICTION_EXE=$debug/src/dynstiction
   unit_tests 'Fortran unit tests with run-time checks' "$debug"
-  python_tests 'Decks with run-time checks' -m 'deck and not full'
+  DYNSTICTION_EXE=$debug/src/dynstiction python_tests 'Decks with run-time checks' -m 'deck and not full' "${all_python[@]}"
   print_coverage
-fi
+}
 
-if [[ $with_sanitizers == yes ]]; then
+tests_with_sanitizers() {
   # libgfortran and HDF5 keep their buffers until the program ends.
-  export ASAN_OPTIONS=detect_leaks=0 DYNSTICTION_EXE=$sanitized/src/dynstiction
-  build "$sanitized" -Dpython=false -Doptimization=1 -Ddebug=true -Db_sanitize=address,undefined -Db_lundef=false \
+  export ASAN_OPTIONS=detect_leaks=0
+  configure "$sanitized" -Dpython=false -Doptimization=1 -Ddebug=true -Db_sanitize=address,undefined -Db_lundef=false \
     -Dfortran_args=-fno-sanitize-recover=all -Dc_args=-fno-sanitize-recover=all
+  compile_in "$sanitized"
   unit_tests 'Fortran unit tests with AddressSanitizer and UBSan' "$sanitized"
-  if [[ ${DYNSTICTION_FULL:-} == 1 ]]; then
-    python_tests 'Decks with AddressSanitizer and UBSan' -m 'deck and not full'
+  if [[ $level == full ]]; then
+    DYNSTICTION_EXE=$sanitized/src/dynstiction python_tests 'Decks with AddressSanitizer and UBSan' -m 'deck and not full' "${all_python[@]}"
   fi
   memcheck
-  build "$threaded" -Dpython=false -Doptimization=1 -Ddebug=true -Db_sanitize=thread -Db_lundef=false
-  run_tests 'Threads with ThreadSanitizer' '^(Ok|Fail):' meson test -C "$threaded" --no-rebuild --print-errorlogs threads
-fi
+  configure "$threaded" -Dpython=false -Doptimization=1 -Ddebug=true -Db_sanitize=thread -Db_lundef=false
+  compile_in "$threaded" tests/threads/run_threads
+  unit_tests 'Threads with ThreadSanitizer' "$threaded" threads
+}
 
-printf '\n'
-printf '%s\n' "${summaries[@]}"
-exit $failed
+# Sweeps on a cluster use little of the processor, but want it at once. What compiles has less right to it.
+first_list() {
+  ! is_wanted cluster || cluster_tests
+  ! is_wanted bench || benchmarks
+  ! is_wanted mutation || mutation_tests
+}
+second_list() {
+  renice -n $(($(nice) < 9 ? $(nice) + 10 : 19)) -p "$BASHPID" > /dev/null
+  ! is_wanted package || package_tests
+  ! is_wanted package || manual_tests
+}
+
+# A function: the script is read to its end before it begins, and may be changed meanwhile.
+main() {
+  say_how_long
+  local sets=(test) failed
+  [[ $level == proof || $level == sanitize ]] || sets+=(manual)
+  if is_wanted cluster; then
+    debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge parallel)
+  fi
+  if is_wanted package; then
+    debian_packages+=(patch musl-tools)
+    sets+=(package)
+  fi
+  ! is_wanted bench || debian_packages+=(g++ libboost-dev)
+  prepare "${sets[@]}"
+  ! is_wanted cluster || (add_requirements cluster) || say 'No engines for shards: their tests are skipped'
+  if is_wanted package; then
+    # Without a browser the report is not looked at, and without flang the core is compiled by gfortran alone.
+    have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'
+    have flang-new-19 || (apt_install flang-19) || say 'No flang: the core is compiled by gfortran alone'
+  fi
+  build_release
+  # Scripts that are called from here find all installed.
+  export DYNSTICTION_PREPARED=$checkout DYNSTICTION_EXE=$venv/bin/dynstiction
+  cd "$checkout"
+  mkdir -p "$results"
+  rm -f "$results"/*
+
+  if [[ $level == full ]]; then
+    export DYNSTICTION_FULL=1
+    configure "$quad" -Dprecision=quad
+    compile_in "$quad"
+    export DYNSTICTION_QUAD_EXE=$quad/src/dynstiction-quad
+    unit_tests 'Fortran unit tests in quadruple precision' "$quad"
+  fi
+
+  case $level in
+    proof)
+      unit_tests 'Fortran unit tests' "$release" --no-suite fuzz
+      python_tests 'Python tests' -m 'not full' "${proof[@]}"
+      ;;
+    release | standard)
+      unit_tests 'Fortran unit tests' "$release"
+      python_tests 'Python tests' -m 'not full' "${all_python[@]}"
+      ;;
+    full)
+      unit_tests 'Fortran unit tests' "$release"
+      python_tests 'Python tests' "${all_python[@]}"
+      ;;
+  esac
+
+  ((${#extras[@]} == 0)) || together first_list second_list
+
+  case $level in
+    standard | full) tests_with_checks ;;&
+    standard | full | sanitize) tests_with_sanitizers ;;
+  esac
+
+  printf '\n'
+  sort -s -k1,1n "$results/summary.txt" | cut -f 2,3 | sed 's/\t/: /'
+  failed=$(awk -F '\t' '$1 > 0 { printf "%s%s", between, $2; between = "; " }' "$results/summary.txt")
+  if [[ -n $failed ]]; then
+    printf 'failed after %d min: %s\n' $(((SECONDS + 30)/60)) "$failed"
+    exit 1
+  fi
+  printf 'all passed, in %d min\n' $(((SECONDS + 30)/60))
+}
+
+main
+exit

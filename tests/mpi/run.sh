@@ -1,9 +1,13 @@
 #!/usr/bin/env bash
 # tests/mpi/run.sh BUILD_FOLDER [PYTEST OPTION]...: builds the program with Open MPI and with MPICH below BUILD_FOLDER and runs the
-# tests of sweeps and of faults over MPI with both (faults.py has the whole matrix). What is not installed is skipped, with a line that says so. Needs meson, ninja and pytest on
-# PATH, and the package dynstiction and DYNSTICTION_EXE, its program, as for tests/python. Debian packages: libopenmpi-dev,
-# openmpi-bin, libmpich-dev, mpich.
+# tests of sweeps and of faults over MPI with both (faults.py has the whole matrix). What is not installed is skipped, with a line
+# that says so. Needs meson, ninja and pytest on PATH, and the package dynstiction and DYNSTICTION_EXE, its program, as for
+# tests/python. Debian packages: libopenmpi-dev, openmpi-bin, libmpich-dev, mpich.
 set -euo pipefail
+if [[ ${1:-} == --help || ${1:-} == -h ]]; then
+  awk 'NR > 1 { if (!/^#/) exit; sub(/^# ?/, ""); print }' "$0"
+  exit 0
+fi
 checkout=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 folder=${1:?folder to build in}
 shift
@@ -21,7 +25,7 @@ build() {
     FC=mpifort.$name meson setup "$folder/$name" "$checkout" -Dmpi=enabled -Dpython=false -Dtests=false > "$log" 2>&1 ||
       { cat "$log" >&2; return 1; }
   fi
-  ninja -C "$folder/$name" --quiet
+  ninja -C "$folder/$name" --quiet src/dynstiction
   export "$variable=$folder/$name/src/dynstiction"
 }
 

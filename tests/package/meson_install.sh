@@ -4,6 +4,8 @@
 
 source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 
+help_if_wanted "$@"
+
 prepare
 folder=$checkout/build/without_openmp
 prefix=$scratch/prefix

@@ -3,15 +3,18 @@
 
 source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 
+help_if_wanted "$@"
+
 if ! have h5pfc || ! have mpifort; then
   printf 'Parallel HDF5: skipped, h5pfc or mpifort is not installed (Debian: libhdf5-openmpi-dev)\n'
   exit 0
 fi
 prepare
-build_release
+build_program -Dtests=false
 folder=$checkout/build/parallel_hdf5
 rm -rf "$folder"
-build "$folder" --native-file "$checkout/tools/parallel_hdf5.ini" -Dmpi=enabled -Dpython=false -Dtests=false
+configure "$folder" --native-file "$checkout/tools/parallel_hdf5.ini" -Dmpi=enabled -Dpython=false -Dtests=false
+compile_in "$folder" src/dynstiction
 
 run() { "$1" run "$checkout/inputs/fig3.nml" -o "$scratch/$2" --quiet --set scene.t_end=2.5; }
 

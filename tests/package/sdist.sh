@@ -4,8 +4,9 @@
 
 source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 
-prepare
-python -c 'import build.__main__' 2> /dev/null || python -m pip install --quiet --disable-pip-version-check build
+help_if_wanted "$@"
+
+prepare package
 (cd "$checkout" && python -m build --sdist --no-isolation --outdir "$scratch/dist" > "$scratch/build.log" 2>&1) || {
   cat "$scratch/build.log" >&2
   die 'no source archive: see above'

@@ -7,6 +7,8 @@
 
 source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 
+help_if_wanted "$@"
+
 prepare
 if (($# > 0)); then
   wheel=$(realpath "$1")

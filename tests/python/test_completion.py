@@ -8,6 +8,7 @@ import re
 import select
 import shutil
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -86,6 +87,35 @@ def test_operands(executable):
     assert offered(executable, "dynstiction paper --format p") == ["png", "pdf"]
 
 
+def test_kinds_and_quantities_are_those_of_the_package(executable, catalogue):
+    plot = pytest.importorskip("dynstiction.plot")
+    kinds = offered(executable, "dynstiction plot own.h5 --kind ")
+    assert kinds == [*plot.KINDS, *plot.SWEEP_KINDS, plot.WORK_PRECISION]
+    assert offered(executable, "dynstiction plot --kind c") == ["creep", "columns", "cycle_map"]
+    quantities = offered(executable, "dynstiction plot map.h5 --quantity ")
+    assert quantities == [value["name"] for value in catalogue["summary"]]
+
+
+def test_arguments_of_python_s_commands(executable, catalogue):
+    assert offered(executable, "dynstiction fit a.nml a.csv --free system.misal") == ["system.misalignment_deg"]
+    several = offered(executable, "dynstiction fit a.nml a.csv --free system.mass,friction.mu_i")
+    assert several == ["system.mass,friction.mu_inf"]
+    free = {word.split(".")[0] for word in offered(executable, "dynstiction fit a.nml a.csv --free ")}
+    assert free == {"system", "friction"}
+    assert offered(executable, "dynstiction fit a.nml a.csv --fitted ") == ["*.nml"]
+    assert offered(executable, "dynstiction compare a.nml a.csv --unit ") == ["time=", "force="]
+    assert offered(executable, "dynstiction compare a.nml --set friction.law=st") == ["friction.law=stribeck"]
+    assert offered(executable, "dynstiction animate a.h5 -o ") == ["*.gif", "*.mp4"]
+    assert offered(executable, "dynstiction paper -o ") == ["*/"]
+    # Words in capitals are kinds of arguments. Those that are not completed are numbers and names that only a file or a person knows.
+    names = {"C", "COLUMN", "FILE", "I", "I/N", "N", "NAME", "S", "T", "A"}
+    for option in catalogue["options"]:
+        takes = option["argument"]
+        if takes and takes not in names:
+            command = (option["commands"] or [""])[0]
+            assert offered(executable, f"dynstiction {command} {option['name']} "), option
+
+
 LINES = {
     "dynstiction mer": "dynstiction merge ",
     "dynstiction run --overw": "dynstiction run --overwrite ",
@@ -93,6 +123,10 @@ LINES = {
     "dynstiction run --set friction.law=w": "dynstiction run --set friction.law=weakening ",
     "dynstiction run only": "dynstiction run only_this.nml ",
     "dynstiction resume only": "dynstiction resume only_this.h5 ",
+    "dynstiction plot only_this.h5 --kind spec": "dynstiction plot only_this.h5 --kind spectrogram ",
+    "dynstiction plot only_this.h5 --ki": "dynstiction plot only_this.h5 --kind ",
+    "dynstiction fit a.nml a.csv --free system.mass,system.mis": "dynstiction fit a.nml a.csv --free system.mass,system.misalignment_deg ",
+    "dynstiction paper -o some": "dynstiction paper -o some_folder/",
 }
 
 
@@ -100,6 +134,7 @@ LINES = {
 def folder(tmp_path):
     for name in ("only_this.nml", "only_this.h5", "only_this.txt"):
         (tmp_path / name).touch()
+    (tmp_path / "some_folder").mkdir()
     return tmp_path
 
 
@@ -177,3 +212,39 @@ def test_fish(executable, folder, line, completed):
     said = fish(f"source '{SCRIPTS}/dynstiction.fish'; complete -C '{line}'", status=0)
     offers = [offer.split("\t")[0] for offer in said.stdout.splitlines()]
     assert offers == [completed.split(" ")[-1] or completed.split(" ")[-2]]
+
+
+def environment_of_the_tests() -> Path:
+    """The environment that tools/run.sh has made, if the tests run in it."""
+    folder = Path(sys.prefix)
+    if not (folder / "share" / "bash-completion" / "completions" / "dynstiction").is_file():
+        pytest.skip("the tests do not run in the environment that tools/test.sh makes")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "before"),
+    [("bash", ["--norc", "--noprofile", "-i"], ":"), ("zsh", ["-f", "-i"], "autoload -Uz compinit; compinit -u -D")],
+)
+def test_completion_comes_with_activate(executable, folder, name, options, before):
+    activate = environment_of_the_tests() / "bin" / "activate"
+    variables = {**environment(executable, folder), "PATH": os.environ["PATH"], "VIRTUAL_ENV_DISABLE_PROMPT": "1"}
+    shown = typed(
+        [shell(name), *options], f"{before}; . '{activate}'", "dynstiction mer", "dynstiction merge ", cwd=folder, env=variables
+    )
+    assert "dynstiction merge " in shown
+
+
+def test_completion_comes_with_activate_in_fish(executable, folder):
+    activate = environment_of_the_tests() / "bin" / "activate.fish"
+    fish = Program((shell("fish"), "--no-config", "-c"), folder, environment(executable, folder))
+    assert fish(f"source '{activate}'; complete -C 'dynstiction mer'", status=0).stdout.split() == ["merge"]
+
+
+def test_activate_is_read_by_every_shell_once_and_twice(executable, folder):
+    """Also by a shell without arrays, and without bash's completion."""
+    activate = environment_of_the_tests() / "bin" / "activate"
+    for name in ("dash", "sh", "bash"):
+        said = Program((shell(name), "-eu", "-c"), folder)(f". '{activate}'; . '{activate}'; command -v dynstiction", status=0)
+        assert said.stdout.strip() == str(activate.with_name("dynstiction"))
+        assert said.stderr == ""

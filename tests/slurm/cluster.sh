@@ -4,6 +4,10 @@
 # claims 16 cores, whatever the machine has. Where Slurm cannot be started, a line says why, and the status is 77.
 # Needs root and the Debian packages slurm-wlm and munge; nothing of a Slurm that is installed is touched.
 set -uo pipefail
+if [[ ${1:-} == --help || ${1:-} == -h ]]; then
+  awk 'NR > 1 { if (!/^#/) exit; sub(/^# ?/, ""); print }' "$0"
+  exit 0
+fi
 
 work=$(mktemp -d /tmp/slurm-test.XXXXXX)
 pids=()

@@ -4,6 +4,10 @@
 # MPICH). With -m '' the whole matrix of faults is run. Where Slurm cannot be started it is skipped, with a line that says why.
 # Needs root, the Debian packages slurm-wlm and munge, and python with h5py and pytest. Takes three to four minutes.
 set -euo pipefail
+if [[ ${1:-} == --help || ${1:-} == -h ]]; then
+  awk 'NR > 1 { if (!/^#/) exit; sub(/^# ?/, ""); print }' "$0"
+  exit 0
+fi
 
 folder=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 DYNSTICTION_EXE=$(realpath "${1:?program}")

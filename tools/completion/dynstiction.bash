@@ -8,7 +8,12 @@ _dynstiction() {
   word=${words[-1]}
   COMPREPLY=()
   while read -r candidate; do
-    if [[ $candidate == '*.'* ]]; then
+    if [[ $candidate == '*/' ]]; then
+      while read -r file; do
+        COMPREPLY+=("$file")
+      done < <(compgen -d -- "$word")
+      compopt -o filenames 2> /dev/null
+    elif [[ $candidate == '*.'* ]]; then
       ending=${candidate#\*.}
       while read -r file; do
         [[ $file != *."$ending" && ! -d $file ]] || COMPREPLY+=("$file")

@@ -4,7 +4,11 @@ function __dynstiction_complete
     set -l typed (commandline -ct)
     set -l words (commandline -opc) "$typed"
     for candidate in ($words[1] complete $words[2..-1] 2> /dev/null)
-        if string match -q '\**' -- $candidate
+        if test "$candidate" = '*/'
+            for folder in $typed*/
+                echo $folder
+            end
+        else if string match -q '\**' -- $candidate
             set -l ending (string sub -s 2 -- $candidate)
             for file in $typed*$ending $typed*/
                 echo $file

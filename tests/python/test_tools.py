@@ -1,0 +1,173 @@
+"""The scripts of the checkout: each explains itself, and what they install is what the package needs."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from programs import ROOT, Program
+
+NOT_STARTED = {"tools/setup.sh", "tests/package/checks.sh", "tests/slurm/rank.sh"}
+"""Sourced, or what srun starts."""
+
+
+def scripts() -> list[str]:
+    """Every script that a person may start, by its path in the checkout; not those that pytest or another script reads."""
+    shell = [*ROOT.glob("tools/*.sh"), *ROOT.glob("bench/**/*.sh"), *ROOT.glob("tests/*/*.sh")]
+    python = [path for folder in ("tools", "docs", "bench", "python") for path in ROOT.glob(f"{folder}/*.py")]
+    python += [path for path in ROOT.glob("tests/*/*.py") if not path.name.startswith("test_")]
+    started = [path for path in python if 'if __name__ == "__main__"' in path.read_text(encoding="utf-8")]
+    return sorted({str(path.relative_to(ROOT)) for path in (*shell, *started)} - NOT_STARTED)
+
+
+@pytest.mark.parametrize("script", scripts())
+def test_help_says_what_it_does_and_does_nothing_else(script: str, tmp_path: Path) -> None:
+    interpreter = ("bash",) if script.endswith(".sh") else (sys.executable, "-W", "error::SyntaxWarning")
+    done = Program((*interpreter, ROOT / script), tmp_path)("--help", status=0)
+    assert len(done.stdout.split()) > 12, "no explanation"
+    # How it is called: its name, and, of scripts that take any, what follows it.
+    assert Path(script).name in done.stdout
+    assert not list(tmp_path.iterdir())
+    # Nothing of the script itself is taken for its explanation.
+    assert not re.search(r"^(source|set -|import) ", done.stdout, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        ((), "which deck? For example: tools/run.sh inputs/fig3.nml"),
+        (("missing.nml",), "missing.nml: no such deck"),
+        (("--set", "scene.t_end=1"), "the deck comes first"),
+    ],
+)
+def test_run_refuses_before_it_installs_anything(words: tuple[str, ...], answer: str, tmp_path: Path) -> None:
+    done = Program(("bash", ROOT / "tools" / "run.sh"), tmp_path)(*words, status=1)
+    assert answer in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_test_refuses_an_unknown_option(tmp_path: Path) -> None:
+    done = Program(("bash", ROOT / "tools" / "test.sh"), tmp_path)("--standart", status=1)
+    assert "unknown option --standart; see tools/test.sh --help" in done.stderr
+
+
+def requirements(name: str) -> set[str]:
+    lines = (ROOT / "tools" / name).read_text(encoding="utf-8").splitlines()
+    return {line for line in lines if not line.startswith("#")}
+
+
+def test_run_installs_what_the_package_needs_and_the_tools_of_the_build_alone() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert requirements("requirements.txt") == {*project["dependencies"], "meson>=1.1", "ninja"}
+
+
+def test_the_tests_have_every_extra() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    named = {name for name in extras if name not in ("all", "test")}
+    assert extras["all"] == [f"dynstiction[{','.join(name for name in extras if name in named)}]"]
+    wanted = {package for name in named for package in extras[name]}
+    wanted |= {package for package in extras["test"] if not package.startswith("dynstiction")}
+    assert requirements("requirements_test.txt") == wanted
+    page = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    for name in (*named, "all"):
+        assert f"`[{name}]`" in page or f"[{name}]" in page, f"docs/install.md does not name the extra {name}"
+
+
+STUB = """#!/usr/bin/env bash
+# Stands for Python: makes an environment, and installs into it unless there is a file `offline`.
+echo "$*" >> calls
+case "$*" in
+  "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" && : > "$3/bin/activate" ;;
+  *" pip install "*) [[ ! -e offline ]] || { echo 'Collecting numpy'; echo 'ERROR: no network'; exit 1; } ;;
+esac
+"""
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """One in a folder with a blank in its name, with the scripts alone, and a Python that notes how it is called."""
+    folder = tmp_path / "a checkout"
+    shutil.copytree(ROOT / "tools", folder / "tools")
+    (folder / "python").write_text(STUB, encoding="utf-8")
+    (folder / "python").chmod(0o755)
+    return folder
+
+
+def in_setup(checkout: Path, lines: str, **options: object) -> subprocess.CompletedProcess[str]:
+    script = f"source tools/setup.sh\npython=$PWD/python python_version=3.11\n{lines}"
+    return Program(("bash", "-c", script), checkout)(**options)
+
+
+def calls(checkout: Path) -> list[str]:
+    """How Python was called since the last look: the first word that says what for."""
+    file = checkout / "calls"
+    lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
+    file.unlink(missing_ok=True)
+    return [line.split()[1] for line in lines]
+
+
+def test_an_environment_is_made_once_and_again_when_it_was_not_finished(checkout: Path) -> None:
+    install = "create_environment; add_requirements test"
+    (checkout / "offline").touch()
+    said = in_setup(checkout, install, status=1).stderr
+    assert "ERROR: no network" in said and "Collecting" not in said
+    assert "start the same command again" in said
+    assert calls(checkout) == ["venv", "pip"]
+    (checkout / "offline").unlink()
+    in_setup(checkout, install, status=0)
+    assert calls(checkout) == ["venv", "pip", "pip", "compileall"]
+    assert in_setup(checkout, install, status=0).stderr == ""
+    assert calls(checkout) == []
+    # Packages of a further set alone.
+    in_setup(checkout, "create_environment; add_requirements test package", status=0)
+    assert calls(checkout) == ["pip", "compileall"]
+
+
+def test_a_removal_that_was_interrupted_is_noticed(checkout: Path) -> None:
+    in_setup(checkout, "create_environment", status=0)
+    build = checkout / "build" / "debug"
+    build.mkdir(parents=True)
+    (build / "build.ninja").touch()
+    with (checkout / "tools" / "requirements.txt").open("a", encoding="utf-8") as file:
+        file.write("another\n")
+    # Killed while it removes folders.
+    killed = 'rm() { [[ $1 != -rf ]] || kill -KILL $$; command rm "$@"; }\ncreate_environment'
+    in_setup(checkout, killed, status=-signal.SIGKILL)
+    assert not (checkout / ".venv" / "installed").exists() and not (build / "build.ninja").exists()
+    calls(checkout)
+    in_setup(checkout, "create_environment", status=0)
+    assert calls(checkout) == ["venv", "pip"] and not build.exists()
+
+
+def test_a_build_that_was_not_configured_to_the_end_is_configured_again(checkout: Path) -> None:
+    meson = 'meson() { mkdir -p "$2"; echo "Compiler gfortran"; [[ ! -e broken ]] || { echo "ERROR: no HDF5"; return 1; }; : > "$2/build.ninja"; }\n'
+    (checkout / "broken").touch()
+    said = in_setup(
+        checkout, meson + 'configure "$debug_folder"', env={"debug_folder": str(checkout / "build" / "debug")}, status=1
+    ).stderr
+    assert "ERROR: no HDF5" in said and "configuring failed" in said
+    assert not (checkout / "build" / "debug").exists()
+    (checkout / "broken").unlink()
+    half = checkout / "build" / "debug"
+    half.mkdir(parents=True)
+    (half / "left_over").touch()
+    in_setup(checkout, meson + "configure build/debug", status=0)
+    assert (half / "build.ninja").exists() and not (half / "left_over").exists()
+    (half / "kept").touch()
+    assert in_setup(checkout, meson + "configure build/debug", status=0).stderr == ""
+    assert (half / "kept").exists()
+
+
+def test_what_takes_long_says_how_far_it_is(checkout: Path) -> None:
+    done = in_setup(
+        checkout, "busy build/x.log '^[0-9]+ of 99' bash -c 'for i in {1..9}; do echo $i of 99; sleep 1; done; exit 7'", status=7
+    )
+    assert re.fullmatch(r"  8 s: [789] of 99\n", done.stderr)
+    assert done.stdout == ""
