@@ -12,7 +12,7 @@ from pathlib import Path
 
 import dynstiction as ds
 import pytest
-from pages import DOCS, first_missing, run_page
+from pages import DOCS, blocks, first_missing, run_page
 
 ROOT = DOCS.parent
 PAGES = (
@@ -35,6 +35,17 @@ def test_the_commands_of_a_page(page: str, executable: Path, tmp_path: Path) -> 
         shutil.copy(ROOT / "inputs" / f"{deck}.nml", tmp_path)
     folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
     assert run_page(DOCS / f"{page}.md", tmp_path, {"PATH": ":".join(folders)}) > 1
+
+
+def test_the_commands_of_the_readme(executable: Path, tmp_path: Path) -> None:
+    """With the reader's own deck, as the README shows it."""
+    readme = ROOT / "README.md"
+    (deck,) = [block.text for block in blocks(readme) if block.kind == "fortran"]
+    assert len(deck.splitlines()) <= 12
+    (tmp_path / "rig.nml").write_text(deck, encoding="utf-8")
+    folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
+    assert run_page(readme, tmp_path, {"PATH": ":".join(folders)}) == 4
+    assert {"rig.png", "hold.png", "phi.png"} <= {file.name for file in tmp_path.iterdir()}
 
 
 def test_outputs_are_compared() -> None:
