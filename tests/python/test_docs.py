@@ -97,6 +97,22 @@ def test_links_lead_somewhere() -> None:
     assert not broken
 
 
+FIGURE = re.compile(r"^!\[([^\]]*)\]\(([^)\s]+)\)$\n+(.*)", re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted({*DOCS.rglob("*.md")} - {DOCS / "figures.md"})], ids=lambda page: page.name
+)
+def test_figures_have_an_alternative_text_and_a_caption(page: Path) -> None:
+    """In italics below the figure; who cannot see it reads what it shows."""
+    text = page.read_text(encoding="utf-8")
+    found = FIGURE.findall(text)
+    assert len(found) == len(re.findall(r"!\[", text)), "a figure stands on a line of its own"
+    for alternative, target, below in found:
+        assert len(alternative) >= 20, f"{page.name}: {target} needs a text in brackets that says what it shows"
+        assert below.startswith("*"), f"{page.name}: {target} needs a caption in *italics* below it"
+
+
 def test_every_page_is_in_the_table_of_contents() -> None:
     index = toctrees()
     listed = {line.strip() for text in index for line in text.splitlines()}
@@ -125,3 +141,12 @@ def test_every_equation_can_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
             drawn = mathml(display or inline, "block")
             assert "\\" not in drawn and not re.search(r"&(?!#?\w+;)", drawn), f"{page.name}: {display or inline}"
     assert count > 50
+
+
+def test_equations_of_a_line_are_parted(monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("latex2mathml", "docutils", "sphinx"):
+        pytest.importorskip(package)
+    monkeypatch.syspath_prepend(DOCS)
+    parts = importlib.import_module("mathml").parts
+    assert parts(r"a = b, \qquad c = \frac{d \qquad e}{f}, \qquad (1)") == ["a = b,", r"c = \frac{d \qquad e}{f},", "(1)"]
+    assert parts(r"\left[a \qquad b\right] \leftarrow c") == [r"\left[a \qquad b\right] \leftarrow c"]
