@@ -1,12 +1,15 @@
 """Words that pages should not use: proselint with the list of docs/vocabulary.md.
 
-`faults(page)` are the places of a page, code left out. From a shell: `python tests/python/prose.py README.md docs/*.md`.
+`faults(page)` are the places of a page, code left out; of a source file, those of its comments and texts. From a shell:
+`python tests/python/prose.py README.md docs/*.md src/*/*.f90`.
 """
 
 from __future__ import annotations
 
+import io
 import re
 import sys
+import tokenize
 from functools import cache
 from pathlib import Path
 
@@ -55,9 +58,30 @@ def prose(text: str) -> str:
     return CODE.sub(lambda code: re.sub(r"[^\n]", "\u2007", code[0]), text)
 
 
+def python_prose(source: str) -> str:
+    """Comments and texts of a Python file, each in its place."""
+    lines = [[" "] * len(line) for line in source.split("\n")]
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type in (tokenize.COMMENT, tokenize.STRING):
+            row, column = token.start
+            for i, line in enumerate(token.string.split("\n")):
+                begin = 0 if i else column
+                lines[row - 1 + i][begin : begin + len(line)] = line
+    return "\n".join(map("".join, lines))
+
+
+def fortran_prose(source: str) -> str:
+    """Comments and texts of a Fortran file, line by line."""
+    found = (re.findall(r"'[^'\n]*'|![^\n]*", line) for line in source.split("\n"))
+    return "\n".join(" ".join(part.strip("'!<>") for part in parts) for parts in found)
+
+
+READERS = {".py": python_prose, ".f90": fortran_prose, ".in": fortran_prose}
+
+
 def faults_in(text: str, name: str) -> list[str]:
     """`name:line: 'word': write 'other word'`, in the order of the text."""
-    file = LintFile(name, prose(text))
+    file = LintFile(name, prose(READERS.get(Path(name).suffix, str)(text)))
     found = {
         (file.line_col_of(result.span[0])[0], " ".join(result.message.split()))
         for rule in rules()

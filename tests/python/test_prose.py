@@ -33,6 +33,17 @@ def test_a_word_is_found_with_its_line_and_its_replacement() -> None:
     ]
 
 
+def test_comments_and_texts_of_source_files_are_read() -> None:
+    fortran = "!> It goes on.\nknows = told('a \\\"mend\\\"') ! by itself\n"
+    assert [place.split(":")[1:3] for place in faults_in(fortran, "x.f90")] == [
+        ["1", " 'goes on'"],
+        ["2", " 'by itself'"],
+        ["2", " 'mend'"],
+    ]
+    python = 'told = 1  # it tells\n"""A text.\n\nIt knows.\n"""\n'
+    assert [place.split(":")[1:3] for place in faults_in(python, "x.py")] == [["1", " 'tells'"], ["4", " 'knows'"]]
+
+
 def test_a_check_of_proselint_is_used() -> None:
     assert any("page.md:2:" in place for place in faults_in("Fine.\nThe end result is an added bonus.\n", "page.md"))
 
