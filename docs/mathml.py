@@ -46,7 +46,13 @@ def parts(latex: str) -> list[str]:
             found.append("")
         else:
             found[-1] += word
-    return [part.strip() for part in found if part.strip()]
+    found = [part.strip() for part in found if part.strip()]
+    # The number stays beside the last one.
+    return (
+        [*found[:-2], rf"{found[-2]} \qquad {found[-1]}"]
+        if re.fullmatch(r"\(.*\)", found[-1]) and found[1:]
+        else found
+    )
 
 
 def display(writer: Any, node: nodes.math_block) -> None:

@@ -148,5 +148,6 @@ def test_equations_of_a_line_are_parted(monkeypatch: pytest.MonkeyPatch) -> None
         pytest.importorskip(package)
     monkeypatch.syspath_prepend(DOCS)
     parts = importlib.import_module("mathml").parts
-    assert parts(r"a = b, \qquad c = \frac{d \qquad e}{f}, \qquad (1)") == ["a = b,", r"c = \frac{d \qquad e}{f},", "(1)"]
+    assert parts(r"a = b, \qquad c = \frac{d \qquad e}{f}, \qquad (1)") == ["a = b,", r"c = \frac{d \qquad e}{f}, \qquad (1)"]
+    assert parts("a \\quad (1)") == ["a \\quad (1)"] and parts("(1)") == ["(1)"]
     assert parts(r"\left[a \qquad b\right] \leftarrow c") == [r"\left[a \qquad b\right] \leftarrow c"]
