@@ -100,9 +100,7 @@ def test_links_lead_somewhere() -> None:
 FIGURE = re.compile(r"^!\[([^\]]*)\]\(([^)\s]+)\)$\n+(.*)", re.MULTILINE)
 
 
-@pytest.mark.parametrize(
-    "page", [ROOT / "README.md", *sorted({*DOCS.rglob("*.md")} - {DOCS / "figures.md"})], ids=lambda page: page.name
-)
+@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.name)
 def test_figures_have_an_alternative_text_and_a_caption(page: Path) -> None:
     """In italics below the figure; who cannot see it reads what it shows."""
     text = page.read_text(encoding="utf-8")
@@ -141,6 +139,14 @@ def test_every_equation_can_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
             drawn = mathml(display or inline, "block")
             assert "\\" not in drawn and not re.search(r"&(?!#?\w+;)", drawn), f"{page.name}: {display or inline}"
     assert count > 50
+
+
+def test_numbers_keep_their_sign_and_their_unit(monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("docutils", "sphinx"):
+        pytest.importorskip(package)
+    monkeypatch.syspath_prepend(DOCS)
+    number = importlib.import_module("numbers_together").NUMBER
+    assert number.findall("from 1e-5 m/s in 10 s to −0.2 %, 3 sticks, 5 seconds") == ["1e-5 m/s", "10 s", "−0.2 %"]
 
 
 def test_equations_of_a_line_are_parted(monkeypatch: pytest.MonkeyPatch) -> None:
