@@ -37,8 +37,27 @@ def inline(writer: Any, node: nodes.math) -> None:
     raise nodes.SkipNode
 
 
+def parts(latex: str) -> list[str]:
+    """The equations of a line, which wide spaces separate: on a narrow page each gets its own line."""
+    found, depth = [""], 0
+    for word in re.split(r"(\\qquad|\\left\b|\\right\b|[{}])", latex):
+        depth += (word in ("{", "\\left")) - (word in ("}", "\\right"))
+        if word == r"\qquad" and depth == 0:
+            found.append("")
+        else:
+            found[-1] += word
+    found = [part.strip() for part in found if part.strip()]
+    # The number stays beside the last one.
+    return (
+        [*found[:-2], rf"{found[-2]} \qquad {found[-1]}"]
+        if re.fullmatch(r"\(.*\)", found[-1]) and found[1:]
+        else found
+    )
+
+
 def display(writer: Any, node: nodes.math_block) -> None:
-    writer.body.append(f'<div class="equation">{mathml(node.astext(), "block")}</div>')
+    drawn = "".join(mathml(part, "block") for part in parts(node.astext()))
+    writer.body.append(f'<div class="equation">{drawn}</div>')
     raise nodes.SkipNode
 
 

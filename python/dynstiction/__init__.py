@@ -1,7 +1,7 @@
 """Sliding of an anisotropically sprung mass with friction-vector rotation.
 
-The model is that of K. Nakano and V. L. Popov, "Dynamic stiction mode by friction vector rotation",
-Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a name ends in ``_deg``.
+The model is that of K. Nakano and V. L. Popov, "Dynamic stiction without static friction: The role of friction
+vector rotation", Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a name ends in ``_deg``.
 
 >>> import dynstiction as ds
 >>> result = ds.run("inputs/fig3.nml", system={"misalignment_deg": 2.0})   # doctest: +SKIP

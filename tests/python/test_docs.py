@@ -12,7 +12,7 @@ from pathlib import Path
 
 import dynstiction as ds
 import pytest
-from pages import DOCS, first_missing, run_page
+from pages import DOCS, blocks, first_missing, run_page
 
 ROOT = DOCS.parent
 PAGES = (
@@ -35,6 +35,17 @@ def test_the_commands_of_a_page(page: str, executable: Path, tmp_path: Path) -> 
         shutil.copy(ROOT / "inputs" / f"{deck}.nml", tmp_path)
     folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
     assert run_page(DOCS / f"{page}.md", tmp_path, {"PATH": ":".join(folders)}) > 1
+
+
+def test_the_commands_of_the_readme(executable: Path, tmp_path: Path) -> None:
+    """With the reader's own deck, as the README shows it."""
+    readme = ROOT / "README.md"
+    (deck,) = [block.text for block in blocks(readme) if block.kind == "fortran"]
+    assert len(deck.splitlines()) <= 12
+    (tmp_path / "rig.nml").write_text(deck, encoding="utf-8")
+    folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
+    assert run_page(readme, tmp_path, {"PATH": ":".join(folders)}) == 4
+    assert {"rig.png", "hold.png", "phi.png"} <= {file.name for file in tmp_path.iterdir()}
 
 
 def test_outputs_are_compared() -> None:
@@ -86,6 +97,20 @@ def test_links_lead_somewhere() -> None:
     assert not broken
 
 
+FIGURE = re.compile(r"^!\[([^\]]*)\]\(([^)\s]+)\)$\n+(.*)", re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.name)
+def test_figures_have_an_alternative_text_and_a_caption(page: Path) -> None:
+    """In italics below the figure; who cannot see it reads what it shows."""
+    text = page.read_text(encoding="utf-8")
+    found = FIGURE.findall(text)
+    assert len(found) == len(re.findall(r"!\[", text)), "a figure stands on a line of its own"
+    for alternative, target, below in found:
+        assert len(alternative) >= 20, f"{page.name}: {target} needs a text in brackets that says what it shows"
+        assert below.startswith("*"), f"{page.name}: {target} needs a caption in *italics* below it"
+
+
 def test_every_page_is_in_the_table_of_contents() -> None:
     index = toctrees()
     listed = {line.strip() for text in index for line in text.splitlines()}
@@ -114,3 +139,21 @@ def test_every_equation_can_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
             drawn = mathml(display or inline, "block")
             assert "\\" not in drawn and not re.search(r"&(?!#?\w+;)", drawn), f"{page.name}: {display or inline}"
     assert count > 50
+
+
+def test_numbers_keep_their_sign_and_their_unit(monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("docutils", "sphinx"):
+        pytest.importorskip(package)
+    monkeypatch.syspath_prepend(DOCS)
+    number = importlib.import_module("numbers_together").NUMBER
+    assert number.findall("from 1e-5 m/s in 10 s to −0.2 %, 3 sticks, 5 seconds") == ["1e-5 m/s", "10 s", "−0.2 %"]
+
+
+def test_equations_of_a_line_are_parted(monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("latex2mathml", "docutils", "sphinx"):
+        pytest.importorskip(package)
+    monkeypatch.syspath_prepend(DOCS)
+    parts = importlib.import_module("mathml").parts
+    assert parts(r"a = b, \qquad c = \frac{d \qquad e}{f}, \qquad (1)") == ["a = b,", r"c = \frac{d \qquad e}{f}, \qquad (1)"]
+    assert parts("a \\quad (1)") == ["a \\quad (1)"] and parts("(1)") == ["(1)"]
+    assert parts(r"\left[a \qquad b\right] \leftarrow c") == [r"\left[a \qquad b\right] \leftarrow c"]

@@ -36,7 +36,7 @@ def standings() -> dict[str, dict[str, str]]:
     page = (INPUTS.parent / "docs" / "models.md").read_text(encoding="utf-8")
     rows = [
         [cell.strip(" `") for cell in line.strip("|").split("|")]
-        for line in page.split("## What each model says of each column")[1].split("\n* ")[0].splitlines()
+        for line in page.split("## What each model gives for each column")[1].split("\n* ")[0].splitlines()
         if line.startswith("|")
     ]
     models = rows[0][1:]
