@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ._arguments import instance, number, whole
 from .errors import FileError, UsageError
-from .record import Described, Info, Table
+from .record import Described, Info, Table, unit_shown
 from .stick_slip import _turns
 from .trace import Trace
 
@@ -136,7 +136,8 @@ class TraceCycles(Table[_Floats]):
 
     def __repr__(self) -> str:
         errors = self.errors()
-        lines = [f"{n} = {v:.6g} ± {errors[n]:.2g} {self.columns.units[n]}" for n, v in self.means().items()]
+        units = {name: unit_shown(units) for name, units in self.columns.units.items()}
+        lines = [f"{n} = {v:.6g} ± {errors[n]:.2g} {units[n]}".rstrip() for n, v in self.means().items()]
         return "\n  ".join([f"<TraceCycles: {len(self)} cycles", *lines, *self.notes]) + ">"
 
 

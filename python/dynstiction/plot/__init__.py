@@ -6,6 +6,7 @@ A kind of figure is a function of a result and an empty figure, in a file of its
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from matplotlib.figure import Figure
 
+from .._plotting import PlotModule
 from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
@@ -181,3 +183,7 @@ def save(
         If the file cannot be written.
     """
     write(draw(result, kind, quantity), path)
+
+
+# ``ds.plot(result)`` draws: this module is a function too.
+sys.modules[__name__].__class__ = PlotModule
