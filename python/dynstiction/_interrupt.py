@@ -8,14 +8,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["held_back"]
+__all__ = ["held_back", "interrupted"]
+
+
+def interrupted(message: str, partial: object) -> KeyboardInterrupt:
+    """Ctrl-C with what was done until then as the attribute ``partial``.
+
+    It is no class of its own: only a plain `KeyboardInterrupt` that nothing catches ends a script as Ctrl-C does, so that
+    a loop in the shell that called the script ends too.
+    """
+    error = KeyboardInterrupt(message)
+    error.partial = partial  # type: ignore[attr-defined]
+    return error
 
 
 @contextmanager
-def held_back() -> Iterator[None]:
+def held_back(*, forget: bool = False) -> Iterator[None]:
     """Hold an interrupt (SIGINT) back until the block has ended, in the thread that gets it; elsewhere do nothing.
 
-    What the block takes from the core and keeps is then kept whole: without this, Ctrl-C during a call of the core is raised
+    With `forget` it is dropped: of several Ctrl-C the first one is told. What the block takes from the core and keeps is then kept whole: without this, Ctrl-C during a call of the core is raised
     right after it, before what it returned has been assigned.
     """
     before = signal.getsignal(signal.SIGINT)
@@ -32,5 +43,5 @@ def held_back() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-        if came:
+        if came and not forget:
             before(*came[0])

@@ -60,8 +60,8 @@ def run(
         If the deck cannot be read.
     UsageError
         If a name is no key or group, or `times` do not ascend within the run.
-    Interrupted
-        On Ctrl-C: a `KeyboardInterrupt` whose ``partial`` is the result until then.
+    KeyboardInterrupt
+        On Ctrl-C; its attribute ``partial`` is the result until then, which is not `complete`.
 
     See Also
     --------

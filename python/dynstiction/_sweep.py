@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import flag, path_name, reals, shown, whole
+from ._interrupt import held_back, interrupted
 from ._open import open_file
 from ._optional import needed
 from ._progress import progress_bar
 from ._sweep_work import MOST_THREADS, Work
-from .errors import DeckError, FileError, IncompleteWarning, Interrupted, UsageError
+from .errors import DeckError, FileError, IncompleteWarning, UsageError
 from .groups import Changes
 from .record import Info, si_units
 from .scene import DeckLike, Scene
@@ -95,8 +96,8 @@ def sweep(
     UsageError
         If nothing is varied, a list is not one of numbers, the lists of points have different lengths, `threads`
         is not positive, `executor` is none, or ``sweep.keep = 'series'``: only ``dynstiction run`` keeps time series.
-    Interrupted
-        On Ctrl-C: a `KeyboardInterrupt` whose ``partial`` is the dataset with the cases that are done.
+    KeyboardInterrupt
+        On Ctrl-C; its attribute ``partial`` is the dataset, with the cases that are done.
     PackageError
         If xarray is not installed.
     MemoryError
@@ -145,19 +146,27 @@ def sweep(
                 work.run(min(threads, core.cases, MOST_THREADS), show)
             else:
                 work.run_on(executor, scene.source, show)
-        columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
-        if core.most_cycles > 0:
-            columns.append((CYCLE_COUNT, work.counts))
-            columns += [
-                (info, work.cycles[:, :, i]) for i, info in enumerate(map(_of_cycle, core.cycle_quantities))
-            ]
-        data = _dataset(
-            core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
-        )
-    if work.stopped:
-        raise Interrupted(f"stopped after {work.progress()}; `partial` has their results", data) from None
+        if work.stopped:
+            with held_back(forget=True):
+                raise interrupted(
+                    f"stopped after {work.progress()}; `partial` has their results", _data_of(core, work)
+                )
+        data = _data_of(core, work)
     work.warn(stacklevel=2)
     return data
+
+
+def _data_of(core: _native.Sweep, work: Work) -> xarray.Dataset:
+    """What the cases came to."""
+    columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
+    if core.most_cycles > 0:
+        columns.append((CYCLE_COUNT, work.counts))
+        columns += [
+            (info, work.cycles[:, :, i]) for i, info in enumerate(map(_of_cycle, core.cycle_quantities))
+        ]
+    return _dataset(
+        core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
+    )
 
 
 def _of_cycle(info: Info) -> Info:

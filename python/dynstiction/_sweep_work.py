@@ -248,7 +248,9 @@ def _run_task(task: _Task) -> _Answer:
             works.discard(work)
             if not works:
                 _works.pop(task.token, None)
-    if work.stopped and task.token not in _given_up:
+    if work.stopped:
+        # A Ctrl-C that all processes of a terminal get ends the tasks that this one has not begun too.
+        _given_up.add(task.token)
         raise KeyboardInterrupt
     cases = _native.Cases(work.values, work.cycles, work.counts, work.codes, work.messages)
     return _Answer(cases, time.perf_counter() - begun)

@@ -188,14 +188,18 @@ class SlipProblem:
         The state in which the scene begins.
     corners : ndarray, shape (n,)
         Times [s] of the corners and jumps of the drive inside of `t_span`.
+    slider : ndarray, shape (12,)
+        Parameters of the equations in the order of the keywords of `rhs`; the drive velocity is that at the beginning.
+    drive_time, drive_velocity : tuple of float
+        The drive: times [s], and the velocities [m/s] there.
     """
 
     t_span: tuple[float, float]
     y0: NDArray[np.float64]
     corners: NDArray[np.float64]
-    _slider: NDArray[np.float64]
-    _times: tuple[float, ...]
-    _velocities: tuple[float, ...]
+    slider: NDArray[np.float64]
+    drive_time: tuple[float, ...]
+    drive_velocity: tuple[float, ...]
 
     def velocity(self, t: float) -> float:
         """Drive velocity [m/s] at a time [s]; at a jump that after it.
@@ -205,13 +209,13 @@ class SlipProblem:
         t : float
             Time [s].
         """
-        last = int(np.searchsorted(self._times, t, side="right")) - 1
+        last = int(np.searchsorted(self.drive_time, t, side="right")) - 1
         if last < 0:
-            return self._velocities[0]
-        if last + 1 >= len(self._times):
-            return self._velocities[-1]
-        part = (t - self._times[last]) / (self._times[last + 1] - self._times[last])
-        return self._velocities[last] + part * (self._velocities[last + 1] - self._velocities[last])
+            return self.drive_velocity[0]
+        if last + 1 >= len(self.drive_time):
+            return self.drive_velocity[-1]
+        part = (t - self.drive_time[last]) / (self.drive_time[last + 1] - self.drive_time[last])
+        return self.drive_velocity[last] + part * (self.drive_velocity[last + 1] - self.drive_velocity[last])
 
     def fun(self, t: float, y: ArrayLike) -> NDArray[np.float64]:
         """Time derivative of the state, `rhs` with the drive velocity at the time.
@@ -256,7 +260,7 @@ class SlipProblem:
         return _evaluated(self._at(t), y, 4)
 
     def _at(self, t: float) -> NDArray[np.float64]:
-        slider = self._slider.copy()
+        slider = self.slider.copy()
         slider[VELOCITY] = self.velocity(t)
         return slider
 

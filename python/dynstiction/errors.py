@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 __all__ = [
     "ColumnError",
     "DeckError",
@@ -11,7 +9,6 @@ __all__ = [
     "FileError",
     "FitWarning",
     "IncompleteWarning",
-    "Interrupted",
     "OutOfMemoryError",
     "PackageError",
     "SolverError",
@@ -96,23 +93,6 @@ class SolverError(Error):
 
 class OutOfMemoryError(SolverError, MemoryError):
     """A run took more memory than there is; `code` is 47."""
-
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C stopped a run or a sweep. Like every `KeyboardInterrupt` it is none of the `Error` family.
-
-    Attributes
-    ----------
-    partial : Result, xarray.Dataset or None
-        What was computed until then: of a run the result, which is not `complete`, of a sweep the cases that were done.
-    """
-
-    def __init__(self, message: str = "", partial: Any = None) -> None:
-        super().__init__(message, partial)
-        self.partial = partial
-
-    def __str__(self) -> str:
-        return printable(str(self.args[0]))
 
 
 class IncompleteWarning(UserWarning):

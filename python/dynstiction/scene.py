@@ -354,9 +354,10 @@ def _by_group(changes: Mapping[str, object]) -> list[tuple[str, Group]]:
     for name, value in changes.items():
         place = _native.group_of(name)
         if place:
-            single.append((place, {name.rpartition(".")[2]: value}))
+            single.append((place, {name.rpartition(".")[2].lower(): value}))
         elif isinstance(value, Mapping | DeckGroup) or name.lower() in _native.group_names():
-            groups.append((name, cast(Group, value)))
+            known = name.lower() in _native.group_names()
+            groups.append((name.lower() if known else name, cast(Group, value)))
         else:
             raise UsageError(_native.unknown_key(name))
     return groups + single

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from . import _native
 from ._arguments import number, reals
 from ._closing import Closing, OneAtATime
-from ._interrupt import held_back
+from ._interrupt import held_back, interrupted
 from ._progress import progress_bar
-from .errors import IncompleteWarning, Interrupted, SolverError, UsageError
+from .errors import IncompleteWarning, SolverError, UsageError
 from .groups import Changes
 from .record import EVENT_DTYPE, Described, Info
 from .result import Result
@@ -252,8 +252,8 @@ class Simulation(Closing):
             If the solver gave up; its ``result`` holds what was computed until then.
         UsageError
             If the simulation is closed, or another thread is using it.
-        Interrupted
-            On Ctrl-C; its ``partial`` is the result until then. The simulation can still be finished.
+        KeyboardInterrupt
+            On Ctrl-C; its attribute ``partial`` is the result until then. The simulation can still be finished.
 
         Warns
         -----
@@ -271,12 +271,13 @@ class Simulation(Closing):
                             show(self._samples.last_time())
                         show(self._time)
                 except KeyboardInterrupt:
-                    if not self.finished:
-                        self._time = self._core.time()
-                    raise Interrupted(
-                        f"stopped at t = {self._time:g} of {self._t_end:g} s; `partial` has the result until then",
-                        self._result_so_far(),
-                    ) from None
+                    with held_back(forget=True):
+                        if not self.finished:
+                            self._time = self._core.time()
+                        raise interrupted(
+                            f"stopped at t = {self._time:g} of {self._t_end:g} s; `partial` has the result until then",
+                            self._result_so_far(),
+                        ) from None
             self._tell(stacklevel)
             return self._result_so_far()
 
