@@ -276,7 +276,9 @@ def test_units_have_one_grammar_and_counts_are_integers(fig3_result: ds.Result) 
     units = {*fig3_result.columns.units.values(), *fig3_result.summary.units.values(), *fig3_result.parameters.units.values()}
     assert {"m/s", "1", "N"} <= units
     assert not [unit for unit in units if "-" in unit]
-    assert si_units("m s-1") == "m/s" and si_units("N s m-1") == "N s/m" and si_units("m s-2") == "m/s2" and si_units("s-1") == "1/s"
+    assert (
+        si_units("m s-1") == "m/s" and si_units("N s m-1") == "N s/m" and si_units("m s-2") == "m/s2" and si_units("s-1") == "1/s"
+    )
     assert [si_units(unit) for unit in ("m/s", "1", "", "a - b")] == ["m/s", "1", "", "a - b"]
     assert type(fig3_result.summary["cycles"]) is type(fig3_result.summary["sticks"]) is int
     assert type(fig3_result.parameters["max_steps"]) is int
@@ -379,7 +381,16 @@ def test_a_file_of_the_executable_is_read_in_the_order_of_memory(program: Progra
     (tmp_path / "deck.nml").write_text(fig3.text)
     for fields in ("default", ["theta", "X", "u_x"]):
         names = fields if isinstance(fields, str) else ",".join(fields)
-        program("run", "deck.nml", "-o", "run.h5", "--quiet", "--overwrite", settings=["scene.t_end=0.05", f"output.fields={names}"], status=0)
+        program(
+            "run",
+            "deck.nml",
+            "-o",
+            "run.h5",
+            "--quiet",
+            "--overwrite",
+            settings=["scene.t_end=0.05", f"output.fields={names}"],
+            status=0,
+        )
         opened, ours = ds.open(tmp_path / "run.h5"), ds.run(fig3, t_end=0.05, fields=fields)
         assert_same(opened, ours)
         assert repr(opened).splitlines()[1:] == repr(ours).splitlines()[1:]

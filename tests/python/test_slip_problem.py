@@ -58,7 +58,18 @@ def test_the_drive_of_a_problem(fig3: ds.Scene) -> None:
 
 def test_what_is_no_slip_problem(fig3: ds.Scene) -> None:
     with pytest.raises(ds.UsageError, match="model = 'creep'"):
-        ds.slip_problem(ds.Scene(model="creep", t_end=1.0, stiffness_x=1e3, stiffness_y=1e7, misalignment_deg=1.0, mu_0=0.2, normal_load=10.0, velocity=1e-3))
+        ds.slip_problem(
+            ds.Scene(
+                model="creep",
+                t_end=1.0,
+                stiffness_x=1e3,
+                stiffness_y=1e7,
+                misalignment_deg=1.0,
+                mu_0=0.2,
+                normal_load=10.0,
+                velocity=1e-3,
+            )
+        )
     with pytest.raises(ds.UsageError, match=r"law = 'table'.*dynstiction stability"):
         ds.slip_problem(fig3.replace(law="table", mu_0=None, mu_inf=None, v_f=None, table_speed=[0.0, 1.0], table_mu=[0.2, 0.1]))
     with pytest.raises(ds.DeckError, match="mass"):
@@ -105,7 +116,9 @@ def test_a_missing_parameter_is_named(fig3: ds.Scene) -> None:
     assert ds.critical_misalignment(fig3.replace(velocity=0.0), velocity=1e-3).angle.shape == (2,)
 
 
-@pytest.mark.parametrize("profile", [([1e-3, 2e-3], [0.0, 1.0]), ([0.0, 0.0, 3e-3, 3e-3], [0.0, 1.0, 2.0, 3.0]), ([1e-3, -2e-3, -2e-3], [0.0, 1.0, 1.5])])
+@pytest.mark.parametrize(
+    "profile", [([1e-3, 2e-3], [0.0, 1.0]), ([0.0, 0.0, 3e-3, 3e-3], [0.0, 1.0, 2.0, 3.0]), ([1e-3, -2e-3, -2e-3], [0.0, 1.0, 1.5])]
+)
 def test_the_velocity_is_that_of_the_command(profile: tuple[list[float], list[float]], fig3: ds.Scene, program: Program) -> None:
     velocity, time = profile
     scene = fig3.replace(velocity=velocity, time=time)
