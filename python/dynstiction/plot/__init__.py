@@ -6,7 +6,6 @@ A kind of figure is a function of a result and an empty figure, in a file of its
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from matplotlib.figure import Figure
 
-from .._plotting import PlotModule
+from .._plotting import make_callable
 from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
@@ -78,6 +77,8 @@ LARGEST = 1e100
 
 WORK_PRECISION = "work_precision"
 """The kind of figure of a comparison."""
+
+make_callable(__name__)
 
 Drawable: TypeAlias = "Result | Trade | xarray.Dataset"
 """A run, a comparison or a sweep."""
@@ -183,7 +184,3 @@ def save(
         If the file cannot be written.
     """
     write(draw(result, kind, quantity), path)
-
-
-# ``ds.plot(result)`` draws: this module is a function too.
-sys.modules[__name__].__class__ = PlotModule
