@@ -30,6 +30,7 @@ __all__ = [
     "Lock",
     "Run",
     "Session",
+    "Steady",
     "Sweep",
     "Value",
     "catalogue",
@@ -373,6 +374,28 @@ class Ends(Session):
         cells, numbers = _table(handle, "ends")
         self.values = dict(zip((name for (name,) in cells), numbers[0].tolist(), strict=True))
         """Numbers by name; what does not exist is left out."""
+
+
+class Steady(Session):
+    """Steady sliding of a scene in linear theory, from the core.
+
+    Parameters
+    ----------
+    deck : DeckSource
+        The deck.
+    """
+
+    name = "theory of steady sliding"
+
+    def __init__(self, deck: DeckSource) -> None:
+        handle, status = _core.steady_open(*deck.arguments())
+        super().__init__(handle)
+        self._raise(deck, status)
+        values = _table(handle, "steady")[1][:, 0]
+        self.velocity, self.misalignment = values[:2].tolist()
+        self.eigenvalues = values[2:6] + 1j * values[6:10]
+        self.critical = values[10:]
+        """As `steady_sliding` has it of ``'critical'``."""
 
 
 class Cases(NamedTuple):

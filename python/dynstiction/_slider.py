@@ -80,8 +80,8 @@ def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, floa
         values |= {"mu_inf": friction.mu_inf, "v_f": friction.v_f}
     elif friction.law != "constant":
         raise UsageError(
-            f"friction.law = '{friction.law}': these functions have the laws 'weakening' and 'constant'; the command "
-            "dynstiction stability has this law too"
+            f"friction.law = '{friction.law}': with keywords these functions have the laws 'weakening' and 'constant'; "
+            "for other laws critical_misalignment and steady_sliding_eigenvalues take the scene alone"
         )
     if friction.contact == "smoothed":
         values["v_smooth"] = friction.v_smooth

@@ -61,6 +61,7 @@ EVENTS = {
 
 NOUNS = {
     "columns": "column",
+    "table": "column",
     "summary": "summary value",
     "statistics": "statistic",
     "parameters": "parameter",
@@ -104,7 +105,7 @@ class Described(Mapping[str, T], Generic[T]):
         Name, unit and meaning of each value, and the value.
     table : str
         What the values are, for messages on missing names: ``"columns"``, ``"summary"``, ``"statistics"`` or
-        ``"parameters"``.
+        ``"parameters"`` of a run, or ``"table"``, columns of another table.
     """
 
     def __init__(self, entries: Iterable[tuple[Info, T]], table: str = "") -> None:

@@ -250,10 +250,9 @@ class Scene(SceneGroups):
         Raises
         ------
         DeckError
-            If the scene cannot be read.
+            If the scene is refused.
         UsageError
-            If it lacks a parameter, its drive holds no velocity but 0, or friction is of another law than constant or weakening:
-            the command ``dynstiction stability`` has these too.
+            If its drive holds no velocity but 0, or its model has no mass or only one stiffness.
 
         See Also
         --------

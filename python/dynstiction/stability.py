@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import reals, shape_of
-from ._slider import scene_parameters, slider_parameters
+from ._slider import slider_parameters
 from .scene import DeckLike, Scene
 
 __all__ = [
@@ -86,15 +86,14 @@ class Stability(NamedTuple):
 
 def stability(scene: Scene) -> Stability:
     """Whether steady sliding of a scene is stable; see `Scene.stability`."""
-    parameters = scene_parameters(scene)
-    eigenvalues = steady_sliding_eigenvalues(scene)
-    return Stability(
-        bool(np.all(eigenvalues.real < 0.0)),
-        float(parameters["velocity"] or 0.0),
-        float(parameters.get("misalignment") or 0.0),
-        float(critical_misalignment(scene).window[0]),
-        eigenvalues,
-    )
+    with _native.Steady(scene.source) as found:
+        return Stability(
+            bool(np.all(found.eigenvalues.real < 0.0)),
+            found.velocity,
+            found.misalignment,
+            float(_critical(found.critical).window[0]),
+            found.eigenvalues,
+        )
 
 
 def steady_sliding_eigenvalues(
@@ -125,7 +124,8 @@ def steady_sliding_eigenvalues(
     ----------
     scene : str, PathLike or Scene, optional
         Where parameters come from that are not given: a deck or a scene. Of a drive with several velocities the first one
-        counts that is held and is not 0.
+        counts that is held and is not 0. If no keyword is given the scene may have any friction law, else constant or weakening
+        friction.
     mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
         As for `rhs`: m [kg], k_x, k_y [N/m], phi [rad], friction coefficients, v_f [m/s], W [N], V [m/s], which is not 0,
         and the smoothing velocity [m/s].
@@ -162,6 +162,9 @@ def steady_sliding_eigenvalues(
         "damping_x": damping_x,
         "damping_y": damping_y,
     }
+    if scene is not None and not any(value is not None for value in given.values()):
+        with _native.Steady(Scene(scene).source) as found:
+            return found.eigenvalues
     sliders, shape = _sliders(scene, given)
     parts = _native.steady_sliding("eigenvalues", 8, sliders)
     return (parts[:, :4] + 1j * parts[:, 4:]).reshape(*shape, 4)
@@ -224,14 +227,21 @@ def critical_misalignment(
         "damping_x": damping_x,
         "damping_y": damping_y,
     }
+    if scene is not None and not any(value is not None for value in given.values()):
+        with _native.Steady(Scene(scene).source) as found:
+            return _critical(found.critical)
     sliders, shape = _sliders(scene, given)
-    values = _native.steady_sliding("critical", 9, sliders)
-    exists, angle, frequency, window, limit = np.split(values, [2, 4, 6, 8], axis=1)
+    return _critical(_native.steady_sliding("critical", 9, sliders).reshape(*shape, 9))
+
+
+def _critical(values: NDArray[np.float64]) -> CriticalMisalignment:
+    """What the core says of critical misalignments (..., 9)."""
+    exists, angle, frequency, window, limit = np.split(values, [2, 4, 6, 8], axis=-1)
     return CriticalMisalignment(
-        np.where(exists == 1.0, angle, np.nan).reshape(*shape, 2),
-        np.where(exists == 1.0, frequency, np.nan).reshape(*shape, 2),
-        np.where(window[:, 1:] > window[:, :1], window, np.nan).reshape(*shape, 2),
-        limit.copy().reshape(shape),
+        np.where(exists == 1.0, angle, np.nan),
+        np.where(exists == 1.0, frequency, np.nan),
+        np.where(window[..., 1:] > window[..., :1], window, np.nan),
+        limit[..., 0].copy(),
     )
 
 

@@ -170,7 +170,7 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     )
     settled = np.zeros(n, dtype=bool)
     settled[_settled(cycles, travel, values[1], values[3], since_turn)] = True
-    return StickSlip(Described(zip(COLUMNS, values, strict=True)), settled)
+    return StickSlip(Described(zip(COLUMNS, values, strict=True), "table"), settled)
 
 
 def first_release(force: _Floats) -> int:

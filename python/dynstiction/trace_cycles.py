@@ -213,7 +213,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
             f"the force drifts by {drift * trace.duration:.2g} N over the trace: peaks and valleys have no one value"
         )
     return TraceCycles(
-        Described(zip(CYCLE_COLUMNS, columns, strict=True)),
+        Described(zip(CYCLE_COLUMNS, columns, strict=True), "table"),
         times,
         onsets,
         noise,

@@ -272,4 +272,4 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
             if name.startswith("error_"):
                 values = np.where(values < 0.0, np.nan, values)
             entries.append((info, values))
-    return Trade(Described(entries))
+    return Trade(Described(entries, "table"))

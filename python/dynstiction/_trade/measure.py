@@ -330,7 +330,8 @@ class Comparison:
             errors = np.array([point.errors.get(name, math.nan) for point in points])
             columns.append((Info(f"error_{name}", "1", f"error of: {text}"), errors))
         return Described(
-            [*columns, (Info("text", "1", "how it ended"), np.array([point.text for point in points]))]
+            [*columns, (Info("text", "1", "how it ended"), np.array([point.text for point in points]))],
+            "table",
         )
 
 
