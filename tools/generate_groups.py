@@ -27,6 +27,9 @@ TYPES = {
     "texts": "str | Sequence[str]",
 }
 
+TAKEN = ("accuracy", "points", "quantities")
+"""Keys whose names are those of other arguments of functions that take changes."""
+
 HEAD = '''"""The groups of a deck as dataclasses.
 
 Made by tools/generate_groups.py from the schema of the core, src/deck/schema.f90.
@@ -62,11 +65,11 @@ def module(table: list[Key]) -> str:
     """Text of the module."""
     groups = {name: list(keys) for name, keys in groupby(table, lambda key: key.group)}
     names = {group: CLASS_NAMES.get(group, group.capitalize()) for group in groups}
-    listed = sorted([*names.values(), "GroupValues", "Groups", "SceneGroups"])
+    listed = sorted([*names.values(), "Changes", "GroupValues", "Groups", "SceneGroups"])
     parts = [HEAD, "__all__ = [", *(f'    "{name}",' for name in listed), "]", ""]
     for group, keys in groups.items():
         parts += group_class(group, names[group], keys)
-    parts += groups_by_name(names)
+    parts += groups_by_name(names, table)
     parts += scene_base(names)
     return "\n".join(parts) + "\n"
 
@@ -148,7 +151,7 @@ def quoted(text: str) -> str:
     return f'"{text}"'
 
 
-def groups_by_name(names: dict[str, str]) -> list[str]:
+def groups_by_name(names: dict[str, str], table: list[Key]) -> list[str]:
     """The keywords of `Scene`, `run` and others, for type checkers and editors."""
     return [
         "",
@@ -161,7 +164,21 @@ def groups_by_name(names: dict[str, str]) -> list[str]:
         "",
         *(f"    {group}: {name} | GroupValues" for group, name in names.items()),
         "",
+        "",
+        "class Changes(Groups, total=False):",
+        '    """Keywords that change a scene: groups, or keys, whose names are unique; None takes a key out.',
+        "",
+        "    No key takes a mapping; type checkers let one pass, so that ``**settings`` by group is accepted.",
+        '    """',
+        "",
+        *(f"    {key.name}: {of_change(key)}" for key in table if key.name not in TAKEN),
+        "",
     ]
+
+
+def of_change(key: Key) -> str:
+    """Annotation of a key as a keyword."""
+    return f"{type_of(key).removesuffix(' | None')} | GroupValues | None"
 
 
 def scene_base(names: dict[str, str]) -> list[str]:

@@ -44,7 +44,7 @@ module dst_python_api
   implicit none
   private
 
-  public :: library_open, deck_open, lock_open, run_open, sweep_open, cycles_open, ends_open
+  public :: library_open, deck_open, lock_open, run_open, sweep_open, cycles_open, ends_open, steady_open
   public :: table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
   public :: equations, creep, steady_sliding
@@ -96,10 +96,11 @@ module dst_python_api
     procedure :: make_text => make_sweep_text
   end type sweep_session_t
 
-  !> The limit cycles of a scene, and where its stick-slip ends.
+  !> The limit cycles of a scene, where its stick-slip ends, and the linear theory of its steady sliding.
   type, extends(session_t) :: cycles_session_t
     type(limit_cycles_t) :: cycles
     type(stick_slip_ends_t) :: ends
+    real(wp) :: steady(19) = 0.0_wp          !! the row of the table 'steady'
   contains
     procedure :: make_table => make_cycles_table
     procedure :: make_text => make_cycles_text
@@ -282,6 +283,38 @@ contains
     end if
     status = status_of(self)
   end subroutine ends_open
+
+  !> Read a deck and find the linear theory of its steady sliding, under its first drive velocity that is held and is not 0. The
+  !> table 'steady' has in one row this velocity [m/s], the misalignment [rad], and what `steady_sliding` has of 'eigenvalues' and
+  !> 'critical'.
+  subroutine steady_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status
+    ! Not f2py threadsafe, as run_open.
+    type(cycles_session_t), pointer :: self
+    type(scene_t) :: scene
+    type(slider_t) :: slider
+    type(critical_t) :: branches
+    complex(wp) :: roots(4)
+    real(wp) :: velocity, limit
+
+    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
+    if (.not. (allocated(self%error) .or. (scene%mass > 0.0_wp .and. scene%stiffness_y > 0.0_wp))) &
+      call raise(self%error, usage_error, 'the linear theory of steady sliding needs a mass and both stiffnesses, which model '// &
+                 "'"//trim(scene%model)//"' does not have: give a scene of model 'full'")
+    if (.not. allocated(self%error)) then
+      call slider_from_scene(scene, slider)
+      call steady_sliding_eigenvalues(slider, velocity, roots, self%error)
+    end if
+    if (.not. allocated(self%error)) call critical_misalignment(slider, velocity, branches, self%error)
+    if (.not. allocated(self%error)) call low_frequency_limit(slider, velocity, limit, self%error)
+    status = status_of(self)
+    if (status /= 0) return
+    self%steady = [velocity, atan2(slider%along(2), slider%along(1)), real(roots, wp), aimag(roots), &
+      merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, limit]
+  end subroutine steady_open
 
   !> A session with the scene of a deck, and the drive velocity [m/s] that it is looked at with.
   subroutine open_steady_scene(deck, name, settings, handle, self, scene, velocity)
@@ -588,6 +621,9 @@ contains
       end associate
     case ('ends')
       call make_table_of_ends(self%ends, self%table)
+    case ('steady')
+      call new_table(self%table, 1, 0, size(self%steady))
+      self%table%number(:, 1) = self%steady
     case default
       call self%session_t%make_table(which)
     end select

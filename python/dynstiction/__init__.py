@@ -4,10 +4,13 @@ The model is that of K. Nakano and V. L. Popov, "Dynamic stiction without static
 vector rotation", Phys. Rev. E 102, 063001 (2020). SI units everywhere; angles in radians unless a name ends in ``_deg``.
 
 >>> import dynstiction as ds
->>> result = ds.run("inputs/fig3.nml", system={"misalignment_deg": 2.0})   # doctest: +SKIP
+>>> result = ds.run("inputs/fig3.nml", misalignment_deg=2.0)               # doctest: +SKIP
 >>> result.time, result["u_x"], result.events, result.summary              # doctest: +SKIP
 >>> result.save("run.h5"); again = ds.open("run.h5")                       # doctest: +SKIP
 """
+
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
 
 from .errors import (
     ColumnError,
@@ -36,7 +39,7 @@ from ._run import run
 from ._sweep import open_sweep, sweep
 from ._trade import Trade, open_trade, trade
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
-from .equations import jacobian, rhs
+from .equations import SlipProblem, jacobian, rhs, slip_problem
 from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
 from .limit_cycles import Cycles, LimitCycle, StickSlipEnds, cycles, stick_slip_ends
 from .record import Described
@@ -47,6 +50,7 @@ from .spectrum import Spectrogram, creep_frequency, oscillation_frequency, ridge
 from .stability import (
     CreepEnd,
     CriticalMisalignment,
+    Stability,
     creep_end,
     critical_misalignment,
     damping_ratio,
@@ -59,6 +63,9 @@ from .trace_creep import CreepTest, creep_test
 from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
 from .trace_file import read_trace
 from .trace_fit import Fit, FittedParameter, fit
+
+if _TYPE_CHECKING:
+    from ._plotting import plot as plot
 
 __version__ = _native.origin()["version"]
 
@@ -89,8 +96,10 @@ __all__ = [
     "Scene",
     "Setup",
     "Simulation",
+    "SlipProblem",
     "SolverError",
     "Spectrogram",
+    "Stability",
     "Statistic",
     "StickSlip",
     "StickSlipEnds",
@@ -125,6 +134,7 @@ __all__ = [
     "rhs",
     "ridge",
     "run",
+    "slip_problem",
     "spectrogram",
     "steady_sliding_eigenvalues",
     "stick_slip_ends",
@@ -132,3 +142,16 @@ __all__ = [
     "sweep",
     "trade",
 ]
+
+
+def __getattr__(name: str) -> _Any:
+    """Import the package of the figures when it is asked for: matplotlib takes a second."""
+    if name == "plot":
+        from importlib import import_module  # noqa: PLC0415
+
+        return import_module(".plot", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), "plot"})

@@ -6,12 +6,13 @@ import hashlib
 import os
 import warnings
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _native
 from ._open import info_of, open_file
 from .errors import FileError, IncompleteWarning
 from .record import EVENT_DTYPE, EVENTS, Described, Info, Record
@@ -19,6 +20,8 @@ from .record import EVENT_DTYPE, EVENTS, Described, Info, Record
 __all__ = ["PROGRAM", "read"]
 
 PROGRAM = "dynstiction"
+
+T = TypeVar("T")
 
 
 def read(path: str | os.PathLike[str]) -> Record:
@@ -48,8 +51,10 @@ def _read_contents(file: h5py.File, name: str) -> Record:
     events = np.empty(events_by_name["time"].size, dtype=EVENT_DTYPE)
     for column in EVENTS:
         events[column] = events_by_name[column]
-    ordered = sorted(columns, key=lambda info: info.name != "time")
-    for times in (columns[ordered[0]], events["time"]):
+    parameters = list(_read_scalars(file, "parameters"))
+    chosen = next((str(value) for info, value in parameters if info.name == "fields"), "default")
+    ordered = _in_order(((info, info) for info in columns), "columns", ["time", *chosen.split()])
+    for times in (columns[ordered[0][0]], events["time"]):
         # Also false for NaN.
         if not np.all(np.diff(times, prepend=0.0) >= 0.0):
             raise FileError(f"{name}: is damaged: its times do not ascend")
@@ -60,11 +65,11 @@ def _read_contents(file: h5py.File, name: str) -> Record:
     for key, value in file.attrs.items():
         attributes[key] = value if isinstance(value, str) else int(value)
     return Record(
-        columns=Described((info, columns[info]) for info in ordered),
+        columns=Described(((info, columns[info]) for info, _ in ordered), "columns"),
         events=events,
-        summary=Described(_read_scalars(file, "summary")),
-        statistics=Described(_read_scalars(file, "statistics")),
-        parameters=Described(_read_scalars(file, "parameters")),
+        summary=Described(_in_order(_read_scalars(file, "summary"), "summary"), "summary"),
+        statistics=Described(_in_order(_read_scalars(file, "statistics"), "statistics"), "statistics"),
+        parameters=Described(_in_order(parameters, "keys"), "parameters"),
         attributes=attributes,
         deck=deck,
         resolved_deck=_read_text(file, "deck/resolved"),
@@ -81,6 +86,17 @@ def _read_scalars(file: h5py.File, group: str) -> Iterable[tuple[Info, Any]]:
     for name, dataset in file.get(group, {}).items():
         value = dataset[()]
         yield info_of(name, dataset), value.decode() if isinstance(value, bytes) else value.tolist()
+
+
+def _in_order(
+    entries: Iterable[tuple[Info, T]], table: str, first: Iterable[str] = ()
+) -> list[tuple[Info, T]]:
+    """Entries in the order in which a run in memory has them: HDF5 lists them by name. Counts are integers."""
+    names = [*first, *(entry["name"] for entry in _native.catalogue()[table])]
+    place = {name: -i for i, name in enumerate(reversed(names), 1)}
+    return _native.with_integers(
+        sorted(entries, key=lambda entry: (place.get(entry[0].name, 0), entry[0].name))
+    )
 
 
 def _read_text(file: h5py.File, name: str) -> str:

@@ -6,13 +6,15 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, lru_cache
-from typing import Any, ClassVar, NamedTuple, TypeAlias, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arguments import shown
 from ._closing import Closing, OneAtATime
 from ._core import dst_python_api as _core
+from ._names import nearest
 from ._stack import check_stack
 from .errors import Error, UsageError, error_for
 from .record import Info
@@ -28,16 +30,21 @@ __all__ = [
     "Lock",
     "Run",
     "Session",
+    "Steady",
     "Sweep",
     "Value",
     "catalogue",
     "creep",
     "equations",
+    "group_names",
+    "group_of",
     "key_info",
     "origin",
     "schema",
     "steady_sliding",
     "text_from",
+    "unknown_key",
+    "with_integers",
 ]
 
 CHUNK_SECONDS = 0.05
@@ -55,6 +62,9 @@ RANGES = {
 }
 """What a point of creep violates, by the core's number for it."""
 
+
+COUNTS = ("cycles", "sticks", "regularity")
+"""Summary values that are whole numbers."""
 
 Value = float | int | str | tuple[float, ...] | tuple[str, ...]
 """Value of a key: of a list with one element that element."""
@@ -295,7 +305,7 @@ class Run(Session):
     def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
         """Of a finished run the summary values, and the counters of the work done."""
         with self._use() as handle:
-            summary = _described(handle, "summary")
+            summary = with_integers(_described(handle, "summary"))
             cells, (values, counts) = _table(handle, "statistics", described=True)
         work = zip(cells, values.tolist(), counts.tolist(), strict=True)
         return summary, [(info, int(value) if is_count else value) for (info,), value, is_count in work]
@@ -304,10 +314,10 @@ class Run(Session):
         """Every key that the deck uses and its value."""
         with self._use() as handle:
             cells, (values, is_text) = _table(handle, "parameters", described=True)
-        return [
+        return with_integers(
             (info, text if is_one else value)
             for (info, text), value, is_one in zip(cells, values.tolist(), is_text.tolist(), strict=True)
-        ]
+        )
 
 
 class Cycles(Session):
@@ -364,6 +374,28 @@ class Ends(Session):
         cells, numbers = _table(handle, "ends")
         self.values = dict(zip((name for (name,) in cells), numbers[0].tolist(), strict=True))
         """Numbers by name; what does not exist is left out."""
+
+
+class Steady(Session):
+    """Steady sliding of a scene in linear theory, from the core.
+
+    Parameters
+    ----------
+    deck : DeckSource
+        The deck.
+    """
+
+    name = "theory of steady sliding"
+
+    def __init__(self, deck: DeckSource) -> None:
+        handle, status = _core.steady_open(*deck.arguments())
+        super().__init__(handle)
+        self._raise(deck, status)
+        values = _table(handle, "steady")[1][:, 0]
+        self.velocity, self.misalignment = values[:2].tolist()
+        self.eigenvalues = values[2:6] + 1j * values[6:10]
+        self.critical = values[10:]
+        """As `steady_sliding` has it of ``'critical'``."""
 
 
 class Cases(NamedTuple):
@@ -473,10 +505,55 @@ def key_info(group: str, name: str) -> KeyInfo:
 
 
 @cache
+def group_names() -> tuple[str, ...]:
+    """Names of the groups of a deck."""
+    return tuple(dict.fromkeys(key.group for key in schema()))
+
+
+@cache
+def _places() -> dict[str, str]:
+    """Group of each key, by its name, which no other key has, and by ``group.key``."""
+    return {name: key.group for key in schema() for name in (key.name, f"{key.group}.{key.name}")}
+
+
+def group_of(name: str) -> str:
+    """Group of a key that is named alone or as ``group.key``; empty if there is no such key."""
+    return _places().get(name.lower(), "")
+
+
+def unknown_key(name: object) -> str:
+    """What to say of a name that is neither a key nor a group."""
+    near = nearest(name, [*_places(), *group_names()])
+    if near in group_names():
+        return f"{shown(name)} is no group of a deck: did you mean {near!r}?"
+    if near:
+        return f"{shown(name)} is no key of a deck: did you mean {near!r}?"
+    return (
+        f"{shown(name)} is no key of a deck, nor a group ({', '.join(group_names())}): "
+        "dynstiction template shows all keys"
+    )
+
+
+@cache
 def slider_parameters() -> tuple[str, ...]:
     """Names of the parameters of a slider, in the order of the vectors that `equations` and its like take."""
     ((cells, _),) = _ask_library(_table, "slider")
     return tuple(name for (name,) in cells)
+
+
+@cache
+def _counts() -> frozenset[str]:
+    """Names of summary values and keys that are whole numbers."""
+    return frozenset(COUNTS) | {key.name for key in schema() if key.kind == "integer"}
+
+
+def with_integers(entries: Iterable[tuple[Info, T]]) -> list[tuple[Info, T]]:
+    """Described values, of which the core has all numbers as reals, with counts as integers."""
+    counts = _counts()
+    return [
+        (info, cast(T, int(value)) if isinstance(value, float) and info.name in counts else value)
+        for info, value in entries
+    ]
 
 
 def equations(

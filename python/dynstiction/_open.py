@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from .errors import FileError
-from .record import Info
+from .record import Info, si_units
 
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
@@ -79,7 +79,8 @@ def groups_in(path: str | os.PathLike[str]) -> set[str]:
 
 def info_of(name: str, dataset: h5py.Dataset) -> Info:
     """What a dataset of a result file says of itself."""
-    return Info(name, str(dataset.attrs.get("units", "1")), str(dataset.attrs.get("long_name", "")))
+    units = si_units(str(dataset.attrs.get("units", "1")))
+    return Info(name, units, str(dataset.attrs.get("long_name", "")))
 
 
 def _check(name: str) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Unpack
 
-from .groups import Groups
+from numpy.typing import ArrayLike
+
+from .groups import Changes
 from .result import Result
 from .scene import DeckLike
 from .simulation import Simulation
@@ -12,18 +14,29 @@ from .simulation import Simulation
 __all__ = ["run"]
 
 
-def run(deck: DeckLike, *, progress: bool | None = None, **groups: Unpack[Groups]) -> Result:
+def run(
+    deck: DeckLike,
+    *,
+    times: ArrayLike | None = None,
+    progress: bool | None = None,
+    **changes: Unpack[Changes],
+) -> Result:
     """Integrate a scene.
 
     Parameters
     ----------
     deck : str, PathLike or Scene
         Path of a deck, text of a deck, or a scene.
+    times : array_like, optional
+        Times of the samples [s], ascending, within the run, in place of those every ``output.interval``: the motion is known at
+        any time, so that these samples are as accurate as others. Where a run ends before `t_end`, because it has settled, the times
+        after its end have no sample.
     progress : bool, optional
         Whether to show the simulated time as a bar (needs ``tqdm``); by default only on a terminal or in a notebook,
         after a second, and if tqdm is installed.
-    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
-        Overrides by group, ``system={"misalignment_deg": 2.0}, drive={"velocity": 2e-3}``. Groups, keys,
+    **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
+        Overrides of the deck: keys, ``misalignment_deg=2.0`` or ``**{"system.misalignment_deg": 2.0}``, and groups,
+        ``system={"misalignment_deg": 2.0}, drive={"velocity": 2e-3}``. Groups, keys,
         units and defaults are the deck's: see ``dynstiction template``. None takes a key out of the deck; a dataclass
         (``system=ds.System(...)``) replaces the group.
 
@@ -45,6 +58,10 @@ def run(deck: DeckLike, *, progress: bool | None = None, **groups: Unpack[Groups
         If the solver gave up; its ``result`` holds what was computed until then.
     FileError
         If the deck cannot be read.
+    UsageError
+        If a name is no key or group, or `times` do not ascend within the run.
+    KeyboardInterrupt
+        On Ctrl-C; its attribute ``partial`` is the result until then, which is not `complete`.
 
     See Also
     --------
@@ -56,8 +73,8 @@ def run(deck: DeckLike, *, progress: bool | None = None, **groups: Unpack[Groups
 
     Examples
     --------
-    >>> result = run("inputs/fig3.nml", system={"misalignment_deg": 2.0})   # doctest: +SKIP
+    >>> result = run("inputs/fig3.nml", misalignment_deg=2.0)   # doctest: +SKIP
     >>> result.time[-1], result["u_x"].max(), result.sticks()               # doctest: +SKIP
     """
-    with Simulation(deck, **groups) as simulation:
+    with Simulation(deck, times=times, **changes) as simulation:
         return simulation._finish(progress, stacklevel=4)

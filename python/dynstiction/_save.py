@@ -149,9 +149,9 @@ def _write_contents(file: h5py.File, result: Record, trade: Table | None) -> Non
         )
     if trade is not None:
         _write_series(file.create_group("trade"), trade.info(), "point")
-    _write_group(file.create_group("summary"), result.summary.info())
+    _write_group(file.create_group("summary"), _as_reals(result.summary))
     _write_group(file.create_group("statistics"), result.statistics.info())
-    _write_group(file.create_group("parameters"), result.parameters.info())
+    _write_group(file.create_group("parameters"), _as_reals(result.parameters))
     file.attrs["complete"] = np.int32(result.complete)
 
 
@@ -174,6 +174,11 @@ def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[Any]]
     for name in group:
         if name != scale:
             group[name].dims[0].attach_scale(group[scale])
+
+
+def _as_reals(values: Described[Any]) -> Iterable[tuple[Info, object]]:
+    """Numbers as the executable writes them, which counts in real numbers."""
+    return ((info, value if isinstance(value, str) else float(value)) for info, value in values.info())
 
 
 def _write_group(group: h5py.Group, entries: Iterable[tuple[Info, object]]) -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import threading
-import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias, Unpack
 
 import numpy as np
@@ -14,15 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import flag, path_name, reals, shown, whole
+from ._interrupt import held_back, interrupted
 from ._open import open_file
 from ._optional import needed
 from ._progress import progress_bar
-from .errors import FileError, IncompleteWarning, UsageError
-from .groups import Groups
-from .record import Info
+from ._sweep_work import MOST_THREADS, Work
+from .errors import DeckError, FileError, IncompleteWarning, UsageError
+from .groups import Changes
+from .record import Info, si_units
 from .scene import DeckLike, Scene
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     import h5py  # type: ignore[import-untyped]
     import xarray
 
@@ -33,19 +35,9 @@ Values: TypeAlias = Floats | NDArray[np.int32]
 Axis: TypeAlias = tuple[Info, Floats]
 """A parameter and its values: along one side of a grid, or of each case of a list."""
 
-LONGEST_PIECE = 64
-"""Cases that a thread takes at once, at most."""
-
 CYCLE_COUNT = Info("cycle_count", "1", "cycles that are kept of the case")
 
-SHORTEST_PIECE = 4
-"""Where cases run side by side, each place is used so often before a thread fetches more."""
-
-MOST_THREADS = 1024
-"""More threads do nothing for any machine."""
-
-PIECE_SECONDS = 0.02
-"""Time that the cases which a thread takes at once last, as far as can be foreseen."""
+BAR = "{percentage:3.0f}%|{bar}| {n:.0f} of {total:.0f} cases [{elapsed}<{remaining}]"
 
 
 def sweep(
@@ -54,8 +46,9 @@ def sweep(
     *,
     points: bool = False,
     threads: int | None = None,
+    executor: Executor | None = None,
     progress: bool | None = None,
-    **groups: Unpack[Groups],
+    **changes: Unpack[Changes],
 ) -> xarray.Dataset:
     """Run a scene for many values of its parameters.
 
@@ -64,16 +57,20 @@ def sweep(
     deck : str, PathLike or Scene
         Path of a deck, text of a deck, or a scene.
     parameters : mapping, optional
-        Values by key, ``{"system.misalignment_deg": phi, "drive.velocity": V}``, in the deck's units: the sides
-        of a grid. Without it the grid, or the list of points, is that of the deck's ``&sweep``.
+        Values by key, ``{"misalignment_deg": phi, "drive.velocity": V}``, in the deck's units: the sides
+        of a grid; the group of a key may be left out. Without it the grid, or the list of points, is that of the deck's ``&sweep``.
     points : bool
         Whether the values, all of one length, are those of the cases one by one, not the sides of a grid.
     threads : int, optional
         Cores to use, at least 1; all by default. The results do not depend on it.
+    executor : concurrent.futures.Executor, optional
+        What runs the cases, in place of threads of this process: a ``ProcessPoolExecutor``, the ``client.get_executor()`` of
+        dask.distributed, an ``MPIPoolExecutor`` of mpi4py, .... The package has to be installed where it runs them, and a
+        file that the deck names has to be there. The results do not depend on it either.
     progress : bool, optional
         Whether to show the number of cases done as a bar; by default as for `dynstiction.run`.
-    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
-        Overrides by group, as for `dynstiction.run`.
+    **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
+        Overrides of the deck, as for `dynstiction.run`.
 
     Returns
     -------
@@ -88,7 +85,7 @@ def sweep(
     Warns
     -----
     IncompleteWarning
-        If some cases failed, or Ctrl-C stopped the sweep: what is done by then is returned.
+        If some cases failed.
 
     Raises
     ------
@@ -98,7 +95,9 @@ def sweep(
         If the list of points of the deck cannot be read.
     UsageError
         If nothing is varied, a list is not one of numbers, the lists of points have different lengths, `threads`
-        is not positive, or ``sweep.keep = 'series'``: only ``dynstiction run`` keeps time series.
+        is not positive, `executor` is none, or ``sweep.keep = 'series'``: only ``dynstiction run`` keeps time series.
+    KeyboardInterrupt
+        On Ctrl-C; its attribute ``partial`` is the dataset, with the cases that are done.
     PackageError
         If xarray is not installed.
     MemoryError
@@ -108,22 +107,32 @@ def sweep(
     -----
     The model 'auto' is refused: a map would mix models. Other threads of the interpreter go on meanwhile.
 
+    An executor gets tasks that last about half a second each, three for each of its workers at a time. On Ctrl-C those that wait are cancelled;
+    those that another process or machine is running end there by themselves.
+
     Examples
     --------
     >>> data = ds.sweep("inputs/low_frequency.nml",
-    ...                 {"system.misalignment_deg": np.linspace(1, 8, 64)})      # doctest: +SKIP
+    ...                 {"misalignment_deg": np.linspace(1, 8, 64)})             # doctest: +SKIP
     >>> data["period"].plot()                                                    # doctest: +SKIP
+    >>> with concurrent.futures.ProcessPoolExecutor() as pool:                   # doctest: +SKIP
+    ...     data = ds.sweep("inputs/fig3.nml", {"mu_0": [0.2, 0.3]}, executor=pool)
     """
     needed("xarray", "sweep")
-    scene = Scene(deck, **groups)
+    scene = Scene(deck, **changes)
     if not (parameters is None or isinstance(parameters, Mapping)):
-        raise UsageError(
-            f"parameters = {shown(parameters)}: a mapping, {{'system.misalignment_deg': values}}"
-        )
+        raise UsageError(f"parameters = {shown(parameters)}: a mapping, {{'misalignment_deg': values}}")
     axes = [(_key(key), _values(key, values)) for key, values in (parameters or {}).items()]
     points = flag("points", points)
     if points and len({axis.size for _, axis in axes}) != 1:
         raise UsageError("points=True takes lists of one length")
+    if executor is not None and threads is not None:
+        raise UsageError("threads and executor: give one of them; an executor has its own number of workers")
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise UsageError(
+            f"executor = {shown(executor)}: give a concurrent.futures.Executor, like ProcessPoolExecutor(), client.get_executor() "
+            "of dask.distributed, or MPIPoolExecutor() of mpi4py"
+        )
     threads = len(os.sched_getaffinity(0)) if threads is None else whole("threads", threads, least=1)
     with _native.Sweep(scene.source, axes, points) as core:
         if scene.groups().get("sweep", {}).get("keep") == "series":
@@ -131,19 +140,33 @@ def sweep(
                 "sweep.keep = 'series': this function keeps no time series; give sweep={'keep': 'summary'}, "
                 "or run the deck with the command dynstiction run"
             )
-        work = _Work(core)
+        work = Work(core)
         with progress_bar(progress, core.cases, BAR) as show:
-            work.run(min(threads, core.cases, MOST_THREADS), show)
-        work.warn()
-        columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
-        if core.most_cycles > 0:
-            columns.append((CYCLE_COUNT, work.counts))
-            columns += [
-                (info, work.cycles[:, :, i]) for i, info in enumerate(map(_of_cycle, core.cycle_quantities))
-            ]
-        return _dataset(
-            core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
-        )
+            if executor is None:
+                work.run(min(threads, core.cases, MOST_THREADS), show)
+            else:
+                work.run_on(executor, scene.source, show)
+        if work.stopped:
+            with held_back(forget=True):
+                raise interrupted(
+                    f"stopped after {work.progress()}; `partial` has their results", _data_of(core, work)
+                )
+        data = _data_of(core, work)
+    work.warn(stacklevel=2)
+    return data
+
+
+def _data_of(core: _native.Sweep, work: Work) -> xarray.Dataset:
+    """What the cases came to."""
+    columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
+    if core.most_cycles > 0:
+        columns.append((CYCLE_COUNT, work.counts))
+        columns += [
+            (info, work.cycles[:, :, i]) for i, info in enumerate(map(_of_cycle, core.cycle_quantities))
+        ]
+    return _dataset(
+        core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
+    )
 
 
 def _of_cycle(info: Info) -> Info:
@@ -152,9 +175,13 @@ def _of_cycle(info: Info) -> Info:
 
 
 def _key(key: str) -> str:
-    if not isinstance(key, str) or "\n" in key:
-        raise UsageError(f"{shown(key)} is no key: name it as GROUP.KEY, like system.misalignment_deg")
-    return key
+    """``group.key`` of a key that is named so, or without its group."""
+    if not isinstance(key, str) or not key.isprintable():
+        raise UsageError(f"{shown(key)} is no key: name it like misalignment_deg or system.misalignment_deg")
+    group = _native.group_of(key)
+    if not group:
+        raise DeckError(_native.unknown_key(key))
+    return f"{group}.{key.rpartition('.')[2]}"
 
 
 def _values(key: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -162,106 +189,6 @@ def _values(key: str, values: ArrayLike) -> NDArray[np.float64]:
     if axis.ndim != 1:
         raise UsageError(f"the values of {key!r} have {axis.ndim} dimensions: give a list of numbers")
     return axis
-
-
-BAR = "{percentage:3.0f}%|{bar}| {n:.0f} of {total:.0f} cases [{elapsed}<{remaining}]"
-
-
-class _Work:
-    """The cases of a sweep, dealt out to threads a few at a time."""
-
-    def __init__(self, core: _native.Sweep) -> None:
-        self._core = core
-        self._lock = threading.Lock()
-        self._next = 0
-        self._done = 0
-        self._stopped = False
-        self._error: BaseException | None = None
-        self.values = np.full((core.cases, len(core.quantities)), np.nan)
-        self.codes = np.full(core.cases, _native.NOT_RUN, dtype=np.int32)
-        self.cycles = np.full((core.cases, core.most_cycles, len(core.cycle_quantities)), np.nan)
-        self.counts = np.zeros(core.cases, dtype=np.int32)
-        self.messages: dict[int, str] = {}
-
-    def run(self, n_threads: int, show: Callable[[float], None]) -> None:
-        # A Ctrl-C in Thread.join lets a thread look ended that is not (Python 3.11).
-        ends = [threading.Event() for _ in range(n_threads)]
-        threads = [
-            threading.Thread(target=self._one_thread, args=(n_threads, end), daemon=True) for end in ends
-        ]
-        try:
-            for thread in threads:
-                _start(thread)
-            for end in ends:
-                while not end.wait(_native.CHUNK_SECONDS):
-                    show(self._done)
-            show(self._done)
-        except KeyboardInterrupt:
-            self._stopped = True
-        finally:
-            self._wait([end for thread, end in zip(threads, ends, strict=True) if thread.ident is not None])
-        if self._error is not None:
-            raise self._error
-
-    def _wait(self, ends: list[threading.Event]) -> None:
-        """Let the threads end, whatever has happened: they use the core, which is freed afterwards."""
-        while not all(end.is_set() for end in ends):
-            try:
-                self._core.stop()
-                for end in ends:
-                    end.wait()
-            except KeyboardInterrupt:
-                self._stopped = True
-
-    def _one_thread(self, n_threads: int, end: threading.Event) -> None:
-        count = 1
-        try:
-            while not self._stopped:
-                with self._lock:
-                    first = self._next
-                    left = self._core.cases - first
-                    # The less is left, and the longer a case takes, the smaller the pieces; but not so small that
-                    # places for cases side by side stay empty.
-                    count = min(count, LONGEST_PIECE, left // (4 * n_threads))
-                    count = min(left, max(1, count, SHORTEST_PIECE * (self._core.at_once - 1)))
-                    self._next += count
-                if left <= 0:
-                    return
-                begun = time.perf_counter()
-                cases = self._core.run(first, count)
-                passed = time.perf_counter() - begun
-                here = slice(first, first + count)
-                self.values[here], self.codes[here] = cases.values, cases.codes
-                self.cycles[here], self.counts[here] = cases.cycles, cases.counts
-                self.messages.update(cases.messages)
-                with self._lock:
-                    self._done += count
-                count = int(min(LONGEST_PIECE, count * PIECE_SECONDS / passed))
-        except BaseException as error:
-            self._error = error
-            self._stopped = True
-        finally:
-            end.set()
-
-    def warn(self) -> None:
-        """Say if not all is done."""
-        if self._stopped:
-            text = (
-                f"stopped after {np.count_nonzero(self.codes != _native.NOT_RUN)} of {self._core.cases} cases"
-            )
-        elif self.messages:
-            case, message = min(self.messages.items())
-            text = f"{len(self.messages)} of {self._core.cases} cases failed; the first, number {case}: {message}"
-        else:
-            return
-        warnings.warn(text, IncompleteWarning, stacklevel=3)
-
-
-def _start(thread: threading.Thread) -> None:
-    try:
-        thread.start()
-    except RuntimeError as error:
-        raise MemoryError(f"{error}: give fewer threads, or smaller stacks (threading.stack_size)") from None
 
 
 def _dataset(
@@ -273,7 +200,7 @@ def _dataset(
     deck: str,
 ) -> xarray.Dataset:
     """A sweep as a dataset: `values`, `codes` and cycles (case, cycle) by case, `messages` by number of the case from 0."""
-    import xarray  # noqa: PLC0415  (optional)
+    from ._sweep_dataset import SweepDataset  # noqa: PLC0415  (xarray is slow to import)
 
     dims = ["case"] if is_list else [info.name for info, _ in axes]
     shape = [codes.size] if is_list else [axis.size for _, axis in axes]
@@ -288,7 +215,7 @@ def _dataset(
     about = {"units": "1", "long_name": "0 done, -1 not run, else why it failed"}
     variables["result_code"] = (dims, codes.reshape(shape), about)
     variables["result_text"] = (dims, texts.reshape(shape), {"long_name": "why a case failed"})
-    return xarray.Dataset(variables, coordinates, {"deck": deck})
+    return SweepDataset(variables, coordinates, {"deck": deck})
 
 
 def _about(info: Info) -> dict[str, str]:
@@ -364,4 +291,4 @@ def _read_sweep(file: h5py.File) -> xarray.Dataset:
 
 def _info(group: h5py.Group, name: str) -> Info:
     about = group[name].attrs
-    return Info(name, str(about["units"]), str(about["long_name"]))
+    return Info(name, si_units(str(about["units"])), str(about["long_name"]))

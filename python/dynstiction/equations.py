@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import SMALLEST, finite, number, reals
+from ._slider import drive_of, scene_parameters, slider_parameters
 from .errors import UsageError
+from .scene import DeckLike, Scene
 
-__all__ = ["jacobian", "rhs", "slider_parameters"]
+__all__ = ["SlipProblem", "jacobian", "rhs", "slip_problem"]
 
 LIMITS: dict[str, dict[str, Any]] = {
     "mass": {"above": 0.0, "units": "kg"},
@@ -29,22 +33,26 @@ LIMITS: dict[str, dict[str, Any]] = {
 }
 """Of the parameters of a slider, as `_arguments.reals` takes them."""
 
+VELOCITY = 8
+"""Place of the drive velocity among the parameters of a slider."""
+
 
 def rhs(
     state: ArrayLike,
+    scene: Any = None,
     *,
-    mass: float,
-    stiffness_x: float,
-    stiffness_y: float,
-    misalignment: float,
-    mu_0: float,
+    mass: float | None = None,
+    stiffness_x: float | None = None,
+    stiffness_y: float | None = None,
+    misalignment: float | None = None,
+    mu_0: float | None = None,
     mu_inf: float | None = None,
     v_f: float | None = None,
-    normal_load: float,
-    velocity: float,
-    v_smooth: float = 0.0,
-    damping_x: float = 0.0,
-    damping_y: float = 0.0,
+    normal_load: float | None = None,
+    velocity: float | None = None,
+    v_smooth: float | None = None,
+    damping_x: float | None = None,
+    damping_y: float | None = None,
 ) -> NDArray[np.float64]:
     """Time derivative of the state, Eqs. (1)-(5).
 
@@ -56,6 +64,9 @@ def rhs(
     state : array_like, shape (..., 4)
         Elongation of the spring ``u_x, u_y`` [m] and slip velocity ``w_x, w_y`` [m/s], in the principal
         axes. Any leading dimensions.
+    scene : str, PathLike or Scene, optional
+        Where parameters come from that are not given: a deck or a scene. Of a drive with several velocities the first one
+        counts that is held and is not 0.
     mass : float
         m [kg].
     stiffness_x, stiffness_y : float
@@ -87,38 +98,40 @@ def rhs(
         mu_0, mu_inf, W, v_smooth, c_x, c_y >= 0), or only one of `mu_inf` and `v_f` is given. If a rate is not a
         number: with the exact law (`v_smooth` = 0) friction has no direction at ``w = 0``.
     """
-    slider = _slider(
-        mass,
-        stiffness_x,
-        stiffness_y,
-        misalignment,
-        mu_0,
-        mu_inf,
-        v_f,
-        normal_load,
-        velocity,
-        v_smooth,
-        damping_x,
-        damping_y,
-    )
+    given = {
+        "mass": mass,
+        "stiffness_x": stiffness_x,
+        "stiffness_y": stiffness_y,
+        "misalignment": misalignment,
+        "mu_0": mu_0,
+        "mu_inf": mu_inf,
+        "v_f": v_f,
+        "normal_load": normal_load,
+        "velocity": velocity,
+        "v_smooth": v_smooth,
+        "damping_x": damping_x,
+        "damping_y": damping_y,
+    }
+    slider = _slider(scene, given)
     return _evaluated(slider, state, 1)[..., 0]
 
 
 def jacobian(
     state: ArrayLike,
+    scene: Any = None,
     *,
-    mass: float,
-    stiffness_x: float,
-    stiffness_y: float,
-    misalignment: float,
-    mu_0: float,
+    mass: float | None = None,
+    stiffness_x: float | None = None,
+    stiffness_y: float | None = None,
+    misalignment: float | None = None,
+    mu_0: float | None = None,
     mu_inf: float | None = None,
     v_f: float | None = None,
-    normal_load: float,
-    velocity: float,
-    v_smooth: float = 0.0,
-    damping_x: float = 0.0,
-    damping_y: float = 0.0,
+    normal_load: float | None = None,
+    velocity: float | None = None,
+    v_smooth: float | None = None,
+    damping_x: float | None = None,
+    damping_y: float | None = None,
 ) -> NDArray[np.float64]:
     """Derivative of `rhs` by the state.
 
@@ -126,6 +139,8 @@ def jacobian(
     ----------
     state : array_like, shape (..., 4)
         ``u_x, u_y`` [m], ``w_x, w_y`` [m/s], as for `rhs`.
+    scene : str, PathLike or Scene, optional
+        As for `rhs`.
     mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : float
         As for `rhs`.
 
@@ -140,21 +155,162 @@ def jacobian(
     UsageError
         As for `rhs`.
     """
-    slider = _slider(
-        mass,
-        stiffness_x,
-        stiffness_y,
-        misalignment,
-        mu_0,
-        mu_inf,
-        v_f,
-        normal_load,
-        velocity,
-        v_smooth,
-        damping_x,
-        damping_y,
-    )
+    given = {
+        "mass": mass,
+        "stiffness_x": stiffness_x,
+        "stiffness_y": stiffness_y,
+        "misalignment": misalignment,
+        "mu_0": mu_0,
+        "mu_inf": mu_inf,
+        "v_f": v_f,
+        "normal_load": normal_load,
+        "velocity": velocity,
+        "v_smooth": v_smooth,
+        "damping_x": damping_x,
+        "damping_y": damping_y,
+    }
+    slider = _slider(scene, given)
     return _evaluated(slider, state, 4)
+
+
+@dataclass(frozen=True)
+class SlipProblem:
+    """The motion of a scene in slip as an initial value problem, ready for ``scipy.integrate.solve_ivp``.
+
+    The state y is ``u_x, u_y`` [m], ``w_x, w_y`` [m/s]. Where a method would step over a corner of the drive, integrate from
+    corner to corner.
+
+    Attributes
+    ----------
+    t_span : tuple of float
+        0 and the end of the scene [s].
+    y0 : ndarray, shape (4,)
+        The state in which the scene begins.
+    corners : ndarray, shape (n,)
+        Times [s] of the corners and jumps of the drive inside of `t_span`.
+    slider : ndarray, shape (12,)
+        Parameters of the equations in the order of the keywords of `rhs`; the drive velocity is that at the beginning.
+    drive_time, drive_velocity : tuple of float
+        The drive: times [s], and the velocities [m/s] there.
+    """
+
+    t_span: tuple[float, float]
+    y0: NDArray[np.float64]
+    corners: NDArray[np.float64]
+    slider: NDArray[np.float64]
+    drive_time: tuple[float, ...]
+    drive_velocity: tuple[float, ...]
+
+    def velocity(self, t: float) -> float:
+        """Drive velocity [m/s] at a time [s]; at a jump that after it.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+        """
+        last = int(np.searchsorted(self.drive_time, t, side="right")) - 1
+        if last < 0:
+            return self.drive_velocity[0]
+        if last + 1 >= len(self.drive_time):
+            return self.drive_velocity[-1]
+        part = (t - self.drive_time[last]) / (self.drive_time[last + 1] - self.drive_time[last])
+        return self.drive_velocity[last] + part * (self.drive_velocity[last + 1] - self.drive_velocity[last])
+
+    def fun(self, t: float, y: ArrayLike) -> NDArray[np.float64]:
+        """Time derivative of the state, `rhs` with the drive velocity at the time.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+        y : array_like, shape (4,) or (4, n)
+            One state, or n at the same time, as ``solve_ivp(..., vectorized=True)`` gives them.
+
+        Returns
+        -------
+        ndarray, of the shape of `y`
+
+        Raises
+        ------
+        UsageError
+            As `rhs`.
+        """
+        return np.asarray(_evaluated(self._at(t), np.transpose(y), 1)[..., 0].T)
+
+    def jac(self, t: float, y: ArrayLike) -> NDArray[np.float64]:
+        """Derivative of `fun` by the state.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+        y : array_like, shape (4,)
+            State.
+
+        Returns
+        -------
+        ndarray, shape (4, 4)
+
+        Raises
+        ------
+        UsageError
+            As `rhs`.
+        """
+        return _evaluated(self._at(t), y, 4)
+
+    def _at(self, t: float) -> NDArray[np.float64]:
+        slider = self.slider.copy()
+        slider[VELOCITY] = self.velocity(t)
+        return slider
+
+
+def slip_problem(scene: DeckLike) -> SlipProblem:
+    """The motion of a scene in slip, ready for ``scipy.integrate.solve_ivp``.
+
+    With the smoothed contact (``contact="smoothed"``) it is the motion of the scene. With the exact contact it is
+    its slip between two stops: at ``w = 0``, where the scene comes to rest, friction has no direction and `SlipProblem.fun` raises.
+
+    Parameters
+    ----------
+    scene : str, PathLike or Scene
+        A deck or a scene of the model ``'full'`` with constant or weakening friction.
+
+    Returns
+    -------
+    SlipProblem
+        ``fun(t, y)``, ``jac(t, y)``, ``t_span``, ``y0`` and the corners of the drive.
+
+    Raises
+    ------
+    DeckError, FileError
+        If the scene cannot be read, or is refused.
+    UsageError
+        If it is of another model, or of another friction law.
+
+    Examples
+    --------
+    >>> problem = ds.slip_problem(scene.replace(contact="smoothed", v_smooth=1e-7))            # doctest: +SKIP
+    >>> solve_ivp(problem.fun, problem.t_span, problem.y0, "Radau", jac=problem.jac, rtol=1e-8)  # doctest: +SKIP
+    """
+    scene = Scene(scene)
+    scene.check()
+    if scene.scene.model != "full":
+        raise UsageError(
+            f"scene.model = '{scene.scene.model}': slip_problem has the equations of model 'full'"
+        )
+    times, velocities = drive_of(scene)
+    t_end = float(scene.scene.t_end or 0.0)
+    parameters = scene_parameters(scene, with_velocity=False)
+    slider = _slider(None, {**parameters, "velocity": velocities[0]})
+    angle = parameters["misalignment"] or 0.0
+    along = np.array([np.cos(angle), np.sin(angle)])
+    initial = scene.initial
+    y0 = np.concatenate(
+        [[initial.elongation_x, initial.elongation_y], initial.velocity_ratio * velocities[0] * along]
+    )
+    corners = np.unique([time for time in times if 0.0 < time < t_end])
+    return SlipProblem((0.0, t_end), y0, corners, slider, times, velocities)
 
 
 def _evaluated(slider: NDArray[np.float64], state: ArrayLike, n_columns: int) -> NDArray[np.float64]:
@@ -172,21 +328,7 @@ def _evaluated(slider: NDArray[np.float64], state: ArrayLike, n_columns: int) ->
     return finite("the result", rates)
 
 
-def _slider(*values: float | None) -> NDArray[np.float64]:
+def _slider(scene: DeckLike | None, given: Mapping[str, float | None]) -> NDArray[np.float64]:
     """The parameter vector of the core."""
-    return np.array(
-        [number(name, value, **LIMITS[name]) for name, value in slider_parameters(*values).items()]
-    )
-
-
-def slider_parameters(*values: ArrayLike | None) -> dict[str, ArrayLike]:
-    """Parameters of sliders by name, from all of them in the order of the core; `mu_inf` and `v_f` belong together.
-
-    Without these two friction is constant.
-    """
-    given = dict(zip(_native.slider_parameters(), values, strict=True))
-    if (given["mu_inf"] is None) != (given["v_f"] is None):
-        raise UsageError("mu_inf and v_f belong together: both for weakening friction, neither for constant")
-    if given["mu_inf"] is None:
-        given |= {"mu_inf": given["mu_0"], "v_f": 1.0}
-    return cast(dict[str, ArrayLike], given)
+    values = slider_parameters(scene, given)
+    return np.array([number(name, value, **LIMITS[name]) for name, value in values.items()])

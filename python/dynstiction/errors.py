@@ -43,7 +43,7 @@ class UsageError(Error, ValueError):
 
 
 class ColumnError(UsageError, KeyError):
-    """A result does not hold the column that was asked for."""
+    """A result has no column, or its summary no value, of the name that was asked for; the text names the nearest one."""
 
     def __str__(self) -> str:  # KeyError would print the repr of the message
         return printable(Exception.__str__(self))

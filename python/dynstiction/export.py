@@ -12,7 +12,7 @@ import numpy as np
 from ._open import info_of, open_file
 from ._trade import Trade
 from .errors import FileError
-from .record import EVENTS, Info
+from .record import EVENTS, Info, headed, unit_shown
 from .result import Result
 
 __all__ = ["export_csv", "export_sweep_csv"]
@@ -56,7 +56,7 @@ def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bo
 def _summary_rows(result: Result) -> Iterator[Sequence[object]]:
     for table in ("summary", "statistics", "parameters"):
         for info, value in getattr(result, table).info():
-            yield table, info.name, value, info.units, info.long_name
+            yield table, info.name, value, unit_shown(info.units), info.long_name
 
 
 def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
@@ -111,7 +111,7 @@ def _cycle_columns(group: Any) -> Iterator[tuple[Info, Any]]:
 def _table(columns: Iterable[tuple[Info, Any]]) -> tuple[list[str], Iterable[Sequence[object]]]:
     """Head and rows of a table of columns."""
     infos, values = zip(*columns, strict=True)
-    head = [info.name if info.units in ("", "1") else f"{info.name} [{info.units}]" for info in infos]
+    head = [headed(info.name, info.units) for info in infos]
     # As Python's numbers: they are written in the fewest digits that are read back as the same.
     return head, zip(*(np.asarray(column).tolist() for column in values), strict=True)
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, ValuesView
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import shown
+from ._names import nearest
 from ._optional import needed
 from .errors import ColumnError, UsageError, printable
 from .html import page_table
@@ -28,7 +29,11 @@ __all__ = [
     "Record",
     "Table",
     "frame_of",
+    "headed",
+    "number_shown",
     "rows_of",
+    "si_units",
+    "unit_shown",
 ]
 
 STICK_BEGINS = 1
@@ -54,16 +59,57 @@ EVENTS = {
 }
 
 
+NOUNS = {
+    "columns": "column",
+    "table": "column",
+    "summary": "summary value",
+    "statistics": "statistic",
+    "parameters": "parameter",
+}
+"""What a name stands for, by the table in which it is looked up."""
+
+REMEDIES = {"columns": ": name it in the deck's output.fields and run again"}
+"""What to do about a name that a run could have, and has not."""
+
+
+def unit_shown(units: str) -> str:
+    """A unit as people read it: nothing for a number without dimension, or for a text."""
+    return "" if units == "1" else units
+
+
+def headed(name: str, units: str) -> str:
+    """Head of a column: its name, and its unit in brackets if it has one."""
+    return f"{name} [{units}]" if unit_shown(units) else name
+
+
+def si_units(units: str) -> str:
+    """A unit in the grammar of this package, ``m/s``; older files have ``m s-1``."""
+    above = [part for part in units.split() if "-" not in part]
+    below = [part.replace("-", "").removesuffix("1") for part in units.split() if "-" in part]
+    if not below or not all(part[:1].isalpha() for part in below):
+        return units
+    return "/".join([" ".join(above) or "1", *below])
+
+
+def number_shown(value: object) -> str:
+    """A value as people read it: six digits of a real number."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
 class Described(Mapping[str, T], Generic[T]):
-    """Read-only mapping of names to values that knows what each value is.
+    """Read-only mapping of names to values, with the unit and the meaning of each value.
 
     Parameters
     ----------
     entries : iterable of (Info, value)
         Name, unit and meaning of each value, and the value.
+    table : str
+        What the values are, for messages on missing names: ``"columns"``, ``"summary"``, ``"statistics"`` or
+        ``"parameters"`` of a run, or ``"table"``, columns of another table.
     """
 
-    def __init__(self, entries: Iterable[tuple[Info, T]]) -> None:
+    def __init__(self, entries: Iterable[tuple[Info, T]], table: str = "") -> None:
+        self._table = table
         self._entries: dict[str, tuple[Info, T]] = {}
         try:
             for info, value in entries:
@@ -76,7 +122,7 @@ class Described(Mapping[str, T], Generic[T]):
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each value, ``"1"`` where it has none."""
+        """Unit of each value like ``"m/s"``; ``"1"`` where it has none."""
         return {name: info.units for name, (info, _) in self._entries.items()}
 
     @property
@@ -85,7 +131,34 @@ class Described(Mapping[str, T], Generic[T]):
         return {name: info.long_name for name, (info, _) in self._entries.items()}
 
     def __getitem__(self, name: str) -> T:
-        return self._entries[name][1]
+        try:
+            return self._entries[name][1]
+        except (KeyError, TypeError):
+            raise ColumnError(self._why_missing(name)) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries
+
+    def _why_missing(self, name: object) -> str:
+        """What to say of a name that is not here: a slip of the pen, or something that another run has."""
+        noun, possible = NOUNS.get(self._table, "value"), self._possible()
+        there = f"there are {', '.join(self._entries)}" if self._entries else "there are none"
+        near = nearest(name, self._entries) or nearest(name, possible)
+        if isinstance(name, str) and name in possible:
+            remedy = REMEDIES.get(self._table, "")
+            return f"this run has no {noun} {name!r} ({possible[name]}){remedy}; {there}"
+        if near in self._entries:
+            return f"no {noun} {shown(name)}: did you mean {near!r}? ({there})"
+        if near:
+            remedy = REMEDIES.get(self._table, "")
+            return f"no {noun} {shown(name)}: did you mean {near!r}? This run has none{remedy}; {there}"
+        return f"no {noun} {shown(name)}: {there}"
+
+    def _possible(self) -> dict[str, str]:
+        """Names that runs can have in such a table, with their meanings."""
+        from . import _native  # noqa: PLC0415  (it uses this module)
+
+        return {entry["name"]: entry["long_name"] for entry in _native.catalogue().get(self._table, ())}
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)
@@ -98,11 +171,16 @@ class Described(Mapping[str, T], Generic[T]):
         return list(self._entries.values())
 
     def __repr__(self) -> str:
-        return "\n".join(printable(f"{info.name} = {value} {info.units}") for info, value in self.info())
+        lines = (
+            f"{info.name} = {number_shown(value)} {unit_shown(info.units)}" for info, value in self.info()
+        )
+        return "\n".join(printable(line.rstrip()) for line in lines)
 
 
 class Table(Generic[C]):
-    """Columns of one length under their names: ``table["u_x"]`` is a column, ``for name in table`` runs over the names.
+    """Columns of one length under their names: ``table["u_x"]``, ``dict(table)``, ``for name in table``.
+
+    Tables are equal only to themselves.
 
     Attributes
     ----------
@@ -111,18 +189,27 @@ class Table(Generic[C]):
     """
 
     columns: Described[C]
-    missing: ClassVar[str] = ""
-    """What to do about a column that is not there."""
+
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
 
     def __getitem__(self, name: str) -> C:
-        try:
-            return self.columns[name]
-        except (KeyError, TypeError):
-            names = ", ".join(self.columns)
-            raise ColumnError(f"no column {shown(name)}, only {names}{self.missing}") from None
+        return self.columns[name]
 
     def __contains__(self, name: object) -> bool:
         return name in self.columns
+
+    def keys(self) -> KeysView[str]:
+        """Names of the columns."""
+        return self.columns.keys()
+
+    def values(self) -> ValuesView[C]:
+        """The columns."""
+        return self.columns.values()
+
+    def items(self) -> ItemsView[str, C]:
+        """Names and columns."""
+        return self.columns.items()
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
@@ -174,7 +261,7 @@ def rows_of(values: Described[Any]) -> list[tuple[str, str, str, str]]:
         (
             i.name,
             f"{v:.8g}" if isinstance(v, float) else str(v),
-            "" if i.units == "1" else i.units,
+            unit_shown(i.units),
             i.long_name,
         )
         for i, v in values.info()
@@ -182,8 +269,8 @@ def rows_of(values: Described[Any]) -> list[tuple[str, str, str, str]]:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Record(Table[NDArray[np.float64]]):
-    """What one run has brought.
+class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
+    """What one run has brought: its time series as a mapping of columns, events, summary, statistics, provenance.
 
     Attributes
     ----------
@@ -192,8 +279,8 @@ class Record(Table[NDArray[np.float64]]):
         ``columns.units`` and ``columns.long_names`` describe them.
     events : structured ndarray, shape (n_events,)
         ``events["time"]`` [s] and ``events["kind"]`` (1 = stick begins, 2 = slip begins).
-    summary : Described of float
-        What the run amounts to (period, peak force, …), as far as it has a value.
+    summary : Described of float or int
+        Period, peak force, …, as far as the run has them; counts are integers.
     statistics : Described of int or float
         The work done: steps, evaluations, factorisations, wall time [s], ….
     parameters : Described
@@ -212,6 +299,9 @@ class Record(Table[NDArray[np.float64]]):
     attributes: dict[str, str | int] = field(default_factory=dict)
     deck: str = ""
     resolved_deck: str = ""
+
+    def __len__(self) -> int:
+        return len(self.columns)
 
     @property
     def time(self) -> NDArray[np.float64]:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ._arguments import flag, number, path_name, shown
 from .errors import UsageError, printable
 from .html import sparkline, table
-from .record import EVENTS, STICK_BEGINS, Described, Record, frame_of
+from .record import EVENTS, STICK_BEGINS, Described, Record, frame_of, headed, number_shown, unit_shown
 from .thinning import extremes
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
     import xarray
+    from matplotlib.figure import Figure
+
+    from ._plotting import PlotModule
 
 __all__ = ["Result", "open"]
 
@@ -26,11 +30,10 @@ SPARKLINE_BINS = 220
 class Result(Record):
     """What `dynstiction.run` returns and `dynstiction.open` reads.
 
-    A `Record` (time series, events, summary, statistics, provenance) with what one does with it.
-    ``result["u_x"]`` is a column, ``for name in result`` runs over their names.
+    A read-only mapping of the columns of the time series by name: ``result["u_x"]``, ``dict(result)``,
+    ``for name in result``, ``"theta" in result``, ``len(result)`` columns. Events, summary, statistics and provenance are
+    attributes. Results are equal only to themselves.
     """
-
-    missing = ": name it in the deck's output.fields and run again"
 
     def sticks(self, until: float = np.inf) -> int:
         """Number of sticks that began, the first one included.
@@ -88,6 +91,28 @@ class Result(Record):
             return super().to_pandas().set_index("time")
         return frame_of(Described((info, self.events[name]) for name, info in EVENTS.items()))
 
+    def plot(self, kind: str | None = None, **options: Any) -> Figure:
+        """Draw the result.
+
+        Parameters
+        ----------
+        kind : str, optional
+            ``"history"``, ``"velocities"``, ``"path"``, …: a name in `dynstiction.plot.KINDS`, by default what the model is for.
+        **options
+            As for `dynstiction.plot.draw`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Also one of pyplot's, if that has been imported, so that ``plt.show()`` shows it; not with inline figures of a notebook.
+
+        Raises
+        ------
+        UsageError
+            If there is no such kind, or the result has not what it shows.
+        """
+        return _plot_package()(self, kind, **options)
+
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the HDF5 file that the executable writes; it appears under its name only when it is whole.
 
@@ -128,17 +153,23 @@ class Result(Record):
             ]
             lines = f"<table>{''.join(drawn)}</table>"
         columns = table(
-            ("column", "unit", ""), [(i.name, i.units, i.long_name) for i, _ in self.columns.info()]
+            ("column", "unit", ""),
+            [(i.name, unit_shown(i.units), i.long_name) for i, _ in self.columns.info()],
         )
         shown = super()._repr_html_()
         return f"{shown}{lines}<details><summary>{len(self.columns)} columns</summary>{columns}</details>"
 
     def __repr__(self) -> str:
         lines = [f"<{self._heading()}"]
-        lines.append("  columns: " + ", ".join(f"{n} [{u}]" for n, u in self.columns.units.items()))
+        lines.append("  columns: " + ", ".join(headed(name, u) for name, u in self.columns.units.items()))
         for name, value in self.summary.items():
-            lines.append(f"  {name} = {value:.10g} {self.summary.units[name]}")
-        return "\n".join(map(printable, lines)) + ">"
+            lines.append(f"  {name} = {number_shown(value)} {unit_shown(self.summary.units[name])}")
+        return "\n".join(printable(line.rstrip()) for line in lines) + ">"
+
+
+def _plot_package() -> PlotModule:
+    """The package of the figures, which is imported when it is used."""
+    return cast("PlotModule", import_module(".plot", __package__))
 
 
 def open(path: str | os.PathLike[str]) -> Result:

@@ -10,15 +10,18 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Self, TypeAlias, TypeVar, Unpack, cast
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, Unpack, cast
 
 from . import _native
 from ._arguments import path_name, shown
 from .deck_group import DeckGroup
 from .deck_text import deck_from, setting_value
 from .errors import DeckError, FileError, UsageError
-from .groups import Groups, GroupValues, SceneGroups
+from .groups import Changes, GroupValues, SceneGroups
 from .html import page_table
+
+if TYPE_CHECKING:
+    from .stability import Stability
 
 __all__ = ["DeckLike", "Group", "Scene"]
 
@@ -40,9 +43,10 @@ class Scene(SceneGroups):
     deck : str, PathLike or Scene, optional
         Path of a deck, or the text of one (what contains a line break, or an ``&`` and is no file).
         Without it the scene is made of the keyword groups alone.
-    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
-        Deck groups, ``system=ds.System(mass=0.25, …)`` or ``system={"misalignment_deg": 2.0}``. With a `deck` a
-        dataclass replaces the group, and a mapping overrides its keys; a key that is None is used as if the deck did
+    **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
+        Keys of the deck, ``misalignment_deg=2.0`` or ``**{"system.misalignment_deg": 2.0}``, and groups,
+        ``system={"misalignment_deg": 2.0}`` or ``system=ds.System(mass=0.25, …)``. With a `deck` a
+        dataclass replaces the group, all else overrides keys; a key that is None is used as if the deck did
         not set it.
 
     Raises
@@ -50,12 +54,12 @@ class Scene(SceneGroups):
     FileError
         If the deck cannot be read. Its content is checked by `check` and by `dynstiction.run`.
     UsageError
-        If `deck` is nothing of these, or a group is no mapping of keys to values.
+        If `deck` is nothing of these, a name is no key or group, or a group is no mapping of keys to values.
 
     Examples
     --------
     >>> fig3 = Scene("inputs/fig3.nml")                             # doctest: +SKIP
-    >>> scenes = [fig3.replace(system={"misalignment_deg": phi})    # doctest: +SKIP
+    >>> scenes = [fig3.replace(misalignment_deg=phi)                # doctest: +SKIP
     ...           for phi in (1.0, 2.0, 5.0)]
     >>> fig3.system.mass                                            # doctest: +SKIP
     0.25
@@ -70,16 +74,23 @@ class Scene(SceneGroups):
     _cache: dict[object, Any]
     """What the core has made of the deck, which never changes: its values, and its groups as dataclasses."""
 
-    def __init__(self, deck: DeckLike | None = None, /, **groups: Unpack[Groups]) -> None:
-        given = cast(Mapping[str, Group], groups)
+    def __init__(self, deck: DeckLike | None = None, /, **changes: Unpack[Changes]) -> None:
+        given = _by_group(changes)
         self._fields, self._settings, self._cache = {}, {}, {}
         if isinstance(deck, Scene):
             self._text, self._name, self._fields = deck._text, deck._name, deck._fields
             self._settings = dict(deck._settings)
         elif deck is None:
-            written = deck_from({name: _given(name, keys) for name, keys in given.items()}, "scene")
+            groups: dict[str, dict[str, object]] = {}
+            for name, keys in given:
+                groups.setdefault(name, {}).update(_given(name, keys))
+            written = deck_from(groups, "scene")
             self._text, self._name, self._fields = written.text, written.name, written.fields
             return
+        elif isinstance(deck, Mapping):
+            raise UsageError(
+                f"{shown(deck)}: a mapping is no deck: write Scene.from_dict(groups), or Scene(**groups)"
+            )
         elif isinstance(deck, str) and _is_text(deck):
             self._text, self._name = deck, "deck"
         else:
@@ -113,6 +124,27 @@ class Scene(SceneGroups):
             Path of a deck, text of a deck, or a scene.
         """
         return cls(deck)
+
+    @classmethod
+    def from_dict(cls, groups: Mapping[str, object]) -> Scene:
+        """Scene of a dictionary, as `groups` gives it or JSON, TOML or f90nml read it.
+
+        Parameters
+        ----------
+        groups : mapping
+            Mappings of keys by group, ``{"system": {"mass": 0.25}, …}``; also keys, ``{"system.mass": 0.25}`` or
+            ``{"mass": 0.25}``.
+
+        Raises
+        ------
+        UsageError
+            If it is no mapping, or a name in it is no group or key.
+        """
+        if not isinstance(groups, Mapping) or not all(isinstance(name, str) for name in groups):
+            raise UsageError(
+                f"groups = {shown(groups)}: a mapping of the groups of a deck, {{'system': {{…}}}}"
+            )
+        return cls(**cast(Changes, dict(groups)))
 
     @classmethod
     def of_command(cls, path: str, settings: Iterable[str]) -> Scene:
@@ -183,15 +215,16 @@ class Scene(SceneGroups):
         """
         return deck_from(self.groups(), self._name).text
 
-    def replace(self, **groups: Unpack[Groups]) -> Scene:
-        """Scene with some groups or keys changed, ``scene.replace(system={"mass": 0.5})``; also of ``copy.replace``.
+    def replace(self, **changes: Unpack[Changes]) -> Scene:
+        """Scene with some keys or groups changed, ``scene.replace(mass=0.5)``; also of ``copy.replace``.
 
         Parameters
         ----------
-        **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
-            A dataclass replaces the group, a mapping changes its keys.
+        **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
+            As for `Scene`: keys ``mass=0.5`` or ``**{"system.mass": 0.5}``; of the groups a mapping
+            changes keys, and a dataclass replaces the group.
         """
-        return Scene(self, **groups)
+        return Scene(self, **changes)
 
     __replace__ = replace
 
@@ -205,6 +238,30 @@ class Scene(SceneGroups):
         """
         with _native.Run(self.source) as run:
             return run.resolved_deck
+
+    def stability(self) -> Stability:
+        """Whether steady sliding is stable, and above which misalignment it is.
+
+        Returns
+        -------
+        Stability
+            ``stable``, ``critical_misalignment`` [rad], ``eigenvalues`` [1/s].
+
+        Raises
+        ------
+        DeckError
+            If the scene is refused.
+        UsageError
+            If its drive holds no velocity but 0, or its model has no mass or only one stiffness.
+
+        See Also
+        --------
+        critical_misalignment, steady_sliding_eigenvalues : the same for arrays of parameters.
+        cycles : what the motion comes to where steady sliding is unstable.
+        """
+        from .stability import stability  # noqa: PLC0415  (it uses this module)
+
+        return stability(self)
 
     def _group(self, kind: type[G]) -> G:
         if kind not in self._cache:
@@ -289,10 +346,26 @@ def _read(path: str) -> str:
         raise FileError(f"{path}: {reason}: give the path of a deck") from error
 
 
-def _settings(groups: Mapping[str, Group]) -> dict[str, str]:
+def _by_group(changes: Mapping[str, object]) -> list[tuple[str, Group]]:
+    """Changes of a scene by group, in the order in which they apply: groups, then single keys."""
+    groups: list[tuple[str, Group]] = []
+    single: list[tuple[str, Group]] = []
+    for name, value in changes.items():
+        place = _native.group_of(name)
+        if place:
+            single.append((place, {name.rpartition(".")[2].lower(): value}))
+        elif isinstance(value, Mapping | DeckGroup) or name.lower() in _native.group_names():
+            known = name.lower() in _native.group_names()
+            groups.append((name.lower() if known else name, cast(Group, value)))
+        else:
+            raise UsageError(_native.unknown_key(name))
+    return groups + single
+
+
+def _settings(groups: Iterable[tuple[str, Group]]) -> dict[str, str]:
     return {
         f"{group}.{key}".lower(): setting_value(value)
-        for group, keys in groups.items()
+        for group, keys in groups
         for key, value in _changes(group, keys).items()
     }
 

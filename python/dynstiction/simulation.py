@@ -8,14 +8,15 @@ from datetime import UTC, datetime
 from typing import Unpack
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from ._arguments import number
+from ._arguments import number, reals
 from ._closing import Closing, OneAtATime
+from ._interrupt import held_back, interrupted
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
-from .groups import Groups
+from .groups import Changes
 from .record import EVENT_DTYPE, Described, Info
 from .result import Result
 from .scene import DeckLike, Scene
@@ -63,8 +64,10 @@ class Simulation(Closing):
     ----------
     deck : str, PathLike or Scene
         Path of a deck, text of a deck, or a scene.
-    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
-        Overrides by group, as for `dynstiction.run`.
+    times : array_like, optional
+        Times of the samples [s], as for `dynstiction.run`.
+    **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
+        Overrides of the deck, as for `dynstiction.run`.
 
     Raises
     ------
@@ -72,6 +75,8 @@ class Simulation(Closing):
         If the scene is refused.
     FileError
         If the deck cannot be read.
+    UsageError
+        If a name is no key or group, or `times` do not ascend within the run.
 
     Examples
     --------
@@ -81,20 +86,33 @@ class Simulation(Closing):
     ...     result = simulation.finish()
     """
 
-    def __init__(self, deck: DeckLike, **groups: Unpack[Groups]) -> None:
-        self._scene = Scene(deck, **groups)
+    def __init__(self, deck: DeckLike, *, times: ArrayLike | None = None, **changes: Unpack[Changes]) -> None:
+        self._scene = Scene(deck, **changes)
+        self._times = None if times is None else _ascending(times)
         self._alone = OneAtATime("simulation")
         self._core = _native.Run(self._scene.source)
-        self._parameters = Described(self._core.parameters())
+        self._parameters = Described(self._core.parameters(), "parameters")
+        if self._times is not None and self._parameters["interval"] == 0.0:
+            # The core takes samples at given times only where it takes them at intervals.
+            self._core = _native.Run(self._scene.replace(interval=float(self._parameters["t_end"])).source)
+            self._parameters = Described(self._core.parameters(), "parameters")
         self._t_end = float(self._parameters["t_end"])
         self._samples = _Samples(len(self._core.columns), self._expected_rows())
         self._event_times: list[NDArray[np.float64]] = []
         self._event_kinds: list[NDArray[np.int32]] = []
         self._outcome: tuple[int, str] | None = None
-        self._summary: Described[float] = Described([])
-        self._statistics: Described[float] = Described([])
+        self._summary: Described[float] = Described([], "summary")
+        self._statistics: Described[float] = Described([], "statistics")
         self._time = 0.0
         self._advance(0.0)
+        if self._times is not None:
+            if not self._times[-1] <= self._t_end:
+                raise UsageError(
+                    f"times end at {self._times[-1]:g} s, and the run at {self._t_end:g} s: give t_end={self._times[-1]:g}"
+                )
+            # The sample at the beginning has been taken, and one at the end ends the list.
+            between = self._times[(self._times > 0.0) & (self._times < self._t_end)]
+            self._sample_at(np.concatenate([[0.0], between, [self._t_end]]))
 
     def close(self) -> None:
         """Free what the core holds; a run that is not finished can then not go on."""
@@ -130,7 +148,7 @@ class Simulation(Closing):
             If the simulation is closed, or another thread is using it.
         """
         with self._alone:
-            return Described(self._core.state(self._time))
+            return Described(self._core.state(self._time), "columns")
 
     @property
     def events(self) -> NDArray[np.void]:
@@ -164,15 +182,18 @@ class Simulation(Closing):
 
     def _result_so_far(self) -> Result:
         columns = self._samples.columns()
+        if self._times is not None:
+            asked_for = np.isin(columns[0], self._times)
+            columns = [values[asked_for] for values in columns]
         if not self.finished:
             n = int(np.searchsorted(columns[0], self._time, side="right"))
             # The run goes on in what the core has filled; this does not.
             columns = [values[:n].copy() for values in columns]
         return Result(
-            columns=Described(zip(self._core.columns, columns, strict=True)),
+            columns=Described(zip(self._core.columns, columns, strict=True), "columns"),
             events=self._events_so_far(),
-            summary=self._summary if self.finished else Described([]),
-            statistics=self._statistics if self.finished else Described([]),
+            summary=self._summary if self.finished else Described([], "summary"),
+            statistics=self._statistics if self.finished else Described([], "statistics"),
             parameters=self._parameters,
             attributes=self._attributes(),
             deck=self._scene.text,
@@ -231,6 +252,8 @@ class Simulation(Closing):
             If the solver gave up; its ``result`` holds what was computed until then.
         UsageError
             If the simulation is closed, or another thread is using it.
+        KeyboardInterrupt
+            On Ctrl-C; its attribute ``partial`` is the result until then. The simulation can still be finished.
 
         Warns
         -----
@@ -242,10 +265,19 @@ class Simulation(Closing):
     def _finish(self, progress: bool | None, stacklevel: int) -> Result:
         with self._alone:
             if not self.finished:
-                with progress_bar(progress, self._t_end, BAR) as show:
-                    while not self._advance(self._t_end):
-                        show(self._samples.last_time())
-                    show(self._time)
+                try:
+                    with progress_bar(progress, self._t_end, BAR) as show:
+                        while not self._advance(self._t_end):
+                            show(self._samples.last_time())
+                        show(self._time)
+                except KeyboardInterrupt:
+                    with held_back(forget=True):
+                        if not self.finished:
+                            self._time = self._core.time()
+                        raise interrupted(
+                            f"stopped at t = {self._time:g} of {self._t_end:g} s; `partial` has the result until then",
+                            self._result_so_far(),
+                        ) from None
             self._tell(stacklevel)
             return self._result_so_far()
 
@@ -267,14 +299,17 @@ class Simulation(Closing):
         if self._outcome is None:
             # The end is more than a time that is reached: the run is summed up there.
             aim = until if until < self._t_end else np.inf
-            outcome, reached, rows, time, kind = self._core.advance(seconds, aim)
-            self._samples.append(rows)
-            self._event_times.append(time)
-            self._event_kinds.append(kind)
+            # Ctrl-C comes after what the core gives has been kept.
+            with held_back():
+                outcome, reached, rows, time, kind = self._core.advance(seconds, aim)
+                self._samples.append(rows)
+                self._event_times.append(time)
+                self._event_kinds.append(kind)
             if outcome is not None:
                 self._outcome = outcome
                 summary, work = self._core.ending()
-                self._summary, self._statistics = Described(summary), Described(work)
+                self._summary = Described(summary, "summary")
+                self._statistics = Described(work, "statistics")
         if self._outcome is not None and self._outcome[0] != 0:
             self._time = self._samples.last_time()
         elif self._outcome is not None or reached:
@@ -285,8 +320,12 @@ class Simulation(Closing):
         return True
 
     def _expected_rows(self) -> int:
-        interval = float(self._parameters["interval"])
-        return int(min(self._t_end / interval + 2, MOST_EXPECTED)) if interval > 0.0 else 0
+        if self._times is not None:
+            return self._times.size + 2
+        interval = self._parameters["interval"]
+        if not isinstance(interval, float) or not interval > 0.0:
+            return 0
+        return int(min(self._t_end / interval + 2, MOST_EXPECTED))
 
     def _tell(self, stacklevel: int) -> None:
         """Raise or warn if the run has ended badly."""
@@ -322,3 +361,13 @@ class Simulation(Closing):
     def __repr__(self) -> str:
         state = "finished" if self.finished else "closed" if self._core.closed else "going on"
         return f"<Simulation {self._scene.name!r}: t = {self._time:g} of {self._t_end:g} s, {state}>"
+
+
+def _ascending(times: ArrayLike) -> NDArray[np.float64]:
+    """Times of samples [s], if they are a list that ascends from 0 or later."""
+    given = reals("times", times, least=0.0, units="s")
+    if given.ndim != 1 or given.size == 0:
+        raise UsageError(f"times of shape {given.shape}: give a list of times [s]")
+    if not np.all(np.diff(given) > 0.0):
+        raise UsageError("times do not ascend: numpy.unique(times) sorts them and leaves out repetitions")
+    return given

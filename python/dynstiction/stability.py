@@ -5,23 +5,30 @@ Every parameter may be a number or an array; arrays broadcast against each other
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import reals, shape_of
-from .equations import slider_parameters
+from ._slider import slider_parameters
+from .scene import DeckLike, Scene
 
 __all__ = [
     "CreepEnd",
     "CriticalMisalignment",
+    "Stability",
     "creep_end",
     "critical_misalignment",
     "damping_ratio",
+    "stability",
     "steady_sliding_eigenvalues",
 ]
+
+
+UNDAMPED: dict[str, ArrayLike | None] = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
 
 
 class CriticalMisalignment(NamedTuple):
@@ -54,20 +61,57 @@ class CreepEnd(NamedTuple):
     """D [-]: before slip the fast oscillation decays by ``exp(-D)``; 0 if it grows up to slip. Shape (...)."""
 
 
+class Stability(NamedTuple):
+    """Steady sliding of one scene: what `Scene.stability` returns."""
+
+    stable: bool
+    """Whether every disturbance decays, so that steady sliding can be seen."""
+    velocity: float
+    """Drive velocity |V| [m/s] for which this holds: of several the first one that is held and is not 0."""
+    misalignment: float
+    """Misalignment of the scene [rad]."""
+    critical_misalignment: float
+    """Misalignment [rad] above which steady sliding is stable at this velocity; NaN if it is at none."""
+    eigenvalues: NDArray[np.complex128]
+    """Of a small disturbance [1/s], by falling real part; shape (4,)."""
+
+    def __str__(self) -> str:
+        verdict = "stable" if self.stable else "unstable"
+        above = f"stable above {np.degrees(self.critical_misalignment):.4g} deg"
+        return (
+            f"steady sliding at V = {self.velocity:g} m/s, phi = {np.degrees(self.misalignment):g} deg is {verdict} "
+            f"({'stable at no angle' if np.isnan(self.critical_misalignment) else above})"
+        )
+
+
+def stability(scene: Scene) -> Stability:
+    """Whether steady sliding of a scene is stable; see `Scene.stability`."""
+    with _native.Steady(scene.source) as found:
+        return Stability(
+            bool(np.all(found.eigenvalues.real < 0.0)),
+            found.velocity,
+            found.misalignment,
+            float(_critical(found.critical).window[0]),
+            found.eigenvalues,
+        )
+
+
 def steady_sliding_eigenvalues(
+    scene: DeckLike | None = None,
+    /,
     *,
-    mass: ArrayLike,
-    stiffness_x: ArrayLike,
-    stiffness_y: ArrayLike,
-    misalignment: ArrayLike,
-    mu_0: ArrayLike,
+    mass: ArrayLike | None = None,
+    stiffness_x: ArrayLike | None = None,
+    stiffness_y: ArrayLike | None = None,
+    misalignment: ArrayLike | None = None,
+    mu_0: ArrayLike | None = None,
     mu_inf: ArrayLike | None = None,
     v_f: ArrayLike | None = None,
-    normal_load: ArrayLike,
-    velocity: ArrayLike,
-    v_smooth: ArrayLike = 0.0,
-    damping_x: ArrayLike = 0.0,
-    damping_y: ArrayLike = 0.0,
+    normal_load: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    v_smooth: ArrayLike | None = None,
+    damping_x: ArrayLike | None = None,
+    damping_y: ArrayLike | None = None,
 ) -> NDArray[np.complex128]:
     """Eigenvalues of a perturbation of steady sliding.
 
@@ -78,6 +122,10 @@ def steady_sliding_eigenvalues(
 
     Parameters
     ----------
+    scene : str, PathLike or Scene, optional
+        Where parameters come from that are not given: a deck or a scene. Of a drive with several velocities the first one
+        counts that is held and is not 0. If no keyword is given the scene may have any friction law, else constant or weakening
+        friction.
     mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
         As for `rhs`: m [kg], k_x, k_y [N/m], phi [rad], friction coefficients, v_f [m/s], W [N], V [m/s], which is not 0,
         and the smoothing velocity [m/s].
@@ -100,38 +148,44 @@ def steady_sliding_eigenvalues(
     Computed by LAPACK; the error is about 1e-16 times the largest eigenvalue, so the sign of a real part
     far below that has no meaning. `critical_misalignment` has no such limit.
     """
-    sliders, shape = _sliders(
-        mass,
-        stiffness_x,
-        stiffness_y,
-        misalignment,
-        mu_0,
-        mu_inf,
-        v_f,
-        normal_load,
-        velocity,
-        v_smooth,
-        damping_x,
-        damping_y,
-    )
+    given = {
+        "mass": mass,
+        "stiffness_x": stiffness_x,
+        "stiffness_y": stiffness_y,
+        "misalignment": misalignment,
+        "mu_0": mu_0,
+        "mu_inf": mu_inf,
+        "v_f": v_f,
+        "normal_load": normal_load,
+        "velocity": velocity,
+        "v_smooth": v_smooth,
+        "damping_x": damping_x,
+        "damping_y": damping_y,
+    }
+    if scene is not None and not any(value is not None for value in given.values()):
+        with _native.Steady(Scene(scene).source) as found:
+            return found.eigenvalues
+    sliders, shape = _sliders(scene, given)
     parts = _native.steady_sliding("eigenvalues", 8, sliders)
     return (parts[:, :4] + 1j * parts[:, 4:]).reshape(*shape, 4)
 
 
 def critical_misalignment(
+    scene: DeckLike | None = None,
+    /,
     *,
-    mass: ArrayLike,
-    stiffness_x: ArrayLike,
-    stiffness_y: ArrayLike,
-    misalignment: ArrayLike = 0.0,
-    mu_0: ArrayLike,
+    mass: ArrayLike | None = None,
+    stiffness_x: ArrayLike | None = None,
+    stiffness_y: ArrayLike | None = None,
+    misalignment: ArrayLike | None = None,
+    mu_0: ArrayLike | None = None,
     mu_inf: ArrayLike | None = None,
     v_f: ArrayLike | None = None,
-    normal_load: ArrayLike,
-    velocity: ArrayLike,
-    v_smooth: ArrayLike = 0.0,
-    damping_x: ArrayLike = 0.0,
-    damping_y: ArrayLike = 0.0,
+    normal_load: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    v_smooth: ArrayLike | None = None,
+    damping_x: ArrayLike | None = None,
+    damping_y: ArrayLike | None = None,
 ) -> CriticalMisalignment:
     """All misalignments between 0 and 90 degrees at which steady sliding changes its stability.
 
@@ -142,6 +196,8 @@ def critical_misalignment(
 
     Parameters
     ----------
+    scene : str, PathLike or Scene, optional
+        As for `steady_sliding_eigenvalues`.
     mass, stiffness_x, stiffness_y, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : array_like
         As for `steady_sliding_eigenvalues`.
     misalignment : array_like
@@ -157,41 +213,51 @@ def critical_misalignment(
     UsageError
         As for `steady_sliding_eigenvalues`.
     """
-    sliders, shape = _sliders(
-        mass,
-        stiffness_x,
-        stiffness_y,
-        misalignment,
-        mu_0,
-        mu_inf,
-        v_f,
-        normal_load,
-        velocity,
-        v_smooth,
-        damping_x,
-        damping_y,
-    )
-    values = _native.steady_sliding("critical", 9, sliders)
-    exists, angle, frequency, window, limit = np.split(values, [2, 4, 6, 8], axis=1)
+    given = {
+        "mass": mass,
+        "stiffness_x": stiffness_x,
+        "stiffness_y": stiffness_y,
+        "misalignment": 0.0 if scene is None and misalignment is None else misalignment,
+        "mu_0": mu_0,
+        "mu_inf": mu_inf,
+        "v_f": v_f,
+        "normal_load": normal_load,
+        "velocity": velocity,
+        "v_smooth": v_smooth,
+        "damping_x": damping_x,
+        "damping_y": damping_y,
+    }
+    if scene is not None and not any(value is not None for value in given.values()):
+        with _native.Steady(Scene(scene).source) as found:
+            return _critical(found.critical)
+    sliders, shape = _sliders(scene, given)
+    return _critical(_native.steady_sliding("critical", 9, sliders).reshape(*shape, 9))
+
+
+def _critical(values: NDArray[np.float64]) -> CriticalMisalignment:
+    """What the core says of critical misalignments (..., 9)."""
+    exists, angle, frequency, window, limit = np.split(values, [2, 4, 6, 8], axis=-1)
     return CriticalMisalignment(
-        np.where(exists == 1.0, angle, np.nan).reshape(*shape, 2),
-        np.where(exists == 1.0, frequency, np.nan).reshape(*shape, 2),
-        np.where(window[:, 1:] > window[:, :1], window, np.nan).reshape(*shape, 2),
-        limit.copy().reshape(shape),
+        np.where(exists == 1.0, angle, np.nan),
+        np.where(exists == 1.0, frequency, np.nan),
+        np.where(window[..., 1:] > window[..., :1], window, np.nan),
+        limit[..., 0].copy(),
     )
 
 
 def creep_end(
+    scene: DeckLike | None = None,
+    /,
     *,
-    mass: ArrayLike,
-    stiffness_x: ArrayLike,
-    stiffness_y: ArrayLike,
-    misalignment: ArrayLike,
-    mu_0: ArrayLike,
+    mass: ArrayLike | None = None,
+    stiffness_x: ArrayLike | None = None,
+    stiffness_y: ArrayLike | None = None,
+    misalignment: ArrayLike | None = None,
+    mu_0: ArrayLike | None = None,
     mu_inf: ArrayLike | None = None,
     v_f: ArrayLike | None = None,
-    normal_load: ArrayLike,
-    velocity: ArrayLike,
+    normal_load: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
 ) -> CreepEnd:
     """Where slow creep ends in slip, and how far the fast oscillation has decayed by then.
 
@@ -202,6 +268,8 @@ def creep_end(
 
     Parameters
     ----------
+    scene : str, PathLike or Scene, optional
+        As for `steady_sliding_eigenvalues`.
     mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity : array_like
         As for `steady_sliding_eigenvalues`.
 
@@ -216,9 +284,18 @@ def creep_end(
     UsageError
         As for `steady_sliding_eigenvalues`.
     """
-    sliders, shape = _sliders(
-        mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, 0.0, 0.0, 0.0
-    )
+    given = {
+        "mass": mass,
+        "stiffness_x": stiffness_x,
+        "stiffness_y": stiffness_y,
+        "misalignment": misalignment,
+        "mu_0": mu_0,
+        "mu_inf": mu_inf,
+        "v_f": v_f,
+        "normal_load": normal_load,
+        "velocity": velocity,
+    }
+    sliders, shape = _sliders(scene, given | UNDAMPED)
     values = _native.steady_sliding("creep_end", 5, sliders)
     exists = values[:, 0] == 1.0
     return CreepEnd(*(np.where(exists, column, np.nan).reshape(shape) for column in values.T[1:]))
@@ -226,16 +303,17 @@ def creep_end(
 
 def damping_ratio(
     theta: ArrayLike,
+    scene: Any = None,
     *,
-    mass: ArrayLike,
-    stiffness_x: ArrayLike,
-    stiffness_y: ArrayLike = 1.0,
-    misalignment: ArrayLike,
-    mu_0: ArrayLike,
+    mass: ArrayLike | None = None,
+    stiffness_x: ArrayLike | None = None,
+    stiffness_y: ArrayLike | None = None,
+    misalignment: ArrayLike | None = None,
+    mu_0: ArrayLike | None = None,
     mu_inf: ArrayLike | None = None,
     v_f: ArrayLike | None = None,
-    normal_load: ArrayLike,
-    velocity: ArrayLike,
+    normal_load: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
 ) -> NDArray[np.float64]:
     """Damping ratio of the slow motion while friction points along theta, Eq. (10).
 
@@ -247,6 +325,8 @@ def damping_ratio(
     ----------
     theta : array_like
         Angle [rad] from the soft axis to the friction; broadcasts with the parameters.
+    scene : str, PathLike or Scene, optional
+        As for `steady_sliding_eigenvalues`.
     mass, stiffness_x, misalignment, mu_0, mu_inf, v_f, normal_load, velocity : array_like
         As for `steady_sliding_eigenvalues`; ``V sin(phi)`` must not be 0.
     stiffness_y : array_like
@@ -263,32 +343,30 @@ def damping_ratio(
         As for `steady_sliding_eigenvalues`; also if ``V sin(phi) = 0``.
     """
     angles = reals("theta", theta, units="rad")
-    sliders, shape = _sliders(
-        mass,
-        stiffness_x,
-        stiffness_y,
-        misalignment,
-        mu_0,
-        mu_inf,
-        v_f,
-        normal_load,
-        velocity,
-        0.0,
-        0.0,
-        0.0,
-        theta=angles,
-    )
+    given = {
+        "mass": mass,
+        "stiffness_x": stiffness_x,
+        "stiffness_y": 1.0 if stiffness_y is None else stiffness_y,
+        "misalignment": misalignment,
+        "mu_0": mu_0,
+        "mu_inf": mu_inf,
+        "v_f": v_f,
+        "normal_load": normal_load,
+        "velocity": velocity,
+    }
+    sliders, shape = _sliders(scene, given | UNDAMPED, theta=angles)
     every_angle = np.broadcast_to(angles, shape).reshape(-1)
-    what = "damping" if mu_inf is None else "weakening"
+    weakens = np.any(sliders[:, 4] != sliders[:, 5])
+    what = "weakening" if mu_inf is not None or weakens else "damping"
     return _native.steady_sliding(what, 1, sliders, every_angle).reshape(shape)
 
 
 def _sliders(
-    *values: ArrayLike | None, **others: NDArray[np.float64]
+    scene: DeckLike | None, given: Mapping[str, ArrayLike | None], **others: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], tuple[int, ...]]:
     """Parameter rows of the core, and the shape that they and `others` broadcast to."""
     # The core checks their ranges.
-    parameters = {n: reals(n, v, checked=False) for n, v in slider_parameters(*values).items()}
+    parameters = {n: reals(n, v, checked=False) for n, v in slider_parameters(scene, given).items()}
     shape = shape_of(**parameters, **others)
     rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in parameters.values()], axis=1)
     return np.ascontiguousarray(rows), shape

@@ -83,7 +83,7 @@ class StickSlip(Table[_Floats]):
         return [(info, v[self.settled]) for info, v in self.columns.info() if info.name not in INSTANTS]
 
     def __repr__(self) -> str:
-        lines = [f"{n} = {value:.6g} {self.columns.units[n]}" for n, value in self.means().items()]
+        lines = repr(self.means()).splitlines()
         return "\n  ".join([f"<StickSlip: {len(self)} peaks; means", *lines]) + ">"
 
     def _values(self) -> tuple[str, str, Described[float]]:
@@ -170,7 +170,7 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     )
     settled = np.zeros(n, dtype=bool)
     settled[_settled(cycles, travel, values[1], values[3], since_turn)] = True
-    return StickSlip(Described(zip(COLUMNS, values, strict=True)), settled)
+    return StickSlip(Described(zip(COLUMNS, values, strict=True), "table"), settled)
 
 
 def first_release(force: _Floats) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ._arguments import instance, whole
 from .errors import FileError, UsageError, printable
-from .groups import Groups
+from .groups import Changes
 from .html import page_table
 from .scene import DeckLike, Scene
 from .simulation import Simulation
@@ -200,7 +200,9 @@ def _row(each: Statistic) -> tuple[str, ...]:
     return (f"{each.name}{units}", *texts, "–" if np.isnan(each.deviation) else f"{each.deviation:+.1f}")
 
 
-def compare(deck: DeckLike, trace: Trace, *, noise: bool = True, **groups: Unpack[Groups]) -> TraceComparison:
+def compare(
+    deck: DeckLike, trace: Trace, *, noise: bool = True, **changes: Unpack[Changes]
+) -> TraceComparison:
     """Compare a scene with a measured trace.
 
     The scene is run until it has twice as many cycles as the trace, and as many before them, which do not count; its force along the
@@ -214,8 +216,8 @@ def compare(deck: DeckLike, trace: Trace, *, noise: bool = True, **groups: Unpac
         The measured trace, from `read_trace` or `Trace`.
     noise : bool
         Whether the run gets noise like that of the trace.
-    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
-        Overrides by group, as for `dynstiction.run`.
+    **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
+        Overrides of the deck, as for `dynstiction.run`.
 
     Returns
     -------
@@ -231,7 +233,7 @@ def compare(deck: DeckLike, trace: Trace, *, noise: bool = True, **groups: Unpac
     UsageError
         If the scene has no stick-slip to compare, or `trace` is no trace.
     """
-    scene = Scene(deck, **groups)
+    scene = Scene(deck, **changes)
     trace = instance("trace", trace, Trace, "give what read_trace or Trace returns").regular()
     measured = find_cycles(trace)
     run = simulate_like(scene, trace, measured)

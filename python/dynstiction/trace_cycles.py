@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ._arguments import instance, number, whole
 from .errors import FileError, UsageError
-from .record import Described, Info, Table
+from .record import Described, Info, Table, unit_shown
 from .stick_slip import _turns
 from .trace import Trace
 
@@ -148,7 +148,8 @@ class TraceCycles(Table[_Floats]):
 
     def __repr__(self) -> str:
         errors = self.errors()
-        lines = [f"{n} = {v:.6g} ± {errors[n]:.2g} {self.columns.units[n]}" for n, v in self.means().items()]
+        units = {name: unit_shown(units) for name, units in self.columns.units.items()}
+        lines = [f"{n} = {v:.6g} ± {errors[n]:.2g} {units[n]}".rstrip() for n, v in self.means().items()]
         return "\n  ".join([f"<TraceCycles: {len(self)} cycles", *lines, *self.notes]) + ">"
 
 
@@ -224,7 +225,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
             f"the force drifts by {drift * trace.duration:.2g} N over the trace: peaks and valleys have no one value"
         )
     return TraceCycles(
-        Described([*zip(CYCLE_COLUMNS, columns, strict=True), *_optional_columns(trace, slips)]),
+        Described([*zip(CYCLE_COLUMNS, columns, strict=True), *_optional_columns(trace, slips)], "table"),
         times,
         onsets,
         noise,

@@ -13,7 +13,7 @@ module dst_writer
   !> What a column of the time series, a summary value or a counter is.
   type :: quantity_t
     character(name_width) :: name = ''
-    character(unit_width) :: units = ''   !! 'm', 'N', 's', 'm s-1', 'rad', '1'
+    character(unit_width) :: units = ''   !! 'm', 'N', 's', 'm/s', 'rad', '1'
     character(meaning_width) :: long_name = ''
     !> Whether it counts something, and is stored as an integer.
     logical :: counts = .false.

@@ -23,12 +23,12 @@ module dst_columns
     quantity_t('time', 's', 'time'), &
     quantity_t('u_x', 'm', 'spring elongation along the soft axis'), &
     quantity_t('u_y', 'm', 'spring elongation along the stiff axis'), &
-    quantity_t('w_x', 'm s-1', 'slip velocity along the soft axis'), &
-    quantity_t('w_y', 'm s-1', 'slip velocity along the stiff axis'), &
+    quantity_t('w_x', 'm/s', 'slip velocity along the soft axis'), &
+    quantity_t('w_y', 'm/s', 'slip velocity along the stiff axis'), &
     quantity_t('X', 'm', 'position along the drive'), &
     quantity_t('Y', 'm', 'position across the drive'), &
-    quantity_t('X_rate', 'm s-1', 'slip velocity along the drive'), &
-    quantity_t('Y_rate', 'm s-1', 'slip velocity across the drive'), &
+    quantity_t('X_rate', 'm/s', 'slip velocity along the drive'), &
+    quantity_t('Y_rate', 'm/s', 'slip velocity across the drive'), &
     quantity_t('spring_force_x', 'N', 'spring force k_x u_x along the soft axis'), &
     quantity_t('spring_force_y', 'N', 'spring force k_y u_y along the stiff axis'), &
     quantity_t('friction', 'N', 'magnitude of the friction force'), &

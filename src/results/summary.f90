@@ -58,7 +58,7 @@ module dst_summary
     quantity_t('slip_length', 'm', 'mean advance in X from peak to valley, positive with the drive'), &
     quantity_t('slip_length_scatter', 'm', 'standard deviation of slip_length over these cycles'), &
     quantity_t('first_peak_force', 'N', 'first peak of the load, after the stick at the start'), &
-    quantity_t('max_X_rate', 'm s-1', 'largest |X_rate|, slip speed along the drive'), &
+    quantity_t('max_X_rate', 'm/s', 'largest |X_rate|, slip speed along the drive'), &
     quantity_t('sticks', '1', 'times that the object came to rest, the start included'), &
     quantity_t('sticking_time', 's', 'time at rest'), &
     quantity_t('drive_work', 'J', 'work of the drive on the spring'), &

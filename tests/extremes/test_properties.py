@@ -209,7 +209,7 @@ class Units:
             "rad": 1.0,
             "s": self.time,
             "m": self.length,
-            "m s-1": self.length / self.time,
+            "m/s": self.length / self.time,
             "N": self.mass * self.length / self.time**2,
             "J": self.mass * self.length**2 / self.time**2,
         }[unit]

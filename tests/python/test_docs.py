@@ -17,6 +17,7 @@ from pages import DOCS, blocks, first_missing, run_page
 ROOT = DOCS.parent
 PAGES = (
     "tutorial",
+    "python_ten_minutes",
     "howto/drive_profile",
     "howto/model_and_accuracy",
     "howto/slurm",

@@ -50,7 +50,7 @@ def test_a_run_as_csv_keeps_every_bit(file: Path, result: ds.Result, tmp_path: P
     assert sorted(path.name for path in folder.iterdir()) == ["run_events.csv", "run_summary.csv", "run_time_series.csv"]
     series = read_csv(folder / "run_time_series.csv")
     assert "u_x [m]" in series
-    assert "w_x [m s-1]" in series
+    assert "w_x [m/s]" in series
     assert len(series) == len(result.columns)
     for column in series:
         np.testing.assert_array_equal(series[column], result[column.partition(" [")[0]], err_msg=column)
@@ -60,7 +60,7 @@ def test_a_run_as_csv_keeps_every_bit(file: Path, result: ds.Result, tmp_path: P
     with (folder / "run_summary.csv").open(newline="") as lines:
         rows = {(row["table"], row["name"]): row for row in csv.DictReader(lines)}
     assert float(rows["summary", "max_X_rate"]["value"]) == result.summary["max_X_rate"]
-    assert rows["summary", "max_X_rate"]["unit"] == "m s-1"
+    assert rows["summary", "max_X_rate"]["unit"] == "m/s"
     assert rows["parameters", "law"]["value"] == "weakening"
     assert int(rows["statistics", "steps"]["value"]) == result.statistics["steps"]
 
@@ -134,7 +134,7 @@ def test_xarray_opens_each_group_without_options(file: Path, result: ds.Result) 
         np.testing.assert_array_equal(events["kind"], result.events["kind"])
     with xarray.open_dataset(file, group="summary", engine="h5netcdf") as summary:
         assert float(summary["max_X_rate"]) == result.summary["max_X_rate"]
-        assert summary["max_X_rate"].attrs["units"] == "m s-1"
+        assert summary["max_X_rate"].attrs["units"] == "m/s"
     with xarray.open_dataset(file, group="parameters", engine="h5netcdf") as parameters:
         assert float(parameters["mass"]) == 0.25
 

@@ -172,7 +172,7 @@ def test_the_kind_follows_from_the_file(fig3: ds.Scene, fig4_result: ds.Result) 
     creep = ds.run(deck("creep"))
     assert panels(creep) == panels(creep, "creep")
     asymptotic = ds.run(deck("creep_asymptotic"))
-    assert panels(asymptotic) == ["X [m]", "X rate [m s-1]"]
+    assert panels(asymptotic) == ["X [m]", "X rate [m/s]"]
     fast = ds.run(deck("high_frequency"))
     assert panels(fast) == panels(fast, "velocities")
     few = ds.run(fig3, scene={"t_end": 0.05}, output={"fields": ["theta", "sticking"]})

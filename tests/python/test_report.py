@@ -58,7 +58,7 @@ def test_the_page_holds_what_the_file_holds(page: str, fig3_result: ds.Result) -
             assert info.long_name in texts
             assert (f"{value:.8g}" if isinstance(value, float) else str(value)) in texts
     assert {str(value) for value in fig3_result.attributes.values()} <= texts
-    assert {"m s-1", "N/m", "Fig. 3, Nakano & Popov (2020)", "fig3.h5", "complete"} <= texts
+    assert {"m/s", "N/m", "Fig. 3, Nakano & Popov (2020)", "fig3.h5", "complete"} <= texts
     assert fig3_result.deck.strip() in texts
     assert "0.915064" in texts, "a period of the table of cycles"
 

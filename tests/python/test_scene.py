@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import inspect
+import json
 import math
 import pickle
 import re
@@ -23,6 +24,7 @@ from dynstiction.deck_group import DeckGroup
 from hypothesis import given
 from hypothesis import strategies as st
 from programs import ROOT, Program
+from results import assert_same
 
 GROUPS = {group.group: group for group in DeckGroup.__subclasses__()}
 # But for what is so by default.
@@ -207,6 +209,55 @@ def test_wrong_groups_are_refused(fig3: ds.Scene) -> None:
         ds.System(mas=1.0)  # type: ignore[call-arg]
     with pytest.raises(dataclasses.FrozenInstanceError):
         ds.System(mass=1.0).mass = 2.0  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"misalignment_deg": 2.0, "mu_0": 0.3, "velocity": [1e-3, 2e-3], "time": [0.0, 1.0]},
+        {"system.misalignment_deg": 2.0, "friction.mu_0": 0.3, "drive.velocity": [1e-3, 2e-3], "drive.time": [0.0, 1.0]},
+        {"System.Misalignment_deg": 2.0, "friction": {"mu_0": 0.3}, "drive": ds.Drive(velocity=(1e-3, 2e-3), time=(0.0, 1.0))},
+        {"friction": {"mu_0": 0.1}, "mu_0": 0.3, "misalignment_deg": 2.0, "drive": {"velocity": [1e-3, 2e-3]}, "time": [0.0, 1.0]},
+    ],
+    ids=["keys", "dotted", "mixed", "a key comes after its group"],
+)
+def test_keys_are_keywords(fig3: ds.Scene, changes: dict[str, Any]) -> None:
+    by_group = {
+        "system": {"misalignment_deg": 2.0},
+        "friction": {"mu_0": 0.3},
+        "drive": {"velocity": [1e-3, 2e-3], "time": [0.0, 1.0]},
+    }
+    expected = ds.Scene(fig3, **by_group)
+    assert expected != fig3
+    assert fig3.replace(**changes) == ds.Scene(fig3, **changes) == expected
+    assert ds.Scene(**(fig3.groups() | changes)).friction.mu_0 == 0.3
+    short = {"t_end": 0.01}
+    assert_same(ds.run(fig3, **changes, **short), ds.run(expected, **short))
+    with ds.Simulation(fig3, **changes, **short) as simulation:
+        assert simulation.scene == expected.replace(**short)
+
+
+def test_every_key_can_be_a_keyword(fig3: ds.Scene) -> None:
+    names = [key.name for key in _native.schema()]
+    assert len(set(names)) == len(names), "a key without its group has to be the only one of its name"
+    assert not set(names) & set(_native.group_names())
+    for key in _native.schema():
+        scene = fig3.replace(**{key.name: key.default or "1"})
+        assert scene.settings[-1].startswith(f"{key.group}.{key.name}=")
+    assert fig3.replace(mass=None).groups()["system"].keys() == fig3.groups()["system"].keys() - {"mass"}
+
+
+def test_scenes_of_dictionaries(fig3: ds.Scene) -> None:
+    assert ds.Scene.from_dict(fig3.groups()) == fig3
+    flat = {f"{group}.{key}": value for group, keys in fig3.groups().items() for key, value in keys.items()}
+    assert ds.Scene.from_dict(flat) == fig3
+    assert ds.Scene.from_dict(json.loads(json.dumps(fig3.groups()))) == fig3
+    for wrong in (3, None, "x", {1: {}}):
+        with pytest.raises(ds.UsageError, match="a mapping of the groups"):
+            ds.Scene.from_dict(wrong)
+    for call in (ds.Scene, ds.run, ds.Simulation):
+        with pytest.raises(ds.UsageError, match=r"a mapping is no deck: write Scene\.from_dict"):
+            call(fig3.groups())
 
 
 # Changing, copying

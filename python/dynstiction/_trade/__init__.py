@@ -15,7 +15,7 @@ from .._arguments import number, path_name, shown, text
 from .._open import info_of, open_file
 from .._progress import progress_bar
 from ..errors import Error, FileError, UsageError, printable
-from ..groups import Groups
+from ..groups import Changes
 from ..html import table
 from ..record import Described, Table
 from ..scene import DeckLike, Scene
@@ -36,7 +36,7 @@ Column = NDArray[np.float64] | NDArray[np.str_]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Trade(Table[Any]):
+class Trade(Table[Any], Mapping[str, Any]):
     """What `trade` has measured: a table with one row a point.
 
     Row 0 is the reference, row 1 the run whose difference from it is the reference's error, the others are
@@ -63,6 +63,9 @@ class Trade(Table[Any]):
     recommendation: str = ""
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     shortfall: str = ""
+
+    def __len__(self) -> int:
+        return len(self.columns)
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -144,7 +147,7 @@ def trade(
     quantities: Mapping[str, Quantity] | None = None,
     candidates: Iterable[Settings] = (),
     progress: bool | None = None,
-    **groups: Unpack[Groups],
+    **changes: Unpack[Changes],
 ) -> Trade:
     """Measure error against cost of models, methods and tolerances on a scene.
 
@@ -167,8 +170,8 @@ def trade(
         Settings of your own by group, as for `dynstiction.run`; they are tried first, with all else as in the scene.
     progress : bool, optional
         Whether to show the time spent of the budget as a bar; by default as for `dynstiction.run`.
-    **groups : Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
-        Overrides by group, as for `dynstiction.run`.
+    **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
+        Overrides of the deck, as for `dynstiction.run`.
 
     Returns
     -------
@@ -195,7 +198,7 @@ def trade(
     wanted = None if accuracy is None else number("accuracy", accuracy, checked=False)
     if wanted is not None and not 0.0 < wanted <= 1.0:
         raise UsageError(f"accuracy={shown(accuracy)}: it must be > 0 and <= 1")
-    comparison = begin(Scene(deck, **groups), wanted, budget, quantity, quantities, candidates)
+    comparison = begin(Scene(deck, **changes), wanted, budget, quantity, quantities, candidates)
     with progress_bar(progress, comparison.budget, BAR) as show:
         for _ in comparison.steps():
             show(min(comparison.budget, comparison.elapsed))
@@ -269,4 +272,4 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
             if name.startswith("error_"):
                 values = np.where(values < 0.0, np.nan, values)
             entries.append((info, values))
-    return Trade(Described(entries))
+    return Trade(Described(entries, "table"))

@@ -59,7 +59,7 @@ COLUMNS = {
     ),
     "rtol": ("1", "relative tolerance; 0 = not used", "candidate.rtol"),
     "step": ("s", "fixed step; 0 = not used", "candidate.step"),
-    "v_smooth": ("m s-1", "smoothing velocity; 0 = not used", "candidate.v_smooth"),
+    "v_smooth": ("m/s", "smoothing velocity; 0 = not used", "candidate.v_smooth"),
     "seconds": ("s", "wall time; of an abandoned run what it would have been at its pace", "seconds"),
     "steps": ("1", "accepted steps", "steps"),
     "rhs": ("1", "evaluations of the equations of motion", "rhs"),
@@ -330,7 +330,8 @@ class Comparison:
             errors = np.array([point.errors.get(name, math.nan) for point in points])
             columns.append((Info(f"error_{name}", "1", f"error of: {text}"), errors))
         return Described(
-            [*columns, (Info("text", "1", "how it ended"), np.array([point.text for point in points]))]
+            [*columns, (Info("text", "1", "how it ended"), np.array([point.text for point in points]))],
+            "table",
         )
 
 

@@ -125,7 +125,9 @@ class Observer:
 
     def _observe_own(self, result: Result) -> dict[str, Floats]:
         """What the user's quantities make of the samples that the scene asks for."""
-        columns = Described((info, values[self._series]) for info, values in result.columns.info())
+        columns = Described(
+            ((info, values[self._series]) for info, values in result.columns.info()), "columns"
+        )
         shown, seen = replace(result, columns=columns), {}
         for name, quantity in self._own.items():
             try:

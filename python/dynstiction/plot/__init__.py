@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from matplotlib.figure import Figure
 
+from .._plotting import make_callable
 from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
@@ -76,6 +77,8 @@ LARGEST = 1e100
 
 WORK_PRECISION = "work_precision"
 """The kind of figure of a comparison."""
+
+make_callable(__name__)
 
 Drawable: TypeAlias = "Result | Trade | xarray.Dataset"
 """A run, a comparison or a sweep."""

@@ -1,0 +1,47 @@
+"""Ctrl-C where it does no harm."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+__all__ = ["held_back", "interrupted"]
+
+
+def interrupted(message: str, partial: object) -> KeyboardInterrupt:
+    """Ctrl-C with what was done until then as the attribute ``partial``.
+
+    It is no class of its own: only a plain `KeyboardInterrupt` that nothing catches ends a script as Ctrl-C does, so that
+    a loop in the shell that called the script ends too.
+    """
+    error = KeyboardInterrupt(message)
+    error.partial = partial  # type: ignore[attr-defined]
+    return error
+
+
+@contextmanager
+def held_back(*, forget: bool = False) -> Iterator[None]:
+    """Hold an interrupt (SIGINT) back until the block has ended, in the thread that gets it; elsewhere do nothing.
+
+    With `forget` it is dropped: of several Ctrl-C the first one is told. What the block takes from the core and keeps is then kept whole: without this, Ctrl-C during a call of the core is raised
+    right after it, before what it returned has been assigned.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    came: list[tuple[int, FrameType | None]] = []
+    try:
+        signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
+    except ValueError:  # not the main interpreter
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came and not forget:
+            before(*came[0])

@@ -1,0 +1,20 @@
+"""Names that do not exist: which one was probably meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+__all__ = ["nearest"]
+
+ALIKE = 0.6
+"""Similarity from which a name is offered; that of `difflib`."""
+
+
+def nearest(name: object, names: Iterable[str]) -> str:
+    """The name that is most like another one, whatever its case; empty if none is like it."""
+    if not isinstance(name, str):
+        return ""
+    by_case = {known.lower(): known for known in names}
+    found = get_close_matches(name.lower(), by_case, n=1, cutoff=ALIKE)
+    return by_case[found[0]] if found else ""

@@ -1,0 +1,108 @@
+"""Parameters of a slider, from keywords and from a scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import _native
+from .errors import UsageError
+from .scene import DeckLike, Scene
+
+__all__ = ["drive_of", "held_velocity", "scene_parameters", "slider_parameters"]
+
+OPTIONAL = {"mu_inf": None, "v_f": None, "v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
+"""What need not be given, and what is then taken. Without `mu_inf` and `v_f` friction is constant."""
+
+
+def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | None]) -> dict[str, ArrayLike]:
+    """Every parameter of sliders by name, in the order of the core.
+
+    Parameters
+    ----------
+    scene : str, PathLike or Scene, optional
+        Where they come from that are not given.
+    given : mapping
+        Parameters by name; None stands for what is not given.
+
+    Raises
+    ------
+    UsageError
+        If one is missing, or only one of `mu_inf` and `v_f` is there; as `scene_parameters`.
+    """
+    names = _native.slider_parameters()
+    chosen = {name: value for name, value in given.items() if value is not None}
+    known = {} if scene is None else scene_parameters(Scene(scene), "velocity" not in chosen)
+    found: dict[str, ArrayLike | None] = {**OPTIONAL, **known, **chosen}
+    missing = [name for name in names if name not in found]
+    if missing:
+        raise UsageError(
+            f"{', '.join(missing)}: not given{'' if scene is None else ', and not in the scene'}: "
+            f"give {'a scene, or ' if scene is None else ''}{', '.join(f'{name}=…' for name in missing)}"
+        )
+    if (found["mu_inf"] is None) != (found["v_f"] is None):
+        raise UsageError("mu_inf and v_f belong together: both for weakening friction, neither for constant")
+    if found["mu_inf"] is None:
+        found |= {"mu_inf": found["mu_0"], "v_f": 1.0}
+    return cast(dict[str, ArrayLike], {name: found[name] for name in names})
+
+
+def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, float | None]:
+    """Parameters of the slider of a scene, as far as it gives them; angle in radians.
+
+    Raises
+    ------
+    DeckError
+        If the scene cannot be read.
+    UsageError
+        If its friction is of another law than these functions have, or its drive holds no velocity but 0.
+    """
+    system, friction = scene.system, scene.friction
+    values: dict[str, float | None] = {
+        "mass": system.mass,
+        "stiffness_x": system.stiffness_x,
+        "stiffness_y": system.stiffness_y,
+        "misalignment": None if system.misalignment_deg is None else math.radians(system.misalignment_deg),
+        "mu_0": friction.mu_0,
+        "normal_load": friction.normal_load,
+        "damping_x": system.damping_x,
+        "damping_y": system.damping_y,
+    }
+    values = {name: value for name, value in values.items() if value is not None}
+    is_weakening = friction.law == "weakening" or (
+        friction.law == "stribeck" and (friction.exponent, friction.viscous) == (1.0, 0.0)
+    )
+    if is_weakening:
+        values |= {"mu_inf": friction.mu_inf, "v_f": friction.v_f}
+    elif friction.law != "constant":
+        raise UsageError(
+            f"friction.law = '{friction.law}': with keywords these functions have the laws 'weakening' and 'constant'; "
+            "for other laws critical_misalignment and steady_sliding_eigenvalues take the scene alone"
+        )
+    if friction.contact == "smoothed":
+        values["v_smooth"] = friction.v_smooth
+    if with_velocity:
+        values["velocity"] = held_velocity(scene)
+    return values
+
+
+def drive_of(scene: Scene) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Corners of the drive of a scene: times [s] and velocities [m/s] there."""
+    times, velocities = scene.drive.time, scene.drive.velocity
+    if velocities is None:
+        raise UsageError("drive.velocity is missing in the scene: give velocity=…")
+    return tuple(np.atleast_1d(times).tolist()), tuple(np.atleast_1d(velocities).tolist())
+
+
+def held_velocity(scene: Scene) -> float:
+    """The first velocity [m/s] that the drive of a scene holds and that is not 0, without its sign."""
+    times, velocities = drive_of(scene)
+    for i, velocity in enumerate(velocities):
+        last = i == len(velocities) - 1
+        if velocity != 0.0 and (last or (times[i + 1] > times[i] and velocities[i + 1] == velocity)):
+            return abs(velocity)
+    raise UsageError("the drive of the scene holds no velocity but 0: give velocity=…")

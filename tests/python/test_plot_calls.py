@@ -1,0 +1,96 @@
+"""`ds.plot(result)`, `result.plot()`, and the package of that name; what needs no SciPy."""
+
+from __future__ import annotations
+
+import dynstiction as ds
+import pytest
+from programs import SCRIPT
+
+
+def python(code: str, *arguments: str) -> str:
+    return SCRIPT("import dynstiction as ds, sys\n" + code, *arguments, status=0).stdout.strip()
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "figure = ds.plot(result)",
+        "figure = result.plot()",
+        "figure = ds.plot.draw(result)",
+        "import dynstiction.plot; figure = dynstiction.plot.draw(result)",
+        "import dynstiction.plot; figure = dynstiction.plot(result)",
+        "from dynstiction.plot import draw; figure = draw(result)",
+        "from dynstiction import plot; figure = plot(result)",
+        "import dynstiction.plot as p; figure = p(result)",
+        "from dynstiction.plot.time_series import draw_history; figure = ds.plot(result)",
+    ],
+)
+def test_each_way_to_a_figure(code: str, fig3_text: str) -> None:
+    run = "result = ds.run(sys.argv[1], t_end=0.05)\nassert 'matplotlib' not in sys.modules\n"
+    report = "\nprint(type(figure).__name__, len(figure.axes) > 2, 'matplotlib.pyplot' in sys.modules)"
+    assert python(run + code + report, fig3_text) == "Figure True False"
+
+
+def test_the_package_is_listed_and_other_names_are_not() -> None:
+    assert "plot" in dir(ds)
+    with pytest.raises(AttributeError, match="no attribute 'plott'"):
+        ds.plott  # noqa: B018
+
+
+PYPLOT = """
+import matplotlib
+matplotlib.use(sys.argv[2])
+import matplotlib.pyplot as plt
+result = ds.run(sys.argv[1], t_end=0.05)
+figures = [result.plot(), ds.plot(result, "path"), ds.plot({"a": result, "b": result})]
+print([plt.figure(number) in figures for number in plt.get_fignums()], len(set(plt.get_fignums())))
+print(figures[1].get_size_inches() == ds.plot.draw(result, "path").get_size_inches())
+plt.close(figures[0])
+print(len(plt.get_fignums()))
+"""
+
+
+def test_pyplot_shows_the_figure_where_it_is_in_use(fig3_text: str) -> None:
+    """And only what was drawn to be shown: `draw` leaves it alone."""
+    assert python(PYPLOT, fig3_text, "agg").splitlines() == ["[True, True, True] 3", "[ True  True]", "2"]
+
+
+def test_inline_figures_are_shown_once(fig3_text: str) -> None:
+    pytest.importorskip("matplotlib_inline")
+    lines = python(PYPLOT.replace("plt.close", "print"), fig3_text, "module://matplotlib_inline.backend_inline").splitlines()
+    assert lines[0] == "[] 0"
+
+
+def test_kinds_and_faults_are_those_of_draw(fig3: ds.Scene) -> None:
+    result = ds.run(fig3, t_end=0.05)
+    assert len(result.plot("path").axes) == len(ds.plot.draw(result, "path").axes)
+    with pytest.raises(ds.UsageError, match="no kind of figure 'pth'"):
+        result.plot("pth")
+
+
+WITHOUT_SCIPY = """
+import sys
+class Hidden:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == "scipy":
+            raise ImportError("hidden: " + name)
+sys.meta_path.insert(0, Hidden())
+import dynstiction as ds
+import numpy as np
+result = ds.run(sys.argv[1], t_end=2.0, velocity=3e-3)
+result.save(sys.argv[2] + "/run.h5")
+for kind in ("history", "velocities", "path", "columns", "creep"):
+    result.plot(kind).savefig(f"{sys.argv[2]}/{kind}.png")
+ds.plot(ds.open(sys.argv[2] + "/run.h5"))
+ds.plot({"a": result, "b": result})
+print(repr(ds.stick_slip_statistics(result))[:10], ds.Scene(sys.argv[1]).stability().stable)
+ds.plot(ds.sweep(sys.argv[1], {"misalignment_deg": [1.0, 2.0], "velocity": [1e-3, 2e-3]}, t_end=0.1), quantity="sticks")
+try:
+    import scipy
+except ImportError:
+    print("hidden")
+"""
+
+
+def test_running_and_drawing_need_no_scipy(fig3_text: str, tmp_path: object) -> None:
+    assert SCRIPT(WITHOUT_SCIPY, fig3_text, tmp_path, status=0).stdout.splitlines() == ["<StickSlip False", "hidden"]

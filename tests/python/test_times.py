@@ -1,0 +1,81 @@
+"""Samples at times that are given: they are what a run has there, to the last bit."""
+
+from __future__ import annotations
+
+import dynstiction as ds
+import numpy as np
+import pytest
+
+MODELS = {
+    "full": {},
+    "every step": {"interval": 0.0},
+    "smoothed": {"contact": "smoothed", "v_smooth": 1e-6},
+    "moreau_jean": {"method": "moreau_jean", "step": 1e-5, "rtol": None},
+    "dopri5": {"method": "dopri5"},
+    "low_frequency": {"model": "low_frequency", "stiffness_y": None, "cycle_map": None, "contact": None, "method": "radau9"},
+    "creep": {"model": "creep"},
+}
+
+
+@pytest.mark.parametrize("name", [name for name in MODELS if name != "creep"])
+def test_samples_are_those_of_a_grid(name: str, fig3: ds.Scene) -> None:
+    scene = fig3.replace(**({"t_end": 0.3, "interval": 1e-4} | MODELS[name]))
+    grid = ds.run(scene.replace(interval=1e-4))
+    chosen = np.unique(np.random.default_rng(1).integers(0, grid.time.size, 200))
+    result = ds.run(scene, times=grid.time[chosen])
+    for column in grid:
+        assert result[column].tobytes() == grid[column][chosen].tobytes(), column
+    assert result.events.tobytes() == grid.events.tobytes()
+    assert result.complete
+
+
+def test_times_between_samples(fig3: ds.Scene) -> None:
+    """Dense output, not interpolation between samples."""
+    times = np.sort(np.random.default_rng(2).uniform(0.0, 0.3, 50))
+    result = ds.run(fig3, t_end=0.3, times=times)
+    assert result.time.tobytes() == times.tobytes()
+    with ds.Simulation(fig3, t_end=0.3) as simulation:
+        for i, time in enumerate(times):
+            simulation.step_to(time)
+            for column, value in simulation.state.items():
+                assert result[column][i] == value, (column, time)
+
+
+@pytest.mark.parametrize("times", [[0.0], [0.3], [0.0, 0.3], [0.1], np.array([0.1, 0.2]), (0, 0.05, 0.3)])
+def test_nothing_but_the_given_times(times: object, fig3: ds.Scene) -> None:
+    assert ds.run(fig3, t_end=0.3, times=times).time.tolist() == list(map(float, times))  # type: ignore[call-overload]
+
+
+def test_a_run_step_by_step_has_the_times_that_lie_behind(fig3: ds.Scene) -> None:
+    times = np.linspace(0.0, 0.3, 7)
+    with ds.Simulation(fig3, t_end=0.3, times=times) as simulation:
+        simulation.step_to(0.12)
+        assert simulation.result.time.tolist() == times[:3].tolist()
+        assert simulation.finish().time.tolist() == times.tolist()
+
+
+def test_what_settles_has_no_samples_after_its_end(fig3: ds.Scene) -> None:
+    scene = fig3.replace(model="low_frequency", stiffness_y=None, cycle_map=None, contact=None, method="radau9", settle=1e-3)
+    times = np.arange(0.0, 10.0, 0.5)
+    result, whole = ds.run(scene, times=times), ds.run(scene)
+    assert 0.5 < whole.time[-1] < 9.0
+    assert result.time.tolist() == times[times <= whole.time[-1]].tolist()
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        ([0.2, 0.1], "do not ascend: numpy.unique"),
+        ([0.1, 0.1], "do not ascend"),
+        ([0.1, 0.4], r"times end at 0.4 s, and the run at 0.3 s: give t_end=0.4"),
+        ([-0.1, 0.1], r"times = -0.1.*must be finite and in \[0"),
+        ([np.nan], "times = nan"),
+        ([], "give a list of times"),
+        (0.1, "give a list of times"),
+        ([[0.1]], "give a list of times"),
+        ("x", "real number"),
+    ],
+)
+def test_times_that_cannot_be_meant(times: object, words: str, fig3: ds.Scene) -> None:
+    with pytest.raises(ds.UsageError, match=words):
+        ds.run(fig3, t_end=0.3, times=times)
