@@ -16,11 +16,11 @@ from matplotlib.patches import Circle, Rectangle
 
 from ..errors import FileError, UsageError
 from ..result import Result
+from .notation import label_of
 from .samples import Floats, columns, thin
 from .schematics import coil, principal_axes
 from .style import BLACK, BLUE, GREEN, PURPLE, STYLE, VERMILION
 from .theory import stiff_frequency
-from .time_series import COLUMNS as KNOWN
 
 __all__ = ["animate", "view_from_above"]
 
@@ -197,7 +197,7 @@ def _draw_traces(
     """Spring force, angle and position against time; the function moves the dots that mark a frame."""
     dots = []
     for axis, name in zip(axes, TRACES, strict=True):
-        label, scale, colour = KNOWN[name]
+        label, scale, colour = label_of(name, "", needed[name][part])
         values = scale * needed[name]
         axis.plot(*thin(time[part], values[part]), color=colour)
         dots.append((axis.plot([], [], "o", color=VERMILION, markersize=4.5)[0], values))

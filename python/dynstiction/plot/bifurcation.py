@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ..errors import Error, UsageError
 from ..limit_cycles import stick_slip_ends
 from ..stability import critical_misalignment
+from .notation import with_unit
 from .samples import Floats
-from .style import BLACK, BLUE, COLUMN_WIDTH, MM, VERMILION
+from .style import BLACK, BLUE, VERMILION, sized
 from .sweep_table import Axis, Table, table_of
 
 if TYPE_CHECKING:
@@ -75,12 +76,12 @@ def vertical_lines(table: Table, side: Axis) -> list[VerticalLine]:
     return [*_limits_of_steady_sliding(table, side), *_ends_of_stick_slip(table, side)]
 
 
-def draw_bifurcation(data: xarray.Dataset, figure: Figure, quantity: str = "peak_force") -> None:
+def draw_bifurcation(data: xarray.Dataset, figure: FigureBase, quantity: str = "peak_force") -> None:
     """A dot for each cycle; steady sliding as a line, broken where it is unstable; cases that are neither as marks below."""
     table = table_of(data)
     cycles = _cycles(table, quantity)
     sides = _sides(table)
-    figure.set_size_inches(COLUMN_WIDTH, 72.0 * MM)
+    sized(figure, 72.0)
     axis = figure.subplots()
     side = sides[0]
     shown = np.broadcast_to(_in_cases(table, side)[:, np.newaxis], cycles.shape)
@@ -165,7 +166,7 @@ def _limits(side: Axis) -> tuple[float, float]:
 
 def _label(table: Table, quantity: str) -> str:
     about = table.data[f"cycle_{quantity}"].attrs
-    return f"{LABELS.get(quantity, about.get('long_name', quantity))} [{about['units']}]"
+    return with_unit(LABELS.get(quantity, about.get("long_name", quantity)), about["units"])
 
 
 # What is no cycle.
@@ -376,7 +377,7 @@ def _draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
     for line in sorted(vertical_lines(table, side)):
         shown = float(side._replace(values=np.array([line.value])).shown[0])
         axis.axvline(shown, color=line.colour, linewidth=0.5, zorder=1.0)
-        text = f"{line.text} {shown:.3g}" + ("" if unit == "1" else f" {unit}")
+        text = f"{line.text} {shown:.3g}" + (f" {unit}" if unit else "")
         width = CHARACTER * len(text)
         place = _in_shares(axis, shown)
         places.append(place)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.typing import ColorType, FillStyleType
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ def slip_angle_of_creep(number: Floats) -> Floats:
     return 1.01627 * np.asarray(4.0 * number) ** -0.2
 
 
-def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
+def draw_lambda(data: xarray.Dataset, figure: FigureBase) -> None:
     """Friction angle at the first slip, creep share and first peak force; colours by misalignment."""
     table = table_of(data)
     names = ("mu_0", "normal_load", "velocity", "misalignment_deg", "mass", "stiffness_x")
@@ -71,16 +71,16 @@ def _finish(axes: NDArray[Any], number: Floats, angles: Floats) -> None:
     """Labels, scales, and the lines of theory."""
     ends = np.geomspace(np.nanmin(number), np.nanmax(number[np.isfinite(number)]), 50)
     for panel in axes[[0, 2, 3]]:
-        panel.set_xlabel(r"$\Lambda$ [1]")
+        panel.set_xlabel(r"$\Lambda$")
     for panel in axes[:2]:
         panel.set(yscale="log", ylabel=r"$\theta$ at first slip [deg]")
-    axes[1].set_xlabel(r"$\Lambda^2\tan\varphi$ [1]")
+    axes[1].set_xlabel(r"$\Lambda^2\tan\varphi$")
     large, small = np.geomspace(1.0, 1e7), np.geomspace(1e-5, 1.0)
     axes[1].plot(large, np.degrees(slip_angle_of_creep(large)), color=BLACK, linestyle="--")
     axes[1].plot(small, np.degrees(np.arctan2(1.0, 2.0 * small)), color=BLACK, linestyle=":")
     axes[2].axhline(FREE_OSCILLATION, color=BLACK, linestyle=":")
-    axes[2].set(ylim=(-0.03, 1.03), ylabel=r"creep share [1]")
-    axes[3].set(yscale="log", ylabel=r"first peak / $F_0$ [1]")
+    axes[2].set(ylim=(-0.03, 1.03), ylabel=r"creep share")
+    axes[3].set(yscale="log", ylabel=r"first peak / $F_0$")
     for i, angle in enumerate(angles):
         if angle > 0.0:
             inertia = 1.0 / (2.0 * ends * np.sin(np.radians(angle)))

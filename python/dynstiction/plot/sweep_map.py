@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
 from ..errors import UsageError
 from ..stability import critical_misalignment
 from .samples import Floats
-from .style import BLACK, BLUE, COLUMN_WIDTH, MM, VERMILION
+from .style import BLACK, BLUE, VERMILION, sized
 from .sweep_table import Axis, Table, table_of
 
 if TYPE_CHECKING:
@@ -50,13 +50,13 @@ FINE = 2000
 """Points of a line of stability."""
 
 
-def draw_map(data: xarray.Dataset, figure: Figure, quantity: str = "swing") -> None:
+def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") -> None:
     """A quantity in colours over a grid, as a line over one parameter, or as marks for a list."""
     table = table_of(data)
     values, label = _values(table, quantity)
     if not np.isfinite(values).any():
         raise UsageError(f"nothing to draw: no case has a value of '{quantity}': name another quantity")
-    figure.set_size_inches(COLUMN_WIDTH, 72.0 * MM)
+    sized(figure, 72.0)
     axis = figure.subplots()
     if len(table.axes) == 1:
         _draw_line(axis, table, values, label)
@@ -90,7 +90,7 @@ def _draw_line(axis: Axes, table: Table, values: Floats, label: str) -> None:
     axis.set(xscale=side.scale, xlabel=side.label, ylabel=label)
 
 
-def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label: str) -> None:
+def _draw_marks(figure: FigureBase, axis: Axes, table: Table, values: Floats, label: str) -> None:
     """Against the first parameter, in the colour of the second."""
     first, second = table.axes[:2]
     norm = LogNorm() if second.scale == "log" else Normalize()
@@ -100,7 +100,7 @@ def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label:
 
 
 def _draw_colours(
-    figure: Figure, axis: Axes, table: Table, quantity: str, values: Floats, label: str
+    figure: FigureBase, axis: Axes, table: Table, quantity: str, values: Floats, label: str
 ) -> None:
     """The first parameter upwards, the second to the right; or the other way round if that is the misalignment."""
     up, right = table.axes

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
 
 from .._native import catalogue
@@ -78,7 +78,7 @@ def families(trade: Trade, quantity: str) -> list[Family]:
     return found
 
 
-def draw_work_precision(trade: Trade, figure: Figure) -> None:
+def draw_work_precision(trade: Trade, figure: FigureBase) -> None:
     """Cost against error, one panel a quantity; the grey part is below what the reference can tell."""
     shown = [name for name in PANELS if name in trade.quantities][:3]
     if not shown or not trade.done.any():
