@@ -217,14 +217,17 @@ def test_command_compares_files(package: Program, tmp_path: Path, fig3: ds.Scene
     pixels = image.imread(tmp_path / "comparison.png")
     assert pixels.shape[1] == pytest.approx((86.0 + 46.0) / MM_PER_INCH * plot.DOTS_PER_INCH, abs=1)
     refused = package("plot", "a/run.h5", "b/run.h5", "--kind", "path", status=1)
-    assert refused.stderr == "dynstiction: --kind and --quantity are for one file: several are compared\n"
+    assert (
+        refused.stderr
+        == "dynstiction: --kind and --quantity are for one file: several are compared, with --columns and --overlay\n"
+    )
     assert "of different names" in package("plot", "a/run.h5", "a/run.h5", "-o", "x.pdf", status=1).stderr
 
 
 def test_command_draws_a_file(package: Program, tmp_path: Path, fig4_result: ds.Result) -> None:
     fig4_result.save(tmp_path / "run.h5")
     done = package("plot", "run.h5", "--kind", "spectrogram")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "run.png\n", "")
     pixels = image.imread(tmp_path / "run.png")
     assert pixels.shape[1] == pytest.approx(86.0 / MM_PER_INCH * plot.DOTS_PER_INCH, abs=1)
     coloured = np.ptp(pixels[..., :3], axis=2) > 0.2
@@ -351,7 +354,8 @@ def test_lambda_puts_every_case_at_its_number(grid) -> None:
     slips = np.isfinite(grid["slip_angle"].values)
     np.testing.assert_allclose(np.sort(found), np.sort(expected[slips]))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert texts == ["1°", "3°", "9°", "$V < v_f/2$", r"$V \geq v_f/2$"]
+    assert texts[:5] == [*(rf"$\varphi$ = {angle}°" for angle in (1, 3, 9)), "$V < v_f/2$", r"$V \geq v_f/2$"]
+    assert [text[:3] for text in texts[5:]] == ["(b)", "(b)", "(c)", "(d)"]
 
 
 @pytest.mark.parametrize("kind", ["map", "lambda"])
@@ -483,7 +487,7 @@ def test_command_draws_a_sweep(program: Program, package: Program, tmp_path: Pat
     (tmp_path / "few.csv").write_text("drive.velocity\n1e-3\n2e-3\n4e-3\n")
     program("run", LOW, "-o", "few.h5", "--quiet", "--set", f"sweep.points={tmp_path / 'few.csv'}", status=0)
     done = package("plot", "few.h5", "--quantity", "period")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "few.png\n", "")
     assert (tmp_path / "few.png").exists()
     refused = package("plot", "few.h5", "--kind", "lambda", "--quantity", "period", status=1)
     assert "for the map or the bifurcation diagram of a sweep only" in refused.stderr

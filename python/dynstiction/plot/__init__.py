@@ -114,7 +114,7 @@ def draw(
     end: float | None = None,
     figure: Figure | SubFigure | None = None,
     ax: Axes | Sequence[Axes] | None = None,
-) -> Figure | SubFigure:
+) -> Figure:
     """Draw one kind of figure.
 
     Parameters
@@ -139,8 +139,8 @@ def draw(
 
     Returns
     -------
-    matplotlib.figure.Figure or matplotlib.figure.SubFigure
-        The figure that was given, or that of `ax`; a new one is not attached to any window.
+    matplotlib.figure.Figure
+        A new one, not attached to any window, or the one that holds `figure` or `ax`.
 
     Raises
     ------
@@ -178,11 +178,19 @@ def draw(
         return _filled(partial(draw_series, result, **chosen), figure)
 
 
-def _filled(fill: Callable[..., None], figure: Figure | SubFigure | None) -> Figure | SubFigure:
+def _filled(fill: Callable[..., None], figure: Figure | SubFigure | None) -> Figure:
     if figure is None:
         return new_figure(fill)
     in_figure(fill, figure)
-    return figure
+    return _root(figure)
+
+
+def _root(part: Figure | SubFigure | Axes) -> Figure:
+    """The figure that holds a part of it."""
+    root = part.get_figure(root=True)
+    if root is None:
+        raise UsageError("ax belongs to no figure: make it with figure.subplots()")
+    return root
 
 
 def _choice(
@@ -221,7 +229,7 @@ def _draw_into_axes(
     names: tuple[str, ...],
     start: float | None,
     end: float | None,
-) -> Figure | SubFigure:
+) -> Figure:
     """Columns in some axes, or a kind with one panel in one."""
     axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
     if not axes or not all(isinstance(each, Axes) for each in axes):
@@ -240,9 +248,7 @@ def _draw_into_axes(
         if len(names) != len(axes):
             raise UsageError(f"{len(names)} columns for {len(axes)} axes: give as many axes as columns")
         in_axes(lambda _: draw_in_axes(result, axes, names, start, end), axes[0])
-    figure = axes[0].get_figure(root=False)
-    assert figure is not None, "axes of no figure"
-    return figure
+    return _root(axes[0])
 
 
 def _kinds_of(result: Drawable) -> tuple[dict[str, Callable[..., None]], str]:
@@ -357,7 +363,4 @@ def save(
     FileError
         If the file cannot be written.
     """
-    figure = draw(result, kind, quantity, **how)
-    root = figure.get_figure(root=True)
-    assert isinstance(root, Figure), "a part of no figure"
-    write(root, path)
+    write(draw(result, kind, quantity, **how), path)

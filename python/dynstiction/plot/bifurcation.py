@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,15 @@ from .sweep_table import Axis, Table, table_of
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["VerticalLine", "draw_bifurcation", "vertical_lines"]
+__all__ = [
+    "VerticalLine",
+    "draw_bifurcation",
+    "draw_vertical_lines",
+    "mark_below",
+    "slides_steadily",
+    "span_of",
+    "vertical_lines",
+]
 
 COLOURS = "viridis"
 
@@ -100,10 +108,10 @@ def draw_bifurcation(data: xarray.Dataset, figure: FigureBase, quantity: str = "
         dots = axis.scatter(shown[there], cycles[there], c=colour[there], cmap=COLOURS, norm=norm, **how)
         figure.colorbar(dots, ax=axis, label=sides[1].label).solids.set_alpha(1.0)  # type: ignore[union-attr]
     axis.set(xscale=side.scale, xlabel=side.label, ylabel=_label(table, quantity))
-    axis.set_xlim(*_limits(side))
+    axis.set_xlim(*span_of(side))
     _draw_others(axis, table, side, quantity)
     if len(sides) == 1:
-        places = _draw_vertical_lines(axis, table, side)
+        places = draw_vertical_lines(axis, table, side)
         _draw_steady_branch(
             axis, table, side, quantity, np.stack([shown[there], cycles[there]], axis=1), places
         )
@@ -152,7 +160,7 @@ def _opacity(there: NDArray[np.bool_]) -> float:
     return float(np.clip(3.0 / usual, 0.3, 1.0))
 
 
-def _limits(side: Axis) -> tuple[float, float]:
+def span_of(side: Axis) -> tuple[float, float]:
     """From the first value to the last, with a little room."""
     ends = np.array([np.nanmin(side.shown), np.nanmax(side.shown)])
     if not ends[1] > ends[0]:
@@ -177,7 +185,7 @@ def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
     shown = _in_cases(table, side)
     codes = table.data["result_code"].values.reshape(-1)
     without = (codes == 0) & (table.data["cycle_count"].values.reshape(-1) == 0)
-    steady = without & _slides_steadily(table)
+    steady = without & slides_steadily(table)
     # From below upwards; what nobody has takes no place.
     rows = [("failed", codes > 0, VERMILION), ("no settled cycle yet", without & ~steady, "0.5")]
     if quantity in LOADS and table.has("stiffness_x"):
@@ -193,6 +201,11 @@ def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
         )
     else:
         rows.append(("steady sliding", steady, BLUE))
+    mark_below(axis, shown, rows)
+
+
+def mark_below(axis: Axes, shown: Floats, rows: Sequence[tuple[str, NDArray[np.bool_], str]]) -> None:
+    """Rows of marks below all dots: a word, the cases that it is true of, and a colour; what no case has takes no room."""
     height = 0.02
     for text, chosen, colour in rows:
         if not chosen.any():
@@ -206,6 +219,8 @@ def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
             begin, height + 0.025, text, color=colour, fontsize=SMALL, va="bottom", transform=axis.transAxes
         )
         height += 0.09
+    if height == 0.02:
+        return
     # The marks stand below all dots.
     low, high = axis.get_ylim()
     axis.set_ylim(low - (height - 0.02) / (1.02 - height) * (high - low), high)
@@ -221,7 +236,7 @@ def _begin(middle: float, width: float, margin: float = 0.0) -> float:
     return min(max(margin, middle - 0.5 * width), max(margin, 1.0 - margin - width))
 
 
-def _slides_steadily(table: Table) -> NDArray[np.bool_]:
+def slides_steadily(table: Table) -> NDArray[np.bool_]:
     """Of each case whether the load hardly swings in the second half of the run."""
     swing = table.quantity("swing").reshape(-1)
     limit = (table.parameter("mu_0") * table.parameter("normal_load")).reshape(-1)
@@ -369,7 +384,7 @@ def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
         yield VerticalLine(value, "fold of cycles at" if end.is_fold else "swing 5 % of $F_0$ at", VERMILION)
 
 
-def _draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
+def draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
     """Thin lines; what they are stands above the frame, in as many rows as it takes. Their places in shares of the diagram."""
     ends: list[float] = []
     places = []

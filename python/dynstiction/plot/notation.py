@@ -35,6 +35,11 @@ class Symbol(NamedTuple):
     """From the unit of files and decks to this one."""
     colour: str = BLACK
 
+    @property
+    def label(self) -> str:
+        """Symbol and unit, as at an axis."""
+        return with_unit(self.text, self.unit)
+
 
 COLUMNS = {
     "spring_force_x": Symbol("$k_x u_x$", "N", colour=BLUE),

@@ -19,11 +19,13 @@ from ..errors import Error, FileError, UsageError
 __all__ = [
     "BLACK",
     "BLUE",
+    "BROWN",
     "COLUMN_WIDTH",
     "DOTS_PER_INCH",
     "GREEN",
     "MM",
     "ORANGE",
+    "PALETTE",
     "PURPLE",
     "SKY",
     "STYLE",
@@ -48,9 +50,11 @@ NOTE = "0.35"
 DEGREE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
 MOST_DEGREE_TICKS = 6
 
-# Okabe & Ito's palette, which colour-blind readers can tell apart.
-BLUE, VERMILION, GREEN, PURPLE, BLACK = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#000000"
-ORANGE, SKY = "#E69F00", "#56B4E9"
+# Okabe & Ito's palette, and a brown, which colour-blind readers can tell apart (tests/python/test_colours.py).
+BLUE, VERMILION, GREEN, PURPLE, BLACK = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000"
+ORANGE, SKY, BROWN = "#E69F00", "#56B4E9", "#661100"
+PALETTE = (BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY, BROWN)
+"""Colours of lines and marks."""
 
 STYLE: dict[Any, Any] = {
     "font.size": 8.0,
@@ -144,6 +148,11 @@ def write(figure: Figure, path: str | os.PathLike[str]) -> None:
     if suffix and suffix not in known:
         raise FileError(
             f"{os.fspath(path)}: cannot be written: no format '{suffix}', only {', '.join(known)}"
+        )
+    folder = os.path.dirname(os.fspath(path))
+    if folder and not os.path.isdir(folder):
+        raise FileError(
+            f"{os.fspath(path)}: cannot be written: the folder {folder} does not exist: create it"
         )
     try:
         with rc_context(STYLE), rendering():

@@ -87,6 +87,7 @@ VISIBLE = 0.01
 NEVER_SHOWN = frozenset(
     {
         "title", "file", "flush_seconds", "checkpoint_interval", "wall_limit", "interval", "fields", "max_steps",
+        "t_end",
         "threads", "accuracy", "quantities", "stop_at_steady", "overwrite",
     }
 )  # fmt: skip
@@ -355,11 +356,10 @@ def _shared(results: Mapping[str, Result], names: Sequence[str], wanted: Sequenc
     """The columns to compare: those that are named, which all must have, or what all have of some usual ones."""
     if names:
         for name, result in results.items():
-            lacking = [column for column in names if column not in result]
-            if lacking:
-                raise ColumnError(
-                    f"{name} lacks {', '.join(lacking)}, only {', '.join(n for n in result if n != 'time')}"
-                )
+            try:
+                columns(result, *names)
+            except ColumnError as error:
+                raise ColumnError(f"{name}: {error}") from None
         return list(names)
     shared = [name for name in wanted if all(name in result for result in results.values())]
     if not shared:

@@ -15,11 +15,11 @@ from .._native import catalogue
 from .._trade import Trade
 from ..errors import UsageError
 from .samples import Floats
-from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, panels
+from .style import BLACK, BLUE, BROWN, GREEN, ORANGE, PURPLE, SKY, VERMILION, panels
 
 __all__ = ["Family", "draw_work_precision", "families"]
 
-COLOURS = (ORANGE, BLUE, SKY, VERMILION, PURPLE, "0.4", BLACK, GREEN)
+COLOURS = (ORANGE, BLUE, SKY, VERMILION, PURPLE, BROWN, BLACK, GREEN)
 """Of the methods, in the order of the core's list."""
 KINDS = {
     "full": ("full model, exact contact", "o", "full"),
