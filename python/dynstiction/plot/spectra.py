@@ -63,7 +63,7 @@ def draw_spectrogram(
     spectra = {name: spectrogram(shown.time, 1e3 * shown[name], length) for name in VELOCITIES}
     # The slips, which only w_x shows, may exceed the scale.
     top = float(spectra["w_y"].density.max()) or float(spectra["w_x"].density.max()) or 1.0
-    axes = panels(figure, 4, 145.0, sharex=True, height_ratios=(2.0, 3.0, 2.0, 3.0))
+    axes = panels(figure, 4, 165.0, sharex=True, height_ratios=(2.5, 3.0, 2.5, 3.0))
     highest = HIGHEST_FREQUENCY * (stiff or np.inf)
     ridge = None
     for i, name in enumerate(VELOCITIES):
