@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
@@ -298,6 +299,100 @@ def test_what_differs_is_the_physics(result: ds.Result) -> None:
     assert "interval" not in "".join(titles)
     same = replace(finer)
     assert plot.compare({"a": finer, "b": same}).axes[0].get_title() == "a"
+
+
+# Words on paper
+
+
+def words_of(figure: Figure) -> list[tuple[str, object]]:
+    """Every word of a figure with the box that it takes; insets lie in their panels, whose words they may not meet either."""
+    figure.draw_without_rendering()
+    found = [("legend", legend.get_window_extent()) for legend in figure.legends]
+    insets = [inset for axis in figure.axes for inset in axis.child_axes]
+    for axis in [*figure.axes, *insets]:
+        if axis.get_legend():
+            found.append(("legend", axis.get_legend().get_window_extent()))
+        (left, right), (low, high) = sorted(axis.get_xlim()), sorted(axis.get_ylim())
+        texts = [axis.xaxis.label, axis.yaxis.label, axis.title, axis._left_title, axis._right_title, *axis.texts]
+        for side, ends in ((axis.xaxis, (left, right)), (axis.yaxis, (low, high))):
+            for tick in [*side.get_major_ticks(), *side.get_minor_ticks()]:
+                if ends[0] <= tick.get_loc() <= ends[1]:
+                    texts += [tick.label1, tick.label2]
+        for text in texts:
+            if text.get_visible() and text.get_text().strip():
+                found.append((text.get_text(), text.get_window_extent()))
+    return found
+
+
+def overprinted(figure: Figure) -> list[tuple[str, str]]:
+    """Pairs of words that overlap by more than a dot, and words that leave the figure."""
+    words = words_of(figure)
+    pairs = []
+    for i, (first, a) in enumerate(words):
+        if a.x0 < -1.0 or a.y0 < -1.0 or a.x1 > figure.bbox.x1 + 1.0 or a.y1 > figure.bbox.y1 + 1.0:
+            pairs.append((first, "the edge"))
+        for second, b in words[i + 1 :]:
+            if min(a.x1, b.x1) - max(a.x0, b.x0) > 1.0 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1.0:
+                pairs.append((first, second))
+    return pairs
+
+
+@pytest.mark.parametrize("kind", plot.KINDS)
+def test_no_word_is_overprinted(
+    kind: str, result: ds.Result, coarse: ds.Result, held: ds.Result, fig3_result: ds.Result, fig4_result: ds.Result
+) -> None:
+    settling = own(t_end=2.0, system={"misalignment_deg": 25.0})
+    drawn = 0
+    for name, each in (
+        ("own", result),
+        ("coarse", coarse),
+        ("held", held),
+        ("fig3", fig3_result),
+        ("fig4", fig4_result),
+        ("settling", settling),
+    ):
+        try:
+            figure = plot.draw(each, kind)
+        except ds.UsageError:
+            continue
+        assert overprinted(figure) == [], name
+        drawn += 1
+    assert drawn > 1
+
+
+def test_no_word_of_several_runs_is_overprinted(result: ds.Result, coarse: ds.Result, fig3_result: ds.Result) -> None:
+    runs = {"heavy": result, "seen seldom": coarse, "light": fig3_result}
+    assert overprinted(plot.overlay(runs)) == []
+    assert overprinted(plot.compare(runs)) == []
+
+
+def test_a_word_on_a_word_would_be_found(result: ds.Result) -> None:
+    figure = plot.draw(result, "damping")
+    axis = figure.axes[0]
+    assert overprinted(figure) == []
+    axis.text(
+        0.0, 0.5, "hidden", transform=axis.yaxis.label.get_transform() - axis.yaxis.label.get_transform() + figure.transFigure
+    )
+    axis.text(0.9, 0.5, "beyond the edge", transform=figure.transFigure)
+    found = overprinted(figure)
+    assert ("beyond the edge", "the edge") in found
+
+
+def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:
+    """Type 3 fonts are refused by journals; words in an SVG are text."""
+    plot.save(result, tmp_path / "run.pdf", "history")
+    pdf = (tmp_path / "run.pdf").read_bytes()
+    assert b"/Subtype /Type3" not in pdf and b"/FontFile2" in pdf
+    plot.save(result, tmp_path / "run.svg", "history")
+    assert ">slip</text>" in (tmp_path / "run.svg").read_text(encoding="utf-8")
+
+
+def test_one_symbol_for_a_quantity() -> None:
+    """The misalignment is written as one letter, the velocity along the drive with a dot, and no unit as nothing."""
+    for file in Path(plot.__file__).parent.glob("*.py"):
+        source = file.read_text(encoding="utf-8")
+        for wrong in (r"\phi", "[–]", "[1]", "X'/V$", r"|X'|"):
+            assert wrong not in source, (file.name, wrong)
 
 
 # Sweeps

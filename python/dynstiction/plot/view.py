@@ -13,7 +13,7 @@ from ..stick_slip import StickSlip, stick_slip_statistics
 from .samples import Floats
 from .theory import drive_profile, stiff_frequency
 
-__all__ = ["View", "coarseness", "usual_end", "view_of"]
+__all__ = ["View", "coarseness", "cycles_of", "usual_end", "view_of", "window"]
 
 MOST_CYCLES = 12
 """A run with more is shown up to its first cycles."""
@@ -61,7 +61,7 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
     UsageError
         If the start is not before the end, or one of them is outside the run.
     """
-    cycles = _cycles_of(result)
+    cycles = cycles_of(result)
     first, last = float(result.time[0]), float(result.time[-1])
     if start is None and end is None:
         begin, finish = first, usual_end(result, cycles, SHOWN_CYCLES, MOST_CYCLES)
@@ -139,7 +139,8 @@ def _short(value: float, unit: str) -> str:
     return f"{value:.3g} {unit}"
 
 
-def _cycles_of(result: Result) -> StickSlip | None:
+def cycles_of(result: Result) -> StickSlip | None:
+    """Cycles of a run; None if it does not tell them."""
     try:
         return stick_slip_statistics(result)
     except Error:
