@@ -69,6 +69,8 @@ STYLE: dict[Any, Any] = {
     "xtick.minor.width": 0.4,
     "ytick.minor.width": 0.4,
     "xtick.direction": "in",
+    # Numbers at the corner of an axis that begins at 0 must not touch.
+    "xtick.major.pad": 4.5,
     "ytick.direction": "in",
     "xtick.top": True,
     "ytick.right": True,

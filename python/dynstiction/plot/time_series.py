@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -81,6 +82,8 @@ SLIP = "0.85"
 """Grey of the stretches of time in which the object slips."""
 MOST_SLIPS = 60
 """More would make the panels grey."""
+WIDTH = 52
+"""Characters of a line of the legend, those of the symbols' source included."""
 VISIBLE = 0.01
 """Share of F_0 by which the steady force must differ from it to get a line of its own."""
 
@@ -260,6 +263,7 @@ def _draw_creep_inset(axis: Axes, view: View) -> None:
     inset.plot(*thin(time, factor * place), color=BLACK)
     inset.margins(x=0.0, y=0.1)
     inset.tick_params(labelsize=7.0, pad=1.5, length=2.0)
+    inset.tick_params(axis="x", pad=3.5)
     inset.text(0.06, 0.93, f"creep\n$X$ [{unit}]", transform=inset.transAxes, va="top", fontsize=7.0)
     inset.locator_params(nbins=3)
 
@@ -425,7 +429,7 @@ def draw_overlay(
             degree_ticks(axis)
     axes[-1].set_xlim(min(view.result.time[0] for view in views), max(view.result.time[-1] for view in views))
     axes[-1].set_xlabel("$t$ [s]")
-    names_of = [title.replace("\n", ", ") for title in what_differs(results)]
+    names_of = [fill(title.replace("\n", ", "), WIDTH) for title in what_differs(results)]
     handles = [
         Line2D([], [], color=COLOURS[i], linestyle=DASHES[i], label=each) for i, each in enumerate(names_of)
     ]
@@ -460,5 +464,9 @@ def _value(name: str, parameters: Described[float | str]) -> str:
     text, factor = name.removesuffix("_deg").replace("_", " "), 1.0
     if name in PARAMETERS:
         text, units, factor = PARAMETERS[name][:3]
-    shown = f"{factor * value:.6g}" if isinstance(value, float) else str(value)
+    shown = (
+        f"{factor * value:.6g}".replace("e+0", "e").replace("e-0", "e-")
+        if isinstance(value, float)
+        else str(value)
+    )
     return f"{text} = {shown}{'' if units in ('', '1') else '°' if units == 'deg' else f' {units}'}"
