@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from dynstiction import plot
 from dynstiction.plot.paper import deck
 from dynstiction.plot.theory import driven_length
 from matplotlib.figure import Figure
+from programs import Program
 
 OWN = {
     "system": {"mass": 1.0, "stiffness_x": 5e3, "stiffness_y": 2e6, "misalignment_deg": 3.0},
@@ -301,6 +303,44 @@ def test_what_differs_is_the_physics(result: ds.Result) -> None:
     assert plot.compare({"a": finer, "b": same}).axes[0].get_title() == "a"
 
 
+def test_figures_need_no_scipy(result: ds.Result, tmp_path: Path) -> None:
+    result.save(tmp_path / "run.h5")
+    lines = [
+        "import sys, dynstiction as ds, dynstiction.plot as plot",
+        "sys.modules['scipy'] = None",
+        "result = ds.open('run.h5')",
+        "print(sum(len(plot.draw(result, kind).axes) > 0 for kind in plot.KINDS))",
+    ]
+    done = Program((sys.executable, "-c"), folder=tmp_path)("\n".join(lines), status=0)
+    assert done.stdout == f"{len(plot.KINDS)}\n"
+
+
+def test_commands_name_what_they_wrote_and_what_is_wrong(
+    package: Program, result: ds.Result, coarse: ds.Result, tmp_path: Path
+) -> None:
+    result.save(tmp_path / "own.h5")
+    coarse.save(tmp_path / "coarse.h5")
+    done = package("plot", "own.h5", "coarse.h5", "--overlay", "--columns", "theta, X", "--from", "1", "--to", "2", status=0)
+    assert done.stdout == "comparison.png\n"
+    said = "samples 5 ms apart do not show the oscillation of 225 Hz: run with a smaller output.interval"
+    assert done.stderr == f"dynstiction: coarse: {said}\n"
+    done = package("plot", "own.h5", "--columns", "friction", "-o", "friction.pdf", status=0)
+    assert (done.stdout, done.stderr) == ("friction.pdf\n", "")
+    refused = {
+        ("own.h5", "--from", "2", "--to", "1"): "from 2 to 1 s: the run has samples from 0 to 10 s",
+        ("own.h5", "-o", "no/x.png"): "no/x.png: cannot be written: the folder no does not exist: create it",
+        ("own.h5", "--overlay"): "--overlay is for several files",
+        ("own.h5", "--columns", "tehta"): "no column 'tehta': did you mean 'theta'?",
+        ("own.h5", "--columns", " , "): "name at least one",
+        ("own.h5", "--kind", "creep", "--to", "1"): "not for 'creep'",
+        ("own.h5", "coarse.h5", "--columns", "nonsense"): "own: no column 'nonsense'",
+    }
+    for arguments, message in refused.items():
+        done = package("plot", *arguments)
+        assert done.returncode in (1, 3) and done.stdout == "", arguments
+        assert message in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
 # Words on paper
 
 
@@ -418,6 +458,12 @@ def test_a_line_over_the_misalignment_has_the_critical_angle(angles) -> None:
         assert any(f"steady sliding stable above {degrees:.3g} deg" == text.get_text() for text in axis.texts)
         low, high = axis.get_xlim()
         assert low < 0.5 and high > 20.0
+
+
+def test_no_word_of_a_sweep_is_overprinted(angles) -> None:
+    for quantity in ("swing", "period", "slip_length", "slip_angle"):
+        assert overprinted(plot.draw(angles, quantity=quantity)) == [], quantity
+    assert overprinted(plot.draw(angles, "lambda")) == []
 
 
 def test_no_period_where_no_cycle_persists(angles) -> None:

@@ -171,7 +171,9 @@ def test_the_command_writes_beside_the_file(tmp_path: Path, fig3: ds.Scene, caps
     assert main(["report", str(tmp_path / "run.h5")]) == 3
     assert "exists" in capsys.readouterr().err
     assert main(["report", str(tmp_path / "run.h5"), "--overwrite"]) == 0
+    capsys.readouterr()
     assert main(["report", str(tmp_path / "run.h5"), "-o", str(tmp_path / "no" / "x.html")]) == 3
+    assert f"the folder {tmp_path / 'no'} does not exist: create it" in capsys.readouterr().err
     assert main(["report", str(tmp_path / "none.h5")]) == 3
 
 

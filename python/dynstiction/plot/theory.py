@@ -143,7 +143,6 @@ def driven_length(result: Result, time: Floats) -> Floats | None:
 
 def damping_crossing(parameters: Mapping[str, float], level: float) -> float:
     """Largest angle [rad] at most 90 degrees where the damping ratio of `damping_ratio` passes a level; NaN if none."""
-    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     def excess(theta: float | Floats) -> Floats:
         return damping_ratio(theta, **parameters) - level
@@ -152,7 +151,13 @@ def damping_crossing(parameters: Mapping[str, float], level: float) -> float:
     below = np.flatnonzero(np.diff(np.sign(excess(angles))))
     if below.size == 0:
         return float("nan")
-    return float(brentq(excess, angles[below[0] + 1], angles[below[0]], xtol=1e-12))
+    low, high = float(angles[below[0] + 1]), float(angles[below[0]])
+    is_below = excess(low) < 0.0
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            return middle
+        low, high = (middle, high) if (excess(middle) < 0.0) == is_below else (low, middle)
 
 
 def _numbers(result: Result, *names: str) -> dict[str, float]:

@@ -104,6 +104,11 @@ def write_report(result: Result, path: str | os.PathLike[str], name: str, *, ove
             f"{os.fspath(path)}: the file exists: use --overwrite or choose another name"
         ) from error
     except OSError as error:
+        folder = Path(path).parent
+        if not folder.is_dir():
+            raise FileError(
+                f"{os.fspath(path)}: cannot be written: the folder {folder} does not exist: create it"
+            ) from error
         raise FileError(f"{os.fspath(path)}: cannot be written: {error.strerror or error}") from error
 
 
