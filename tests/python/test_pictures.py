@@ -69,7 +69,9 @@ def test_a_run_of_many_cycles_is_shown_up_to_its_first_ones(result: ds.Result) -
 
 def test_few_cycles_a_settled_motion_and_a_profile_are_shown_as_a_whole(fig3_result: ds.Result, held: ds.Result) -> None:
     settling = own(t_end=2.0, system={"misalignment_deg": 25.0})
-    for whole in (fig3_result, held, settling):
+    slower = own(t_end=4.0, drive={"time": [0.0, 3.0, 3.1], "velocity": [5e-3, 5e-3, 4e-3]})
+    assert len(ds.stick_slip_statistics(slower)) > 20
+    for whole in (fig3_result, held, settling, slower):
         figure = plot.draw(whole, "history")
         assert figure.axes[0].get_xlim() == (0.0, whole.time[-1])
         assert "first" not in notes_of(figure)
@@ -192,6 +194,14 @@ def test_coarse_samples_are_marked(result: ds.Result, coarse: ds.Result, held: d
     damped = own(5e-3, 1.0, system={"damping_y": 2.1 * np.sqrt(2e6)})
     assert plot.coarseness(damped) is None
     assert plot.coarseness(ds.run(deck("low_frequency"))) is None
+    assert plot.coarseness(ds.run(deck("creep"), output={"interval": 0.01})) is None
+    # Without misalignment nothing excites it, but an elongation across does.
+    aligned = {"misalignment_deg": 0.0}
+    assert plot.coarseness(own(5e-3, 1.0, system=aligned)) is None
+    pulled = ds.run(
+        deck("fig3"), scene={"t_end": 0.5}, system=aligned, initial={"elongation_y": 1e-7}, output={"interval": 5e-3}
+    )
+    assert plot.coarseness(pulled) is not None
 
 
 def test_the_spectrogram_needs_samples_for_the_top_of_its_axis(result: ds.Result) -> None:

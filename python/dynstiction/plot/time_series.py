@@ -71,6 +71,9 @@ AT_START = ("friction", "theta", "theta_deg", "psi")
 
 DETAIL_PERIODS, DETAIL_SAMPLES = 5.0, 40
 
+FEW = 6
+"""Columns above which the panels are lower: they must fit on a page."""
+
 MOST_RESULTS = 6
 """More columns than these would be too narrow to read."""
 
@@ -346,7 +349,9 @@ def draw_series(
     )
     columns(result, *names)
     view = view_of(result, start, end)
-    axes = panels(figure, len(names), 26.0 * len(names) + 12.0, letters="", sharex=True)
+    axes = panels(
+        figure, len(names), (26.0 if len(names) <= FEW else 18.0) * len(names) + 12.0, letters="", sharex=True
+    )
     for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
         draw_column(axis, view.result, name)
         axis.lines[0].set_color(COLOURS[i % len(COLOURS)])

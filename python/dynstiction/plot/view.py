@@ -115,7 +115,7 @@ def usual_end(result: Result, cycles: StickSlip | None, shown: int, most: int) -
 def coarseness(result: Result) -> str | None:
     """Says that the samples are too far apart for the fast oscillation; None if they are not, or there is none."""
     frequency = stiff_frequency(result)
-    if frequency is None or result.time.size < 2 or _is_overdamped(result):
+    if frequency is None or result.time.size < 2 or not _oscillates(result):
         return None
     step = float(np.median(np.diff(result.time)))
     if not step * frequency > COARSE:
@@ -123,12 +123,21 @@ def coarseness(result: Result) -> str | None:
     return f"samples {_short(step, 's')} apart do not show the oscillation of {_short(frequency, 'Hz')}"
 
 
-def _is_overdamped(result: Result) -> bool:
-    """Whether a damper leaves no oscillation across the soft axis."""
-    damping, stiffness, mass = (
-        float(result.parameters.get(name, 0.0)) for name in ("damping_y", "stiffness_y", "mass")
+def _oscillates(result: Result) -> bool:
+    """Whether the motion has an oscillation across the soft axis: the model has one, something excites it, no damper takes all of it."""
+    model = result.attributes.get("model", "full")
+    mass, stiffness, damping, angle, elongation = (
+        float(result.parameters.get(name, 0.0))
+        for name in ("mass", "stiffness_y", "damping_y", "misalignment_deg", "elongation_y")
     )
-    return damping >= 2.0 * float(np.sqrt(stiffness * mass)) > 0.0
+    if (
+        model == "full"
+        and angle % 180.0 == 0.0
+        and elongation == 0.0
+        and "misalignment_deg" in result.parameters
+    ):
+        return False
+    return model in ("full", "high_frequency") and not damping >= 2.0 * float(np.sqrt(stiffness * mass)) > 0.0
 
 
 def _short(value: float, unit: str) -> str:
