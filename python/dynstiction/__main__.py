@@ -141,18 +141,46 @@ def _add_arguments(parser: _Parser, entry: Mapping[str, Any]) -> None:
 
 def _plot(options: argparse.Namespace) -> None:
     from . import plot  # noqa: PLC0415
-
-    if len(options.files) == 1:
-        (file,) = options.files
-        plot.save(_open_any(file), options.output or file.with_suffix(".png"), options.kind, options.quantity)
-        return
     from .plot.style import write  # noqa: PLC0415
 
-    if options.kind is not None or options.quantity is not None:
-        raise UsageError("--kind and --quantity are for one file: several are compared")
-    names = _short_names(options.files)
-    figure = plot.compare({name: _open(file) for name, file in zip(names, options.files, strict=True)})
-    write(figure, options.output or Path("comparison.png"))
+    part: dict[str, Any] = {"start": vars(options)["from"], "end": options.to}
+    if options.columns is not None:
+        part["columns"] = [name.strip() for name in options.columns.split(",") if name.strip()]
+        if not part["columns"]:
+            raise UsageError("--columns: name at least one, as --columns friction,theta")
+    if len(options.files) == 1:
+        (file,) = options.files
+        if options.overlay:
+            raise UsageError("--overlay is for several files: give the others too")
+        output = options.output or file.with_suffix(".png")
+        drawable = _open_any(file)
+        plot.save(drawable, output, options.kind, options.quantity, **part)
+        drawn = {file.stem: drawable} if isinstance(drawable, Result) else {}
+    else:
+        if options.kind is not None or options.quantity is not None:
+            raise UsageError(
+                "--kind and --quantity are for one file: several are compared, with --columns and --overlay"
+            )
+        names = _short_names(options.files)
+        drawn = {name: _open(file) for name, file in zip(names, options.files, strict=True)}
+        figure = (plot.overlay if options.overlay else plot.compare)(drawn, **part)
+        output = options.output or Path("comparison.png")
+        write(figure, output)
+    _warn_of_samples(drawn)
+    _say(printable(str(output)))
+
+
+def _warn_of_samples(results: Mapping[str, Result]) -> None:
+    """One line for each result whose samples do not show its fast oscillation."""
+    from .plot import coarseness  # noqa: PLC0415
+
+    for name, result in results.items():
+        coarse = coarseness(result)
+        if coarse:
+            print(
+                f"dynstiction: {printable(name)}: {coarse}: run with a smaller output.interval",
+                file=sys.stderr,
+            )
 
 
 def _short_names(files: Sequence[Path]) -> list[str]:
@@ -232,7 +260,10 @@ def _report(options: argparse.Namespace) -> None:
     from .report import write_report  # noqa: PLC0415
 
     output = options.output or options.file.with_suffix(".html")
-    write_report(_open(options.file), output, options.file.name, overwrite=options.overwrite)
+    result = _open(options.file)
+    write_report(result, output, options.file.name, overwrite=options.overwrite)
+    _warn_of_samples({options.file.stem: result})
+    _say(printable(str(output)))
 
 
 def _export(options: argparse.Namespace) -> None:
@@ -291,6 +322,7 @@ def _animate(options: argparse.Namespace) -> None:
         seconds=options.seconds,
         progress=_show_frame if sys.stderr.isatty() else None,
     )
+    _say(printable(str(options.output)))
 
 
 def _show_frame(frame: int, count: int) -> None:
@@ -348,6 +380,7 @@ TYPES: dict[str, Callable[[str], object]] = {
     "KIND": str,
     "N": int,
     "NAME": str,
+    "NAMES": str,
     "S": float,
     "T": float,
 }

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import finite, instance, number, reals, shape_of, whole
-from ._optional import needed
 from .creep import creep_exact, dimensionless
 from .errors import UsageError
 
@@ -59,9 +58,6 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
         If the samples are not uniform, not finite, too few for the window, or the window holds fewer than 8 of them. If
         `count` is no whole number from 1 on, or the density is beyond the range of double precision.
     """
-    needed("scipy", "spectrogram")
-    from scipy.signal import ShortTimeFFT  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
-
     times, signal = reals("time", time, checked=False), reals("values", values, checked=False)
     window, count = number("window", window, checked=False), whole("count", count, least=1)
     if times.ndim != 1 or times.shape != signal.shape:
@@ -81,14 +77,32 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
             f"run again with output.interval = {window / 100:.1g} or less"
         )
     hop = max(1, (n - length) // count)
-    transform = ShortTimeFFT(
-        np.hamming(length), hop, fs=1.0 / step, fft_mode="onesided2X", mfft=PADDING * length, scale_to="psd"
-    )
-    first, last = transform.lower_border_end[1], transform.upper_border_begin(n)[1]
+    # The middles of the windows are multiples of the hop: the first and the last that lie within the signal.
+    half = length // 2
+    first, last = -(-half // hop), (n - length + half) // hop + 1
+    begins = hop * np.arange(first, last) - half
+    padded = PADDING * length
     with np.errstate(all="ignore"):
-        density = transform.spectrogram(signal[:n], detr="constant", p0=first, p1=last)
-    middles = times[0] + transform.delta_t * np.arange(first, last)
-    return Spectrogram(middles, finite("the frequency", transform.f), finite("the density", density))
+        density = np.stack(
+            [_density(signal[begin : begin + length], padded, step) for begin in begins.tolist()], axis=1
+        )
+        frequency = np.fft.rfftfreq(padded, step)
+    middles = times[0] + step * hop * np.arange(first, last)
+    return Spectrogram(
+        middles,
+        finite("the frequency", np.asarray(frequency, dtype=np.float64)),
+        finite("the density", density),
+    )
+
+
+def _density(values: _Floats, padded: int, step: float) -> _Floats:
+    """One-sided power spectral density of one window, filled up with zeros to `padded` samples."""
+    window = np.hamming(values.size)
+    spectrum = np.fft.rfft((values - values.mean()) * window, padded)
+    density = step / np.sum(window**2) * np.abs(spectrum) ** 2
+    # Both signs of the frequency, which 0 and that of Nyquist have in one.
+    density[1 : -1 if padded % 2 == 0 else None] *= 2.0
+    return np.asarray(density)
 
 
 def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:

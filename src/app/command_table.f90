@@ -103,8 +103,11 @@ module dst_command_table
       'process is writing it; FILE.h5 itself need not be there yet. Nothing is changed, and nobody is disturbed.', &
       'dynstiction show map_lambda.h5'), &
     command_entry_t('plot', 'FILE.h5...', python, 'draw a result file, or several side by side', &
-      'Draw a result file; of several runs one figure that compares them.', &
-      'dynstiction plot fig3.h5 --kind path'), &
+      'Draw a result file; of several runs one figure that compares them. A run with many cycles is drawn up to its first '// &
+      'ones, unless --from or --to is given. Prints the file it wrote.', &
+      'dynstiction plot fig3.h5 --kind path'//n// &
+      'dynstiction plot fig3.h5 --columns friction,theta --from 2 --to 3'//n// &
+      'dynstiction plot 1deg.h5 2deg.h5 --overlay'), &
     command_entry_t('compare', 'DECK TRACE', python, 'a measured trace beside a scene', &
       'Compare a measured trace of the force along the pull with the run of a deck: period, peak, valley, slip time and creep '// &
       'before slip of both, cycle by cycle, with their scatter, and the mean force over a cycle. TRACE is a table of text or '// &
@@ -119,14 +122,14 @@ module dst_command_table
       'dynstiction fit my.nml trace.csv --free system.mass --fitted fitted.nml'), &
     command_entry_t('report', 'FILE.h5', python, 'one HTML page with all that a result file holds', &
       'Write one HTML page: summary, figures, animation of the friction vector, cycles, parameters, solver '// &
-      'statistics, provenance, deck. It needs neither network nor other files.', &
+      'statistics, provenance, deck. It needs neither network nor other files. Prints the file it wrote.', &
       'dynstiction report fig3.h5'), &
     command_entry_t('export', 'FILE.h5', python, 'write a result file''s tables as CSV', &
       'Write the tables of a result file as CSV: of a run time series, events and summary, of a sweep its '// &
       'cases and their cycles, of a comparison its points. Prints the files it wrote.', &
       'dynstiction export fig3.h5 --csv'), &
     command_entry_t('animate', 'FILE.h5', python, 'show a run from above', &
-      'The object from above, while friction turns and the spring force and the position evolve.', &
+      'The object from above, while friction turns and the spring force and the position evolve. Prints what it wrote.', &
       'dynstiction animate fig3.h5 -o fig3.gif --from 2 --to 3'), &
     command_entry_t('paper', '', python, 'draw every figure of the paper', &
       'Run the decks of Nakano and Popov (2020) and draw every figure. Prints the files it wrote.', &
@@ -173,6 +176,13 @@ module dst_command_table
       'bifurcation; of a trade work_precision', ''), &
     option_t('--quantity', 'NAME', 'plot', '?', &
       'what a map of a sweep shows, like period (swing), or a bifurcation diagram (peak_force)', ''), &
+    option_t('--columns', 'NAMES', 'plot', '?', &
+      'of a run: the columns to draw, with commas between them, as friction,theta; one panel each', &
+      'names of columns: write --columns friction,theta'), &
+    option_t('--overlay', '', 'plot', '?', 'of several runs: one line each in the same panels, not side by side', ''), &
+    option_t('--from', 'T', 'plot', '?', &
+      'first time of the run [s]; default of --from and --to: a run of many cycles up to its first ones', ''), &
+    option_t('--to', 'T', 'plot', '?', 'last time of the run [s]', ''), &
     option_t('-o', 'PNG', 'plot', '?', 'default: FILE.png, of several files comparison.png; also .pdf, .svg', ''), &
     option_t('--time', 'COLUMN', 'compare fit', '?', &
       'of TRACE: the column of times, its number from 0 or its name; in HDF5 the path of a dataset; default: time, or 0', ''), &
@@ -197,7 +207,8 @@ module dst_command_table
     option_t('--csv', '', 'export', '1', 'the format', ''), &
     option_t('-o', 'DIR', 'export validate-creep', '?', 'made if it is not there; default: here', ''), &
     option_t('-o', 'OUT', 'animate', '1', 'X.gif, X.mp4 (needs ffmpeg), or a folder for PNG frames', ''), &
-    option_t('--from', 'T', 'animate', '?', 'first time of the run [s]', ''), &
+    option_t('--from', 'T', 'animate', '?', &
+      'first time of the run [s]; default of --from and --to: the first creep and three cycles', ''), &
     option_t('--to', 'T', 'animate', '?', 'last time of the run [s]', ''), &
     option_t('--fps', 'N', 'animate', '?', 'frames per second (20)', ''), &
     option_t('--seconds', 'S', 'animate', '?', 'length of the film [s] (10)', ''), &

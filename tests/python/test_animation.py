@@ -5,13 +5,15 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from time import process_time
 
 import dynstiction as ds
 import numpy as np
 import pytest
-from dynstiction.plot.animation import animate, view_from_above
-from matplotlib import image
-from matplotlib.animation import FFMpegWriter
+from dynstiction.plot.animation import _frame_times, animate, view_from_above
+from dynstiction.plot.style import STYLE
+from matplotlib import image, rc_context
+from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 from programs import Program
 
@@ -57,9 +59,10 @@ def test_dots_follow_the_traces(fig4_result: ds.Result) -> None:
     row = np.searchsorted(fig4_result.time, 1.5)
     expected = (fig4_result["spring_force_x"][row], np.degrees(fig4_result["theta"][row]), 1e3 * fig4_result["X"][row])
     for axis, value in zip(figure.axes[1:], expected, strict=True):
+        shown = value * (1e3 if "µm" in axis.get_ylabel() else 1.0)
         dot = axis.lines[1]
         assert dot.get_xdata()[0] == pytest.approx(1.5, abs=6e-3)
-        assert dot.get_ydata()[0] == pytest.approx(value, rel=0.02)
+        assert dot.get_ydata()[0] == pytest.approx(shown, rel=0.02)
 
 
 def test_frames_without_ffmpeg(fig4_result: ds.Result, tmp_path: Path) -> None:
@@ -97,8 +100,25 @@ def test_mp4(fig4_result: ds.Result, tmp_path: Path) -> None:
     assert (tmp_path / "run.mp4").read_bytes()[4:8] == b"ftyp"
 
 
+@pytest.mark.parametrize("fails", [False, True])
+def test_mp4_gets_every_frame(fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
+    """A program of that name which counts what it gets, or reads nothing."""
+    encoder = tmp_path / "ffmpeg"
+    body = "exit 1" if fails else 'for last in "$@"; do :; done; echo "$*" > "$last.words"; cat > "$last"'
+    encoder.write_text(f"#!/bin/sh\n{body}\n")
+    encoder.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    if fails:
+        with pytest.raises(ds.FileError, match="ffmpeg failed: write a GIF"):
+            animate(fig4_result, tmp_path / "run.mp4", frames_per_second=4, seconds=5.0)
+        return
+    animate(fig4_result, tmp_path / "run.mp4", frames_per_second=4, seconds=1.0)
+    assert (tmp_path / "run.mp4").stat().st_size == 4 * 800 * 520 * 3
+    assert "-s 800x520 -r 4 " in (tmp_path / "run.mp4.words").read_text()
+
+
 def test_mp4_without_ffmpeg_names_the_ways_out(fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda _: False))
+    monkeypatch.setattr(shutil, "which", lambda _: None)
     with pytest.raises(ds.UsageError, match=r"ffmpeg.*GIF.*folder"):
         animate(fig4_result, tmp_path / "run.mp4")
     assert list(tmp_path.iterdir()) == []
@@ -155,7 +175,71 @@ def test_command(package: Program, fig4_result: ds.Result, tmp_path: Path) -> No
     fig4_result.save(tmp_path / "run.h5")
     options = ["--from", "1", "--to", "1.5", "--fps", "2", "--seconds", "1"]
     done = package("animate", "run.h5", "-o", "frames", *options)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "frames\n", "")
     assert len(list((tmp_path / "frames").iterdir())) == 2
     refused = package("animate", "run.h5", "-o", "x.gif", "--from", "9", status=1)
-    assert refused.stderr == "dynstiction: from 9 to 2 s: the run has samples from 0 to 2 s\n"
+    assert refused.stderr.startswith("dynstiction: from 9 to 2 s: the run has samples from 0 to 2 s: ")
+
+
+OWN = {
+    "system": {"mass": 1.0, "stiffness_x": 5e3, "stiffness_y": 2e6, "misalignment_deg": 3.0},
+    "friction": {"law": "weakening", "mu_0": 0.30, "mu_inf": 0.25, "v_f": 0.010, "normal_load": 20.0},
+    "drive": {"velocity": 5e-3},
+}
+
+
+@pytest.fixture(scope="module")
+def own() -> ds.Result:
+    """80 cycles, 50 mm of way, 1.2 mm of elongation."""
+    from dynstiction.plot.paper import deck  # noqa: PLC0415
+
+    return ds.run(deck("fig3"), **OWN, scene={"t_end": 10.0}, output={"interval": 5e-4})
+
+
+def test_a_film_shows_the_first_creep_and_three_cycles(own: ds.Result, fig4_result: ds.Result) -> None:
+    peaks = ds.stick_slip_statistics(own)["peak_time"]
+    times = _frame_times(own, None, None, 20, 10.0)
+    assert (times[0], times.size) == (0.0, 200)
+    assert peaks[3] < times[-1] < peaks[4]
+    assert _frame_times(own, 0.0, None, 20, 10.0)[-1] == 10.0
+    assert _frame_times(fig4_result, None, None, 20, 10.0)[-1] == 2.0
+
+
+@pytest.mark.parametrize("last", [0.6, 10.0])
+def test_the_scale_is_that_of_the_elongation(own: ds.Result, last: float) -> None:
+    """The spring is longer than the object is wide, and all of the circle of friction is seen, however long the way is."""
+    figure, show = view_from_above(own, np.linspace(0.0, last, 50))
+    axis = figure.axes[0]
+    (body,) = [patch for patch in axis.patches if isinstance(patch, Rectangle)]
+    (circle,) = [patch for patch in axis.patches if isinstance(patch, Circle)]
+    (spring,) = [line for line in axis.lines if line.get_label() == "spring"]
+    show(40)
+    begin, end = spring.get_xydata()[[0, -1]]
+    assert np.hypot(*(end - begin)) > 2.0 * body.get_width()
+    low, high = axis.get_ylim()
+    assert low < circle.center[1] - circle.radius and circle.center[1] + circle.radius < high
+    assert axis.get_xlabel() == ("$X$ [mm]" if last < 1.0 else "$X$ − driven end [mm]")
+    left, right = axis.get_xlim()
+    assert left < begin[0] and end[0] < right
+
+
+def test_frames_drawn_over_one_ground_are_those_drawn_anew(own: ds.Result, tmp_path: Path) -> None:
+    animate(own, tmp_path / "frames", frames_per_second=2, seconds=2.0)
+    times = _frame_times(own, None, None, 2, 2.0)
+    with rc_context(STYLE):
+        figure, show = view_from_above(own, times)
+        show(3)
+        figure.savefig(tmp_path / "anew.png", dpi=125)
+    written, anew = (image.imread(tmp_path / name)[..., :3] for name in ("frames/frame_0004.png", "anew.png"))
+    assert written.shape == anew.shape
+    # Where a moving thing lies under one that stands.
+    assert np.mean(np.abs(written - anew).max(axis=2) > 0.1) < 5e-3
+
+
+def test_the_usual_film_takes_less_than_ten_seconds(own: ds.Result, tmp_path: Path) -> None:
+    begun = process_time()
+    animate(own, tmp_path / "run.gif")
+    assert process_time() - begun < 10.0
+    with Image.open(tmp_path / "run.gif") as film:
+        assert film.n_frames == 200
+        assert film.info["duration"] == 50

@@ -15,7 +15,7 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from dynstiction.__main__ import main
-from dynstiction.report import FRAMES, report
+from dynstiction.report import FRAMES, _with_scatter, report
 from matplotlib import image
 from programs import Program
 
@@ -56,7 +56,7 @@ def test_the_page_holds_what_the_file_holds(page: str, fig3_result: ds.Result) -
         for info, value in values.info():
             assert info.name in texts
             assert info.long_name in texts
-            assert (f"{value:.8g}" if isinstance(value, float) else str(value)) in texts
+            assert (f"{value:.6g}" if isinstance(value, float) else str(value)) in texts
     assert {str(value) for value in fig3_result.attributes.values()} <= texts
     assert {"m/s", "N/m", "Fig. 3, Nakano & Popov (2020)", "fig3.h5", "complete"} <= texts
     assert fig3_result.deck.strip() in texts
@@ -72,7 +72,7 @@ def test_the_page_loads_nothing(page: str) -> None:
 
 
 def test_the_figures_are_those_of_plot(page: str) -> None:
-    kinds = re.findall(r'<img alt="(\w+)"', page)
+    kinds = re.findall(r'<img alt="(\w+): \w', page)
     assert kinds == ["history", "velocities", "spectrogram", "damping", "creep", "path", "cycle_map"]
     for link in Reader(page).links:
         pixels = image.imread(io.BytesIO(base64.b64decode(link.partition(",")[2])))
@@ -82,8 +82,12 @@ def test_the_figures_are_those_of_plot(page: str) -> None:
 
 def test_the_animation_has_the_friction_vector(page: str, fig3_result: ds.Result) -> None:
     frames = json.loads(re.search(r'id="frames">(.*?)</script>', page)[1])
-    assert {len(values) for name, values in frames.items() if name != "span"} == {FRAMES}
+    assert {len(values) for name, values in frames.items() if name not in ("span", "range")} == {FRAMES}
     assert frames["span"] == [0.0, 10.0]
+    # Of all samples: means over a frame miss the peaks.
+    force = fig3_result["spring_force_x"]
+    assert frames["range"] == [pytest.approx(force.min(), abs=1e-5), pytest.approx(force.max(), rel=1e-5)]
+    assert max(frames["force"]) < frames["range"][1]
     x, y = np.array(frames["x"]), np.array(frames["y"])
     # The first creep: across the pull, then against it; never with it.
     assert (x[1], y[1]) == (pytest.approx(0.0, abs=0.1), pytest.approx(-2.0, abs=0.05))
@@ -93,12 +97,67 @@ def test_the_animation_has_the_friction_vector(page: str, fig3_result: ds.Result
     assert max(frames["position"]) == pytest.approx(1e3 * fig3_result["X"].max(), rel=0.01)
 
 
+def test_what_the_user_has_set_comes_first(page: str, fig3: ds.Scene) -> None:
+    headings = re.findall(r"<h2>(.*?)</h2>", page)
+    assert headings[:2] == ["What was set", "Summary"]
+    section = page[page.index("What was set") : page.index("<h2>Summary")]
+    keys = re.findall(r"<tr><td[^>]*>([a-z]+\.\w+)</td>", section)
+    assert keys == [f"{group}.{key}" for group, values in fig3.groups().items() for key in values]
+    assert "flush_seconds" not in section
+    assert re.search(r"stiffness_y</td><td[^>]*>1e\+07</td><td[^>]*>N/m</td>", section)
+
+
+def test_no_value_is_broken_into_lines(page: str) -> None:
+    """A cell in which lines may break inside a word would show 0.169/71401."""
+    (rule,) = re.findall(r"^td:first-child.*nth-child\(2\).*$", page, flags=re.MULTILINE)
+    assert "white-space: nowrap" in rule
+    assert not re.search(r"^td \{.*overflow-wrap", page, flags=re.MULTILINE)
+
+
+def test_cycles_are_means_with_their_scatter(page: str, fig3_result: ds.Result) -> None:
+    section = page[page.index("<h2>Stick-slip cycles") : page.index("<h2>Every parameter")]
+    assert section.index("±") < section.index("<details>")
+    summary = fig3_result.summary
+    shown = re.search(r"<td[^>]*>slip_length</td><td[^>]*>([-\d.e]+) ± ([-\d.e]+)</td>", section)
+    assert float(shown[1]) == pytest.approx(summary["slip_length"], rel=1e-4)
+    assert float(shown[2]) == pytest.approx(summary["slip_length_scatter"], rel=0.06, abs=1e-9 * summary["slip_length"])
+    assert "0.915064" in section[section.index("<details>") :]
+
+
+@pytest.mark.parametrize(
+    ("mean", "scatter", "shown"),
+    [
+        (0.915064, 0.000123, "0.91506 ± 0.00012"),
+        (1.99, 2e-16, "1.99 ± 0"),
+        (12.0, 3.4, "12.0 ± 3.4"),
+        (1200.0, 340.0, "1200 ± 3.4e+02"),
+        (5.0, None, "5"),
+    ],
+)
+def test_mean_and_scatter_have_the_same_digits(mean: float, scatter: float | None, shown: str) -> None:
+    assert _with_scatter(mean, scatter) == shown
+
+
+def test_the_page_says_what_is_missing_and_how_to_cite(fig3: ds.Scene, page: str) -> None:
+    coarse = report(ds.run(fig3, scene={"t_end": 3.0}, output={"interval": 1e-3}), "coarse.h5")
+    assert "<b>spectrogram</b>: samples 0.001 s apart cannot show" in coarse
+    assert "samples 1 ms apart do not show the oscillation of 1.01 kHz" in coarse
+    assert "do not show" not in page
+    for each in (
+        "063001 (2020)",
+        "Dynamic stiction without static friction: The role of friction vector rotation",
+        "arXiv:2008.01854",
+    ):
+        assert each in page
+    assert re.search(r"Computed with dynstiction [\d.]+.*model full, method radau9, relative tolerance 1e-08", page)
+
+
 def test_any_run_has_a_page(fig3: ds.Scene, fig3_result: ds.Result) -> None:
     few = ds.run(fig3, scene={"t_end": 0.05, "title": "<script>alert(1)</script>"}, output={"fields": "X"})
     page = report(few, "a<b>.h5")
     assert "<script>alert" not in page
     assert "a&lt;b&gt;.h5" in page
-    assert 'alt="columns"' in page
+    assert 'alt="columns: ' in page
     assert "lacks the columns" in page
     cut = replace(fig3_result, columns=ds.Described((i, v[:0]) for i, v in fig3_result.columns.info()))
     assert "Too few samples" in report(replace(cut, attributes={"complete": 0}), "cut.h5")
@@ -107,11 +166,14 @@ def test_any_run_has_a_page(fig3: ds.Scene, fig3_result: ds.Result) -> None:
 def test_the_command_writes_beside_the_file(tmp_path: Path, fig3: ds.Scene, capsys: pytest.CaptureFixture[str]) -> None:
     ds.run(fig3, scene={"t_end": 0.05}).save(tmp_path / "run.h5")
     assert main(["report", str(tmp_path / "run.h5")]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'run.html'}\n"
     assert (tmp_path / "run.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert main(["report", str(tmp_path / "run.h5")]) == 3
     assert "exists" in capsys.readouterr().err
     assert main(["report", str(tmp_path / "run.h5"), "--overwrite"]) == 0
+    capsys.readouterr()
     assert main(["report", str(tmp_path / "run.h5"), "-o", str(tmp_path / "no" / "x.html")]) == 3
+    assert f"the folder {tmp_path / 'no'} does not exist: create it" in capsys.readouterr().err
     assert main(["report", str(tmp_path / "none.h5")]) == 3
 
 

@@ -6,12 +6,13 @@ A kind of figure is a function of a result and an empty figure, in a file of its
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 
 from .._plotting import make_callable
 from .._trade import Trade
@@ -23,12 +24,22 @@ from .creep import draw_creep
 from .cycle_map import draw_cycle_map
 from .damping import draw_damping
 from .path import draw_path
+from .samples import columns as needed_columns
 from .samples import thin
 from .spectra import draw_spectrogram
-from .style import DOTS_PER_INCH, new_figure, write
+from .style import DOTS_PER_INCH, in_axes, in_figure, new_figure, write
 from .sweep_lambda import draw_lambda
 from .sweep_map import draw_map
-from .time_series import MOST_RESULTS, draw_comparison, draw_history, draw_series, draw_velocities
+from .time_series import (
+    MOST_RESULTS,
+    draw_comparison,
+    draw_history,
+    draw_in_axes,
+    draw_overlay,
+    draw_series,
+    draw_velocities,
+)
+from .view import coarseness, window
 from .work_precision import draw_work_precision
 
 if TYPE_CHECKING:
@@ -40,9 +51,11 @@ __all__ = [
     "SWEEP_KINDS",
     "WORK_PRECISION",
     "Drawable",
+    "coarseness",
     "compare",
     "draw",
     "first_release",
+    "overlay",
     "save",
     "thin",
 ]
@@ -84,7 +97,27 @@ Drawable: TypeAlias = "Result | Trade | xarray.Dataset"
 """A run, a comparison or a sweep."""
 
 
-def draw(result: Drawable, kind: str | None = None, quantity: str | None = None) -> Figure:
+WINDOWED = ("history", "velocities", "spectrogram", "path", "columns")
+"""Kinds of figure of a run of which a part in time can be chosen; the others show the first creep, or the releases."""
+
+OF_COLUMNS = ("history", "columns")
+"""Kinds of figure of a run whose columns can be chosen."""
+
+IN_AXES = ("path", "damping")
+"""Kinds of figure of a run that can be drawn into one pair of axes, besides single columns."""
+
+
+def draw(
+    result: Drawable,
+    kind: str | None = None,
+    quantity: str | None = None,
+    *,
+    columns: str | Sequence[str] | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    figure: Figure | SubFigure | None = None,
+    ax: Axes | Sequence[Axes] | None = None,
+) -> Figure:
     """Draw one kind of figure.
 
     Parameters
@@ -98,33 +131,127 @@ def draw(result: Drawable, kind: str | None = None, quantity: str | None = None)
         of a comparison `WORK_PRECISION`, the only one.
     quantity : str, optional
         What a map of a sweep shows, by default ``"swing"``, or a bifurcation diagram, by default ``"peak_force"``.
+    columns : str or sequence of str, optional
+        Of a run the columns to draw, one panel each, in place of those of the kind ``"history"`` or ``"columns"``.
+    start, end : float, optional
+        Of a run the part to draw [s]. Without both a run with many cycles is drawn up to its first ones, and the figure says so.
+    figure : Figure or SubFigure, optional
+        Where to draw; it keeps its size. Without it (and without `ax`) a new figure of one journal column is made.
+    ax : Axes or sequence of Axes, optional
+        Where to draw `columns`, one in each (by default ``"spring_force_x"`` in the first), or one of the kinds in `IN_AXES`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Not attached to any window.
+        A new one, not attached to any window, or the one that holds `figure` or `ax`.
 
     Raises
     ------
     UsageError
         If there is no such kind, the result lacks a column (a `ColumnError`) or has no samples, or is not what the kind
-        can show; the text says what would be right.
+        can show, or the start is not before the end; the text says what would be right.
     """
     kinds, usual = _kinds_of(result)
     if quantity is not None and (kinds is not SWEEP_KINDS or kind not in WITH_QUANTITY):
         raise UsageError("a quantity can be chosen for the map or the bifurcation diagram of a sweep only")
     if kind is not None and kind not in kinds:
         raise UsageError(f"no kind of figure '{kind}': the kinds are {', '.join(kinds)}")
-    chosen = {} if quantity is None else {"quantity": quantity}
-    if not isinstance(result, Result):
-        return new_figure(partial(kinds[kind or usual], result, **chosen))
-    _refuse_undrawable(result)
+    if figure is not None and ax is not None:
+        raise UsageError("give figure= or ax=, not both")
+    names = (columns,) if isinstance(columns, str) else tuple(columns or ())
+    chosen: dict[str, Any] = {}
+    if isinstance(result, Result):
+        _refuse_undrawable(result)
+        kind, chosen = _choice(result, kind, usual, names, start, end)
+    elif names or start is not None or end is not None:
+        raise UsageError("columns=, start= and end= are for a run: a sweep or a comparison has no samples")
+    if quantity is not None:
+        chosen["quantity"] = quantity
+    if ax is not None:
+        return _draw_into_axes(result, kind, ax, names, start, end)
+    if kind is not None or not isinstance(result, Result):
+        return _filled(partial(kinds[kind or usual], result, **chosen), figure)
+    # The usual kind, or all columns where that cannot be.
     try:
-        return new_figure(partial(kinds[kind or usual], result))
+        windowed = chosen if usual in WINDOWED else {}
+        return _filled(partial(kinds[usual], result, **windowed), figure)
     except UsageError:
-        if kind is not None:
-            raise
-        return new_figure(partial(draw_series, result))
+        if figure is not None:
+            figure.clear()
+        return _filled(partial(draw_series, result, **chosen), figure)
+
+
+def _filled(fill: Callable[..., None], figure: Figure | SubFigure | None) -> Figure:
+    if figure is None:
+        return new_figure(fill)
+    in_figure(fill, figure)
+    return _root(figure)
+
+
+def _root(part: Figure | SubFigure | Axes) -> Figure:
+    """The figure that holds a part of it."""
+    root = part.get_figure(root=True)
+    if root is None:
+        raise UsageError("ax belongs to no figure: make it with figure.subplots()")
+    return root
+
+
+def _choice(
+    result: Result,
+    kind: str | None,
+    usual: str,
+    names: tuple[str, ...],
+    start: float | None,
+    end: float | None,
+) -> tuple[str | None, dict[str, Any]]:
+    """Kind of figure of a run, and what is chosen of it; a kind of None is the usual one."""
+    chosen: dict[str, Any] = {}
+    if names:
+        kind = kind or "history"
+        if kind not in OF_COLUMNS:
+            raise UsageError(f"columns can be chosen for the kinds {', '.join(OF_COLUMNS)}, not for '{kind}'")
+        # A column that is not there is refused here: the usual kind would be replaced by another.
+        needed_columns(result, *names)
+        chosen["names"] = names
+    if start is not None or end is not None:
+        if kind is None:
+            kind = usual if usual in WINDOWED else "columns"
+        if kind not in WINDOWED:
+            raise UsageError(
+                f"a part of the run can be chosen for the kinds {', '.join(WINDOWED)}, not for '{kind}'"
+            )
+        window(result, start, end)
+        chosen |= {"start": start, "end": end}
+    return kind, chosen
+
+
+def _draw_into_axes(
+    result: Drawable,
+    kind: str | None,
+    ax: Axes | Sequence[Axes],
+    names: tuple[str, ...],
+    start: float | None,
+    end: float | None,
+) -> Figure:
+    """Columns in some axes, or a kind with one panel in one."""
+    axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+    if not axes or not all(isinstance(each, Axes) for each in axes):
+        raise UsageError("ax must be matplotlib Axes, or a sequence of them")
+    if not isinstance(result, Result) or (kind not in (None, *OF_COLUMNS, *IN_AXES)):
+        raise UsageError(
+            f"ax= is for columns of a run, and the kinds {', '.join(IN_AXES)}: give figure= for others"
+        )
+    if kind in IN_AXES:
+        if len(axes) != 1:
+            raise UsageError(f"the kind '{kind}' takes one pair of axes, not {len(axes)}")
+        how = {"start": start, "end": end} if kind in WINDOWED else {}
+        in_axes(lambda axis: KINDS[str(kind)](result, axis, **how), axes[0])
+    else:
+        names = names or ("spring_force_x",)
+        if len(names) != len(axes):
+            raise UsageError(f"{len(names)} columns for {len(axes)} axes: give as many axes as columns")
+        in_axes(lambda _: draw_in_axes(result, axes, names, start, end), axes[0])
+    return _root(axes[0])
 
 
 def _kinds_of(result: Drawable) -> tuple[dict[str, Callable[..., None]], str]:
@@ -146,13 +273,23 @@ def _refuse_undrawable(result: Result) -> None:
             )
 
 
-def compare(results: Mapping[str, Result]) -> Figure:
+def compare(
+    results: Mapping[str, Result],
+    *,
+    columns: str | Sequence[str] | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> Figure:
     """Draw several runs side by side, on the same scales.
 
     Parameters
     ----------
     results : mapping of Result
         Two to six runs by name.
+    columns : str or sequence of str, optional
+        What to draw, one row each; by default what all have of the kind ``"history"``.
+    start, end : float, optional
+        The part of each run [s]; by default as `draw`.
 
     Returns
     -------
@@ -164,17 +301,63 @@ def compare(results: Mapping[str, Result]) -> Figure:
     UsageError
         If there are too few or too many, one has no samples, or they share no column.
     """
+    return _of_several(draw_comparison, results, columns, start, end)
+
+
+def overlay(
+    results: Mapping[str, Result],
+    *,
+    columns: str | Sequence[str] | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> Figure:
+    """Draw several runs into the same panels.
+
+    Parameters
+    ----------
+    results : mapping of Result
+        Two to six runs by name.
+    columns : str or sequence of str, optional
+        What to draw, one panel each; by default what all have of ``spring_force_x``, ``theta`` and ``X``.
+    start, end : float, optional
+        The part of each run [s]; by default the longest of what `draw` shows of each.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Not attached to any window; its legend names the runs, and the parameters in which they differ.
+
+    Raises
+    ------
+    UsageError
+        As `compare`.
+    """
+    return _of_several(draw_overlay, results, columns, start, end)
+
+
+def _of_several(
+    fill: Callable[..., None],
+    results: Mapping[str, Result],
+    columns: str | Sequence[str] | None,
+    start: float | None,
+    end: float | None,
+) -> Figure:
     if not 2 <= len(results) <= MOST_RESULTS:
         raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
     for result in results.values():
         _refuse_undrawable(result)
-    return new_figure(partial(draw_comparison, results))
+    names = (columns,) if isinstance(columns, str) else tuple(columns or ())
+    return new_figure(partial(fill, results, names=names, start=start, end=end))
 
 
 def save(
-    result: Drawable, path: str | os.PathLike[str], kind: str | None = None, quantity: str | None = None
+    result: Drawable,
+    path: str | os.PathLike[str],
+    kind: str | None = None,
+    quantity: str | None = None,
+    **how: Any,
 ) -> None:
-    """Draw one kind of figure into a file; its suffix names the format (PNG, PDF, SVG).
+    """Draw one kind of figure into a file; its suffix names the format (PNG, PDF, SVG); `how` as `draw` takes it.
 
     Raises
     ------
@@ -183,4 +366,4 @@ def save(
     FileError
         If the file cannot be written.
     """
-    write(draw(result, kind, quantity), path)
+    write(draw(result, kind, quantity, **how), path)

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import math
+import shutil
 import subprocess
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
+from PIL import Image
 
 from ..errors import FileError, UsageError
 from ..result import Result
+from .notation import label_of
 from .samples import Floats, columns, thin
 from .schematics import coil, principal_axes
 from .style import BLACK, BLUE, GREEN, PURPLE, STYLE, VERMILION
 from .theory import stiff_frequency
-from .time_series import COLUMNS as KNOWN
+from .view import cycles_of, usual_end, window
 
 __all__ = ["animate", "view_from_above"]
 
@@ -32,7 +38,11 @@ PANEL_RATIO = 2.35
 AVERAGED_PERIODS = 10.0
 TRACES = ("spring_force_x", "theta", "X")
 COLUMNS = ("X", "Y", "u_x", "u_y", "spring_force_x", "friction", "theta", "psi")
-WRITERS: dict[str, type[FFMpegWriter | PillowWriter]] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
+FILMS = (".gif", ".mp4")
+MOST_TRAVEL = 6.0
+"""Way of the object over the longest elongation of the spring, up to which the floor stands still."""
+CYCLES = 3
+"""After the first slip, that a film shows if nobody names its times."""
 MM = 1e3
 """Millimetres in a metre."""
 
@@ -56,7 +66,7 @@ def animate(
     output : Path
         ``X.gif``, ``X.mp4`` (needs the program ffmpeg), or a folder for ``frame_0001.png``, …
     start, end : float
-        The part of the run [s]; all of it without them.
+        The part of the run [s]; without both the first creep and three cycles, or all of a run without cycles.
     frames_per_second : int
         Rate of the film.
     seconds : float
@@ -72,29 +82,83 @@ def animate(
         If the film cannot be written, or the folder holds frames already.
     """
     times = _frame_times(result, start, end, frames_per_second, seconds)
-    writer = _writer(output, frames_per_second)
+    suffix = _kind_of(output)
     with rc_context(STYLE):
         figure, show = view_from_above(result, times)
-
-        def shown(frame: int) -> None:
-            show(frame)
-            if progress is not None:
-                progress(frame + 1, times.size)
-
+        pictures = _pictures(figure, show, times.size, progress)
         try:
-            if writer is None:
-                _save_frames(output, figure, shown, times.size)
+            if suffix == ".gif":
+                _write_gif(output, pictures, frames_per_second)
+            elif suffix == ".mp4":
+                _write_mp4(output, pictures, frames_per_second)
             else:
-                film = FuncAnimation(figure, shown, times.size, init_func=lambda: None)
-                film.save(output, writer, dpi=DOTS_PER_INCH)
+                _write_frames(output, pictures, times.size)
         except subprocess.CalledProcessError as error:
             raise FileError(f"{output}: ffmpeg failed: write a GIF or a folder of frames instead") from error
         except OSError as error:
             raise FileError(f"{output}: cannot be written: {error.strerror or error}") from error
 
 
-def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], None]]:
-    """Figure of a run, and a function that sets it to a frame: that of one of the rising `times` [s], by its number.
+def _pictures(
+    figure: Figure,
+    show: Callable[[int], Sequence[Artist]],
+    count: int,
+    progress: Callable[[int, int], None] | None,
+) -> Iterator[Image.Image]:
+    """Frame by frame; what does not move is drawn once."""
+    canvas: Any = FigureCanvasAgg(figure)
+    moving = show(0)
+    for artist in moving:
+        artist.set_animated(True)
+    canvas.draw()
+    ground = canvas.copy_from_bbox(figure.bbox)
+    width, height = canvas.get_width_height()
+    for frame in range(count):
+        canvas.restore_region(ground)
+        for artist in sorted(show(frame), key=lambda each: each.get_zorder()):
+            figure.draw_artist(artist)
+        yield Image.frombuffer("RGBA", (width, height), bytes(canvas.buffer_rgba())).convert("RGB")
+        if progress is not None:
+            progress(frame + 1, count)
+
+
+def _write_gif(output: Path, pictures: Iterator[Image.Image], frames_per_second: int) -> None:
+    # One palette for all: the colours of the first frame are those of the others.
+    first = next(pictures)
+    palette = first.quantize(colors=255, method=Image.Quantize.MEDIANCUT)
+    others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
+    duration = round(1000 / frames_per_second)
+    palette.save(
+        output, save_all=True, append_images=others, duration=duration, loop=0, disposal=1, optimize=False
+    )
+
+
+def _write_mp4(output: Path, pictures: Iterator[Image.Image], frames_per_second: int) -> None:
+    first = next(pictures)
+    command = [
+        "ffmpeg", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}",
+        "-r", str(frames_per_second), "-i", "-", "-pix_fmt", "yuv420p", str(output),
+    ]  # fmt: skip
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL) as encoder:
+        assert encoder.stdin is not None
+        try:
+            for picture in chain([first], pictures):
+                encoder.stdin.write(picture.tobytes())
+        except BrokenPipeError:
+            pass  # its exit status tells that it failed
+    if encoder.returncode != 0:
+        raise subprocess.CalledProcessError(encoder.returncode, command)
+
+
+def _write_frames(output: Path, pictures: Iterator[Image.Image], count: int) -> None:
+    output.mkdir(parents=True, exist_ok=True)
+    digits = max(4, len(str(count)))
+    for frame, picture in enumerate(pictures, 1):
+        picture.save(output / f"frame_{frame:0{digits}d}.png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH))
+
+
+def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], Sequence[Artist]]]:
+    """Figure of a run, and a function that sets it to a frame, that of one of the rising `times` [s] by its number, and returns what moves.
 
     Above the object in the plane of the floor, to scale, with the friction that acts on it; below spring force, angle
     of friction and position against time. What oscillates is drawn as its mean over ten periods of the stiff axis, at
@@ -111,16 +175,21 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
     averaged = min(times[1] - times[0], AVERAGED_PERIODS / (stiff_frequency(result) or np.inf))
     begins = np.minimum(np.searchsorted(result.time, times - averaged), ends - 1)
 
-    def show(frame: int) -> None:
+    def show(frame: int) -> Sequence[Artist]:
         now = slice(int(begins[frame]), int(ends[frame]))
-        scene.show(now, times[frame])
-        traces(now)
+        return [*scene.show(now, times[frame]), *traces(now)]
 
     show(0)
     # Later frames keep the layout of the first: they must not wobble, and laying out is slow.
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure, show
+
+
+def _ends(place: Floats, driven: Floats) -> tuple[float, float]:
+    """Least and greatest X of both."""
+    both = np.concatenate([place[:, 0], driven[:, 0]])
+    return float(both.min()), float(both.max())
 
 
 class _Scene:
@@ -135,20 +204,27 @@ class _Scene:
         direction = np.stack([np.cos(needed["psi"]), np.sin(needed["psi"])], axis=1)
         self.friction = -needed["friction"][:, np.newaxis] * direction
         place, driven = self.place[part], self.driven[part]
-        left, right = min(place[:, 0].min(), driven[:, 0].min()), max(place[:, 0].max(), driven[:, 0].max())
         stretch = float(np.hypot(*(driven - place).T).max())
-        self.length = max(stretch, 0.25 * (right - left)) or 1.0
+        left, right = _ends(place, driven)
+        label = "$X$ [mm]"
+        if right - left > MOST_TRAVEL * stretch > 0.0:
+            # On the scale of the way the spring would be hidden under the object: the driven end stands still instead.
+            along = np.stack([self.driven[:, 0], np.zeros(len(self.driven))], axis=1)
+            self.place, self.driven = self.place - along, self.driven - along
+            left, right = _ends(self.place[part], self.driven[part])
+            label = "$X$ − driven end [mm]"
+        self.length = max(stretch, 0.05 * (right - left)) or 1.0
         """Length of the longest friction vector, as drawn [mm]."""
         self.per_newton = self.length / (float(needed["friction"][part].max()) or 1.0)
         self.soft = soft
-        self._draw(axis, left, right)
+        self._draw(axis, left, right, label)
 
-    def _draw(self, axis: Axes, left: float, right: float) -> None:
+    def _draw(self, axis: Axes, left: float, right: float, label: str) -> None:
         unit = self.length
         left, right = left - 1.25 * unit, right + 0.5 * unit
-        height = max(2.0 * unit, (right - left) / PANEL_RATIO)
+        height = max(2.5 * unit, (right - left) / PANEL_RATIO)
         spare = max(0.0, PANEL_RATIO * height - (right - left))
-        axis.set(aspect="equal", xlabel="$X$ [mm]", ylabel="$Y$ [mm]", ylim=(-0.6 * height, 0.4 * height))
+        axis.set(aspect="equal", xlabel=label, ylabel="$Y$ [mm]", ylim=(-0.46 * height, 0.54 * height))
         axis.set_xlim(left - 0.5 * spare, right + 0.5 * spare)
         self.half = 0.13 * unit
         self.limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
@@ -174,8 +250,8 @@ class _Scene:
         self.clock = axis.text(0.012, 0.96, "", transform=axis.transAxes, va="top")
         axis.legend(loc="upper right", ncols=4, columnspacing=1.2, handlelength=1.6, borderaxespad=0.3)
 
-    def show(self, now: slice, time: float) -> None:
-        """Draw the mean of some samples."""
+    def show(self, now: slice, time: float) -> Sequence[Artist]:
+        """Set what moves to the mean of some samples, and return it."""
         place, driven = self.place[now].mean(axis=0), self.driven[now].mean(axis=0)
         tips = place + self.per_newton * self.friction[now]
         reach = np.array([[-1.0], [1.0]]) * 20.0 * self.length
@@ -189,15 +265,18 @@ class _Scene:
         self.vector.set_offsets(place)
         self.vector.set_UVC(mean[:1], mean[1:])
         self.clock.set_text(f"$t$ = {time:.3f} s")
+        return (
+            self.axis_line, self.spring, self.end, self.trail, self.limit, self.body, self.vector, self.clock,
+        )  # fmt: skip
 
 
 def _draw_traces(
     axes: Sequence[Axes], time: Floats, needed: Mapping[str, Floats], part: slice
-) -> Callable[[slice], None]:
+) -> Callable[[slice], Sequence[Artist]]:
     """Spring force, angle and position against time; the function moves the dots that mark a frame."""
     dots = []
     for axis, name in zip(axes, TRACES, strict=True):
-        label, scale, colour = KNOWN[name]
+        label, scale, colour = label_of(name, "", needed[name][part])
         values = scale * needed[name]
         axis.plot(*thin(time[part], values[part]), color=colour)
         dots.append((axis.plot([], [], "o", color=VERMILION, markersize=4.5)[0], values))
@@ -207,9 +286,10 @@ def _draw_traces(
         axis.set_xlabel("$t$ [s]")
         axis.set_ylabel(label)
 
-    def show(now: slice) -> None:
+    def show(now: slice) -> Sequence[Artist]:
         for dot, values in dots:
             dot.set_data([time[now].mean()], [values[now].mean()])
+        return [dot for dot, _ in dots]
 
     return show
 
@@ -219,10 +299,10 @@ def _frame_times(
 ) -> Floats:
     if result.time.size < 2:
         raise UsageError("nothing to show: the result has fewer than two samples")
-    first, last = float(result.time[0]), float(result.time[-1])
-    begin, finish = first if start is None else start, last if end is None else end
-    if not first <= begin < finish <= last:
-        raise UsageError(f"from {begin:g} to {finish:g} s: the run has samples from {first:g} to {last:g} s")
+    if start is None and end is None:
+        begin, finish = float(result.time[0]), usual_end(result, cycles_of(result), CYCLES, CYCLES + 1)
+    else:
+        begin, finish = window(result, start, end)
     if not (frames_per_second > 0 and 0.0 < seconds < math.inf):
         raise UsageError("frames per second and seconds must be positive")
     count = round(frames_per_second * seconds)
@@ -233,27 +313,19 @@ def _frame_times(
     return np.linspace(begin, finish, count)
 
 
-def _writer(output: Path, frames_per_second: int) -> AbstractMovieWriter | None:
-    """What writes the film, by the suffix of the output, None for a folder; refuses before anything is computed."""
+def _kind_of(output: Path) -> str:
+    """Suffix of a film, empty for a folder of frames; refuses before anything is computed."""
     suffix = output.suffix.lower()
     if suffix == "" or output.is_dir():
         if next(output.glob("frame_*.png"), None) is not None:
             raise FileError(f"{output}: holds frames already: name another folder, or remove them")
-        return None
-    if suffix not in WRITERS:
+        return ""
+    if suffix not in FILMS:
         raise UsageError(f"{output}: a film is X.gif, X.mp4, or a folder for PNG frames")
-    if not WRITERS[suffix].isAvailable():
+    if suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise UsageError(
             f"{output}: needs ffmpeg, which is not there: install it, or write a GIF or a folder of frames"
         )
     if not output.parent.is_dir():
         raise FileError(f"{output}: cannot be written: the folder {output.parent} does not exist: create it")
-    return WRITERS[suffix](fps=frames_per_second)
-
-
-def _save_frames(output: Path, figure: Figure, show: Callable[[int], None], count: int) -> None:
-    output.mkdir(parents=True, exist_ok=True)
-    digits = max(4, len(str(count)))
-    for frame in range(count):
-        show(frame)
-        figure.savefig(output / f"frame_{frame + 1:0{digits}d}.png", dpi=DOTS_PER_INCH)
+    return suffix

@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ..errors import Error, UsageError
 from ..limit_cycles import stick_slip_ends
 from ..stability import critical_misalignment
+from .notation import with_unit
 from .samples import Floats
-from .style import BLACK, BLUE, COLUMN_WIDTH, MM, VERMILION
+from .style import BLACK, BLUE, VERMILION, sized
 from .sweep_table import Axis, Table, table_of
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["VerticalLine", "draw_bifurcation", "vertical_lines"]
+__all__ = [
+    "VerticalLine",
+    "draw_bifurcation",
+    "draw_vertical_lines",
+    "mark_below",
+    "slides_steadily",
+    "span_of",
+    "vertical_lines",
+]
 
 COLOURS = "viridis"
 
@@ -75,12 +84,12 @@ def vertical_lines(table: Table, side: Axis) -> list[VerticalLine]:
     return [*_limits_of_steady_sliding(table, side), *_ends_of_stick_slip(table, side)]
 
 
-def draw_bifurcation(data: xarray.Dataset, figure: Figure, quantity: str = "peak_force") -> None:
+def draw_bifurcation(data: xarray.Dataset, figure: FigureBase, quantity: str = "peak_force") -> None:
     """A dot for each cycle; steady sliding as a line, broken where it is unstable; cases that are neither as marks below."""
     table = table_of(data)
     cycles = _cycles(table, quantity)
     sides = _sides(table)
-    figure.set_size_inches(COLUMN_WIDTH, 72.0 * MM)
+    sized(figure, 72.0)
     axis = figure.subplots()
     side = sides[0]
     shown = np.broadcast_to(_in_cases(table, side)[:, np.newaxis], cycles.shape)
@@ -99,10 +108,10 @@ def draw_bifurcation(data: xarray.Dataset, figure: Figure, quantity: str = "peak
         dots = axis.scatter(shown[there], cycles[there], c=colour[there], cmap=COLOURS, norm=norm, **how)
         figure.colorbar(dots, ax=axis, label=sides[1].label).solids.set_alpha(1.0)  # type: ignore[union-attr]
     axis.set(xscale=side.scale, xlabel=side.label, ylabel=_label(table, quantity))
-    axis.set_xlim(*_limits(side))
+    axis.set_xlim(*span_of(side))
     _draw_others(axis, table, side, quantity)
     if len(sides) == 1:
-        places = _draw_vertical_lines(axis, table, side)
+        places = draw_vertical_lines(axis, table, side)
         _draw_steady_branch(
             axis, table, side, quantity, np.stack([shown[there], cycles[there]], axis=1), places
         )
@@ -151,7 +160,7 @@ def _opacity(there: NDArray[np.bool_]) -> float:
     return float(np.clip(3.0 / usual, 0.3, 1.0))
 
 
-def _limits(side: Axis) -> tuple[float, float]:
+def span_of(side: Axis) -> tuple[float, float]:
     """From the first value to the last, with a little room."""
     ends = np.array([np.nanmin(side.shown), np.nanmax(side.shown)])
     if not ends[1] > ends[0]:
@@ -165,7 +174,7 @@ def _limits(side: Axis) -> tuple[float, float]:
 
 def _label(table: Table, quantity: str) -> str:
     about = table.data[f"cycle_{quantity}"].attrs
-    return f"{LABELS.get(quantity, about.get('long_name', quantity))} [{about['units']}]"
+    return with_unit(LABELS.get(quantity, about.get("long_name", quantity)), about["units"])
 
 
 # What is no cycle.
@@ -176,7 +185,7 @@ def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
     shown = _in_cases(table, side)
     codes = table.data["result_code"].values.reshape(-1)
     without = (codes == 0) & (table.data["cycle_count"].values.reshape(-1) == 0)
-    steady = without & _slides_steadily(table)
+    steady = without & slides_steadily(table)
     # From below upwards; what nobody has takes no place.
     rows = [("failed", codes > 0, VERMILION), ("no settled cycle yet", without & ~steady, "0.5")]
     if quantity in LOADS and table.has("stiffness_x"):
@@ -192,6 +201,11 @@ def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
         )
     else:
         rows.append(("steady sliding", steady, BLUE))
+    mark_below(axis, shown, rows)
+
+
+def mark_below(axis: Axes, shown: Floats, rows: Sequence[tuple[str, NDArray[np.bool_], str]]) -> None:
+    """Rows of marks below all dots: a word, the cases that it is true of, and a colour; what no case has takes no room."""
     height = 0.02
     for text, chosen, colour in rows:
         if not chosen.any():
@@ -205,6 +219,8 @@ def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
             begin, height + 0.025, text, color=colour, fontsize=SMALL, va="bottom", transform=axis.transAxes
         )
         height += 0.09
+    if height == 0.02:
+        return
     # The marks stand below all dots.
     low, high = axis.get_ylim()
     axis.set_ylim(low - (height - 0.02) / (1.02 - height) * (high - low), high)
@@ -220,7 +236,7 @@ def _begin(middle: float, width: float, margin: float = 0.0) -> float:
     return min(max(margin, middle - 0.5 * width), max(margin, 1.0 - margin - width))
 
 
-def _slides_steadily(table: Table) -> NDArray[np.bool_]:
+def slides_steadily(table: Table) -> NDArray[np.bool_]:
     """Of each case whether the load hardly swings in the second half of the run."""
     swing = table.quantity("swing").reshape(-1)
     limit = (table.parameter("mu_0") * table.parameter("normal_load")).reshape(-1)
@@ -368,7 +384,7 @@ def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
         yield VerticalLine(value, "fold of cycles at" if end.is_fold else "swing 5 % of $F_0$ at", VERMILION)
 
 
-def _draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
+def draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
     """Thin lines; what they are stands above the frame, in as many rows as it takes. Their places in shares of the diagram."""
     ends: list[float] = []
     places = []
@@ -376,7 +392,7 @@ def _draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
     for line in sorted(vertical_lines(table, side)):
         shown = float(side._replace(values=np.array([line.value])).shown[0])
         axis.axvline(shown, color=line.colour, linewidth=0.5, zorder=1.0)
-        text = f"{line.text} {shown:.3g}" + ("" if unit == "1" else f" {unit}")
+        text = f"{line.text} {shown:.3g}" + (f" {unit}" if unit else "")
         width = CHARACTER * len(text)
         place = _in_shares(axis, shown)
         places.append(place)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
 from ..creep import Form, creep_asymptotic
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
+from .notation import SPEED_RATIO
 from .samples import Floats, columns
-from .style import BLACK, BLUE, GREEN, SKY, VERMILION, panels
-from .theory import creep, scaled_time
+from .style import BLACK, BLUE, GREEN, SKY, VERMILION, note, panels
+from .theory import creep, scaled_time, stiff_frequency
+from .view import coarseness
 
 __all__ = ["draw_creep", "mean_velocity"]
 
@@ -25,16 +27,24 @@ FORMS: dict[Form, tuple[str, str, str]] = {
 POINTS = 200
 AVERAGED = 8
 """Least number of samples that are averaged."""
+PERIODS = 5.0
+"""Least number of periods of the stiff axis that are averaged: a part of one would show the oscillation."""
+AT_REST = 0.3
+"""Share of the slowest exact creep below which a mean of the run is that of an object at rest: it would set the scale."""
 
 
-def draw_creep(result: Result, figure: Figure) -> None:
+def draw_creep(result: Result, figure: FigureBase) -> None:
     """Mean velocity along the drive in the first creep, and its deviation from the exact creep."""
     tau, run, smooth = mean_velocity(result)
     exact = creep(result, tau / scaled_time(result, np.ones(1))).X_rate
     phi = np.radians(float(result.parameters["misalignment_deg"]))
     axes = panels(figure, 2, 105.0, sharex=True, height_ratios=(3.0, 2.0))
-    axes[0].plot(tau, np.where(run > 0.0, run, np.nan), color=SKY, linewidth=4.0, alpha=0.6, label="run")
-    axes[0].plot(tau, exact, color=BLACK, zorder=3, label="exact, Eq. (7)")
+    creeps = exact > 0.0
+    slowest = float(exact[creeps].min()) if creeps.any() else 0.0
+    axes[0].plot(
+        tau, np.where(run > AT_REST * slowest, run, np.nan), color=SKY, linewidth=4.0, alpha=0.6, label="run"
+    )
+    axes[0].plot(tau, np.where(creeps, exact, np.nan), color=BLACK, zorder=3, label="exact, Eq. (7)")
     axes[1].axhline(0.0, color=BLACK)
     axes[1].plot(tau, _percent(run, smooth), color=SKY, linewidth=4.0, alpha=0.6)
     for name, (label, colour, dashes) in FORMS.items():
@@ -43,14 +53,16 @@ def draw_creep(result: Result, figure: Figure) -> None:
             tau, np.where(values > 0.0, values, np.nan), dashes, color=colour, linewidth=1.0, label=label
         )
         axes[1].plot(tau, _percent(values, exact), dashes, color=colour, linewidth=1.0)
-    axes[0].set(yscale="log", ylabel="$X'/V$ [–]")
-    axes[0].legend(loc="upper left", handlelength=2.4)
-    axes[1].set(ylim=(-12.0, 12.0), ylabel="deviation [%]", xlabel=r"$\tau = V t\, k_x/(\mu_0 W)$ [–]")
+    axes[0].set(yscale="log", ylabel=SPEED_RATIO)
+    coarse = coarseness(result)
+    note(axes[0], [coarse] if coarse else [])
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, handlelength=2.4)
+    axes[1].set(ylim=(-12.0, 12.0), ylabel="deviation [%]", xlabel=r"$\tau = V t\, k_x/(\mu_0 W)$")
     axes[1].set_xlim(0.0, max(tau[-1], min(1.0, 1.02 * tau[-1])))
 
 
 def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
-    """Times V t k_x/(mu_0 W) [-] of the first creep, X'/V [-] of the run, and that of `creep_exact`, smoothed in the same way.
+    """Times V t k_x/(mu_0 W) of the first creep, X'/V of the run, and that of `creep_exact`, smoothed in the same way.
 
     A difference of means of X, so the oscillation neither shows nor needs to be resolved by the samples. A `UsageError` if
     the closed form of creep does not apply to the run, or it has no creep.
@@ -67,13 +79,23 @@ def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
     # X' = w.(cos phi, sin phi) turns round with the drive; the closed form is of a drive with V > 0.
     drive = float(result.parameters["velocity"])
     length = drive * result.time[1:2] / scaled_time(result, result.time[1:2])
-    middle, run = _mean_slope(tau, needed["X"][:end] / length)
-    return middle, run, _mean_slope(tau, exact.X)[1]
+    least = _averaged(result, end)
+    middle, run = _mean_slope(tau, needed["X"][:end] / length, least)
+    return middle, run, _mean_slope(tau, exact.X, least)[1]
 
 
-def _mean_slope(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Slope of y(x), averaged with triangles of 1/40 of all samples, and their middles."""
-    half = max(AVERAGED // 2, x.size // 80)
+def _averaged(result: Result, end: int) -> int:
+    """Samples that `PERIODS` of the stiff axis take, as far as the first creep has them."""
+    frequency = stiff_frequency(result)
+    if frequency is None:
+        return AVERAGED
+    step = float(np.median(np.diff(result.time[:end])))
+    return int(min(end // 4, np.ceil(PERIODS / (frequency * step)))) if step > 0.0 else AVERAGED
+
+
+def _mean_slope(x: Floats, y: Floats, least: int) -> tuple[Floats, Floats]:
+    """Slope of y(x), averaged with triangles of 1/40 of all samples, or of the least number, and their middles."""
+    half = max(AVERAGED // 2, x.size // 80, least // 2)
     starts = np.unique(np.linspace(0, x.size - 1 - 2 * half, POINTS).astype(int))
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x))])
     left, middle, right = (x[starts + i * half] for i in range(3))

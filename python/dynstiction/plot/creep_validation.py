@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 
 from ..creep import creep_exact
 from ..validate import DEGREES, ORDERS, Validation
@@ -20,7 +20,7 @@ FORMS = {
 """Name, colour, mark, order of the error, and dashes of those that are drawn in time."""
 
 
-def draw_creep_validation(validation: Validation, figure: Figure) -> None:
+def draw_creep_validation(validation: Validation, figure: FigureBase) -> None:
     """Errors of the forms, and the creep of the full model."""
     axes = panels(figure, 2, 100.0)
     _draw_errors(axes[0], validation)

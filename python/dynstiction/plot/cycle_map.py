@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
@@ -20,7 +20,7 @@ from ..result import Result
 from ..scene import Scene
 from ..simulation import Simulation
 from .samples import Floats
-from .style import COLUMN_WIDTH, MM, VERMILION
+from .style import VERMILION, sized
 from .theory import slider
 
 __all__ = ["Releases", "draw_cycle_map", "releases_of"]
@@ -74,14 +74,14 @@ class Releases:
         return np.diff(self.time)
 
 
-def draw_cycle_map(result: Result, figure: Figure) -> None:
+def draw_cycle_map(result: Result, figure: FigureBase) -> None:
     """P(u) - u and T(u) of the fast cycles, and the iterates of the whole run, coloured by time.
 
     The run is repeated in memory, for the state at each release; of a long one its beginning is drawn.
     """
     releases = releases_of(result)
     far = bool(releases.excursion.any())
-    figure.set_size_inches(COLUMN_WIDTH, (186.0 if far else 140.0) * MM)
+    sized(figure, 186.0 if far else 140.0)
     heights = [31.0, 31.0, 60.0, *([32.0] if far else [])]
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     above = figure.add_subplot(grid[0, :])
@@ -90,7 +90,7 @@ def draw_cycle_map(result: Result, figure: Figure) -> None:
     axes = [above, middle, whole]
     colours = Normalize(releases.time[0], releases.time[-1])
     _draw_fast_cycles(above, middle, releases, colours)
-    whole.set(xlabel="$u = k_x u_x/F_0$ at a release [–]", ylabel="$P(u)$, at the next one [–]")
+    whole.set(xlabel="$u = k_x u_x/F_0$ at a release", ylabel="$P(u)$, at the next one")
     web = _draw_cobweb(whole, releases, colours, slice(None))
     whole.set(xlim=_around(releases.u), ylim=_around(releases.u))
     if far:
@@ -199,7 +199,7 @@ def _draw_fast_cycles(above: Axes, below: Axes, releases: Releases, colours: Nor
     above.scatter(releases.u[:-1][fast], releases.step[fast] / 10.0**exponent, **drawn)
     unit, seconds = _time_unit(releases.duration[fast])
     below.scatter(releases.u[:-1][fast], releases.duration[fast] / seconds, **drawn)
-    above.set_ylabel(r"$P(u) - u$ [–]" if exponent == 0 else rf"$P(u) - u$ [$10^{{{exponent}}}$]")
+    above.set_ylabel(r"$P(u) - u$" if exponent == 0 else rf"$P(u) - u$ [$10^{{{exponent}}}$]")
     below.set_ylabel(f"$T(u)$ [{unit}]")
     above.axhline(0.0, color="0.6", linewidth=0.6, linestyle=":", zorder=0)
     for axis in (above, below):
@@ -293,9 +293,7 @@ def _label_finely(axis: Axes) -> None:
         side.set_major_formatter(FuncFormatter(partial(_difference, origin, exponent)))
         sign = "-" if origin >= 0.0 else "+"
         difference = f"{name} {sign} {abs(origin):.10g}" if origin else name
-        side.set_label_text(
-            f"${difference}$ [–]" if exponent == 0 else rf"${difference}$ [$10^{{{exponent}}}$]"
-        )
+        side.set_label_text(f"${difference}$" if exponent == 0 else rf"${difference}$ [$10^{{{exponent}}}$]")
 
 
 def _difference(origin: float, exponent: int, value: float, _: object) -> str:

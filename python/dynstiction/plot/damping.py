@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.ticker import NullFormatter
 
 from ..errors import UsageError
 from ..result import Result
 from ..stability import damping_ratio
+from .notation import MISALIGNMENT
 from .samples import Floats, columns
-from .style import BLUE, COLUMN_WIDTH, MM, VERMILION
+from .style import BLUE, VERMILION, one_axes
 from .theory import damping_crossing, slider
 
 __all__ = ["draw_damping", "draw_damping_of"]
@@ -23,12 +24,12 @@ COLOURS = (BLUE, VERMILION)
 LOWEST_RATIO = 3e-3
 
 
-def draw_damping(result: Result, figure: Figure) -> None:
+def draw_damping(result: Result, canvas: FigureBase | Axes) -> None:
     """Damping ratio against angle with the path of one run (Fig. 5)."""
-    draw_damping_of([result], figure)
+    draw_damping_of([result], canvas)
 
 
-def draw_damping_of(results: Sequence[Result], figure: Figure) -> None:
+def draw_damping_of(results: Sequence[Result], canvas: FigureBase | Axes) -> None:
     """Damping ratio against angle with the paths of at most two runs (Fig. 5).
 
     Each path leads from friction across the soft axis (90 deg) to steady sliding (theta = phi). Solid: Eq. (10), thick where the
@@ -36,8 +37,7 @@ def draw_damping_of(results: Sequence[Result], figure: Figure) -> None:
     steady sliding.
     """
     sliders = [_slider(result) for result in results]
-    figure.set_size_inches(COLUMN_WIDTH, 72.0 * MM)
-    axis = figure.subplots()
+    axis = one_axes(canvas, 72.0)
     axis.set(xscale="log", yscale="log")
     for result, parameters, colour in zip(results, sliders, COLOURS, strict=False):
         _draw_path(axis, result, parameters, colour)
@@ -45,9 +45,7 @@ def draw_damping_of(results: Sequence[Result], figure: Figure) -> None:
     axis.set_xlim(max(0.05, 0.5 * np.degrees(np.arcsin(lowest))), 100.0)
     _mark_regions(axis)
     _label_degrees(axis)
-    axis.set(
-        xlabel=r"angle of friction to the soft axis, $\theta$ [deg]", ylabel=r"damping ratio $\zeta$ [–]"
-    )
+    axis.set(xlabel=r"angle of friction to the soft axis, $\theta$ [deg]", ylabel=r"damping ratio $\zeta$")
     if any("v_f" in parameters for parameters in sliders):
         axis.plot([], [], "--", color="0.3", label="with weakening")
     axis.plot([], [], color="0.3", linewidth=2.6, alpha=0.35, label="run, up to its first slip")
@@ -71,7 +69,7 @@ def _draw_path(axis: Axes, result: Result, weakening: dict[str, float], colour: 
     constant = {name: value for name, value in weakening.items() if name not in ("mu_inf", "v_f")}
     end = np.arcsin(abs(np.sin(weakening["misalignment"])))
     theta = np.geomspace(0.5 * np.pi, min(end, 0.4 * np.pi), 400)
-    label = rf"$\phi$ = {np.degrees(weakening['misalignment']):.4g}°"
+    label = f"{MISALIGNMENT} = {np.degrees(weakening['misalignment']):.4g}°"
     axis.plot(np.degrees(theta), damping_ratio(theta, **constant), color=colour, label=label)
     _draw_visited(axis, result, constant, colour)
     if weakening != constant:

@@ -32,15 +32,19 @@ class PaperFigure(NamedTuple):
     draw: Callable[[Sequence[Result], Figure], None]
 
 
-def _of_kind(title: str, name: str, kind: str) -> PaperFigure:
-    return PaperFigure(title, (name,), lambda results, figure: KINDS[kind](results[0], figure))
+FIG4_WINDOW = 0.1
+"""Length of the Hamming window of Fig. 4 [s]."""
+
+
+def _of_kind(title: str, name: str, kind: str, **how: float) -> PaperFigure:
+    return PaperFigure(title, (name,), lambda results, figure: KINDS[kind](results[0], figure, **how))
 
 
 FIGURES: dict[str, PaperFigure] = {
     "fig1": PaperFigure("the model", (), lambda _, figure: draw_apparatus(figure)),
     "fig2": PaperFigure("its angles", (), lambda _, figure: draw_angles(figure)),
     "fig3": _of_kind("creep and stick-slip", "fig3", "history"),
-    "fig4": _of_kind("oscillation of the first creep", "fig4", "spectrogram"),
+    "fig4": _of_kind("oscillation of the first creep", "fig4", "spectrogram", length=FIG4_WINDOW),
     "fig5": PaperFigure("damping diagram", ("fig3", "phi10"), draw_damping_of),
     "creep_validation": PaperFigure(
         "Eq. (8) against the exact creep and the full model",

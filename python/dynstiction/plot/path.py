@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from ..result import Result
 from .samples import BINS, Floats, columns
-from .style import COLUMN_WIDTH, MM
+from .style import note, one_axes
+from .view import view_of
 
 __all__ = ["draw_path"]
 
@@ -22,25 +24,32 @@ FINEST = 1e-9
 ARC_POINTS = 2000
 
 
-def draw_path(result: Result, figure: Figure) -> None:
+def draw_path(
+    result: Result, canvas: FigureBase | Axes, *, start: float | None = None, end: float | None = None
+) -> None:
     """Path of the tip of the friction vector in the plane of the principal axes, over a circle."""
-    needed = columns(result, "friction", "theta")
-    force = needed["friction"]
-    tip = np.stack([force * np.cos(needed["theta"]), force * np.sin(needed["theta"])], axis=1)
+    columns(result, "friction", "theta")
+    view = view_of(result, start, end)
+    # At t = 0 the object has its start velocity; friction jumps when it comes to rest, which takes no time.
+    first = int(view.result.time[0] == 0.0 and view.result.time.size > 2)
+    time, force, theta = (view.result[name][first:] for name in ("time", "friction", "theta"))
+    tip = np.stack([force * np.cos(theta), force * np.sin(theta)], axis=1)
     kept = _visible_steps(tip)
-    figure.set_size_inches(COLUMN_WIDTH, 66.0 * MM)
-    axis = figure.subplots()
+    axis = one_axes(canvas, 70.0)
     segments = np.stack([tip[kept[:-1]], tip[kept[1:]]], axis=1)
     # The friction force jumps when a stick begins; a fine line joins what belongs together.
     jumps = np.hypot(*np.diff(tip[kept], axis=0).T) > 0.2 * force.max()
     widths = np.where(jumps, 0.25, 0.8)
-    lines = LineCollection(list(segments), array=result.time[kept[1:]], cmap="viridis", linewidths=widths)
-    lines.set_clim(result.time[0], result.time[-1])
+    lines = LineCollection(list(segments), array=time[kept[1:]], cmap="viridis", linewidths=widths)
+    lines.set_clim(time[0], time[-1])
     axis.add_collection(lines)
-    view = _view(tip)
-    axis.plot(*_arc(float(force.max()), view), color="0.6", linewidth=0.6, linestyle=":")
-    axis.set(xlim=view[:, 0], ylim=view[:, 1], aspect="equal", xlabel="$F_x$ [N]", ylabel="$F_y$ [N]")
-    figure.colorbar(lines, ax=axis, label="$t$ [s]", pad=0.02)
+    shown = _view(tip)
+    axis.plot(
+        *_arc(float(force.max()), shown), color="0.35", linewidth=0.8, linestyle=":", label="largest $|F|$"
+    )
+    axis.set(xlim=shown[:, 0], ylim=shown[:, 1], aspect="equal", xlabel="$F_x$ [N]", ylabel="$F_y$ [N]")
+    axis.figure.colorbar(lines, ax=axis, label="$t$ [s]", pad=0.02)
+    note(axis, (*view.notes, "dotted: a circle with the largest $|F|$"))
 
 
 def _visible_steps(points: Floats) -> NDArray[np.intp]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._native import catalogue
 from ..errors import ColumnError
 from ..result import Result
 from ..thinning import extremes
@@ -24,12 +26,23 @@ BINS = 2 * int(COLUMN_WIDTH * DOTS_PER_INCH)
 def columns(result: Result, *names: str) -> Mapping[str, Floats]:
     """Columns by name; a `ColumnError` says how to get what the result lacks."""
     missing = [name for name in names if name not in result]
+    for name in missing:
+        _refuse_unknown(name)
     if missing:
         listed = ", ".join(repr(name) for name in (*(n for n in result if n != "time"), *missing))
         raise ColumnError(
             f"the result lacks {', '.join(missing)}: run the deck again with output.fields = {listed}"
         )
     return {name: result[name] for name in names}
+
+
+def _refuse_unknown(name: str) -> None:
+    """No run can have a column that the core does not know: it is a slip of the pen."""
+    known = [column["name"] for column in catalogue()["columns"]]
+    if name not in known:
+        near = get_close_matches(name, known, n=1)
+        meant = f"did you mean '{near[0]}'? " if near else ""
+        raise ColumnError(f"no column '{name}': {meant}The columns are {', '.join(known)}")
 
 
 def thin(time: Floats, values: Floats, bins: int = BINS) -> tuple[Floats, Floats]:

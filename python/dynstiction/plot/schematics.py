@@ -42,7 +42,7 @@ def draw_apparatus(figure: Figure) -> None:
     )
     axis.add_patch(object_)
     _text(axis, ORIGIN, "$m$", zorder=5)
-    _angle(axis, 2.9, -PHI, 0.0, r"$\phi$")
+    _angle(axis, 2.9, -PHI, 0.0, r"$\varphi$")
     _text(axis, 1.35 * soft - 0.26 * stiff, "$k_x$", color=BLUE)
     _text(axis, 0.68 * stiff + 0.36 * soft, "$k_y$", color=VERMILION)
     corner = wall + roof
@@ -80,7 +80,7 @@ def draw_angles(figure: Figure) -> None:
     _arrow(axis, ORIGIN, -direction, PURPLE, 1.4)
     _text(axis, np.array([-0.98, -1.03]), "friction $-F(v)\\,\\mathbf{w}/v$", color=PURPLE, va="top")
     axis.add_patch(Circle((0.0, 0.0), 0.05, color=BLACK, zorder=4))
-    _angle(axis, 1.5, -PHI, 0.0, r"$\phi$")
+    _angle(axis, 1.5, -PHI, 0.0, r"$\varphi$")
     _angle(axis, 0.38, 0.0, theta - PHI, r"$\psi$")
     _angle(axis, 1.22, -PHI, theta - PHI, r"$\theta$")
 

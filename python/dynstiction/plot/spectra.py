@@ -6,44 +6,91 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
 
 from ..errors import UsageError
 from ..result import Result
 from ..spectrum import Spectrogram, oscillation_frequency, spectrogram
 from ..stick_slip import first_release
+from .notation import COLUMNS
 from .samples import Floats, columns
-from .style import panels
+from .style import note, panels
 from .theory import creep, slider, stiff_frequency
 from .time_series import VELOCITIES, draw_column, show_time
+from .view import View, view_of
 
 __all__ = ["draw_spectrogram", "predicted_ridge"]
 
-WINDOW = 0.1
-"""Length of the Hamming window [s], the paper's."""
+PERIODS = 20.0
+"""Length of the Hamming window over the period of the stiff axis: a line is then about a tenth of its frequency wide."""
+SHORTEST = 8.0
+"""The same where stick-slip is so quick that `PERIODS` would hide it."""
+OF_CYCLE = 0.25
+"""Share of a stick-slip cycle that the window should not exceed."""
+FEWEST, OF_SHORT_SPAN = 2.0, 0.5
+"""Periods, and share of what is shown, of the window of a run that is shorter than `PERIODS`."""
+OF_SPAN = 0.1
+"""Share of what is shown that the window is without a stiff axis."""
 DECIBELS = 70.0
 HIGHEST_FREQUENCY = 2.5
 """Upper end of the frequency axis over the frequency of the stiff axis."""
+ROUNDING = 0.01
+"""By which the samples may miss the top of the axis: an interval is a round number."""
+FOLDING = 10.0
+"""Samples in a period of the stiff axis below which overtones fold back into the picture."""
 
 
-def draw_spectrogram(result: Result, figure: Figure) -> None:
-    """Both slip velocities, their spectrograms and the predicted ridge of the first creep (Fig. 4)."""
-    needed = columns(result, *VELOCITIES)
-    _refuse_aliases(result)
-    spectra = {name: spectrogram(result.time, 1e3 * values, WINDOW) for name, values in needed.items()}
+def draw_spectrogram(
+    result: Result,
+    figure: FigureBase,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    length: float | None = None,
+) -> None:
+    """Both slip velocities, their spectrograms and the predicted ridge of the first creep (Fig. 4).
+
+    The length of the sliding window [s] follows from the scene, if it is not given.
+    """
+    columns(result, *VELOCITIES)
+    view = view_of(result, start, end)
+    stiff = stiff_frequency(result)
+    _refuse_aliases(view.result, stiff)
+    length = length or _length(view, stiff)
+    shown = view.result
+    spectra = {name: spectrogram(shown.time, 1e3 * shown[name], length) for name in VELOCITIES}
     # The slips, which only w_x shows, may exceed the scale.
     top = float(spectra["w_y"].density.max()) or float(spectra["w_x"].density.max()) or 1.0
-    axes = panels(figure, 4, 140.0, sharex=True, height_ratios=(2.0, 3.0, 2.0, 3.0))
-    highest = HIGHEST_FREQUENCY * (stiff_frequency(result) or np.inf)
+    axes = panels(figure, 4, 165.0, sharex=True, height_ratios=(2.5, 3.0, 2.5, 3.0))
+    highest = HIGHEST_FREQUENCY * (stiff or np.inf)
+    ridge = None
     for i, name in enumerate(VELOCITIES):
-        draw_column(axes[2 * i], result, name, 0.05)
-        image = _draw_density(axes[2 * i + 1], spectra[name], 10.0 * np.log10(top), highest)
-        _draw_ridge(axes[2 * i + 1], result)
-        axes[2 * i + 1].set_ylabel(f"$f$ of ${name}$ [kHz]")
-    show_time(axes[-1], result)
+        draw_column(axes[2 * i], shown, name, 0.05, tuple(shown[each] for each in VELOCITIES))
+        image = _draw_density(axes[2 * i + 1], spectra[name], 10.0 * np.log10(top), highest, length)
+        ridge = _draw_ridge(axes[2 * i + 1], result) or ridge
+        axes[2 * i + 1].set_ylabel(f"$f$ of {COLUMNS[name].text} [kHz]")
+    show_time(axes[-1], shown)
     label = "power density [dB re 1 (mm/s)$^2$/Hz]"
+    beyond = ["slips exceed the scale of colours"] if spectra["w_x"].density.max() > top else []
     figure.colorbar(image, ax=axes, location="top", aspect=40, pad=0.01, extend="both", label=label)
+    note(axes[0], (*view.notes, f"Hamming window of {1e3 * length:.3g} ms", *beyond, *_folds(shown, stiff)))
+    if ridge is not None:
+        # Outside the picture, on the dark ground that the line needs: in it are lines everywhere.
+        dark: Any = {"frameon": True, "facecolor": "0.25", "edgecolor": "none", "labelcolor": "white"}
+        figure.legend(handles=[ridge], loc="outside lower center", handlelength=2.6, **dark)
+
+
+def _length(view: View, stiff: float | None) -> float:
+    """Length of the window [s]: some periods of the stiff axis, fewer where the cycles are short."""
+    span = float(view.result.time[-1] - view.result.time[0])
+    if stiff is None:
+        return OF_SPAN * span
+    means = view.cycles.means() if view.cycles is not None else {}
+    cycle = float(means.get("period", np.inf))
+    usual = float(np.clip(OF_CYCLE * cycle, SHORTEST / stiff, PERIODS / stiff))
+    return min(usual, max(OF_SHORT_SPAN * span, FEWEST / stiff))
 
 
 def predicted_ridge(result: Result) -> tuple[Floats, Floats]:
@@ -56,7 +103,7 @@ def predicted_ridge(result: Result) -> tuple[Floats, Floats]:
     return times, oscillation_frequency(theta, **stiffness)
 
 
-def _draw_density(axis: Axes, spectrum: Spectrogram, top: float, highest: float) -> AxesImage:
+def _draw_density(axis: Axes, spectrum: Spectrogram, top: float, highest: float, length: float) -> AxesImage:
     """Density in decibels below `top`, up to the frequency `highest` [Hz]."""
     shown = spectrum.frequency <= highest
     frequency = 1e-3 * spectrum.frequency[shown]
@@ -69,36 +116,43 @@ def _draw_density(axis: Axes, spectrum: Spectrogram, top: float, highest: float)
         origin="lower",
         aspect="auto",
         interpolation="nearest",
-        extent=(*_edges(spectrum.time), *_edges(frequency)),
+        extent=(*_edges(spectrum.time, length), *_edges(frequency, length)),
     )
     axis.set_facecolor("0.9")
     axis.set_ylim(0.0, frequency[-1])
     return image
 
 
-def _edges(middles: Floats) -> tuple[float, float]:
+def _edges(middles: Floats, length: float) -> tuple[float, float]:
     """First and last edge of equal cells with these middles."""
-    half = 0.5 * (middles[1] - middles[0]) if middles.size > 1 else 0.5 * WINDOW
+    half = 0.5 * (middles[1] - middles[0]) if middles.size > 1 else 0.5 * length
     return float(middles[0] - half), float(middles[-1] + half)
 
 
-def _draw_ridge(axis: Axes, result: Result) -> None:
+def _draw_ridge(axis: Axes, result: Result) -> Line2D | None:
     try:
         times, frequency = predicted_ridge(result)
     except UsageError:
-        return  # the figure is good without the prediction, which needs more than the spectrogram does
+        return None  # the figure is good without the prediction, which needs more than the spectrogram does
     # Wide gaps: the ridge below must be seen.
-    axis.plot(times, 1e-3 * frequency, color="white", linewidth=0.9, linestyle=(0, (4, 6)), label="predicted")
-    # Framed: a whole history has lines everywhere.
-    framed: Any = {"frameon": True, "facecolor": "black", "edgecolor": "none"}
-    axis.legend(loc="upper left", labelcolor="white", handlelength=2.6, **framed)
+    style: Any = {"color": "white", "linewidth": 0.9, "linestyle": (0, (4, 6))}
+    (line,) = axis.plot(times, 1e-3 * frequency, label="predicted in slow creep", **style)
+    return line
 
 
-def _refuse_aliases(result: Result) -> None:
-    stiff = stiff_frequency(result)
+def _refuse_aliases(result: Result, stiff: float | None) -> None:
+    """The samples must show every frequency of the axis: what is faster would fold back into the picture."""
     step = float(np.median(np.diff(result.time)))
-    if stiff is not None and step * stiff > 0.5:
+    if stiff is not None and step * stiff * HIGHEST_FREQUENCY > 0.5 * (1.0 + ROUNDING):
         raise UsageError(
-            f"samples {step:.6g} s apart cannot show the oscillation of {stiff:.6g} Hz: "
-            f"run again with output.interval = {0.05 / stiff:.1g}"
+            f"samples {step:.6g} s apart cannot show the oscillation of {stiff:.6g} Hz and its overtones up to "
+            f"{HIGHEST_FREQUENCY * stiff:.4g} Hz: run again with output.interval = {0.05 / stiff:.1g}"
         )
+
+
+def _folds(result: Result, stiff: float | None) -> list[str]:
+    """Says that overtones above half the sampling rate show as lines that rise."""
+    step = float(np.median(np.diff(result.time)))
+    if stiff is None or step * stiff * FOLDING < 1.0:
+        return []
+    return [f"overtones above {0.5e-3 / step:.3g} kHz fold back: lines that rise"]

@@ -6,11 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.figure import Figure
+from matplotlib.axis import Axis
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from matplotlib.typing import ColorType, FillStyleType
 from numpy.typing import NDArray
 
+from .notation import MISALIGNMENT, PARAMETERS
 from .samples import Floats
 from .style import BLACK, panels
 from .sweep_table import table_of
@@ -19,6 +24,15 @@ if TYPE_CHECKING:
     import xarray
 
 __all__ = ["draw_lambda", "slip_angle_of_creep"]
+
+VIRIDIS = colormaps["viridis"]
+LIGHTEST = 0.95
+"""Share of the colours that is used: the last are too light for marks."""
+MOST_NAMED = 8
+"""Angles that the legend names; more get a bar of colours."""
+TICKS = 6
+PLAIN, SHORT = 200.0, 5.0
+"""Ratio of the ends of a logarithmic axis up to which its ticks are plain numbers, and evenly spaced."""
 
 VISIBLE = 0.01
 """Share of F_0 above which a swing is stick-slip."""
@@ -32,7 +46,7 @@ def slip_angle_of_creep(number: Floats) -> Floats:
     return 1.01627 * np.asarray(4.0 * number) ** -0.2
 
 
-def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
+def draw_lambda(data: xarray.Dataset, figure: FigureBase) -> None:
     """Friction angle at the first slip, creep share and first peak force; colours by misalignment."""
     table = table_of(data)
     names = ("mu_0", "normal_load", "velocity", "misalignment_deg", "mass", "stiffness_x")
@@ -63,39 +77,80 @@ def draw_lambda(data: xarray.Dataset, figure: Figure) -> None:
                     markeredgewidth=0.6,
                 )  # fmt: skip
         panel.set_xscale("log")
-    _finish(axes, number, angles)
-    figure.legend(handles=_legend(angles, bool(slow.all())), loc="outside lower center", ncols=4)
+    theory = _finish(axes, number, angles)
+    handles = _fills(bool(slow.all()))
+    if angles.size <= MOST_NAMED:
+        handles = [*_marks(angles), *handles]
+    else:
+        # The marks are spaced evenly in colour: the numbers at the bar are those of the values.
+        scale = ScalarMappable(Normalize(0.0, (angles.size - 1) / LIGHTEST), VIRIDIS)
+        bar = figure.colorbar(
+            scale,
+            ax=list(axes),
+            location="top",
+            aspect=40,
+            pad=0.01,
+            label=PARAMETERS["misalignment_deg"].label,
+        )
+        named = np.unique(np.linspace(0, angles.size - 1, TICKS).astype(int))
+        bar.set_ticks(list(named), labels=[f"{angles[i]:.3g}" for i in named])
+        bar.ax.set_xlim(0.0, angles.size - 1)
+    figure.legend(handles=[*handles, *theory], loc="outside lower center", ncols=2, columnspacing=1.2)
 
 
-def _finish(axes: NDArray[Any], number: Floats, angles: Floats) -> None:
-    """Labels, scales, and the lines of theory."""
+def _finish(axes: NDArray[Any], number: Floats, angles: Floats) -> list[Line2D]:
+    """Labels, scales, and the lines of theory, which are returned."""
     ends = np.geomspace(np.nanmin(number), np.nanmax(number[np.isfinite(number)]), 50)
     for panel in axes[[0, 2, 3]]:
-        panel.set_xlabel(r"$\Lambda$ [1]")
+        panel.set_xlabel(r"$\Lambda$")
     for panel in axes[:2]:
-        panel.set(yscale="log", ylabel=r"$\theta$ at first slip [deg]")
-    axes[1].set_xlabel(r"$\Lambda^2\tan\varphi$ [1]")
+        panel.set(yscale="log", ylabel=r"$\theta$ at slip [deg]")
+    axes[1].set_xlabel(r"$\Lambda^2\tan\varphi$")
     large, small = np.geomspace(1.0, 1e7), np.geomspace(1e-5, 1.0)
-    axes[1].plot(large, np.degrees(slip_angle_of_creep(large)), color=BLACK, linestyle="--")
-    axes[1].plot(small, np.degrees(np.arctan2(1.0, 2.0 * small)), color=BLACK, linestyle=":")
-    axes[2].axhline(FREE_OSCILLATION, color=BLACK, linestyle=":")
-    axes[2].set(ylim=(-0.03, 1.03), ylabel=r"creep share [1]")
-    axes[3].set(yscale="log", ylabel=r"first peak / $F_0$ [1]")
+    style: Any = {"color": BLACK, "zorder": 1.5}
+    (creep,) = axes[1].plot(large, np.degrees(slip_angle_of_creep(large)), linestyle="--", **style)
+    creep.set_label("(b) slip out of creep")
+    (inertia,) = axes[1].plot(small, np.degrees(np.arctan2(1.0, 2.0 * small)), linestyle=":", **style)
+    inertia.set_label("(b) slip at once")
+    free = axes[2].axhline(FREE_OSCILLATION, linestyle="-.", label="(c) free oscillation", **style)
+    axes[2].set(ylim=(-0.03, 1.03), ylabel=r"creep share")
+    axes[3].set(yscale="log", ylabel=r"first peak / $F_0$")
     for i, angle in enumerate(angles):
         if angle > 0.0:
-            inertia = 1.0 / (2.0 * ends * np.sin(np.radians(angle)))
-            axes[3].plot(ends, 1.0 + inertia, color=_colour(i, angles), linewidth=0.5)
+            beyond = 1.0 / (2.0 * ends * np.sin(np.radians(angle)))
+            axes[3].plot(ends, 1.0 + beyond, color=_colour(i, angles), linewidth=0.5)
+    for panel in axes:
+        for side in (panel.xaxis, panel.yaxis):
+            if side.get_scale() == "log":
+                _plain_ticks(side)
+    overshoot = Line2D([], [], color="0.4", linewidth=0.5, label=r"(d) $1+1/(2\Lambda\sin\varphi)$")
+    return [creep, inertia, free, overshoot]
+
+
+def _plain_ticks(side: Axis) -> None:
+    """Numbers like 0.5 and 20, where a logarithmic axis spans little; it would write 8 x 10^0."""
+    low, high = side.get_view_interval()
+    if 0.0 < low < high < PLAIN * low and low > 1e-3 and high < 1e4:
+        # Of 1, 2 and 5 only one may lie within a short axis.
+        side.set_major_locator(MaxNLocator(4) if high < SHORT * low else LogLocator(subs=(1.0, 2.0, 5.0)))
+        side.set_major_formatter("{x:g}")
+        side.set_minor_formatter(NullFormatter())
 
 
 def _colour(i: int, angles: Floats) -> tuple[float, float, float, float]:
-    return colormaps["viridis"](0.95 * i / max(1, angles.size - 1))
+    return VIRIDIS(LIGHTEST * i / max(1, angles.size - 1))
 
 
-def _legend(angles: Floats, all_slow: bool) -> list[Line2D]:
-    handles = [_mark(_colour(i, angles), "full", f"{angle:g}°") for i, angle in enumerate(angles)]
-    if not all_slow:
-        handles += [_mark("0.4", "full", "$V < v_f/2$"), _mark("0.4", "none", r"$V \geq v_f/2$")]
-    return handles
+def _marks(angles: Floats) -> list[Line2D]:
+    return [
+        _mark(_colour(i, angles), "full", f"{MISALIGNMENT} = {angle:.4g}°") for i, angle in enumerate(angles)
+    ]
+
+
+def _fills(all_slow: bool) -> list[Line2D]:
+    if all_slow:
+        return []
+    return [_mark("0.4", "full", "$V < v_f/2$"), _mark("0.4", "none", r"$V \geq v_f/2$")]
 
 
 def _mark(colour: ColorType, fill: FillStyleType, label: str) -> Line2D:

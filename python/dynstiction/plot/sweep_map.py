@@ -5,14 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
+from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
 
 from ..errors import UsageError
 from ..stability import critical_misalignment
+from .bifurcation import draw_vertical_lines, mark_below, slides_steadily, span_of
+from .notation import scaled, with_unit
 from .samples import Floats
-from .style import BLACK, BLUE, COLUMN_WIDTH, MM, VERMILION
+from .style import BLACK, BLUE, VERMILION, sized
 from .sweep_table import Axis, Table, table_of
 
 if TYPE_CHECKING:
@@ -33,9 +38,29 @@ RELATIVE = {
 """Quantities that are drawn in units of the static limit F_0 = mu_0 W or of the run's length: label, unit."""
 
 LABELS = {
-    "creep_share": "share of the time with $|X'| \\leq V/10$",
+    "period": "period",
+    "stick_duration": "stick: valley to peak of the load",
+    "slip_duration": "slip: peak to valley of the load",
+    "slip_length": "advance $X$ from peak to valley",
+    "slip_angle": r"$\theta$ at the first slip",
+    "first_peak_force": "first peak of the load",
+    "max_X_rate": r"largest $|\dot X|$",
+    "final_X": "$X$ at the end",
+    "final_X_rate": r"$\dot X$ at the end",
+    "final_u_x": "$u_x$ at the end",
+    "final_u_y": "$u_y$ at the end",
+    "sticks": "number of rests",
+    "cycles": "number of cycles",
+    "fast_decay": "$D$, decay of the fast oscillation",
+    "creep_share": r"share of the time with $|\dot X| \leq V/10$",
     "lyapunov_exponent": "Lyapunov exponent of a slow cycle",
 }
+
+OF_CYCLES = ("period", "peak_force", "valley_force", "slip_length", "slip_duration", "stick_duration")
+"""Quantities that only stick-slip has, besides their scatters."""
+CROWDED = 1.5
+"""Largest value over the highest of all but the 2 % largest above which those few do not set the colours."""
+USUAL_SHARE = 98.0
 
 SIGNED = {"lyapunov_exponent": 5.0}
 """Quantities whose sign matters: what the colours reach to on either side of 0."""
@@ -50,16 +75,16 @@ FINE = 2000
 """Points of a line of stability."""
 
 
-def draw_map(data: xarray.Dataset, figure: Figure, quantity: str = "swing") -> None:
+def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") -> None:
     """A quantity in colours over a grid, as a line over one parameter, or as marks for a list."""
     table = table_of(data)
     values, label = _values(table, quantity)
     if not np.isfinite(values).any():
         raise UsageError(f"nothing to draw: no case has a value of '{quantity}': name another quantity")
-    figure.set_size_inches(COLUMN_WIDTH, 72.0 * MM)
+    sized(figure, 72.0)
     axis = figure.subplots()
     if len(table.axes) == 1:
-        _draw_line(axis, table, values, label)
+        _draw_line(axis, table, quantity, values, label)
     elif table.is_grid and len(table.axes) == 2:
         _draw_colours(figure, axis, table, quantity, values, label)
     elif table.is_grid:
@@ -71,26 +96,47 @@ def draw_map(data: xarray.Dataset, figure: Figure, quantity: str = "swing") -> N
 def _values(table: Table, quantity: str) -> tuple[Floats, str]:
     """Values as they are drawn, and what they are."""
     values = table.quantity(quantity)
+    if _of_cycles(quantity) and "swing" in table.data and table.has("mu_0") and table.has("normal_load"):
+        # What swings so little slides steadily: cycles on the way there are none that persist.
+        values = np.where(slides_steadily(table).reshape(values.shape), np.nan, values)
     about = table.data[quantity].attrs
     if quantity in RELATIVE:
         label, unit = RELATIVE[quantity]
         names = ("mu_0", "normal_load") if unit == "F_0" else (unit,)
         if all(table.has(name) for name in names):
             return values / np.prod([table.parameter(name) for name in names], axis=0), label
+    text = LABELS.get(quantity, str(about["long_name"]).replace("_", " "))
     if about["units"] == "rad":
-        return np.degrees(values), f"{about['long_name']} [deg]"
-    unit = "" if about["units"] == "1" else f" [{about['units']}]"
-    return values, LABELS.get(quantity, about["long_name"]) + unit
+        return np.degrees(values), with_unit(text, "deg")
+    factor, unit = scaled(str(about["units"]).replace("m s-1", "m/s"), values)
+    return factor * values, with_unit(text, unit)
 
 
-def _draw_line(axis: Axes, table: Table, values: Floats, label: str) -> None:
+def _of_cycles(quantity: str) -> bool:
+    return quantity.removesuffix("_scatter") in OF_CYCLES
+
+
+def _draw_line(axis: Axes, table: Table, quantity: str, values: Floats, label: str) -> None:
     (side,) = table.axes
     order = np.argsort(side.values)
     axis.plot(side.shown[order], values[order], ".-", color=BLUE, markersize=3.0)
     axis.set(xscale=side.scale, xlabel=side.label, ylabel=label)
+    # Also where no case has a value.
+    axis.set_xlim(*span_of(side))
+    codes = table.data["result_code"].values
+    rows = [
+        ("failed", codes > 0, VERMILION),
+        (
+            "no cycle persists" if _of_cycles(quantity) else "no value",
+            (codes == 0) & ~np.isfinite(values),
+            "0.35",
+        ),
+    ]
+    mark_below(axis, side.shown, rows)
+    draw_vertical_lines(axis, table, side)
 
 
-def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label: str) -> None:
+def _draw_marks(figure: FigureBase, axis: Axes, table: Table, values: Floats, label: str) -> None:
     """Against the first parameter, in the colour of the second."""
     first, second = table.axes[:2]
     norm = LogNorm() if second.scale == "log" else Normalize()
@@ -100,7 +146,7 @@ def _draw_marks(figure: Figure, axis: Axes, table: Table, values: Floats, label:
 
 
 def _draw_colours(
-    figure: Figure, axis: Axes, table: Table, quantity: str, values: Floats, label: str
+    figure: FigureBase, axis: Axes, table: Table, quantity: str, values: Floats, label: str
 ) -> None:
     """The first parameter upwards, the second to the right; or the other way round if that is the misalignment."""
     up, right = table.axes
@@ -108,16 +154,20 @@ def _draw_colours(
     if is_turned:
         up, right, values = right, up, values.T
     axis.set_facecolor(NOTHING)
+    extend = "both" if quantity in SIGNED else "neither"
     if quantity in SIGNED:
         colours, highest = SIGNED_COLOURS, SIGNED[quantity]
         lowest = -highest
     else:
         colours, highest = COLOURS, np.nanmax(values)
         lowest = min(0.0, np.nanmin(values))
+        usual = float(np.nanpercentile(values, USUAL_SHARE))
+        if highest > CROWDED * usual > 0.0:
+            # A few cases would leave one colour for all others.
+            highest, extend = usual, "max"
     picture = axis.pcolormesh(
         _edges(right), _edges(up), values, cmap=colours, vmin=lowest, vmax=highest, rasterized=True
     )
-    extend = "both" if quantity in SIGNED else "neither"
     figure.colorbar(picture, ax=axis, label=label, extend=extend)
     if quantity == "lyapunov_exponent" and "fast_decay" in table.data:
         decay = table.quantity("fast_decay")
@@ -126,6 +176,7 @@ def _draw_colours(
         _draw_stability(axis, table, up, right)
     axis.set(xscale=right.scale, xlim=_edges(right)[[0, -1]], xlabel=right.label)
     axis.set(yscale=up.scale, ylim=_edges(up)[[0, -1]], ylabel=up.label)
+    _draw_legend(figure, axis, bool(np.isnan(values).any()), _of_cycles(quantity))
     # Ticks inside would be lost in the colours.
     axis.tick_params(which="both", direction="out", top=False, right=False)
 
@@ -144,7 +195,10 @@ def _edges(side: Axis) -> Floats:
     edges = np.concatenate(
         ([values[0] - half[0]], values[:-1] + half[: values.size - 1], [values[-1] + half[-1]])
     )
-    return np.asarray(np.exp(edges) if side.scale == "log" else edges)
+    if side.scale == "log":
+        return np.asarray(np.exp(edges))
+    # What is positive has no cells below 0.
+    return np.maximum(edges, 0.0) if np.min(side.shown) > 0.0 else np.asarray(edges)
 
 
 def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
@@ -161,17 +215,44 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
         critical = critical_misalignment(**(given | {right.name: values}))
         (slow, fast), rigid = np.degrees(critical.angle).T, np.degrees(critical.limit)
         if table.has("stiffness_y"):
-            axis.plot(shown, slow, color=VERMILION, linewidth=1.2, label="slow mode")
+            axis.plot(shown, slow, color=VERMILION, linewidth=1.2, label="stability limit, slow mode")
             axis.plot(shown, fast, color=VERMILION, linewidth=1.2, linestyle="--", label="fast mode")
             if right.name != "stiffness_y":
-                axis.plot(shown, rigid, color="white", linewidth=0.8, linestyle=":")
+                (line,) = axis.plot(
+                    shown,
+                    rigid,
+                    color="white",
+                    linewidth=1.0,
+                    linestyle=(0, (1, 1.5)),
+                    label="rigid stiff axis",
+                )
+                # A dark edge: it must be seen on the paper of the legend too.
+                line.set_path_effects([Stroke(linewidth=2.2, foreground="0.2"), Normal()])
         else:
-            axis.plot(shown, rigid, color=VERMILION, linewidth=1.2, label="slow mode")
+            axis.plot(shown, rigid, color=VERMILION, linewidth=1.2, label="stability limit, slow mode")
     if right.name == "stiffness_y" and table.has("stiffness_x"):
         crossover = np.degrees(np.arctan(table.numbers["stiffness_x"] / values))
         axis.plot(shown, crossover, color=BLACK, linewidth=1.0, linestyle=":", label=r"$\tan\varphi=k_x/k_y$")
-    handles, _ = axis.get_legend_handles_labels()
+
+
+def _draw_legend(figure: FigureBase, axis: Axes, has_gaps: bool, of_cycles: bool) -> None:
+    """Lines and the grey of cases without a value, above the map."""
+    low, high = axis.get_ylim()
+    handles: list[Artist] = [
+        line
+        for line in axis.lines
+        if not str(line.get_label()).startswith("_")
+        and np.any((np.asarray(line.get_ydata()) > low) & (np.asarray(line.get_ydata()) < high))
+    ]
+    if has_gaps:
+        handles.append(
+            Patch(color=NOTHING, label="no cycle persists, or failed" if of_cycles else "no value")
+        )
     if handles:
-        axis.figure.legend(
-            loc="outside upper center", ncols=len(handles), handlelength=1.8, columnspacing=1.0
+        figure.legend(
+            handles=handles,
+            loc="outside upper center",
+            ncols=min(2, len(handles)),
+            handlelength=1.8,
+            columnspacing=1.0,
         )

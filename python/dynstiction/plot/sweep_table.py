@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import UsageError
 from ..scene import Scene
+from .notation import PARAMETERS, Symbol, with_unit
 from .samples import Floats
 from .theory import is_exponential
 
@@ -16,22 +17,6 @@ if TYPE_CHECKING:
     import xarray
 
 __all__ = ["Axis", "Table", "table_of"]
-
-# 'system.stiffness_x' -> how a figure calls it: symbol, factor, unit.
-SYMBOLS = {
-    "mass": ("$m$", 1.0, "kg"),
-    "stiffness_x": ("$k_x$", 1.0, "N/m"),
-    "stiffness_y": ("$k_y$", 1.0, "N/m"),
-    "damping_x": ("$c_x$", 1.0, "N s/m"),
-    "damping_y": ("$c_y$", 1.0, "N s/m"),
-    "misalignment_deg": (r"$\varphi$", 1.0, "deg"),
-    "mu_0": (r"$\mu_0$", 1.0, "1"),
-    "mu_inf": (r"$\mu_\infty$", 1.0, "1"),
-    "v_f": ("$v_f$", 1e3, "mm/s"),
-    "normal_load": ("$W$", 1.0, "N"),
-    "velocity": ("$V$", 1e3, "mm/s"),
-    "t_end": (r"$t_\mathrm{end}$", 1.0, "s"),
-}
 
 
 def _name_of(key: object) -> str:
@@ -52,15 +37,19 @@ class Axis(NamedTuple):
         return _name_of(self.key)
 
     @property
+    def symbol(self) -> Symbol:
+        """How figures write the parameter."""
+        return PARAMETERS.get(self.name, Symbol(self.name.replace("_", " "), self.units))
+
+    @property
     def shown(self) -> Floats:
         """Values in the unit of a figure."""
-        return self.values * SYMBOLS.get(self.name, ("", 1.0, ""))[1]
+        return self.values * self.symbol.factor
 
     @property
     def label(self) -> str:
         """Symbol and unit."""
-        symbol, _, unit = SYMBOLS.get(self.name, (self.name, 1.0, self.units))
-        return f"{symbol} [{unit}]"
+        return with_unit(self.symbol.text, self.symbol.unit)
 
     @property
     def scale(self) -> str:

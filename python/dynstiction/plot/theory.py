@@ -6,15 +6,26 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .._optional import needed
 from ..creep import Creep, creep_exact
-from ..errors import UsageError
+from ..errors import Error, UsageError
 from ..result import Result
+from ..scene import Scene
 from ..spectrum import oscillation_frequency
 from ..stability import damping_ratio
 from .samples import Floats
 
-__all__ = ["creep", "damping_crossing", "is_exponential", "scaled_time", "slider", "stiff_frequency"]
+__all__ = [
+    "creep",
+    "damping_crossing",
+    "drive_profile",
+    "driven_length",
+    "is_exponential",
+    "scaled_time",
+    "slider",
+    "static_limit",
+    "steady_friction",
+    "stiff_frequency",
+]
 
 ALWAYS = ("mass", "stiffness_x", "stiffness_y", "mu_0", "normal_load", "velocity")
 WEAKENING = ("mu_inf", "v_f")
@@ -66,10 +77,72 @@ def creep(result: Result, time: Floats) -> Creep:
     return creep_exact(scaled_time(result, time), np.radians(system["misalignment_deg"]), kappa)
 
 
+def static_limit(result: Result) -> float | None:
+    """F_0 = mu_0 W [N]; None if the run does not tell it."""
+    try:
+        given = _numbers(result, "mu_0", "normal_load")
+    except UsageError:
+        return None
+    return given["mu_0"] * given["normal_load"]
+
+
+def steady_friction(result: Result) -> float | None:
+    """F(V) [N], the friction in steady sliding; None where the drive is not constant, or the law is a table."""
+    limit = static_limit(result)
+    if limit is None or result.parameters.get("law", "constant") not in ("constant", "weakening", "stribeck"):
+        return None
+    try:
+        speed = abs(_numbers(result, "velocity")["velocity"])
+    except UsageError:
+        return None
+    if speed == 0.0:
+        return None
+    if any(name not in result.parameters for name in WEAKENING):
+        return limit
+    given = _numbers(result, "mu_0", "normal_load", *WEAKENING)
+    least = given["mu_inf"] * given["normal_load"]
+    exponent, viscous = (
+        float(result.parameters.get(*each)) for each in (("exponent", 1.0), ("viscous", 0.0))
+    )
+    fall = np.exp(-((speed / given["v_f"]) ** exponent))
+    return float(least + (limit - least) * fall + viscous * speed * given["normal_load"])
+
+
+def drive_profile(result: Result) -> tuple[Floats, Floats] | None:
+    """Times [s] and velocities [m/s] of the corners of a drive that changes; None if it does not, or the run does not tell it."""
+    if "velocity" in result.parameters or not result.resolved_deck:
+        return None
+    try:
+        drive = Scene.from_deck(result.resolved_deck).groups()["drive"]
+        time, velocity = (
+            np.atleast_1d(np.asarray(drive[name], dtype=float)) for name in ("time", "velocity")
+        )
+    except (Error, KeyError, ValueError):
+        return None
+    return (time, velocity) if velocity.size > 1 and time.shape == velocity.shape else None
+
+
+def driven_length(result: Result, time: Floats) -> Floats | None:
+    """Integral of V [m] from 0 to some times [s]; None if the run does not tell V."""
+    profile = drive_profile(result)
+    if profile is None:
+        try:
+            return _numbers(result, "velocity")["velocity"] * time
+        except UsageError:
+            return None
+    corners, velocity = profile
+    length = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(corners))])
+    here = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
+    since = np.clip(time - corners[here], 0.0, None)
+    span = corners[here + 1] - corners[here]
+    inside = np.minimum(since, span)
+    slope = np.divide(velocity[here + 1] - velocity[here], span, out=np.zeros_like(span), where=span > 0.0)
+    after = np.where(time > corners[-1], (time - corners[-1]) * velocity[-1], 0.0)
+    return np.asarray(length[here] + inside * (velocity[here] + 0.5 * slope * inside) + after)
+
+
 def damping_crossing(parameters: Mapping[str, float], level: float) -> float:
     """Largest angle [rad] at most 90 degrees where the damping ratio of `damping_ratio` passes a level; NaN if none."""
-    needed("scipy", "this figure")
-    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     def excess(theta: float | Floats) -> Floats:
         return damping_ratio(theta, **parameters) - level
@@ -78,7 +151,13 @@ def damping_crossing(parameters: Mapping[str, float], level: float) -> float:
     below = np.flatnonzero(np.diff(np.sign(excess(angles))))
     if below.size == 0:
         return float("nan")
-    return float(brentq(excess, angles[below[0] + 1], angles[below[0]], xtol=1e-12))
+    low, high = float(angles[below[0] + 1]), float(angles[below[0]])
+    is_below = excess(low) < 0.0
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            return middle
+        low, high = (middle, high) if (excess(middle) < 0.0) == is_below else (low, middle)
 
 
 def _numbers(result: Result, *names: str) -> dict[str, float]:

@@ -8,18 +8,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
 
 from .._native import catalogue
 from .._trade import Trade
 from ..errors import UsageError
 from .samples import Floats
-from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, panels
+from .style import BLACK, BLUE, BROWN, GREEN, ORANGE, PURPLE, SKY, VERMILION, panels
 
 __all__ = ["Family", "draw_work_precision", "families"]
 
-COLOURS = (ORANGE, BLUE, SKY, VERMILION, PURPLE, "0.4", BLACK, GREEN)
+COLOURS = (ORANGE, BLUE, SKY, VERMILION, PURPLE, BROWN, BLACK, GREEN)
 """Of the methods, in the order of the core's list."""
 KINDS = {
     "full": ("full model, exact contact", "o", "full"),
@@ -78,7 +78,7 @@ def families(trade: Trade, quantity: str) -> list[Family]:
     return found
 
 
-def draw_work_precision(trade: Trade, figure: Figure) -> None:
+def draw_work_precision(trade: Trade, figure: FigureBase) -> None:
     """Cost against error, one panel a quantity; the grey part is below what the reference can tell."""
     shown = [name for name in PANELS if name in trade.quantities][:3]
     if not shown or not trade.done.any():

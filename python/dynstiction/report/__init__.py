@@ -6,21 +6,23 @@ import base64
 import io
 import json
 import os
-from collections.abc import Iterator
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from .. import plot
-from ..errors import FileError, UsageError
+from ..errors import Error, FileError, UsageError
 from ..html import table
 from ..plot.style import rendering
-from ..record import Described, rows_of
+from ..plot.view import view_of
+from ..record import Described, Info
 from ..result import Result
+from ..scene import Scene
 from ..stick_slip import stick_slip_statistics
 
 __all__ = ["report", "write_report"]
@@ -34,9 +36,23 @@ FRAMES = 600
 MOST_CYCLES = 50
 """Rows of the table of cycles."""
 
+SAME = 1e-9
+"""Share of a mean below which its scatter is that of rounding."""
+MOST_DIGITS = 9
+
+HEAD = ("", "value", "unit", "")
+
+SOURCES = (
+    "The model: K. Nakano and V. L. Popov, Dynamic stiction without static friction: The role of friction vector rotation, "
+    "Physical Review E 102, 063001 (2020).",
+    "Its preprint, whose equations and figures are numbered here: Dynamic Stiction Mode by Friction Vector Rotation, "
+    "arXiv:2008.01854.",
+)
+"""What to cite."""
+
 CAPTIONS = {
     "history": "Spring forces along the soft and the stiff axis, friction force, its angle to the soft axis, position.",
-    "velocities": "Slip velocities along the soft and the stiff axis: the whole run, and a few periods of the stiff axis.",
+    "velocities": "Slip velocities along the soft and the stiff axis, and a few periods of the stiff axis enlarged.",
     "spectrogram": "Slip velocities and their power density; dashed, the frequency that slow creep predicts.",
     "damping": "Damping ratio of the slow motion against the angle of friction.",
     "creep": "Mean velocity of the first creep against its closed form.",
@@ -52,6 +68,7 @@ def report(result: Result, name: str) -> str:
     The name is what the run is called, its file for example. The page loads nothing, and its security policy forbids it to.
     """
     pieces = files(__name__)
+    figures, missing = _figures(result)
     title = str(result.parameters.get("title", "")) or name
     page = Template(pieces.joinpath("page.html").read_text(encoding="utf-8"))
     return page.substitute(
@@ -60,12 +77,16 @@ def report(result: Result, name: str) -> str:
         heading=escape(_heading(result)),
         state="complete" if result.complete else "incomplete",
         style=pieces.joinpath("page.css").read_text(encoding="utf-8"),
+        given=_given(result),
         summary=_described(result.summary),
-        figures="\n".join(_figures(result)) or "<p>Too few samples for a figure.</p>",
+        samples=_samples(result),
+        figures="\n".join(figures) or "<p>Too few samples for a figure.</p>",
+        missing=_missing(missing),
         animation=_animation(result, pieces.joinpath("animation.js").read_text(encoding="utf-8")),
         cycles=_cycles(result),
         parameters=_described(result.parameters),
         statistics=_described(result.statistics),
+        cite=_cite(result),
         provenance=table(("", ""), [(key, str(value)) for key, value in result.attributes.items()]),
         deck=escape(result.deck),
         resolved=escape(result.resolved_deck),
@@ -83,6 +104,11 @@ def write_report(result: Result, path: str | os.PathLike[str], name: str, *, ove
             f"{os.fspath(path)}: the file exists: use --overwrite or choose another name"
         ) from error
     except OSError as error:
+        folder = Path(path).parent
+        if not folder.is_dir():
+            raise FileError(
+                f"{os.fspath(path)}: cannot be written: the folder {folder} does not exist: create it"
+            ) from error
         raise FileError(f"{os.fspath(path)}: cannot be written: {error.strerror or error}") from error
 
 
@@ -94,28 +120,87 @@ def _heading(result: Result) -> str:
         irregular = (
             ". The motion is irregular: its cycles have a distribution, of which means and scatters are told"
         )
-    return f"Model {model}, method {method}, {end}, {result.sticks()} sticks{irregular}"
+    return (
+        f"Model {model}, method {method}, {end}, the object came to rest {result.sticks()} times{irregular}"
+    )
+
+
+def _given(result: Result) -> str:
+    """What the user has set, in the order of the deck, with the values that were used."""
+    try:
+        groups = Scene.from_deck(result.deck).groups() if result.deck else {}
+    except Error:
+        groups = {}
+    about = {info.name: (info, value) for info, value in result.parameters.info()}
+    rows = []
+    for group, keys in groups.items():
+        for key, value in keys.items():
+            info, used = about.get(key, (Info(key, "1", ""), value))
+            rows.append(
+                (f"{group}.{key}", _shown(used), "" if info.units == "1" else info.units, info.long_name)
+            )
+    return table(HEAD, rows) if rows else "<p>The file does not hold the deck.</p>"
+
+
+def _shown(value: Any) -> str:
+    """A value in six digits; a list with commas between."""
+    if isinstance(value, str) or not np.ndim(value):
+        return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return ", ".join(_shown(each) for each in np.asarray(value).tolist())
 
 
 def _described(values: Described[float] | Described[float | str]) -> str:
-    return table(("", "value", "unit", ""), rows_of(values)) if values else "<p>None.</p>"
+    rows = [
+        (info.name, _shown(value), "" if info.units == "1" else info.units, info.long_name)
+        for info, value in values.info()
+    ]
+    return table(HEAD, rows) if rows else "<p>None.</p>"
 
 
-def _figures(result: Result) -> Iterator[str]:
-    """Every kind of figure that the run can show; the columns only if it can show no other."""
-    drawn = 0
+def _samples(result: Result) -> str:
+    """Says where the samples do not show the oscillation, or that figures show a part."""
+    if result.time.size < 2:
+        return ""
+    notes = view_of(result).notes
+    kind = "caution" if plot.coarseness(result) else "name"
+    return f'<p class="{kind}">In the figures: {escape("; ".join(notes))}.</p>' if notes else ""
+
+
+def _figures(result: Result) -> tuple[list[str], list[tuple[str, str]]]:
+    """Every kind of figure that the run can show, the columns only if it can show no other; and why it cannot show the others."""
+    drawn: list[str] = []
+    missing: list[tuple[str, str]] = []
     for kind in plot.KINDS:
         if kind == "columns" and drawn:
             continue
         try:
             picture = _png(plot.draw(result, kind))
-        except UsageError:
+        except UsageError as error:
+            missing.append((kind, str(error)))
             continue
-        drawn += 1
-        yield (
-            f'<figure><img alt="{kind}" src="data:image/png;base64,{picture}">'
+        drawn.append(
+            f'<figure><img alt="{kind}: {escape(CAPTIONS[kind])}" src="data:image/png;base64,{picture}">'
             f"<figcaption>{escape(CAPTIONS[kind])}</figcaption></figure>"
         )
+    return drawn, missing
+
+
+def _missing(missing: list[tuple[str, str]]) -> str:
+    if not missing:
+        return ""
+    items = "".join(f"<li><b>{kind}</b>: {escape(reason)}</li>" for kind, reason in missing)
+    return f"<p>Figures that this run does not have, and why:</p><ul>{items}</ul>"
+
+
+def _cite(result: Result) -> str:
+    """What a paper that uses the run should name, and a sentence on how it was computed."""
+    version, revision = (str(result.attributes.get(name, "")) for name in ("version", "git_revision"))
+    model, method = (str(result.attributes.get(name, "")) for name in ("model", "method"))
+    tolerance = result.parameters.get("rtol")
+    error = f", relative tolerance {tolerance:g}" if isinstance(tolerance, float) and tolerance > 0.0 else ""
+    source = f" (revision {revision})" if revision else ""
+    computed = f"Computed with dynstiction {version}{source}: model {model}, method {method}{error}."
+    return f"<p>{escape(computed)}</p><ul>{''.join(f'<li>{escape(each)}</li>' for each in SOURCES)}</ul>"
 
 
 def _png(figure: Figure) -> str:
@@ -134,11 +219,43 @@ def _cycles(result: Result) -> str:
         return (
             "<p>No stick-slip cycle: the spring force never falls by more than 1 % of the static limit.</p>"
         )
+    means, scatter = cycles.means(), cycles.scatter()
+    # Those of the summary are better: it finds extremes between the samples.
+    found = result.summary
+    if means:
+        rows_of_means = [
+            (
+                info.name,
+                _with_scatter(
+                    found.get(info.name, value), found.get(f"{info.name}_scatter", scatter.get(info.name))
+                ),
+                "" if info.units == "1" else info.units,
+                info.long_name,
+            )
+            for info, value in means.info()
+        ]
+        count = int(np.count_nonzero(cycles.settled))
+        settled = f"<p>Mean ± standard deviation of {count} settled cycles, of {len(cycles)} slips:</p>"
+        settled += table(HEAD, rows_of_means)
+    else:
+        settled = f"<p>{len(cycles)} slips; no cycles persist, so there are no means.</p>"
     head = [f"{name} [{units}]" if units != "1" else name for name, units in cycles.columns.units.items()]
     values = np.stack([cycles[name] for name in cycles], axis=1)[:MOST_CYCLES]
     rows = [["" if np.isnan(value) else f"{value:.6g}" for value in row] for row in values]
     more = f"<p>The first {MOST_CYCLES} of {len(cycles)}.</p>" if len(cycles) > MOST_CYCLES else ""
-    return table(head, rows) + more
+    return f"{settled}<details><summary>Every cycle</summary>{table(head, rows)}{more}</details>"
+
+
+def _with_scatter(mean: float, scatter: float | None) -> str:
+    """Mean and standard deviation, which has two digits; without scatter six digits of the mean."""
+    if scatter is None:
+        return f"{mean:.6g}"
+    if not scatter > SAME * abs(mean):
+        return f"{mean:.6g} ± 0"
+    digits = 1 - int(np.floor(np.log10(scatter)))
+    if digits <= 0 or digits > MOST_DIGITS:
+        return f"{mean:.6g} ± {scatter:.2g}"
+    return f"{mean:.{digits}f} ± {scatter:.{digits}f}"
 
 
 def _animation(result: Result, script: str) -> str:
@@ -151,6 +268,8 @@ def _animation(result: Result, script: str) -> str:
 
 def _frames(result: Result) -> dict[str, list[float]]:
     """Means over equal stretches of time: a frame shows no single swing of the fast oscillation."""
+    result = view_of(result).result
+    force = result["spring_force_x"]
     edges = np.linspace(result.time[0], result.time[-1], FRAMES + 1)
     starts = np.unique(np.searchsorted(result.time, edges[:-1]))
     counts = np.diff(np.append(starts, result.time.size))
@@ -161,6 +280,8 @@ def _frames(result: Result) -> dict[str, list[float]]:
     # Friction acts against the slip.
     return {
         "span": [float(result.time[0]), float(result.time[-1])],
+        # Of all samples: a mean of some is no peak.
+        "range": [float(f"{force.min():.6g}"), float(f"{force.max():.6g}")],
         "time": means(result.time),
         "x": means(-result["friction"] * np.cos(result["psi"])),
         "y": means(-result["friction"] * np.sin(result["psi"])),

@@ -5,7 +5,7 @@
   const count = frames.time.length;
   const width = 520, height = 190, radius = 92, trailLength = 60, seconds = 20;
   const largest = Math.max(...frames.x.map((x, i) => Math.hypot(x, frames.y[i]))) || 1;
-  const low = Math.min(...frames.force), high = Math.max(...frames.force);
+  const [low, high] = frames.range;
   const start = frames.span[0], end = frames.span[1];
   const tipX = (i) => radius * frames.x[i] / largest;
   const tipY = (i) => -radius * frames.y[i] / largest;
@@ -17,7 +17,7 @@
 
   set("trace", { points: points(all, placeX, placeY) });
   set("frame", { max: count - 1 });
-  get("top").textContent = "k_x u_x, " + low.toPrecision(3) + " to " + high.toPrecision(3) + " N";
+  get("top").textContent = "spring force kₓuₓ, " + low.toPrecision(4) + " to " + high.toPrecision(4) + " N";
   get("first").textContent = start + " s";
   get("last").textContent = end + " s";
 

@@ -1,0 +1,156 @@
+"""The part of a run that a figure shows, and what must be said about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import Error, UsageError
+from ..record import Described
+from ..result import Result
+from ..stick_slip import StickSlip, stick_slip_statistics
+from .samples import Floats
+from .theory import drive_profile, stiff_frequency
+
+__all__ = ["View", "coarseness", "cycles_of", "usual_end", "view_of", "window"]
+
+MOST_CYCLES = 12
+"""A run with more is shown up to its first cycles."""
+SHOWN_CYCLES = 8
+"""After the first slip."""
+COARSE = 0.25
+"""Distance of samples over the period of an oscillation above which they do not show it: 0.5 is the limit of Nyquist."""
+SLACK = 1e-9
+"""Share of the run's length by which an end of the window may lie outside."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Some samples of a run."""
+
+    whole: Result
+    """The run."""
+    result: Result
+    """The samples that are shown."""
+    cycles: StickSlip | None
+    """Of the whole run, if it tells them."""
+    notes: tuple[str, ...]
+    """What the figure must say of its samples."""
+
+    @property
+    def starts_the_run(self) -> bool:
+        """Whether the first sample of the run is shown."""
+        return bool(self.result.time[0] == self.whole.time[0])
+
+    def slips(self) -> Floats:
+        """Begin and end [s] of the slips, shape (n, 2)."""
+        if self.cycles is None:
+            return np.empty((0, 2))
+        both = np.column_stack([self.cycles["peak_time"], self.cycles["valley_time"]])
+        begin, end = self.result.time[[0, -1]]
+        inside = (both[:, 1] >= begin) & (both[:, 0] <= end)
+        return np.asarray(both[inside & np.isfinite(both).all(axis=1)])
+
+
+def view_of(result: Result, start: float | None = None, end: float | None = None) -> View:
+    """The samples from `start` to `end` [s]; without both the first creep and some cycles of a run that has many.
+
+    Raises
+    ------
+    UsageError
+        If the start is not before the end, or one of them is outside the run.
+    """
+    cycles = cycles_of(result)
+    first, last = float(result.time[0]), float(result.time[-1])
+    if start is None and end is None:
+        begin, finish = first, usual_end(result, cycles, SHOWN_CYCLES, MOST_CYCLES)
+    else:
+        begin, finish = window(result, start, end)
+    notes = []
+    shown = result
+    if (begin, finish) != (first, last):
+        low, high = np.searchsorted(result.time, [begin, finish])
+        part = slice(int(low), int(high) + int(high < result.time.size and result.time[high] == finish))
+        if result.time[part].size < 2:
+            raise UsageError(
+                f"from {begin:g} to {finish:g} s: the run has fewer than two samples there: choose a longer part"
+            )
+        shown = replace(
+            result, columns=Described((info, values[part]) for info, values in result.columns.info())
+        )
+        if start is None and end is None:
+            notes.append(f"first {finish - first:.3g} s of {last - first:.4g} s")
+    coarse = coarseness(shown)
+    return View(result, shown, cycles, (*notes, *([coarse] if coarse else [])))
+
+
+def window(result: Result, start: float | None, end: float | None) -> tuple[float, float]:
+    """Both ends [s] of a part of a run; a `UsageError` if they make none."""
+    first, last = float(result.time[0]), float(result.time[-1])
+    begin, finish = first if start is None else start, last if end is None else end
+    slack = SLACK * (last - first)
+    if not first - slack <= begin < finish <= last + slack:
+        raise UsageError(
+            f"from {begin:g} to {finish:g} s: the run has samples from {first:g} to {last:g} s: "
+            "choose a part of it that begins before it ends"
+        )
+    return max(begin, first), min(finish, last)
+
+
+def usual_end(result: Result, cycles: StickSlip | None, shown: int, most: int) -> float:
+    """Time [s] up to which a run with more than `most` cycles is shown: some cycles after its first slip.
+
+    A run whose drive changes, and one whose cycles end, is shown as a whole.
+    """
+    last = float(result.time[-1])
+    if cycles is None or len(cycles) <= most or not np.any(cycles.settled):
+        return last
+    if drive_profile(result) is not None:
+        return last
+    peaks = cycles["peak_time"]
+    return float(min(last, 0.5 * (peaks[shown] + peaks[shown + 1])))
+
+
+def coarseness(result: Result) -> str | None:
+    """Says that the samples are too far apart for the fast oscillation; None if they are not, or there is none."""
+    frequency = stiff_frequency(result)
+    if frequency is None or result.time.size < 2 or not _oscillates(result):
+        return None
+    step = float(np.median(np.diff(result.time)))
+    if not step * frequency > COARSE:
+        return None
+    return f"samples {_short(step, 's')} apart do not show the oscillation of {_short(frequency, 'Hz')}"
+
+
+def _oscillates(result: Result) -> bool:
+    """Whether the motion has an oscillation across the soft axis: the model has one, something excites it, no damper takes all of it."""
+    model = result.attributes.get("model", "full")
+    mass, stiffness, damping, angle, elongation = (
+        float(result.parameters.get(name, 0.0))
+        for name in ("mass", "stiffness_y", "damping_y", "misalignment_deg", "elongation_y")
+    )
+    if (
+        model == "full"
+        and angle % 180.0 == 0.0
+        and elongation == 0.0
+        and "misalignment_deg" in result.parameters
+    ):
+        return False
+    return model in ("full", "high_frequency") and not damping >= 2.0 * float(np.sqrt(stiffness * mass)) > 0.0
+
+
+def _short(value: float, unit: str) -> str:
+    """Three digits and a prefix."""
+    for size, prefix in ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ")):
+        if value >= size:
+            return f"{value / size:.3g} {prefix}{unit}"
+    return f"{value:.3g} {unit}"
+
+
+def cycles_of(result: Result) -> StickSlip | None:
+    """Cycles of a run; None if it does not tell them."""
+    try:
+        return stick_slip_statistics(result)
+    except Error:
+        return None

@@ -1,0 +1,500 @@
+"""Figures of scenes that are not the paper's: which part is shown, what is marked, and what the figure says of its samples."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from dynstiction import plot
+from dynstiction.plot.paper import deck
+from dynstiction.plot.theory import driven_length
+from matplotlib.figure import Figure
+from programs import Program
+
+OWN = {
+    "system": {"mass": 1.0, "stiffness_x": 5e3, "stiffness_y": 2e6, "misalignment_deg": 3.0},
+    "friction": {"law": "weakening", "mu_0": 0.30, "mu_inf": 0.25, "v_f": 0.010, "normal_load": 20.0},
+    "drive": {"velocity": 5e-3},
+}
+"""A heavier object on a softer spring, pulled faster: 80 cycles in 10 s; f_y = 225 Hz."""
+FIRST_SLIP = 0.2612
+
+
+def own(interval: float = 5e-4, t_end: float = 10.0, **others: object) -> ds.Result:
+    groups = {name: {**OWN[name], **others.get(name, {})} for name in OWN}  # type: ignore[dict-item]
+    return ds.run(deck("fig3"), **groups, scene={"t_end": t_end}, output={"interval": interval})
+
+
+@pytest.fixture(scope="module")
+def result() -> ds.Result:
+    return own()
+
+
+@pytest.fixture(scope="module")
+def coarse() -> ds.Result:
+    return own(5e-3)
+
+
+@pytest.fixture(scope="module")
+def held() -> ds.Result:
+    return ds.run(deck("slide_hold_slide"), output={"interval": 2e-4})
+
+
+def notes_of(figure: Figure) -> str:
+    return "; ".join(axis.get_title("right") for axis in figure.axes).replace("\n", "; ").strip("; ")
+
+
+def legend_of(figure: Figure) -> list[str]:
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+# Which part is shown
+
+
+def test_a_run_of_many_cycles_is_shown_up_to_its_first_ones(result: ds.Result) -> None:
+    peaks = ds.stick_slip_statistics(result)["peak_time"]
+    assert peaks.size > 70
+    for kind in ("history", "velocities", "spectrogram", "path", "columns"):
+        figure = plot.draw(result, kind)
+        if kind != "path":
+            start, end = figure.axes[0].get_xlim()
+            assert start == 0.0
+            assert np.count_nonzero(peaks < end) == 9
+        assert "first 1.29 s of 10 s" in notes_of(figure), kind
+
+
+def test_few_cycles_a_settled_motion_and_a_profile_are_shown_as_a_whole(fig3_result: ds.Result, held: ds.Result) -> None:
+    settling = own(t_end=2.0, system={"misalignment_deg": 25.0})
+    slower = own(t_end=4.0, drive={"time": [0.0, 3.0, 3.1], "velocity": [5e-3, 5e-3, 4e-3]})
+    assert len(ds.stick_slip_statistics(slower)) > 20
+    for whole in (fig3_result, held, settling, slower):
+        figure = plot.draw(whole, "history")
+        assert figure.axes[0].get_xlim() == (0.0, whole.time[-1])
+        assert "first" not in notes_of(figure)
+
+
+def test_a_part_is_the_samples_between_its_ends(result: ds.Result) -> None:
+    figure = plot.draw(result, "history", start=2.0, end=2.5)
+    for axis in figure.axes:
+        assert axis.get_xlim() == (2.0, 2.5)
+    time, drawn = figure.axes[0].lines[0].get_data()
+    inside = (result.time >= 2.0) & (result.time <= 2.5)
+    np.testing.assert_array_equal(time, result.time[inside])
+    np.testing.assert_array_equal(drawn, result["spring_force_x"][inside])
+    assert plot.draw(result, "history", start=9.0).axes[0].get_xlim() == (9.0, 10.0)
+    assert plot.draw(result, "history", end=1.0).axes[0].get_xlim() == (0.0, 1.0)
+    assert plot.draw(result, end=10.0).axes[0].get_xlim() == (0.0, 10.0)
+    assert not notes_of(figure)
+
+
+@pytest.mark.parametrize(("start", "end"), [(2.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, 11.0), (float("nan"), 1.0), (20.0, None)])
+def test_a_part_that_is_none_is_refused(result: ds.Result, start: float, end: float | None) -> None:
+    with pytest.raises(ds.UsageError, match=r"the run has samples from 0 to 10 s.*begins before it ends"):
+        plot.draw(result, start=start, end=end)
+
+
+def test_kinds_of_the_first_creep_have_no_other_part(result: ds.Result) -> None:
+    for kind in ("creep", "damping", "cycle_map"):
+        with pytest.raises(ds.UsageError, match=f"history, velocities, .*not for '{kind}'"):
+            plot.draw(result, kind, start=1.0)
+    with pytest.raises(ds.UsageError, match="fewer than two samples there"):
+        plot.draw(result, start=1.0001, end=1.0002)
+
+
+# What is marked
+
+
+def test_the_history_has_its_limits_and_its_slips(result: ds.Result) -> None:
+    figure = plot.draw(result, "history")
+    assert legend_of(figure) == ["$F_0$", "steady sliding", "driven end", "slip"]
+    load, _, friction, _, place = figure.axes
+    steady = 20.0 * (0.25 + 0.05 * np.exp(-0.5))
+    for axis, along in ((load, np.cos(np.radians(3.0))), (friction, 1.0)):
+        levels = [float(line.get_ydata()[0]) for line in axis.lines[1:]]
+        np.testing.assert_allclose(levels, [6.0, steady * along], rtol=1e-12)
+    driven = place.lines[1]
+    np.testing.assert_allclose(driven.get_ydata(), 5.0 * driven.get_xdata(), rtol=1e-12)
+    cycles = ds.stick_slip_statistics(result)
+    slips = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in load.patches]
+    np.testing.assert_allclose(slips, np.stack([cycles["peak_time"], cycles["valley_time"]], axis=1)[: len(slips)])
+    assert len(slips) == 9
+    assert slips[0][0] == pytest.approx(FIRST_SLIP, abs=2e-3)
+
+
+def test_limits_of_a_drive_back_are_negative() -> None:
+    back = own(t_end=1.0, drive={"velocity": -5e-3})
+    levels = [float(line.get_ydata()[0]) for line in plot.draw(back, "history").axes[0].lines[1:]]
+    assert levels == [-6.0, pytest.approx(-20.0 * (0.25 + 0.05 * np.exp(-0.5)) * np.cos(np.radians(3.0)))]
+
+
+def test_without_weakening_there_is_one_limit() -> None:
+    constant = own(t_end=1.0, friction={"law": "constant", "mu_inf": None, "v_f": None})
+    assert "steady sliding" not in legend_of(plot.draw(constant, "history"))
+
+
+def test_a_profile_is_drawn_above(held: ds.Result) -> None:
+    figure = plot.draw(held, "history")
+    drive = figure.axes[0]
+    assert drive.get_ylabel() == "$V$ [mm/s]"
+    time, speed = drive.lines[0].get_data()
+    np.testing.assert_array_equal(time, [0.0, 3.0, 3.0, 5.0, 5.0, 7.0, 7.5, 8.5, 8.5, 10.0])
+    np.testing.assert_array_equal(speed, [1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0])
+    # The spring is the driven end less the object: its elongation along the drive.
+    phi = np.radians(1.0)
+    along = held["u_x"] * np.cos(phi) + held["u_y"] * np.sin(phi)
+    np.testing.assert_allclose(driven_length(held, held.time), held["X"] + along, rtol=0.0, atol=1e-9)
+
+
+def test_the_start_velocity_draws_no_line(result: ds.Result) -> None:
+    """At t = 0 the object has its start velocity, |F| = F_0 and theta = phi; a moment later it rests under no load."""
+    assert (result["friction"][0], result["friction"][1] < 1.0) == (pytest.approx(6.0), True)
+    _, _, friction, theta, _ = plot.draw(result, "history").axes
+    for axis, name in ((friction, "friction"), (theta, "theta")):
+        assert axis.lines[0].get_xdata()[0] == result.time[1]
+        assert result[name][1] != result[name][0]
+    segments = plot.draw(result, "path").axes[0].collections[0].get_segments()
+    start = 6.0 * np.array([np.cos(np.radians(3.0)), np.sin(np.radians(3.0))])
+    assert np.hypot(*(segments[0][0] - start)) > 1.0
+
+
+def test_an_inset_stands_where_no_line_is(fig3_result: ds.Result, result: ds.Result, held: ds.Result) -> None:
+    figure = plot.draw(fig3_result, "history")
+    assert len(figure.axes[4].child_axes) == 1
+    for each in (fig3_result, result, held):
+        figure = plot.draw(each, "history")
+        figure.draw_without_rendering()
+        panel = figure.axes[-1]
+        for inset in panel.child_axes:
+            box = inset.get_tightbbox()
+            for line in panel.lines:
+                here = panel.transData.transform(np.column_stack(line.get_data()))
+                crossing = (here[:, 0] > box.x0) & (here[:, 0] < box.x1) & (here[:, 1] > box.y0) & (here[:, 1] < box.y1)
+                assert not crossing.any()
+
+
+# What the figure says of its samples
+
+
+def test_coarse_samples_are_marked(result: ds.Result, coarse: ds.Result, held: ds.Result) -> None:
+    said = "samples 5 ms apart do not show the oscillation of 225 Hz"
+    for kind in ("history", "velocities", "path", "columns", "creep"):
+        assert said in notes_of(plot.draw(coarse, kind)), kind
+        assert "do not show" not in notes_of(plot.draw(result, kind)), kind
+    assert plot.coarseness(coarse) == said
+    assert plot.coarseness(held) is None
+    # Two samples a period are the limit of Nyquist, four draw a line.
+    stiff = np.sqrt(2e6) / (2.0 * np.pi)
+    assert plot.coarseness(own(0.24 / stiff, 1.0)) is None
+    assert plot.coarseness(own(0.26 / stiff, 1.0)) is not None
+    # A damper beyond the critical one leaves no oscillation, and the slow model has none.
+    damped = own(5e-3, 1.0, system={"damping_y": 2.1 * np.sqrt(2e6)})
+    assert plot.coarseness(damped) is None
+    assert plot.coarseness(ds.run(deck("low_frequency"))) is None
+    assert plot.coarseness(ds.run(deck("creep"), output={"interval": 0.01})) is None
+    # Without misalignment nothing excites it, but an elongation across does.
+    aligned = {"misalignment_deg": 0.0}
+    assert plot.coarseness(own(5e-3, 1.0, system=aligned)) is None
+    pulled = ds.run(
+        deck("fig3"), scene={"t_end": 0.5}, system=aligned, initial={"elongation_y": 1e-7}, output={"interval": 5e-3}
+    )
+    assert plot.coarseness(pulled) is not None
+
+
+def test_the_spectrogram_needs_samples_for_the_top_of_its_axis(result: ds.Result) -> None:
+    figure = plot.draw(result, "spectrogram")
+    top = 1e3 * figure.axes[1].get_ylim()[1]
+    assert top == pytest.approx(2.5 * 225.08, rel=0.05)
+    assert top <= 0.5 / 5e-4
+    # The fundamental alone would be within the limit of Nyquist.
+    between = own(0.3 / 225.08, 1.0)
+    with pytest.raises(ds.UsageError, match=r"overtones up to 562\.7 Hz: run again with output\.interval = 0\.0002"):
+        plot.draw(between, "spectrogram")
+    assert "overtones above 1 kHz fold back" in notes_of(figure)
+    assert "fold" not in notes_of(plot.draw(own(4e-4, 1.0), "spectrogram"))
+
+
+def test_the_window_of_the_spectrogram_follows_from_the_scene(fig4_result: ds.Result, result: ds.Result) -> None:
+    def window(figure: Figure) -> float:
+        (said,) = [line for line in notes_of(figure).split("; ") if "window" in line]
+        return float(said.removeprefix("Hamming window of ").removesuffix(" ms"))
+
+    assert window(plot.draw(fig4_result, "spectrogram")) == pytest.approx(1e3 * 20.0 / 1006.58, rel=5e-3)
+    # A quarter of the cycle, which 20 periods of 4.4 ms would hide.
+    period = ds.stick_slip_statistics(result).means()["period"]
+    assert window(plot.draw(result, "spectrogram")) == pytest.approx(max(250.0 * period, 8e3 / 225.08), rel=5e-3)
+
+
+def test_rest_sets_no_scale_of_the_creep(result: ds.Result) -> None:
+    """The object rests until the spring has reached F_0, at tau = 0.05: its mean velocity is then 1e-29."""
+    light = own(5e-5, 0.4, system={"mass": 0.01})
+    for each in (result, light):
+        above = plot.draw(each, "creep").axes[0]
+        assert above.get_ylim()[0] > 1e-4
+        run = np.asarray(above.lines[0].get_ydata(), dtype=float)
+        assert np.nanmin(run) > 1e-3
+    assert np.isnan(run[0])
+
+
+# Columns, figures and axes of the user
+
+
+def test_columns_are_chosen(result: ds.Result) -> None:
+    figure = plot.draw(result, columns=["X_rate", "theta"], start=1.0, end=1.3)
+    assert [axis.get_ylabel() for axis in figure.axes] == [r"$\dot X$ [mm/s]", r"$\theta$ [deg]"]
+    assert [axis.get_ylabel() for axis in plot.draw(result, columns="Y").axes] == ["$Y$ [µm]"]
+    with pytest.raises(ds.ColumnError, match="no column 'tehta': did you mean 'theta'"):
+        plot.draw(result, columns=["tehta"])
+    with pytest.raises(ds.UsageError, match="not for 'path'"):
+        plot.draw(result, "path", columns=["theta"])
+
+
+def test_a_figure_of_the_user_keeps_its_size(result: ds.Result) -> None:
+    mine = Figure(figsize=(7.0, 5.0))
+    left, right = mine.subfigures(1, 2)
+    for part, kind in ((left, "history"), (right, "velocities")):
+        assert plot.draw(result, kind, figure=part) is mine
+    mine.draw_without_rendering()
+    assert tuple(mine.get_size_inches()) == (7.0, 5.0)
+    assert (len(left.axes), len(right.axes)) == (5, 4)
+    whole = Figure(figsize=(4.0, 4.0))
+    for kind in ("spectrogram", "creep", "path", "damping", "columns"):
+        whole.clear()
+        assert plot.draw(result, kind, figure=whole) is whole
+        whole.draw_without_rendering()
+        assert tuple(whole.get_size_inches()) == (4.0, 4.0)
+        assert whole.axes
+
+
+def test_axes_of_the_user(result: ds.Result) -> None:
+    mine = Figure()
+    first, second = mine.subplots(1, 2)
+    assert plot.draw(result, columns=["friction", "X"], end=1.0, ax=[first, second]) is mine
+    assert [axis.get_ylabel() for axis in mine.axes] == ["$|F|$ [N]", "$X$ [mm]"]
+    assert plot.draw(result, ax=Figure().subplots()).axes[0].get_ylabel() == "$k_x u_x$ [N]"
+    for kind, label in (("path", "$F_x$ [N]"), ("damping", r"angle of friction to the soft axis, $\theta$ [deg]")):
+        assert plot.draw(result, kind, ax=Figure().subplots()).axes[0].get_xlabel() == label
+    for wrong, how in (
+        ("as many axes as columns", {"columns": ["X"], "ax": [first, second]}),
+        ("not both", {"figure": mine, "ax": first}),
+        ("matplotlib Axes", {"ax": "here"}),
+        ("give figure= for others", {"kind": "spectrogram", "ax": first}),
+    ):
+        with pytest.raises(ds.UsageError, match=wrong):
+            plot.draw(result, **how)  # type: ignore[arg-type]
+
+
+# Several runs
+
+
+def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
+    runs = {"3": result, "6": own(t_end=3.0, system={"misalignment_deg": 6.0})}
+    figure = plot.overlay(runs)
+    assert [axis.get_ylabel() for axis in figure.axes] == ["$k_x u_x$ [N]", r"$\theta$ [deg]", "$X$ [mm]"]
+    assert legend_of(figure) == [r"3, $\varphi$ = 3°", r"6, $\varphi$ = 6°"]
+    for axis in figure.axes:
+        assert len(axis.lines) == 2
+        assert len({(line.get_color(), str(line.get_linestyle())) for line in axis.lines}) == 2
+    part = plot.overlay(runs, columns="friction", start=1.0, end=1.5)
+    assert part.axes[0].get_xlim() == (1.0, 1.5)
+    assert [axis.get_ylabel() for axis in plot.compare(runs, columns=["X"], end=2.0).axes] == ["$X$ [mm]", ""]
+    with pytest.raises(ds.ColumnError, match="3: no column 'nonsense'"):
+        plot.overlay(runs, columns="nonsense")
+
+
+def test_what_differs_is_the_physics(result: ds.Result) -> None:
+    finer = own(1e-4, 1.0)
+    titles = [axis.get_title() for axis in plot.compare({"a": result, "b": finer}).axes[:2]]
+    assert "interval" not in "".join(titles)
+    same = replace(finer)
+    assert plot.compare({"a": finer, "b": same}).axes[0].get_title() == "a"
+
+
+def test_figures_need_no_scipy(result: ds.Result, tmp_path: Path) -> None:
+    result.save(tmp_path / "run.h5")
+    lines = [
+        "import sys, dynstiction as ds, dynstiction.plot as plot",
+        "sys.modules['scipy'] = None",
+        "result = ds.open('run.h5')",
+        "print(sum(len(plot.draw(result, kind).axes) > 0 for kind in plot.KINDS))",
+    ]
+    done = Program((sys.executable, "-c"), folder=tmp_path)("\n".join(lines), status=0)
+    assert done.stdout == f"{len(plot.KINDS)}\n"
+
+
+def test_commands_name_what_they_wrote_and_what_is_wrong(
+    package: Program, result: ds.Result, coarse: ds.Result, tmp_path: Path
+) -> None:
+    result.save(tmp_path / "own.h5")
+    coarse.save(tmp_path / "coarse.h5")
+    done = package("plot", "own.h5", "coarse.h5", "--overlay", "--columns", "theta, X", "--from", "1", "--to", "2", status=0)
+    assert done.stdout == "comparison.png\n"
+    said = "samples 5 ms apart do not show the oscillation of 225 Hz: run with a smaller output.interval"
+    assert done.stderr == f"dynstiction: coarse: {said}\n"
+    done = package("plot", "own.h5", "--columns", "friction", "-o", "friction.pdf", status=0)
+    assert (done.stdout, done.stderr) == ("friction.pdf\n", "")
+    refused = {
+        ("own.h5", "--from", "2", "--to", "1"): "from 2 to 1 s: the run has samples from 0 to 10 s",
+        ("own.h5", "-o", "no/x.png"): "no/x.png: cannot be written: the folder no does not exist: create it",
+        ("own.h5", "--overlay"): "--overlay is for several files",
+        ("own.h5", "--columns", "tehta"): "no column 'tehta': did you mean 'theta'?",
+        ("own.h5", "--columns", " , "): "name at least one",
+        ("own.h5", "--kind", "creep", "--to", "1"): "not for 'creep'",
+        ("own.h5", "coarse.h5", "--columns", "nonsense"): "own: no column 'nonsense'",
+    }
+    for arguments, message in refused.items():
+        done = package("plot", *arguments)
+        assert done.returncode in (1, 3) and done.stdout == "", arguments
+        assert message in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+# Words on paper
+
+
+def words_of(figure: Figure) -> list[tuple[str, object]]:
+    """Every word of a figure with the box that it takes; insets lie in their panels, whose words they may not meet either."""
+    figure.draw_without_rendering()
+    found = [("legend", legend.get_window_extent()) for legend in figure.legends]
+    insets = [inset for axis in figure.axes for inset in axis.child_axes]
+    for axis in [*figure.axes, *insets]:
+        if axis.get_legend():
+            found.append(("legend", axis.get_legend().get_window_extent()))
+        (left, right), (low, high) = sorted(axis.get_xlim()), sorted(axis.get_ylim())
+        texts = [axis.xaxis.label, axis.yaxis.label, axis.title, axis._left_title, axis._right_title, *axis.texts]
+        for side, ends in ((axis.xaxis, (left, right)), (axis.yaxis, (low, high))):
+            for tick in [*side.get_major_ticks(), *side.get_minor_ticks()]:
+                if ends[0] <= tick.get_loc() <= ends[1]:
+                    texts += [tick.label1, tick.label2]
+        for text in texts:
+            if text.get_visible() and text.get_text().strip():
+                found.append((text.get_text(), text.get_window_extent()))
+    return found
+
+
+def overprinted(figure: Figure) -> list[tuple[str, str]]:
+    """Pairs of words that overlap by more than a dot, and words that leave the figure."""
+    words = words_of(figure)
+    pairs = []
+    for i, (first, a) in enumerate(words):
+        if a.x0 < -1.0 or a.y0 < -1.0 or a.x1 > figure.bbox.x1 + 1.0 or a.y1 > figure.bbox.y1 + 1.0:
+            pairs.append((first, "the edge"))
+        for second, b in words[i + 1 :]:
+            if min(a.x1, b.x1) - max(a.x0, b.x0) > 1.0 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1.0:
+                pairs.append((first, second))
+    return pairs
+
+
+@pytest.mark.parametrize("kind", plot.KINDS)
+def test_no_word_is_overprinted(
+    kind: str, result: ds.Result, coarse: ds.Result, held: ds.Result, fig3_result: ds.Result, fig4_result: ds.Result
+) -> None:
+    settling = own(t_end=2.0, system={"misalignment_deg": 25.0})
+    drawn = 0
+    for name, each in (
+        ("own", result),
+        ("coarse", coarse),
+        ("held", held),
+        ("fig3", fig3_result),
+        ("fig4", fig4_result),
+        ("settling", settling),
+    ):
+        try:
+            figure = plot.draw(each, kind)
+        except ds.UsageError:
+            continue
+        assert overprinted(figure) == [], name
+        drawn += 1
+    assert drawn > 1
+
+
+def test_no_word_of_several_runs_is_overprinted(result: ds.Result, coarse: ds.Result, fig3_result: ds.Result) -> None:
+    runs = {"heavy": result, "seen seldom": coarse, "light": fig3_result}
+    assert overprinted(plot.overlay(runs)) == []
+    assert overprinted(plot.compare(runs)) == []
+
+
+def test_a_word_on_a_word_would_be_found(result: ds.Result) -> None:
+    figure = plot.draw(result, "damping")
+    axis = figure.axes[0]
+    assert overprinted(figure) == []
+    box = axis.yaxis.label.get_window_extent()
+    place = figure.transFigure.inverted().transform((box.x0, box.y0 + 0.5 * box.height))
+    axis.text(*place, "hidden", transform=figure.transFigure).set_in_layout(False)
+    axis.text(0.9, 0.5, "beyond", transform=figure.transFigure).set_in_layout(False)
+    found = overprinted(figure)
+    assert (r"damping ratio $\zeta$", "hidden") in found
+    assert ("beyond", "the edge") in found
+
+
+def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:
+    """Type 3 fonts are refused by journals; words in an SVG are text."""
+    plot.save(result, tmp_path / "run.pdf", "history")
+    pdf = (tmp_path / "run.pdf").read_bytes()
+    assert b"/Subtype /Type3" not in pdf and b"/FontFile2" in pdf
+    plot.save(result, tmp_path / "run.svg", "history")
+    assert ">slip</text>" in (tmp_path / "run.svg").read_text(encoding="utf-8")
+
+
+def test_one_symbol_for_a_quantity() -> None:
+    """The misalignment is written as one letter, the velocity along the drive with a dot, and no unit as nothing."""
+    for file in Path(plot.__file__).parent.glob("*.py"):
+        source = file.read_text(encoding="utf-8")
+        for wrong in (r"\phi", "[–]", '[1]"', "X'/V$", r"|X'|"):
+            assert wrong not in source, (file.name, wrong)
+
+
+# Sweeps
+
+
+@pytest.fixture(scope="module")
+def angles():
+    """Stick-slip below 13.1 degrees, steady sliding beyond."""
+    pytest.importorskip("xarray")
+    return ds.sweep(deck("fig3"), {"system.misalignment_deg": np.linspace(0.5, 20.0, 40)}, scene={"t_end": 6.0}, threads=1, **OWN)
+
+
+def test_a_line_over_the_misalignment_has_the_critical_angle(angles) -> None:
+    critical = ds.critical_misalignment(
+        mass=1.0, stiffness_x=5e3, stiffness_y=2e6, mu_0=0.30, mu_inf=0.25, v_f=0.010, normal_load=20.0, velocity=5e-3
+    )
+    degrees = np.degrees(critical.angle[0])
+    for quantity in ("swing", "period"):
+        axis = plot.draw(angles, quantity=quantity).axes[0]
+        upright = [line.get_xdata()[0] for line in axis.lines if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2]
+        assert any(place == pytest.approx(degrees, rel=1e-6) for place in upright)
+        assert any(f"steady sliding stable above {degrees:.3g} deg" == text.get_text() for text in axis.texts)
+        low, high = axis.get_xlim()
+        assert low < 0.5 and high > 20.0
+
+
+def test_no_word_of_a_sweep_is_overprinted(angles) -> None:
+    for quantity in ("swing", "period", "slip_length", "slip_angle"):
+        assert overprinted(plot.draw(angles, quantity=quantity)) == [], quantity
+    assert overprinted(plot.draw(angles, "lambda")) == []
+
+
+def test_no_period_where_no_cycle_persists(angles) -> None:
+    axis = plot.draw(angles, quantity="period").axes[0]
+    drawn = axis.lines[0].get_ydata()
+    steady = angles["swing"].values <= 0.01 * 6.0
+    assert 10 < np.count_nonzero(steady) < 20
+    np.testing.assert_array_equal(np.isfinite(drawn), ~steady)
+    (marks,) = [line for line in axis.lines if line.get_marker() == "|"]
+    np.testing.assert_array_equal(marks.get_xdata(), angles["system.misalignment_deg"].values[steady])
+    assert "no cycle persists" in [text.get_text() for text in axis.texts]
+    # Ringing down towards steady sliding has had cycles, and none now.
+    ringing = angles.assign(period=angles["period"].fillna(1.0))
+    np.testing.assert_array_equal(np.isfinite(plot.draw(ringing, quantity="period").axes[0].lines[0].get_ydata()), ~steady)
+
+
+def test_many_angles_have_a_bar_of_colours(angles) -> None:
+    figure = plot.draw(angles, "lambda")
+    assert not any("varphi$ =" in text for text in legend_of(figure))
+    assert figure.axes[-1].get_xlabel() == r"$\varphi$ [deg]"
+    figure.draw_without_rendering()
+    for axis in figure.axes[:4]:
+        ticks = [text.get_text() for text in axis.get_yticklabels()]
+        assert len(ticks) > 1 and not any("times" in tick for tick in ticks)
