@@ -69,6 +69,8 @@ find_python() {
   for candidate in "${PYTHON:-python3}" python3 python3.{14,13,12,11}; do
     if have "$candidate" && "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null; then
       python=$(command -v "$candidate")
+      # In a shell where .venv is active: that of which it was made, as it may have to be made again.
+      [[ $python != "$venv"/* ]] || python=$("$python" -c 'import sys; print(sys._base_executable)')
       python_version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
       return
     fi

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+import venv
 from pathlib import Path
 
 import pytest
@@ -171,3 +172,13 @@ def test_what_takes_long_says_how_far_it_is(checkout: Path) -> None:
     )
     assert re.fullmatch(r"  8 s: [789] of 99\n", done.stderr)
     assert done.stdout == ""
+
+
+def test_an_active_environment_is_not_what_the_next_one_is_made_of(checkout: Path) -> None:
+    """Its Python goes with it."""
+    venv.create(checkout / ".venv", symlinks=True)
+    found = Path(
+        in_setup(checkout, 'PATH=$PWD/.venv/bin:$PATH; unset PYTHON; find_python; echo "$python"', status=0).stdout.strip()
+    )
+    assert found.is_file() and checkout not in found.parents
+    assert found.resolve() == Path(sys.executable).resolve()
