@@ -14,6 +14,9 @@ say() { printf '%s\n' "$*" >&2; }
 die() { say "${0##*/}: $*"; exit 1; }
 have() { command -v "$1" > /dev/null; }
 
+# Ctrl-C, also where what was running ends as if it had failed.
+trap 'say "${0##*/}: interrupted; start the same command again to continue"; exit 130' INT
+
 # help_if_wanted "$@": with --help or -h as the first argument, print the comment at the head of the script, and end.
 help_if_wanted() {
   [[ ${1:-} == --help || ${1:-} == -h ]] || return 0
