@@ -36,6 +36,8 @@ is_new=no
 prepare
 build_program -Dtests=false
 say "Running $deck"
+# From here on Ctrl-C is answered by the program itself.
+trap - INT
 dynstiction run "$deck" --overwrite "$@"
 PYTHONDONTWRITEBYTECODE='' python -m dynstiction plot "$file" -o "$picture"
 printf '%s\n' "$file" "$picture"

@@ -14,6 +14,9 @@ say() { printf '%s\n' "$*" >&2; }
 die() { say "${0##*/}: $*"; exit 1; }
 have() { command -v "$1" > /dev/null; }
 
+# Ctrl-C, also where what was running ends as if it had failed.
+trap 'say "${0##*/}: interrupted; start the same command again to continue"; exit 130' INT
+
 # help_if_wanted "$@": with --help or -h as the first argument, print the comment at the head of the script, and end.
 help_if_wanted() {
   [[ ${1:-} == --help || ${1:-} == -h ]] || return 0
@@ -69,6 +72,8 @@ find_python() {
   for candidate in "${PYTHON:-python3}" python3 python3.{14,13,12,11}; do
     if have "$candidate" && "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null; then
       python=$(command -v "$candidate")
+      # In a shell where .venv is active: that of which it was made, as it may have to be made again.
+      [[ $python != "$venv"/* ]] || python=$("$python" -c 'import sys; print(sys._base_executable)')
       python_version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
       return
     fi

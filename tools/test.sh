@@ -118,7 +118,6 @@ end_lists() {
   done
 }
 trap end_lists EXIT
-trap 'exit 130' INT
 trap 'exit 143' TERM
 
 # unit_tests TITLE FOLDER [OPTION of meson test]...

@@ -5,10 +5,11 @@
 !> folders, and a candidate that ends in '=' is only the beginning of a word. So the shells have no list of commands, options or
 !> keys of their own.
 module dst_completion
+  use dst_columns, only: columns
   use dst_command_line, only: argument_t, takes_value
   use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of, &
     trade_quantities
-  use dst_schema, only: schema, key_count, find_key, find_name, real_kind
+  use dst_schema, only: schema, key_count, find_key, find_name, real_kind, reals_kind
   use dst_summary, only: summary_quantities
   use dst_text, only: text_builder_t, starts_with, lower_case, has_word, word, word_count
   implicit none
@@ -129,14 +130,33 @@ contains
   subroutine offer_parameters(builder, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: typed
-    integer :: i, last
+    integer :: i
 
-    last = index(typed, ',', back=.true.)
     do i = 1, key_count
       if (schema(i)%kind /= real_kind .or. .not. has_word('system friction', trim(schema(i)%group))) cycle
-      call offer(builder, typed(:last)//trim(schema(i)%group)//'.'//trim(schema(i)%name), typed)
+      call offer_in_list(builder, trim(schema(i)%group)//'.'//trim(schema(i)%name), typed)
     end do
   end subroutine offer_parameters
+
+  !> A word of a list with commas, of which the last is being typed.
+  subroutine offer_in_list(builder, name, typed)
+    type(text_builder_t), intent(inout) :: builder
+    character(*), intent(in) :: name, typed
+
+    call offer(builder, typed(:index(typed, ',', back=.true.))//name, typed)
+  end subroutine offer_in_list
+
+  !> GROUP.KEY= of what a sweep can vary.
+  subroutine offer_varied(builder, typed)
+    type(text_builder_t), intent(inout) :: builder
+    character(*), intent(in) :: typed
+    integer :: i
+
+    do i = 1, key_count
+      if (schema(i)%kind == real_kind .or. schema(i)%kind == reals_kind) &
+        call offer(builder, trim(schema(i)%group)//'.'//trim(schema(i)%name)//'=', typed)
+    end do
+  end subroutine offer_varied
 
   !> What an operand or an option's argument may be: words stand for themselves, capitals for a kind of file or word.
   subroutine offer_kind(builder, kind, typed)
@@ -166,6 +186,10 @@ contains
       call builder%line('*/')
     case ('KIND')
       call offer(builder, kinds_of_figure, typed)
+    case ('NAMES')
+      do i = 1, size(columns)
+        call offer_in_list(builder, trim(columns(i)%name), typed)
+      end do
     case ('KEYS')
       call offer_parameters(builder, typed)
     case ('COMMAND')
@@ -175,7 +199,11 @@ contains
     case ('MODEL')
       call offer(builder, schema(find_name('model'))%choices, typed)
     case default
-      if (lower_case(kind) == kind) call offer(builder, words, typed)
+      if (starts_with(kind, 'KEY=')) then
+        call offer_varied(builder, typed)
+      else if (lower_case(kind) == kind) then
+        call offer(builder, words, typed)
+      end if
     end select
   end subroutine offer_kind
 

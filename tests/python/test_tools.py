@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import signal
 import subprocess
 import sys
+import time
 import tomllib
+import venv
 from pathlib import Path
 
 import pytest
@@ -171,3 +174,27 @@ def test_what_takes_long_says_how_far_it_is(checkout: Path) -> None:
     )
     assert re.fullmatch(r"  8 s: [789] of 99\n", done.stderr)
     assert done.stdout == ""
+
+
+def test_an_active_environment_is_not_what_the_next_one_is_made_of(checkout: Path) -> None:
+    """Its Python goes with it."""
+    venv.create(checkout / ".venv", symlinks=True)
+    found = Path(
+        in_setup(checkout, 'PATH=$PWD/.venv/bin:$PATH; unset PYTHON; find_python; echo "$python"', status=0).stdout.strip()
+    )
+    assert found.is_file() and checkout not in found.parents
+    assert found.resolve() == Path(sys.executable).resolve()
+
+
+def test_ctrl_c_says_what_to_do(checkout: Path) -> None:
+    """Also when a command that was running ends by itself then, as compilers' drivers do."""
+    lines = "busy build/x.log '' bash -c 'trap \"exit 1\" INT; echo begun > begun; sleep 30 & wait' || die failed"
+    script = f"source tools/setup.sh\n{lines}"
+    process = Program(("bash", "-c", script), checkout).start(start_new_session=True)
+    deadline = time.monotonic() + 20
+    while not (checkout / "begun").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    said = process.communicate(timeout=20)[1]
+    assert process.returncode == 130
+    assert said == "bash: interrupted; start the same command again to continue\n"
