@@ -21,6 +21,7 @@ import h5py
 import numpy as np
 import pytest
 import xarray
+from dynstiction._interrupt import held_back
 from dynstiction.record import si_units
 from fig3 import SLIDER
 from programs import SCRIPT, Program
@@ -627,6 +628,19 @@ def test_interrupt_ends_a_run_within_a_second(fig3_text: str) -> None:
     assert "KeyboardInterrupt: stopped at t = " in errors
     # As by Ctrl-C, so that a loop of the shell ends too.
     assert process.returncode == -signal.SIGINT
+
+
+def test_an_interrupt_waits_for_what_is_kept() -> None:
+    """It comes right after the block, which is whole; or, where one is being told already, not at all."""
+    steps: list[str] = []
+    with pytest.raises(KeyboardInterrupt), held_back():
+        os.kill(os.getpid(), signal.SIGINT)
+        steps.append("kept")
+    with held_back(forget=True):
+        os.kill(os.getpid(), signal.SIGINT)
+        steps.append("told")
+    assert steps == ["kept", "told"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 INTERRUPT_A_RUN = """

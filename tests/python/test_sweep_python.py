@@ -107,6 +107,7 @@ INTERRUPTED = """
 import signal, sys
 import dynstiction as ds
 import numpy as np
+import xarray  # which takes a second, or more where others work
 ends = np.where(np.arange(400) < 200, 1.0, 3e5)
 
 stopped = False
