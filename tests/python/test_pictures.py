@@ -198,9 +198,7 @@ def test_coarse_samples_are_marked(result: ds.Result, coarse: ds.Result, held: d
     # Without misalignment nothing excites it, but an elongation across does.
     aligned = {"misalignment_deg": 0.0}
     assert plot.coarseness(own(5e-3, 1.0, system=aligned)) is None
-    pulled = ds.run(
-        deck("fig3"), scene={"t_end": 0.5}, system=aligned, initial={"elongation_y": 1e-7}, output={"interval": 5e-3}
-    )
+    pulled = ds.run(deck("fig3"), scene={"t_end": 0.5}, system=aligned, initial={"elongation_y": 1e-7}, output={"interval": 5e-3})
     assert plot.coarseness(pulled) is not None
 
 
