@@ -138,7 +138,7 @@ def _given(result: Result) -> str:
         for key, value in keys.items():
             units, meaning = known.get((group, key), ("1", ""))
             rows.append((f"{group}.{key}", _shown(value), "" if units == "1" else units, meaning))
-    return table(HEAD, rows) if rows else "<p>The file does not hold the deck.</p>"
+    return table(HEAD, rows) if rows else "<p>The file does not contain the deck.</p>"
 
 
 def _set_keys(result: Result) -> dict[str, dict[str, object]]:
