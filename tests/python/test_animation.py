@@ -207,7 +207,7 @@ def test_a_film_shows_the_first_creep_and_three_cycles(own: ds.Result, fig4_resu
 
 @pytest.mark.parametrize("last", [0.6, 10.0])
 def test_the_scale_is_that_of_the_elongation(own: ds.Result, last: float) -> None:
-    """The spring is longer than the object is wide, and all of the circle of friction is seen, however long the way is."""
+    """The spring is longer than the object is wide, and all of the circle of friction is seen, however far the object moves."""
     figure, show = view_from_above(own, np.linspace(0.0, last, 50))
     axis = figure.axes[0]
     (body,) = [patch for patch in axis.patches if isinstance(patch, Rectangle)]

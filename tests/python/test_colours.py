@@ -35,7 +35,7 @@ def lab(colour: str, seen: str) -> np.ndarray:
 
 
 def closest(colours: list[str], seen: str) -> tuple[float, str, str]:
-    """The two colours of a list that are hardest to tell apart, and their distance."""
+    """The two colours of a list that are hardest to distinguish, and their distance."""
     pairs = itertools.combinations(dict.fromkeys(colours), 2)
     return min((float(np.linalg.norm(lab(a, seen) - lab(b, seen))), a, b) for a, b in pairs)
 

@@ -143,7 +143,7 @@ def test_a_profile_is_drawn_above(held: ds.Result) -> None:
     time, speed = drive.lines[0].get_data()
     np.testing.assert_array_equal(time, [0.0, 3.0, 3.0, 5.0, 5.0, 7.0, 7.5, 8.5, 8.5, 10.0])
     np.testing.assert_array_equal(speed, [1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0])
-    # The spring is the driven end less the object: its elongation along the drive.
+    # The spring reaches from the object to the driven end: its elongation along the drive.
     phi = np.radians(1.0)
     along = held["u_x"] * np.cos(phi) + held["u_y"] * np.sin(phi)
     np.testing.assert_allclose(driven_length(held, held.time), held["X"] + along, rtol=0.0, atol=1e-9)
@@ -198,9 +198,7 @@ def test_coarse_samples_are_marked(result: ds.Result, coarse: ds.Result, held: d
     # Without misalignment nothing excites it, but an elongation across does.
     aligned = {"misalignment_deg": 0.0}
     assert plot.coarseness(own(5e-3, 1.0, system=aligned)) is None
-    pulled = ds.run(
-        deck("fig3"), scene={"t_end": 0.5}, system=aligned, initial={"elongation_y": 1e-7}, output={"interval": 5e-3}
-    )
+    pulled = ds.run(deck("fig3"), scene={"t_end": 0.5}, system=aligned, initial={"elongation_y": 1e-7}, output={"interval": 5e-3})
     assert plot.coarseness(pulled) is not None
 
 

@@ -107,6 +107,23 @@ def test_what_the_user_has_set_comes_first(page: str, fig3: ds.Scene) -> None:
     assert re.search(r"stiffness_y</td><td[^>]*>1e\+07</td><td[^>]*>N/m</td>", section)
 
 
+def test_a_profile_that_was_set_is_a_list_with_its_unit(fig3: ds.Scene) -> None:
+    corners = [0.01 * i for i in range(40)]
+    held = ds.run(fig3, scene={"t_end": 0.5}, drive={"time": corners, "velocity": [1e-3, 0.0] * 20})
+    page = report(held, "held.h5")
+    listed = re.search(r"drive.velocity</td><td[^>]*>([^<]*)</td><td[^>]*>m/s</td><td[^>]*>drive velocity", page)[1]
+    assert listed == "0.001, 0, 0.001, 0, 0.001, 0, 0.001, 0, 0.001, 0, 0.001, 0, … (40 values)"
+
+
+def test_what_was_set_beside_the_deck_is_listed(fig3: ds.Scene) -> None:
+    changed = ds.run(fig3, scene={"t_end": 0.05}, system={"mass": 0.5}, integrator={"max_steps": 12345})
+    page = report(changed, "changed.h5")
+    section = page[page.index("What was set") : page.index("<h2>Summary")]
+    for key, value in (("scene.t_end", "0.05"), ("system.mass", "0.5"), ("integrator.max_steps", "12345")):
+        assert re.search(rf"{key}</td><td[^>]*>{value}</td>", section), key
+    assert "flush_seconds" not in section
+
+
 def test_no_value_is_broken_into_lines(page: str) -> None:
     """A cell in which lines may break inside a word would show 0.169/71401."""
     (rule,) = re.findall(r"^td:first-child.*nth-child\(2\).*$", page, flags=re.MULTILINE)

@@ -143,7 +143,7 @@ def draw(
     Returns
     -------
     matplotlib.figure.Figure
-        A new one, not attached to any window, or the one that holds `figure` or `ax`.
+        A new one, not attached to any window, or the one that contains `figure` or `ax`.
 
     Raises
     ------
@@ -164,7 +164,9 @@ def draw(
         _refuse_undrawable(result)
         kind, chosen = _choice(result, kind, usual, names, start, end)
     elif names or start is not None or end is not None:
-        raise UsageError("columns=, start= and end= are for a run: a sweep or a comparison has no samples")
+        raise UsageError(
+            "columns and a part in time can be chosen for a run only: a sweep or a comparison has no samples"
+        )
     if quantity is not None:
         chosen["quantity"] = quantity
     if ax is not None:
@@ -189,7 +191,7 @@ def _filled(fill: Callable[..., None], figure: Figure | SubFigure | None) -> Fig
 
 
 def _root(part: Figure | SubFigure | Axes) -> Figure:
-    """The figure that holds a part of it."""
+    """The figure that contains a part of it."""
     root = part.get_figure(root=True)
     if root is None:
         raise UsageError("ax belongs to no figure: make it with figure.subplots()")

@@ -40,9 +40,9 @@ TRACES = ("spring_force_x", "theta", "X")
 COLUMNS = ("X", "Y", "u_x", "u_y", "spring_force_x", "friction", "theta", "psi")
 FILMS = (".gif", ".mp4")
 MOST_TRAVEL = 6.0
-"""Way of the object over the longest elongation of the spring, up to which the floor stands still."""
+"""Distance that the object moves, over the longest elongation of the spring, up to which the floor stands still."""
 CYCLES = 3
-"""After the first slip, that a film shows if nobody names its times."""
+"""Cycles after the first slip that a film shows by default."""
 MM = 1e3
 """Millimetres in a metre."""
 
@@ -145,7 +145,7 @@ def _write_mp4(output: Path, pictures: Iterator[Image.Image], frames_per_second:
             for picture in chain([first], pictures):
                 encoder.stdin.write(picture.tobytes())
         except BrokenPipeError:
-            pass  # its exit status tells that it failed
+            pass  # its exit status says that it failed
     if encoder.returncode != 0:
         raise subprocess.CalledProcessError(encoder.returncode, command)
 
@@ -208,7 +208,7 @@ class _Scene:
         left, right = _ends(place, driven)
         label = "$X$ [mm]"
         if right - left > MOST_TRAVEL * stretch > 0.0:
-            # On the scale of the way the spring would be hidden under the object: the driven end stands still instead.
+            # On the scale of the distance that the object moves, it would hide the spring: the driven end stands still instead.
             along = np.stack([self.driven[:, 0], np.zeros(len(self.driven))], axis=1)
             self.place, self.driven = self.place - along, self.driven - along
             left, right = _ends(self.place[part], self.driven[part])

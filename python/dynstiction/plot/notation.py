@@ -105,7 +105,7 @@ def scaled(unit: str, *values: Floats) -> tuple[float, str]:
 
 
 def label_of(name: str, units: str, *values: Floats) -> tuple[str, float, str]:
-    """Label, factor and colour of a column that holds these values in these units."""
+    """Label, factor and colour of a column with these values in these units."""
     symbol = COLUMNS.get(name)
     if symbol is None:
         return with_unit(name.replace("_", " "), units), 1.0, BLACK

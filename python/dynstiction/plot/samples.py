@@ -37,7 +37,7 @@ def columns(result: Result, *names: str) -> Mapping[str, Floats]:
 
 
 def _refuse_unknown(name: str) -> None:
-    """No run can have a column that the core does not know: it is a slip of the pen."""
+    """Refuse a column that no run can have: a mistyped name."""
     known = [column["name"] for column in catalogue()["columns"]]
     if name not in known:
         near = get_close_matches(name, known, n=1)

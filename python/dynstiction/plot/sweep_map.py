@@ -97,7 +97,7 @@ def _values(table: Table, quantity: str) -> tuple[Floats, str]:
     """Values as they are drawn, and what they are."""
     values = table.quantity(quantity)
     if _of_cycles(quantity) and "swing" in table.data and table.has("mu_0") and table.has("normal_load"):
-        # What swings so little slides steadily: cycles on the way there are none that persist.
+        # So small an amplitude is steady sliding: earlier cycles did not persist.
         values = np.where(slides_steadily(table).reshape(values.shape), np.nan, values)
     about = table.data[quantity].attrs
     if quantity in RELATIVE:

@@ -78,7 +78,7 @@ def creep(result: Result, time: Floats) -> Creep:
 
 
 def static_limit(result: Result) -> float | None:
-    """F_0 = mu_0 W [N]; None if the run does not tell it."""
+    """F_0 = mu_0 W [N]; None if the run does not give it."""
     try:
         given = _numbers(result, "mu_0", "normal_load")
     except UsageError:
@@ -109,7 +109,7 @@ def steady_friction(result: Result) -> float | None:
 
 
 def drive_profile(result: Result) -> tuple[Floats, Floats] | None:
-    """Times [s] and velocities [m/s] of the corners of a drive that changes; None if it does not, or the run does not tell it."""
+    """Times [s] and velocities [m/s] of the corners of a drive that changes; None if it does not, or the run does not give it."""
     if "velocity" in result.parameters or not result.resolved_deck:
         return None
     try:
@@ -123,7 +123,7 @@ def drive_profile(result: Result) -> tuple[Floats, Floats] | None:
 
 
 def driven_length(result: Result, time: Floats) -> Floats | None:
-    """Integral of V [m] from 0 to some times [s]; None if the run does not tell V."""
+    """Integral of V [m] from 0 to some times [s]; None if the run does not give V."""
     profile = drive_profile(result)
     if profile is None:
         try:

@@ -54,7 +54,7 @@ __all__ = [
 HISTORY = ("spring_force_x", "spring_force_y", "friction", "theta", "X")
 VELOCITIES = ("w_x", "w_y")
 OVERLAID = ("spring_force_x", "theta", "X")
-"""Columns of several runs in the same panels, if nobody chooses others."""
+"""Columns of several runs in the same panels, by default."""
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY)
 DASHES: tuple[Any, ...] = (
     "-",
@@ -339,7 +339,7 @@ def draw_series(
     start: float | None = None,
     end: float | None = None,
 ) -> None:
-    """Every column, or some, one panel each: for files that hold too few for another kind."""
+    """Every column, or some, one panel each: for files with too few columns for another kind."""
     held = [name for name in result if name != "time"]
     if not held:
         raise UsageError("nothing to draw: the result holds times only: run again with other output.fields")

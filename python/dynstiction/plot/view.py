@@ -34,7 +34,7 @@ class View:
     result: Result
     """The samples that are shown."""
     cycles: StickSlip | None
-    """Of the whole run, if it tells them."""
+    """Of the whole run; None if it lacks the columns for them."""
     notes: tuple[str, ...]
     """What the figure must say of its samples."""
 
@@ -149,7 +149,7 @@ def _short(value: float, unit: str) -> str:
 
 
 def cycles_of(result: Result) -> StickSlip | None:
-    """Cycles of a run; None if it does not tell them."""
+    """Cycles of a run; None if it lacks the columns for them."""
     try:
         return stick_slip_statistics(result)
     except Error:

@@ -16,11 +16,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .. import plot
+from .._native import catalogue
 from ..errors import Error, FileError, UsageError
 from ..html import table
 from ..plot.style import rendering
 from ..plot.view import view_of
-from ..record import Described, Info
+from ..record import Described
 from ..result import Result
 from ..scene import Scene
 from ..stick_slip import stick_slip_statistics
@@ -35,6 +36,9 @@ FRAMES = 600
 
 MOST_CYCLES = 50
 """Rows of the table of cycles."""
+
+MOST_VALUES = 12
+"""Values of a list that are shown."""
 
 SAME = 1e-9
 """Share of a mean below which its scatter is that of rounding."""
@@ -126,27 +130,47 @@ def _heading(result: Result) -> str:
 
 
 def _given(result: Result) -> str:
-    """What the user has set, in the order of the deck, with the values that were used."""
-    try:
-        groups = Scene.from_deck(result.deck).groups() if result.deck else {}
-    except Error:
-        groups = {}
-    about = {info.name: (info, value) for info, value in result.parameters.info()}
+    """What the user has set, by the deck or beside it, in the order of the deck, with the values that were used."""
+    # What the keys of the deck are; a list is no parameter of a run, which has numbers and texts.
+    known = {(key["group"], key["name"]): (key["units"], key["meaning"]) for key in catalogue()["keys"]}
     rows = []
-    for group, keys in groups.items():
+    for group, keys in _set_keys(result).items():
         for key, value in keys.items():
-            info, used = about.get(key, (Info(key, "1", ""), value))
-            rows.append(
-                (f"{group}.{key}", _shown(used), "" if info.units == "1" else info.units, info.long_name)
-            )
-    return table(HEAD, rows) if rows else "<p>The file does not hold the deck.</p>"
+            units, meaning = known.get((group, key), ("1", ""))
+            rows.append((f"{group}.{key}", _shown(value), "" if units == "1" else units, meaning))
+    return table(HEAD, rows) if rows else "<p>The file does not contain the deck.</p>"
+
+
+def _set_keys(result: Result) -> dict[str, dict[str, object]]:
+    """Keys of the deck as read, and those whose values it alone would not have, with the values that were used."""
+    if not (result.deck and result.resolved_deck):
+        return {}
+    try:
+        deck = Scene.from_deck(result.deck)
+        given, used = deck.groups(), Scene.from_deck(result.resolved_deck).groups()
+    except Error:
+        return {}
+    try:
+        alone = Scene.from_deck(deck.check()).groups()
+    except Error:
+        # Without what was set beside it the deck is none.
+        alone = used
+    found: dict[str, dict[str, object]] = {}
+    for group, values in used.items():
+        first = [key for key in given.get(group, {}) if key in values]
+        others = [key for key in values if key not in first and alone.get(group, {}).get(key) != values[key]]
+        if first or others:
+            found[group] = {key: values[key] for key in (*first, *others)}
+    return found
 
 
 def _shown(value: Any) -> str:
     """A value in six digits; a list with commas between."""
     if isinstance(value, str) or not np.ndim(value):
         return f"{value:.6g}" if isinstance(value, float) else str(value)
-    return ", ".join(_shown(each) for each in np.asarray(value).tolist())
+    values = np.ravel(np.asarray(value)).tolist()
+    more = f", … ({len(values)} values)" if len(values) > MOST_VALUES else ""
+    return ", ".join(_shown(each) for each in values[:MOST_VALUES]) + more
 
 
 def _described(values: Described[float] | Described[float | str]) -> str:
