@@ -18,6 +18,7 @@ from .errors import (
     IncompleteWarning,
     OutOfMemoryError,
     PackageError,
+    SamplingWarning,
     SolverError,
     UsageError,
 )
@@ -86,6 +87,7 @@ __all__ = [
     "Output",
     "PackageError",
     "Result",
+    "SamplingWarning",
     "Scene",
     "Setup",
     "Simulation",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Unpack
 
+from .errors import SamplingWarning
 from .groups import Groups
 from .result import Result
 from .scene import DeckLike
 from .simulation import Simulation
 
-__all__ = ["run"]
+__all__ = ["run", "run_sampled"]
 
 
 def run(deck: DeckLike, *, progress: bool | None = None, **groups: Unpack[Groups]) -> Result:
@@ -36,6 +38,8 @@ def run(deck: DeckLike, *, progress: bool | None = None, **groups: Unpack[Groups
     -----
     IncompleteWarning
         If the run was stopped at ``output.wall_limit``; the result ends there.
+    SamplingWarning
+        If the scene has a fast oscillation that ``output.interval`` is too long to show.
 
     Raises
     ------
@@ -60,4 +64,12 @@ def run(deck: DeckLike, *, progress: bool | None = None, **groups: Unpack[Groups
     >>> result.time[-1], result["u_x"].max(), result.sticks()               # doctest: +SKIP
     """
     with Simulation(deck, **groups) as simulation:
+        if note := simulation._core.sampling_note:
+            warnings.warn(note, SamplingWarning, stacklevel=2)
         return simulation._finish(progress, stacklevel=4)
+
+
+def run_sampled(deck: DeckLike, *, progress: bool | None = None, **groups: Unpack[Groups]) -> Result:
+    """As `run`, of a caller that has chosen the samples for a purpose: no word about them."""
+    with Simulation(deck, **groups) as simulation:
+        return simulation._finish(progress, stacklevel=5)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _native
-from .._run import run
+from .._run import run_sampled
 from ..errors import Error, SolverError
 from ..result import Result
 from ..scene import Scene
@@ -125,7 +125,7 @@ def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     """As `slow_means`, of any model, by runs that are sampled more finely than the trace."""
     result = _settled(scene, wave, {"interval": wave.interval, "fields": ["sticking"]})
     end, period = float(result.time[-1]), float(result.summary["period"])
-    fine = run(
+    fine = run_sampled(
         scene,
         progress=False,
         scene={"settle": 0.0, "t_end": end + CYCLES * period},
@@ -156,7 +156,7 @@ def _settled(scene: Scene, wave: Waveform, output: dict[str, object], precise: b
     integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE} if precise else {}
     for longest in LONGEST:
         try:
-            result = run(
+            result = run_sampled(
                 scene,
                 progress=False,
                 scene={"settle": SETTLED, "t_end": longest * wave.period},
