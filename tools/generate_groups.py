@@ -99,13 +99,20 @@ def group_class(group: str, name: str, keys: list[Key]) -> list[str]:
 
 def type_of(key: Key) -> str:
     """Annotation of a field."""
-    kind = TYPES.get(key.kind) or f"Literal[{', '.join(quoted(choice) for choice in key.choices)}]"
+    kind = TYPES.get(key.kind) or literal(key)
+    if key.kind == "real" and key.choices:
+        kind += f" | {literal(key)}"
     return kind if default_of(key) != "None" else f"{kind} | None"
+
+
+def literal(key: Key) -> str:
+    """The words that a key takes."""
+    return f"Literal[{', '.join(quoted(choice) for choice in key.choices)}]"
 
 
 def default_of(key: Key) -> str:
     """Default of a field."""
-    if key.kind in ("text", "choice") or (key.kind == "texts" and key.default):
+    if key.kind in ("text", "choice") or (key.kind == "texts" and key.default) or key.default in key.choices:
         return quoted(key.default)
     return (
         str(int(key.default))
@@ -122,6 +129,8 @@ def meaning_of(key: Key) -> str:
     text = f"{key.meaning[0].upper()}{key.meaning[1:]}{unit}"
     if key.range:
         text += f"; {key.range}"
+    if key.choices and key.kind == "real":
+        text += f" or {' | '.join(quoted(choice) for choice in key.choices)}"
     if key.choices and key.kind == "texts":
         text += f"; of {', '.join(key.choices)}"
     if key.used_by:

@@ -26,8 +26,9 @@ module dst_python_api
   use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
+  use dst_sampling, only: sampling_note
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema, key_count, integer_kind, real_kind, reals_kind
+  use dst_schema, only: schema, key_count, is_automatic, integer_kind, real_kind, reals_kind
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: stage_terms_t, new_terms
@@ -494,6 +495,7 @@ contains
           table%text(3, row) = integer_text(deck%value(i)%integer)
         case (real_kind, reals_kind)
           table%number(1, row) = deck%value(i)%reals(k)
+          if (is_automatic(schema(i), deck%value(i)%reals(k))) table%text(3, row) = schema(i)%choices
         case default
           table%text(3, row) = deck%value(i)%texts(k)
         end select
@@ -514,7 +516,7 @@ contains
     case ('columns')
       call describe(self%table, self%simulation%output_columns(), 0)
     case ('parameters')
-      call parameters_of(self%deck, parameters)
+      call parameters_of(self%deck, parameters, self%simulation%scene%interval)
       call new_table(self%table, size(parameters), 4, 2)
       do i = 1, size(parameters)
         call put_quantity(self%table%text(:3, i), parameters(i)%quantity)
@@ -737,7 +739,7 @@ contains
     end select
   end subroutine make_text
 
-  !> Also 'model', 'method', and why model 'auto' is that one: 'model_choice'.
+  !> Also 'model', 'method', why model 'auto' is that one: 'model_choice', and what the samples will not show: 'sampling_note'.
   subroutine make_run_text(self, which)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -749,6 +751,8 @@ contains
       self%text = trim(self%simulation%scene%method_name())
     case ('model_choice')
       self%text = self%model_choice
+    case ('sampling_note')
+      self%text = sampling_note(self%simulation%scene)
     case default
       call self%session_t%make_text(which)
     end select

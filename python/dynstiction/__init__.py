@@ -21,6 +21,7 @@ from .errors import (
     IncompleteWarning,
     OutOfMemoryError,
     PackageError,
+    SamplingWarning,
     SolverError,
     UsageError,
 )
@@ -93,6 +94,7 @@ __all__ = [
     "Output",
     "PackageError",
     "Result",
+    "SamplingWarning",
     "Scene",
     "Setup",
     "Simulation",

@@ -11,6 +11,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -41,6 +42,41 @@ class _ReaderGoneError(Exception):
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message}: see {self.prog} --help")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse a word that is none of the choices with the nearest one."""
+        if action.choices is None or value in action.choices:
+            return
+        choices = [str(choice) for choice in action.choices]
+        if value in {entry["name"] for entry in catalogue()["commands"]}:
+            raise UsageError(f"'{value}' is a command of the executable: write dynstiction {value}")
+        near = _nearest(str(value), choices)
+        self.error(
+            f"{action.metavar or action.option_strings[-1]} '{value}' is unknown: {near}choose {' | '.join(choices)}"
+        )
+
+    def parse_all(self, arguments: Sequence[str] | None) -> argparse.Namespace:
+        """Parse every word; what is left over is refused in the words of its command."""
+        options, left = self.parse_known_args(arguments)
+        if left:
+            name, known = options.name, self._options_of(options.name)
+            near = _nearest(left[0].partition("=")[0], known) if left[0].startswith("-") else ""
+            what = "unknown option" if left[0].startswith("-") else "too many operands, from"
+            raise UsageError(
+                f"{what} '{left[0]}': {near}see {self.prog} {name} --help"
+                if left[0].startswith("-")
+                else f"{what} '{left[0]}' on: see {self.prog} {name} --help"
+            )
+        return options
+
+    @staticmethod
+    def _options_of(command: str) -> list[str]:
+        return [option["name"] for option in catalogue()["options"] if command in option["commands"]]
+
+
+def _nearest(given: str, known: Sequence[str]) -> str:
+    """What an unknown word most likely means, as the beginning of a remedy; empty if nothing is near."""
+    return "".join(f"the nearest is '{name}', " for name in get_close_matches(given, known, 1))
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if file is sys.stderr:
@@ -82,7 +118,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
         How the user has called it.
     """
     try:
-        options = _parser(program).parse_args(arguments)
+        options = _parser(program).parse_all(arguments)
         command: Callable[[argparse.Namespace], int | None] = options.command
         return command(options) or 0
     except _ReaderGoneError:
@@ -104,7 +140,7 @@ def _parser(program: str) -> _Parser:
         if entry["by"] == "Python":
             command = commands.add_parser(entry["name"], help=entry["brief"], description=entry["meaning"])
             run, defaults = COMMANDS[entry["name"]]
-            command.set_defaults(command=run, **defaults)
+            command.set_defaults(command=run, name=entry["name"], **defaults)
             _add_arguments(command, entry)
     _add_trade(commands)
     return parser
@@ -291,7 +327,7 @@ def _add_trade(commands: argparse._SubParsersAction[_Parser]) -> None:
     parser.add_argument("--set", metavar="GROUP.KEY=VALUE", action="append", default=[])
     parser.add_argument("--overwrite", action="store_true")
     parser.add_argument("--quiet", action="store_true")
-    parser.set_defaults(command=_trade)
+    parser.set_defaults(command=_trade, name="trade")
 
 
 def _trade(options: argparse.Namespace) -> None:
@@ -313,10 +349,13 @@ def _paper(options: argparse.Namespace) -> None:
 def _animate(options: argparse.Namespace) -> None:
     from .plot.animation import animate  # noqa: PLC0415
 
+    start = vars(options)["from"]
+    if start is not None and options.to is not None and not start < options.to:
+        raise UsageError(f"--from {start:g} is not before --to {options.to:g}: exchange them")
     animate(
         _open(options.file),
         options.output,
-        start=vars(options)["from"],
+        start=start,
         end=options.to,
         frames_per_second=options.fps,
         seconds=options.seconds,
@@ -349,7 +388,17 @@ def _validate_creep(options: argparse.Namespace) -> int:
 
 
 def _open(file: Path) -> Result:
-    """A result file; that it is incomplete is said in one line."""
+    """A result file of a run; that it is incomplete is said in one line."""
+    for group, what, remedy in (
+        ("sweep", "a sweep", "dynstiction plot draws it, dynstiction export writes its tables"),
+        (
+            "trade",
+            "a comparison of settings",
+            "dynstiction plot draws it, dynstiction export writes its points",
+        ),
+    ):
+        if group in groups_in(file):
+            raise FileError(f"{printable(str(file))}: holds {what}, not one run: {remedy}")
     with _warnings_in_one_line():
         return open(file)
 

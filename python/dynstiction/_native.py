@@ -226,7 +226,10 @@ class DeckValues(Session):
         items: dict[tuple[str, str], list[Any]] = {}
         for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
             kind = key_info(group, name).kind
-            value = int(text) if kind == "integer" else number if kind in ("real", "reals") else text
+            # A real key may take a word in place of a number.
+            value = (
+                int(text) if kind == "integer" else number if kind in ("real", "reals") and not text else text
+            )
             items.setdefault((group, name), []).append(value)
         for (group, name), values in items.items():
             groups.setdefault(group, {})[name] = values[0] if len(values) == 1 else tuple(values)
@@ -271,6 +274,8 @@ class Run(Session):
         self.method = _named_text(handle, "method")
         self.model_choice = _named_text(handle, "model_choice")
         """Why the model 'auto' is the one integrated; empty if the deck names another."""
+        self.sampling_note = _named_text(handle, "sampling_note")
+        """What the samples will not show; empty if they show all."""
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""

@@ -24,6 +24,9 @@ Then bytes of an address and of a length."""
 SEAL = b"dynstiction CRC-32 %08X\n"
 MARK = SEAL[:19]
 SEAL_LENGTH = len(SEAL % 0)
+BEGINNING = 4096
+"""Bytes by which a deck is known that is given in place of a result."""
+
 BLOCK = 2**20
 """Bytes that are read at once."""
 
@@ -87,6 +90,10 @@ def _check(name: str) -> None:
     """Refuse what is of another format or differs from its seal. Files of killed runs have none, nor have edited ones."""
     with open(name, "rb") as stream:
         if stream.read(len(SIGNATURE)) != SIGNATURE:
+            stream.seek(0)
+            start = stream.read(BEGINNING)
+            if b"&" in start and b"\0" not in start:
+                raise FileError(f"{name}: is a deck, not a result: dynstiction run {name} makes one")
             raise FileError(f"{name}: cannot be read: it is no HDF5 file, or its beginning is damaged")
         if stream.read(len(FORMAT)) != FORMAT:
             raise FileError(

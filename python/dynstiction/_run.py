@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Unpack
 
 from numpy.typing import ArrayLike
 
+from .errors import SamplingWarning
 from .groups import Changes
 from .result import Result
 from .scene import DeckLike
 from .simulation import Simulation
 
-__all__ = ["run"]
+__all__ = ["run", "run_sampled"]
 
 
 def run(
@@ -49,6 +51,8 @@ def run(
     -----
     IncompleteWarning
         If the run was stopped at ``output.wall_limit``; the result ends there.
+    SamplingWarning
+        If the scene has a fast oscillation that ``output.interval`` is too long to show.
 
     Raises
     ------
@@ -77,4 +81,12 @@ def run(
     >>> result.time[-1], result["u_x"].max(), result.sticks()               # doctest: +SKIP
     """
     with Simulation(deck, times=times, **changes) as simulation:
+        if times is None and (note := simulation._core.sampling_note):
+            warnings.warn(note, SamplingWarning, stacklevel=2)
         return simulation._finish(progress, stacklevel=4)
+
+
+def run_sampled(deck: DeckLike, *, progress: bool | None = None, **changes: Unpack[Changes]) -> Result:
+    """As `run`, of a caller that has chosen the samples for a purpose: no word about them."""
+    with Simulation(deck, **changes) as simulation:
+        return simulation._finish(progress, stacklevel=5)

@@ -11,6 +11,7 @@ __all__ = [
     "IncompleteWarning",
     "OutOfMemoryError",
     "PackageError",
+    "SamplingWarning",
     "SolverError",
     "UsageError",
     "error_for",
@@ -103,6 +104,10 @@ class IncompleteWarning(UserWarning):
 
     def __str__(self) -> str:
         return printable(super().__str__())
+
+
+class SamplingWarning(UserWarning):
+    """The samples of a run are too far apart to show its fast oscillation: a picture of them shows one that is not there."""
 
 
 class FitWarning(UserWarning):

@@ -6,7 +6,7 @@ module dst_catalogue
   use dst_deck, only: has_model
   use dst_columns, only: columns
   use dst_methods, only: methods
-  use dst_schema, only: schema, key_count, kind_names, is_text, find_name, range_text, condition_count
+  use dst_schema, only: schema, key_count, kind_names, is_text, is_word_of, find_name, range_text, condition_count
   use dst_summary, only: summary_quantities
   use dst_text, only: integer_text, word, word_count
   use dst_motion_summary, only: statistics
@@ -88,7 +88,7 @@ contains
 
     associate (key => schema(i), all_models => schema(find_name('model'))%choices)
       default = trim(key%default)
-      if (is_text(key)) default = quoted(default)
+      if (is_text(key) .or. is_word_of(key, default)) default = quoted(default)
       if (default == '') default = 'null'
       models = ''
       do k = 1, word_count(all_models)

@@ -5,14 +5,14 @@ module dst_command_line
   use dst_division, only: share_wish_t, take_share_wish
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
-  use dst_schema, only: schema, find_key, names_file
+  use dst_schema, only: schema, find_key, find_name, names_file
   use dst_text, only: starts_with, has_word, lower_case, word, word_count, nearest_word, excerpt, alternatives, integer_text, &
     one_per_line, read_real
   implicit none
   private
 
   public :: argument_t, command_t, program_arguments, is_python_command, parse_arguments, takes_value, setting_list, help_text, &
-    usage_of
+    usage_of, errors_topic
 
   !> One word of the command line.
   type :: argument_t
@@ -30,12 +30,18 @@ module dst_command_line
     real(wp) :: budget = 10.0_wp                   !! of --budget, s
     type(share_wish_t) :: share                    !! of --shard and --redivide
     character(:), allocatable :: given             !! names of all options that are given, blank-separated
+    !> Of --vary: how many, and the lists of &sweep that they make; whether the command was 'sweep', which is now 'run'.
+    integer :: variations = 0
+    character(:), allocatable :: swept_keys, swept_first, swept_last, swept_count, swept_spacing
+    logical :: is_quick_sweep = .false.
   contains
     procedure :: has
   end type command_t
 
   character, parameter :: n = achar(10)
   character(*), parameter :: see_help = ', see dynstiction --help'
+  !> The page of help that is on no command.
+  character(*), parameter :: errors_topic = 'errors'
   !> Columns of the help: the longest line, the meaning of an option, and that of a command.
   integer, parameter :: widest = 110, option_column = 25, command_column = 42
 
@@ -96,6 +102,7 @@ contains
     if (command%has('--version')) command%name = 'version'
     if (command%has('--help') .and. command%name == '') command%name = 'help'
     call check_command(command, error)
+    if (command%name == 'sweep' .and. .not. (allocated(error) .or. command%has('--help'))) call become_run(command)
   end subroutine parse_arguments
 
   !> Append a word. An array constructor would do it, but with gfortran 12 loses the memory of the copies.
@@ -128,19 +135,25 @@ contains
     type(command_t), intent(inout) :: command
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: option, value
+    integer :: equals
 
     option = arguments(i)%text
     value = ''
-    if (option == '-h') option = '--help'
-    if (starts_with(option, '--set=')) then
-      value = option(len('--set=') + 1:)
-      option = '--set'
-    else if (takes_value(option) .and. i < size(arguments)) then
+    equals = 0
+    if (starts_with(option, '--')) equals = index(option, '=')
+    if (equals > 0) then
+      value = option(equals + 1:)
+      option = option(:equals - 1)
+    end if
+    option = usual_name(option)
+    if (equals > 0 .and. .not. takes_value(option)) then
+      option = arguments(i)%text
+    else if (equals == 0 .and. takes_value(option) .and. i < size(arguments)) then
       i = i + 1
       value = arguments(i)%text
     end if
     if (.not. has_word(options_of(''), option)) then
-      call raise(error, usage_error, unknown_text('option', option, options_of('')))
+      call raise(error, usage_error, unknown_option_text(command%name, option))
     else if (takes_value(option) .and. len(value) == 0) then
       call raise(error, usage_error, option//' without '//trim(options(find_option(option, ''))%lacking))
     end if
@@ -154,6 +167,8 @@ contains
     case ('--set')
       call check_named_file(value, error)
       call append(command%settings, value)
+    case ('--vary')
+      call take_variation(value, command, error)
     case ('--shard')
       call take_share_wish(value, command%share, error)
     case ('--quantity')
@@ -165,6 +180,95 @@ contains
     end select
     command%given = trim(adjustl(command%given//' '//option))
   end subroutine take_option
+
+  !> The name by which the table has an option.
+  pure function usual_name(option) result(name)
+    character(*), intent(in) :: option
+    character(:), allocatable :: name
+
+    name = option
+    select case (option)
+    case ('-h')
+      name = '--help'
+    case ('-v', '-V')
+      name = '--version'
+    case ('--output')
+      name = '-o'
+    end select
+  end function usual_name
+
+  !> 'GROUP.KEY=FIRST:LAST:COUNT' or '...:log', which becomes an element of each list of &sweep.
+  subroutine take_variation(text, command, error)
+    character(*), intent(in) :: text
+    type(command_t), intent(inout) :: command
+    type(error_t), allocatable, intent(out) :: error
+    character(*), parameter :: form = ': write --vary GROUP.KEY=FIRST:LAST:COUNT, like '// &
+      '--vary system.misalignment_deg=0.5:20:40, with :log at its end for equal ratios'
+    character(:), allocatable :: name, words, spacing, problem
+    character(1) :: comma
+    real(wp) :: number
+    integer :: equals, i, k
+
+    equals = index(text, '=')
+    words = text(equals + 1:)
+    do i = 1, len(words)
+      if (words(i:i) == ':') words(i:i) = ' '
+    end do
+    spacing = 'linear'
+    if (word_count(words) == 4) spacing = word(words, 4)
+    problem = ''
+    if (equals == 0) then
+      problem = "has no '='"
+    else if (word_count(words) < 3 .or. word_count(words) > 4 .or. count([(text(i:i) == ':', i=1, len(text))]) &
+             /= word_count(words) - 1) then
+      problem = 'has not the parts FIRST:LAST:COUNT'
+    else if (.not. has_word('linear log', spacing)) then
+      problem = "has the unknown spacing '"//excerpt(spacing)//"'"
+    else
+      do i = 1, 3
+        call read_real(word(words, i), number, problem)
+        if (problem /= '') problem = "'"//excerpt(word(words, i))//"' "//problem
+        if (problem /= '') exit
+      end do
+    end if
+    if (problem /= '') then
+      call raise(error, usage_error, "--vary '"//excerpt(text)//"' "//problem//form)
+      return
+    end if
+    name = trim(adjustl(text(:equals - 1)))
+    ! Names of keys are unique: the group may be left out.
+    k = find_name(lower_case(name))
+    if (k > 0) name = trim(schema(k)%group)//'.'//name
+    comma = ','
+    if (command%variations == 0) then
+      comma = ''
+      command%swept_keys = ''
+      command%swept_first = ''
+      command%swept_last = ''
+      command%swept_count = ''
+      command%swept_spacing = ''
+    end if
+    command%variations = command%variations + 1
+    command%swept_keys = command%swept_keys//trim(comma)//"'"//name//"'"
+    command%swept_first = command%swept_first//trim(comma)//word(words, 1)
+    command%swept_last = command%swept_last//trim(comma)//word(words, 2)
+    command%swept_count = command%swept_count//trim(comma)//word(words, 3)
+    command%swept_spacing = command%swept_spacing//trim(comma)//"'"//spacing//"'"
+  end subroutine take_variation
+
+  !> A sweep of a deck is a run of the deck with the group &sweep that the variations make.
+  subroutine become_run(command)
+    type(command_t), intent(inout) :: command
+
+    command%name = 'run'
+    command%is_quick_sweep = .true.
+    call append(command%settings, 'sweep.parameter='//command%swept_keys)
+    call append(command%settings, 'sweep.first='//command%swept_first)
+    call append(command%settings, 'sweep.last='//command%swept_last)
+    call append(command%settings, 'sweep.count='//command%swept_count)
+    call append(command%settings, 'sweep.spacing='//command%swept_spacing)
+    call append(command%settings, 'sweep.points=')
+  end subroutine become_run
 
   !> Whether the word after the option belongs to it.
   pure logical function takes_value(option)
@@ -208,6 +312,21 @@ contains
     if (names_file(schema(k))) call check_file_name(setting(equals + 1:), error)
   end subroutine check_named_file
 
+  !> What to write instead of an option that nobody, or another command, has.
+  function unknown_option_text(command, option) result(text)
+    character(*), intent(in) :: command, option
+    character(:), allocatable :: text
+
+    if (index('--output', option) == 1 .and. len(option) > 2) then
+      text = "unknown option '"//excerpt(option)//"': the nearest is '-o' or '--output'"//see_help
+    else if (find_command(command) == 0) then
+      text = unknown_text('option', option, options_of('')//' --output')
+    else
+      text = unknown_text('option', option, options_of(command)//' --output --help')
+      text = text(:len(text) - len(see_help))//', see dynstiction '//command//' --help'
+    end if
+  end function unknown_option_text
+
   function unknown_text(what, given, valid) result(text)
     character(*), intent(in) :: what, given, valid
     character(:), allocatable :: text
@@ -231,8 +350,10 @@ contains
     k = find_command(command%name)
     if (command%name == '') then
       call raise(error, usage_error, 'no command: give one of '//alternatives(all_commands)//see_help)
-    else if (command%name == 'version' .or. command%name == 'help') then
+    else if (command%name == 'version') then
       return
+    else if (command%name == 'help') then
+      call check_topic(command, all_commands, error)
     else if (k == 0) then
       call raise(error, usage_error, unknown_text('command', command%name, all_commands))
     else if (commands(k)%of_python) then
@@ -242,6 +363,22 @@ contains
       if (.not. allocated(error)) call check_operands(command, commands(k), error)
     end if
   end subroutine check_command
+
+  !> Help is on a command, on errors, or on the program.
+  subroutine check_topic(command, all_commands, error)
+    type(command_t), intent(in) :: command
+    character(*), intent(in) :: all_commands
+    type(error_t), allocatable, intent(out) :: error
+
+    if (size(command%operands) == 0) return
+    associate (topic => command%operands(1)%text)
+      if (size(command%operands) > 1) then
+        call raise(error, usage_error, "'help' takes one command: '"//excerpt(command%operands(2)%text)//"' is too many")
+      else if (.not. has_word(all_commands//' '//errors_topic, topic)) then
+        call raise(error, usage_error, unknown_text('topic', topic, all_commands//' '//errors_topic))
+      end if
+    end associate
+  end subroutine check_topic
 
   subroutine check_options(command, error)
     type(command_t), intent(in) :: command
@@ -279,6 +416,9 @@ contains
         excerpt(command%operands(most + 1)%text)//"' is too many")
     else if (size(command%operands) == 0 .and. verify(entry%operands(:1), '[ ') == 1) then
       call raise(error, usage_error, "'"//command%name//"' without a "//kind//': write dynstiction '//command%name//' '//operand)
+    else if (command%name == 'sweep' .and. command%variations == 0) then
+      call raise(error, usage_error, "'sweep' varies nothing: write --vary GROUP.KEY=FIRST:LAST:COUNT, like "// &
+        '--vary system.misalignment_deg=0.5:20:40')
     else if (command%share%redivide .and. .not. command%share%is_given) then
       call raise(error, usage_error, '--redivide without --shard: give the new division, like --shard 3/16')
     else if (command%quantity /= '' .and. .not. command%accuracy > 0.0_wp) then
@@ -363,7 +503,7 @@ contains
     of_python = .false.
     do i = 1, size(commands)
       if (commands(i)%of_python .and. .not. of_python) then
-        text = text//'  dynstiction --version | --help | COMMAND --help'//n//n// &
+        text = text//'  dynstiction --version | --help | help COMMAND | help errors'//n//n// &
           'By the Python package, through the interpreter DYNSTICTION_PYTHON, else the python3 beside the executable,'//n// &
           'else that of PATH:'//n
       end if

@@ -54,6 +54,12 @@ module dst_command_table
       'dynstiction run inputs/fig3.nml'//n// &
       'dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
       'dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'), &
+    command_entry_t('sweep', 'DECK', ours, 'run a deck with a key varied', &
+      'Run the deck for COUNT values of a key, from FIRST to LAST, on all cores, and write a summary of each case to FILE, '// &
+      'else to the deck''s name with _sweep.h5 in the current directory. The last of several keys varies fastest. It is the '// &
+      'same as dynstiction run of the deck with the group &sweep that --vary says.', &
+      'dynstiction sweep my.nml --vary system.misalignment_deg=0.5:20:40'//n// &
+      'dynstiction sweep my.nml --vary drive.velocity=1e-4:1e-1:30:log -o velocity.h5'), &
     command_entry_t('resume', 'FILE.h5...', ours, 'go on with a run that was stopped or killed', &
       'Go on with a run that was stopped or killed, from the checkpoint beside its result file, FILE.h5.checkpoint. '// &
       'The deck is that in FILE.h5. The finished file holds the same numbers as that of a run without a stop, '// &
@@ -97,8 +103,9 @@ module dst_command_table
       'dynstiction plot FILE draws it. The Python package does both.', &
       'dynstiction trade inputs/fig3.nml --accuracy 1e-4'//n// &
       'dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantity period --budget 3 --quiet'), &
-    command_entry_t('show', 'FILE.h5...', ours, 'what a result is, how far a sweep has come', &
-      'Print what each result file is: model, method, whether it is complete. Of a sweep that is not at its end, print '// &
+    command_entry_t('show', 'FILE...', ours, 'what a result holds, how far a sweep has come', &
+      'Print what each file holds: of a run model, method and summary, of a sweep what varies and the ranges, of a deck what '// &
+      'it asks for. Of a sweep that is not at its end, print '// &
       'from its shards FILE.h5.shard-* how many cases are done, and of each shard its part, its times, and whether a '// &
       'process is writing it; FILE.h5 itself need not be there yet. Nothing is changed, and nobody is disturbed.', &
       'dynstiction show map_lambda.h5'), &
@@ -144,15 +151,18 @@ module dst_command_table
   character(*), parameter :: trade_quantities = 'final_elongation final_velocity period peak_force valley_force slip_length '// &
     'max_X_rate creep_velocity fast_amplitude fast_phase sticks first_peak_force'
 
-  character(*), parameter :: takes_settings = 'run merge check stability cycles trade compare fit'
+  character(*), parameter :: takes_settings = 'run sweep merge check stability cycles trade compare fit'
   character(*), parameter :: trade_help = 'a value: see dynstiction trade --help'
 
   !> name, argument, commands, times, meaning, lacking
   type(option_t), parameter :: options(*) = [ &
-    option_t('-o', 'FILE', 'run merge trade', '?', 'the output file (one deck only)', 'a file name: write -o FILE'), &
+    option_t('-o', 'FILE', 'run sweep merge trade', '?', 'the output file (one deck only)', 'a file name: write -o FILE'), &
     option_t('--set', 'GROUP.KEY=VALUE', takes_settings, '*', &
       'use VALUE in place of the deck''s; may be repeated; text needs no quotes', 'a setting: write --set GROUP.KEY=VALUE'), &
     option_t('--set', 'GROUP.KEY=', takes_settings, '*', 'as if the deck did not set the key', ''), &
+    option_t('--vary', 'KEY=FIRST:LAST:COUNT', 'sweep', '*', &
+      'values of GROUP.KEY, both ends included; :log at the end for equal ratios; several make a grid', &
+      'a key: write --vary GROUP.KEY=FIRST:LAST:COUNT'), &
     option_t('--shard', 'I/N', 'run', '?', &
       'of a sweep: the I-th of N equal parts of its cases; dynstiction merge joins the shards', &
       'its number: write --shard I/N or --shard auto'), &
@@ -162,8 +172,8 @@ module dst_command_table
     option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', trade_help), &
     option_t('--quantity', 'NAME', 'trade', '?', 'errors of which quantity; all; by default final_elongation, period, '// &
       'peak_force and creep_velocity, as far as the scene has them', trade_help), &
-    option_t('--overwrite', '', 'run merge trade report export fit', '?', 'replace existing output files', ''), &
-    option_t('--quiet', '', 'run resume merge', '?', 'no progress', ''), &
+    option_t('--overwrite', '', 'run sweep merge trade report export fit', '?', 'replace existing output files', ''), &
+    option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &
     option_t('--quiet', '', 'trade', '?', 'no progress and no table', ''), &
     option_t('--keep-shards', '', 'run merge', '?', 'of a sweep: do not remove the shards when the result file is whole', ''), &
     option_t('--redivide', '', 'run', '?', 'with --shard: another N than that of the shards; what is done stays done', ''), &
@@ -204,7 +214,7 @@ module dst_command_table
     option_t('-o', 'FIGURE', 'fit', '?', 'default: TRACE with _fitted.png, here; also .pdf, .svg', ''), &
     option_t('-o', 'FIGURE', 'compare', '?', 'default: TRACE with _compared.png, here; also .pdf, .svg', ''), &
     option_t('-o', 'HTML', 'report', '?', 'default: FILE.html', ''), &
-    option_t('--csv', '', 'export', '1', 'the format', ''), &
+    option_t('--csv', '', 'export', '?', 'the format, which is the only one', ''), &
     option_t('-o', 'DIR', 'export validate-creep', '?', 'made if it is not there; default: here', ''), &
     option_t('-o', 'OUT', 'animate', '1', 'X.gif, X.mp4 (needs ffmpeg), or a folder for PNG frames', ''), &
     option_t('--from', 'T', 'animate', '?', &

@@ -13,12 +13,13 @@ module dst_deck_check
   use dst_output_size, only: sample_count, run_samples, most_samples, most_series_values
   use dst_plain_numbers, only: number_text, bytes_text
   use dst_scene, only: scene_t, scene_from_deck
+  use dst_scene_notes, only: scene_notes
   use dst_schema, only: sweep_group
   use dst_simulation, only: simulation_t
-  use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, table_quantities
+  use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, table_quantities, series_interval
   use dst_sweep_list, only: read_points
   use dst_sweep_shard, only: shards_of
-  use dst_text, only: integer_text
+  use dst_text, only: integer_text, printable
   implicit none
   private
 
@@ -38,34 +39,37 @@ module dst_deck_check
 contains
 
   !> Refuse a deck, which has been read without a fault, that cannot run or whose results have no room where `output` shall be.
-  subroutine check_deck(deck, output, shards, remark, error)
+  subroutine check_deck(deck, output, shards, notes, interval, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output                 !! the result file
     integer, intent(in) :: shards                      !! processes that share a sweep on different disks; 0 = one does all
-    character(:), allocatable, intent(out) :: remark   !! the size of large results; '' of others
+    character(:), allocatable, intent(out) :: notes    !! what is seldom meant, and the size of large results
+    real(wp), allocatable, intent(out) :: interval     !! between the samples of a run [s]; unallocated where cases have their own
     type(error_t), allocatable, intent(out) :: error
     type(demand_t) :: demand
 
-    remark = ''
+    notes = ''
     if (deck%is_sweep()) then
       call weigh_sweep(deck, output, shards, demand, error)
     else
-      call weigh_run(deck, output, demand, error)
+      call weigh_run(deck, output, demand, notes, interval, error)
     end if
     ! Who limits the time wants what comes until then.
     if (.not. (allocated(error) .or. deck%real_of('output', 'wall_limit') > 0.0_wp)) call check_room(output, demand, error)
     if (allocated(error)) then
       call locate(deck, error)
     else if (demand%bytes >= large) then
-      remark = demand%what//' will take '//bytes_text(demand%bytes)
+      notes = notes//printable(deck%name)//': note: '//demand%what//' will take '//bytes_text(demand%bytes)//new_line('a')
     end if
   end subroutine check_deck
 
   !> A single run: model, method, columns, samples.
-  subroutine weigh_run(deck, output, demand, error)
+  subroutine weigh_run(deck, output, demand, notes, interval, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
     type(demand_t), intent(out) :: demand
+    character(:), allocatable, intent(out) :: notes
+    real(wp), allocatable, intent(out) :: interval
     type(error_t), allocatable, intent(out) :: error
     type(simulation_t), allocatable :: simulation
     type(scene_t) :: scene
@@ -73,14 +77,14 @@ contains
     real(wp) :: samples
 
     call scene_from_deck(deck, scene)
-    samples = run_samples(scene)
     key = 'output.interval'
-    if (.not. scene%interval > 0.0_wp) key = 'integrator.step'
+    ! Of 'auto' the interval is never what is too short.
+    if (.not. abs(scene%interval) > 0.0_wp) key = 'integrator.step'
     ! The distance of the samples.
     decisive = key
-    if (.not. scene%interval > 0.0_wp) decisive = key//' or give output.interval'
+    if (.not. abs(scene%interval) > 0.0_wp) decisive = key//' or give output.interval'
     if (.not. deck%is_set('output', 'interval')) key = 'scene.t_end'
-    if (samples > most_samples) then
+    if (.not. scene%interval < 0.0_wp .and. run_samples(scene) > most_samples) then
       call raise(error, deck_error, 'more than 2^53 samples: raise '//decisive//', or lower scene.t_end', key)
       return
     end if
@@ -88,6 +92,9 @@ contains
     allocate (simulation)
     call simulation%start(scene, error)
     if (allocated(error)) return
+    samples = run_samples(simulation%scene)
+    interval = simulation%scene%interval
+    call scene_notes(deck, simulation%scene, notes)
     associate (columns => simulation%output_columns())
       demand%bytes = samples*real(8*size(columns) - 7*count(columns%name == 'sticking'), wp)
       if (precision(1.0_wp) > 15) demand%bytes = demand%bytes + samples*real(8*size(columns), wp)
@@ -115,7 +122,7 @@ contains
       numbers = real(measures*deck%integer_of(sweep_group, 'cycles') + 1, wp)
       demand%remedy = demand%remedy//', fewer sweep.cycles'
     else if (deck%text_of(sweep_group, 'keep') == 'series') then
-      samples = sample_count(deck%real_of('scene', 't_end'), deck%real_of('output', 'interval'))
+      samples = sample_count(deck%real_of('scene', 't_end'), series_interval(deck))
       call count_series(deck, samples, numbers, error)
       if (allocated(error)) return
       demand%remedy = demand%remedy//', a larger output.interval, fewer output.fields'

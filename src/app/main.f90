@@ -4,11 +4,17 @@ module dst_main
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable, real_text
   use dst_disk, only: place_of
+  use dst_error_page, only: error_page
   use dst_cycles_report, only: cycles_report
+  use dst_hdf5_origin, only: sweep_state_t, state_of_sweep, is_deck
+  use dst_model_choice, only: settle_model
+  use dst_sampling, only: settle_interval
+  use dst_plain_numbers, only: duration_text
+  use dst_stopwatch, only: wall_clock
   use dst_deck, only: deck_t, read_deck, parse_deck, resolved, template, key_table
   use dst_deck_check, only: check_deck
   use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
-    setting_list, help_text
+    setting_list, help_text, errors_topic
   use dst_catalogue, only: catalogue
   use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
@@ -21,7 +27,7 @@ module dst_main
   use dst_sweep_file, only: is_of_unfinished_sweep
   use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: sweep_options_t, run_sweep, merge_sweep
-  use dst_show, only: show_result
+  use dst_show, only: show_result, deck_in_brief
   use dst_signals, only: listen_to_requests, listen_to_signals
   use dst_instructions, only: runs_v3
   use dst_stability_report, only: stability_report
@@ -116,7 +122,9 @@ contains
     type(error_t), allocatable :: error
     character(:), allocatable :: text, model
 
-    if (command%has('--help')) then
+    if (command%name == 'help') then
+      text = help_on_topic()
+    else if (command%has('--help')) then
       text = help_text(command%name)
     else if (command%name == 'version') then
       text = version_text()
@@ -150,6 +158,19 @@ contains
     end if
   end subroutine execute
 
+  !> What 'help' prints: of the program, of a command, or of errors.
+  function help_on_topic() result(text)
+    character(:), allocatable :: text
+
+    if (size(command%operands) == 0) then
+      text = help_text('')
+    else if (command%operands(1)%text == errors_topic) then
+      text = error_page()
+    else
+      text = help_text(command%operands(1)%text)
+    end if
+  end function help_on_topic
+
   function version_text() result(text)
     character(:), allocatable :: text
 
@@ -163,10 +184,13 @@ contains
   subroutine print_each()
     type(error_t), allocatable :: error
     character(:), allocatable :: text
+    logical :: is_result
     integer :: i
 
     do i = 1, size(command%operands)
-      if (command%name == 'show') then
+      is_result = command%name == 'show'
+      if (is_result) is_result = .not. is_deck(command%operands(i)%text)
+      if (is_result) then
         call show_result(command%operands(i)%text, text, error)
       else
         call describe_deck(command%operands(i)%text, text, error)
@@ -176,21 +200,27 @@ contains
     end do
   end subroutine print_each
 
-  !> A deck as it is used, the linear theory of its scene, or its limit cycles.
+  !> A deck as it is used or in brief, the linear theory of its scene, or its limit cycles.
   subroutine describe_deck(file_name, text, error)
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
     type(deck_t), allocatable :: deck
     type(scene_t) :: scene
-    character(:), allocatable :: remark
+    character(:), allocatable :: notes
+    real(wp), allocatable :: interval
 
     allocate (deck)
-    call take_deck(file_name, deck, remark, error)
+    call take_deck(file_name, deck, notes, interval, error)
     if (allocated(error)) return
     if (command%name == 'check') then
-      if (remark /= '') call put_error('dynstiction: '//deck%name//': '//remark//new_line('a'))
-      text = resolved(deck)
+      call put_notes(notes)
+      text = resolved(deck, interval)
+    else if (command%name == 'show') then
+      call scene_from_deck(deck, scene)
+      call settle_model(scene, notes)
+      call settle_interval(scene)
+      text = deck_in_brief(deck%name, scene)
     else
       call scene_from_deck(deck, scene)
       if (command%name == 'cycles') then
@@ -203,29 +233,46 @@ contains
   end subroutine describe_deck
 
   !> A deck with the settings of the command; what 'check' and 'run' accept without an error will run.
-  subroutine take_deck(file_name, deck, remark, error)
+  subroutine take_deck(file_name, deck, notes, interval, error)
     character(*), intent(in) :: file_name
     type(deck_t), intent(out) :: deck
-    character(:), allocatable, intent(out) :: remark   !! the size of large results
+    character(:), allocatable, intent(out) :: notes   !! what is allowed but seldom meant, a line each
+    real(wp), allocatable, intent(out) :: interval    !! between the samples of a run that is checked [s]
     type(error_t), allocatable, intent(out) :: error
 
-    remark = ''
+    notes = ''
     call read_deck(file_name, setting_list(command), deck, error)
     if (allocated(error) .or. .not. (command%name == 'check' .or. command%name == 'run')) return
     associate (share => command%share)
-      call check_deck(deck, output_of(deck), merge(max(1, share%shares), 0, share%is_given), remark, error)
+      call check_deck(deck, output_of(deck), merge(max(1, share%shares), 0, share%is_given), notes, interval, error)
     end associate
   end subroutine take_deck
+
+  !> Print what is worth a thought, and changes no status.
+  subroutine put_notes(notes)
+    character(*), intent(in) :: notes   !! a line each, all of them ended
+
+    if (notes /= '' .and. .not. is_mute()) call put_error(one_per_line(notes(:len(notes) - 1), 'dynstiction: '))
+  end subroutine put_notes
+
+  !> Print what a run has found. Its file is there, so nothing is lost where nobody can read this.
+  subroutine put_report(report)
+    character(*), intent(in) :: report
+    logical :: ignored
+
+    if (report /= '' .and. .not. is_mute()) call put_output(report, ignored)
+  end subroutine put_report
 
   !> Let Python measure error against cost on a deck's scene, when the words are understood, and the deck, and the name of the file.
   subroutine compare_settings()
     type(deck_t), allocatable :: deck
     type(argument_t) :: output(1)
     type(error_t), allocatable :: error
-    character(:), allocatable :: remark
+    character(:), allocatable :: notes
+    real(wp), allocatable :: interval
 
     allocate (deck)
-    call take_deck(command%operands(1)%text, deck, remark, error)
+    call take_deck(command%operands(1)%text, deck, notes, interval, error)
     if (.not. allocated(error)) then
       output(1)%text = command%output
       if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
@@ -278,14 +325,17 @@ contains
     type(deck_t), intent(inout) :: decks(:)
     type(argument_t), intent(inout) :: outputs(:)
     type(error_t), allocatable :: error
-    character(:), allocatable :: remark, what
+    character(:), allocatable :: notes, what
+    real(wp), allocatable :: interval
     logical :: may_replace
     integer :: i
 
     do i = 1, size(decks)
-      call take_deck(command%operands(i)%text, decks(i), remark, error)
+      call take_deck(command%operands(i)%text, decks(i), notes, interval, error)
       call complain(error)
-      if (.not. allocated(error)) outputs(i)%text = output_of(decks(i))
+      if (allocated(error)) cycle
+      outputs(i)%text = output_of(decks(i))
+      if (.not. command%has('--quiet')) call put_notes(notes)
     end do
     if (status == result_done .and. command%name == 'run') then
       what = 'a run'
@@ -328,6 +378,8 @@ contains
     character(*), intent(in) :: output
     type(error_t), allocatable, intent(out) :: error
     type(sweep_options_t) :: options
+    character(:), allocatable :: report
+    real(wp) :: begun
 
     options = sweep_options_t(overwrite=command%has('--overwrite'), quiet=command%has('--quiet'), &
       keep_shards=command%has('--keep-shards'), share=command%share)
@@ -336,13 +388,28 @@ contains
     else if (command%name == 'merge') then
       if (processes%rank == 0) call merge_sweep(deck, output, options, error)
     else if (deck%is_sweep()) then
+      begun = wall_clock()
       call run_sweep(deck, output, options, processes, error)
+      if (.not. (allocated(error) .or. options%quiet .or. options%share%is_given .or. processes%rank > 0)) &
+        call report_sweep(output, wall_clock() - begun)
     else if (command%share%is_given) then
       call raise(error, usage_error, 'has no &sweep: run it without --shard')
     else if (processes%rank == 0) then
-      call run_deck(deck, output, options%overwrite, options%quiet, error)
+      call run_deck(deck, output, options%overwrite, options%quiet, report, error)
+      if (.not. options%quiet) call put_report(report)
     end if
   end subroutine carry_out
+
+  !> Print what a sweep has come to, and what to look at next.
+  subroutine report_sweep(output, seconds)
+    character(*), intent(in) :: output
+    real(wp), intent(in) :: seconds
+    type(sweep_state_t) :: state
+
+    state = state_of_sweep(output)
+    call put_report(printable(output)//': '//integer_text(state%done)//' cases, '//integer_text(state%failed)//' failed ('// &
+      duration_text(seconds)//'); see dynstiction plot '//printable(output)//new_line('a'))
+  end subroutine report_sweep
 
   !> Complain of an error that an operand has led to; that of a file names the file.
   subroutine complain_of(name, error)
@@ -354,14 +421,16 @@ contains
     call complain(error)
   end subroutine complain_of
 
-  !> Go on with each run in turn.
+  !> Continue each run in turn.
   subroutine resume_runs()
     type(error_t), allocatable :: error
+    character(:), allocatable :: report
     integer :: i
 
     call listen_to_signals()
     do i = 1, size(command%operands)
-      call resume_run(command%operands(i)%text, command%has('--quiet'), error)
+      call resume_run(command%operands(i)%text, command%has('--quiet'), report, error)
+      if (.not. command%has('--quiet')) call put_report(report)
       call complain_of(command%operands(i)%text, error)
       if (has_code(error, stopped_early)) exit
     end do
@@ -373,6 +442,8 @@ contains
     character(:), allocatable :: file_name
 
     file_name = command%output
+    ! The deck's own file is that of its run.
+    if (file_name == '' .and. command%is_quick_sweep) file_name = name_after(deck, '_sweep.h5')
     if (file_name == '') file_name = deck%text_of('output', 'file')
     if (file_name == '') file_name = name_after(deck, '.h5')
   end function output_of

@@ -1,4 +1,4 @@
-!> Run a deck into a result file, or go on with a run that was stopped: what `dynstiction run` and `resume` do.
+!> Run a deck into a result file, or continue a run that was stopped: what `dynstiction run` and `resume` do.
 module dst_run
   use dst_machine, only: host_name, job_name
   use dst_processes, only: mpi_library
@@ -23,7 +23,8 @@ module dst_run
   use dst_sha256, only: sha256
   use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_simulation, only: simulation_t
-  use dst_text, only: formatted
+  use dst_plain_numbers, only: number_text, duration_text
+  use dst_text, only: integer_text, printable
   use dst_writer, only: outcome_t
   implicit none
   private
@@ -45,17 +46,19 @@ module dst_run
 contains
 
   !> Integrate the deck's scene into `result_file`. A solver that gives up leaves a file with all up
-  !> to that point and its result code; `error` says the same.
-  subroutine run_deck(deck, result_file, overwrite, quiet, error)
+  !> to that point and its result code; `error` says the same, and `report` in one line what a run without error has found.
+  subroutine run_deck(deck, result_file, overwrite, quiet, report, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
     logical, intent(in) :: overwrite, quiet
+    character(:), allocatable, intent(out) :: report
     type(error_t), allocatable, intent(out) :: error
     type(run_t) :: run
     type(scene_t) :: scene
     type(run_metadata_t) :: metadata
     character(:), allocatable :: model_choice
 
+    report = ''
     call scene_from_deck(deck, scene)
     call settle_model(scene, model_choice)
     call run%simulation%start(scene, error)
@@ -65,7 +68,7 @@ contains
     if (allocated(error)) return
     run%checkpoint%provenance_t = metadata%provenance_t
     call create_hdf5(run%writer, run%file%path(), result_file, metadata, run%simulation%output_columns(), error, &
-      expected_rows(scene))
+      expected_rows(run%simulation%scene))
     call run%file%adopt()
     ! From its first moment on the file has a checkpoint.
     if (.not. allocated(error)) call save(run, .false., error)
@@ -77,19 +80,21 @@ contains
     end if
     run%progress = new_progress(deck%name, quiet)
     if (model_choice /= '') call run%progress%remark("model 'auto' is "//model_choice)
-    call carry_out(run, error)
+    call carry_out(run, report, error)
     call run%file%release()
   end subroutine run_deck
 
-  !> Go on with the run that wrote `result_file`, from its last checkpoint.
-  subroutine resume_run(result_file, quiet, error)
+  !> Continue the run that wrote `result_file` from its last checkpoint.
+  subroutine resume_run(result_file, quiet, report, error)
     character(*), intent(in) :: result_file
     logical, intent(in) :: quiet
+    character(:), allocatable, intent(out) :: report   !! as of `run_deck`
     type(error_t), allocatable, intent(out) :: error
     type(run_t) :: run
     type(error_t), allocatable :: no_checkpoint
     logical :: is_at_its_end
 
+    report = ''
     run%progress = new_progress(result_file, quiet)
     call run%file%claim_unfinished(result_file, run%checkpoint, no_checkpoint, error)
     if (allocated(error)) return
@@ -102,7 +107,7 @@ contains
       if (.not. allocated(error)) call run%file%delete_checkpoint()
     else if (.not. allocated(error)) then
       call go_on(run, error)
-      if (.not. allocated(error)) call carry_out(run, error)
+      if (.not. allocated(error)) call carry_out(run, report, error)
     end if
     call run%file%release()
   end subroutine resume_run
@@ -131,11 +136,11 @@ contains
       call run%file%save_checkpoint(run%checkpoint, .true., error)
       if (.not. allocated(error)) call run%file%unseal()
     else
-      call rebuild(run, deck, model_choice, bookmark, expected_rows(scene), error)
+      call rebuild(run, deck, model_choice, bookmark, expected_rows(run%simulation%scene), error)
     end if
     if (.not. allocated(error)) &
       call reopen_hdf5(run%writer, run%file%path(), run%file%name, bookmark, run%simulation%output_columns(), error, &
-        expected_rows(scene))
+        expected_rows(run%simulation%scene))
   end subroutine go_on
 
   !> Whether the run was stopped, not killed: then the checkpoint knows every bit of its file.
@@ -262,12 +267,14 @@ contains
   end function what_differs
 
   !> Integrate to the end or until asked to stop, and finish the file.
-  subroutine carry_out(run, error)
+  subroutine carry_out(run, report, error)
     type(run_t), intent(inout) :: run
+    character(:), allocatable, intent(out) :: report
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: save_error, end_error
     type(outcome_t) :: outcome
 
+    report = ''
     call integrate(run, error)
     if (has_code(error, stopped_early)) then
       call raise(error, stopped_early, stop_text(run))
@@ -276,8 +283,8 @@ contains
     end if
     call run%simulation%outcome(error, outcome)
     if (is_irregular(outcome)) call run%progress%remark('the motion is irregular, its cycles have a distribution and no value: '// &
-      'Lyapunov exponent '//formatted('(f8.2)', outcome%summary_of('lyapunov_exponent'))//' +- '// &
-      formatted('(f8.2)', outcome%summary_of('lyapunov_error'))//' for a slow cycle')
+      'Lyapunov exponent '//number_text(outcome%summary_of('lyapunov_exponent'))//' +- '// &
+      number_text(outcome%summary_of('lyapunov_error'))//' for a slow cycle')
     call run%writer%finish(outcome, end_error)
     if (.not. allocated(end_error)) call run%file%seal(run%checkpoint%result_checksum, end_error)
     ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
@@ -287,10 +294,49 @@ contains
       call run%file%save_checkpoint(run%checkpoint, .true., save_error)
       if (allocated(save_error)) call move_alloc(save_error, error)
     else if (.not. has_code(error, file_error)) then
-      ! A run that ended by itself is not gone on with.
+      ! A run that ended by itself is not continued.
       call run%file%delete_checkpoint()
     end if
+    if (.not. allocated(error)) report = report_of(run, outcome)
   end subroutine carry_out
+
+  !> 'my.h5: 10 s, 125001 samples, 8 cycles: period 0.915 s, peak 1.993 N, valley 1.169 N, slip 0.8822 mm (0.3 s)', and what to look
+  !> at next.
+  function report_of(run, outcome) result(text)
+    type(run_t), intent(in) :: run
+    type(outcome_t), intent(in) :: outcome
+    character(:), allocatable :: text, took
+    character(*), parameter :: no_cycle = ', no stick-slip cycle'
+    integer :: cycles
+
+    text = printable(run%file%name)//': '//shown(run%simulation%motion%piece%to%time, 's')//', '// &
+      integer_text(run%simulation%samples)//' samples'
+    if (.not. run%simulation%motion%in_closed_form) then
+      cycles = nint(outcome%summary_of('cycles'))
+      if (cycles == 0) text = text//no_cycle
+      if (cycles == 1) text = text//', 1 cycle'
+      if (cycles > 1) text = text//', '//integer_text(cycles)//' cycles'
+      if (cycles > 0) text = text//': period '//shown(outcome%summary_of('period'), 's')//', peak '// &
+        shown(outcome%summary_of('peak_force'), 'N')//', valley '//shown(outcome%summary_of('valley_force'), 'N')//', slip '// &
+        shown(1.0e3_wp*outcome%summary_of('slip_length'), 'mm')
+    end if
+    took = duration_text(run%simulation%elapsed)
+    if (run%simulation%elapsed < 1.0_wp) took = shown(run%simulation%elapsed, 's', 2)
+    text = text//' ('//took//'); see dynstiction plot '//printable(run%file%name)//new_line('a')
+  end function report_of
+
+  !> Four digits, or as many as are asked for, and the unit.
+  function shown(value, unit, figures) result(text)
+    real(wp), intent(in) :: value
+    character(*), intent(in) :: unit
+    integer, intent(in), optional :: figures
+    character(:), allocatable :: text
+    integer :: digits
+
+    digits = 4
+    if (present(figures)) digits = figures
+    text = number_text(value, digits)//' '//unit
+  end function shown
 
   !> Whether the run is known to be irregular.
   logical function is_irregular(outcome)
@@ -300,14 +346,14 @@ contains
     if (any(outcome%summary%name == 'regularity')) is_irregular = outcome%summary_of('regularity') < 0.0_wp
   end function is_irregular
 
-  !> Why the run was stopped, and how to go on with it.
+  !> Why the run was stopped, and how to continue it.
   function stop_text(run) result(text)
     type(run_t), intent(in) :: run
     character(:), allocatable :: text
 
     text = 'stopped at output.wall_limit'
     if (stop_signal() /= no_signal) text = stopped_by()
-    text = text//' at '//run%simulation%state_text()//': go on with dynstiction resume '//run%file%name
+    text = text//' at '//run%simulation%state_text()//': continue with dynstiction resume '//run%file%name
   end function stop_text
 
   !> All slices of the run, until it is finished, fails, or is asked to stop.
@@ -403,6 +449,11 @@ contains
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
     metadata%deck_sha256 = sha256(deck%text)
-    call parameters_of(deck, metadata%parameters)
+    ! A sweep without series leaves it to its cases.
+    if (scene%interval < 0.0_wp) then
+      call parameters_of(deck, metadata%parameters)
+    else
+      call parameters_of(deck, metadata%parameters, scene%interval)
+    end if
   end subroutine describe_run
 end module dst_run

@@ -369,6 +369,7 @@ contains
 
     if (.not. index%is_in_result) then
       call scene_from_deck(sweep%deck, scene)
+      if (sweep%keeps_series) scene%interval = sweep%interval
       call describe_run(sweep%deck, scene, '', metadata)
       metadata%processes = processes%count
       metadata%threads = thread_count(processes, sweep%cases)
@@ -383,7 +384,7 @@ contains
     end if
     if (index%done < sweep%cases) then
       call raise(error, stopped_early, integer_text(sweep%cases - index%done)//' of '// &
-        integer_text(sweep%cases)//' cases have not been run: run the deck again to go on')
+        integer_text(sweep%cases)//' cases have not been run: run the deck again to run them')
     else if (index%failed > 0) then
       call raise(error, some_failed, integer_text(index%failed)//' of '//integer_text(sweep%cases)// &
         ' cases failed: see result_code and failures in '//result_file)

@@ -51,7 +51,8 @@ contains
     if (present(key)) error%key = key
     ! A process that leaves the words to another one says nothing.
     if (text == '') return
-    if (exit_status(code) == 4 .or. code == some_failed .or. code == stopped_early) error%text = error%text//'; see docs/errors.md'
+    if (exit_status(code) == 4 .or. code == some_failed .or. code == stopped_early) &
+      error%text = error%text//'; see dynstiction help errors'
   end subroutine raise
 
   !> Set `error` to several faults, one a line.

@@ -1,23 +1,26 @@
-!> Numbers for people: three digits, sizes in the unit that fits, times as one says them.
+!> Numbers for people: few digits, sizes in the unit that fits, times as one says them.
 module dst_plain_numbers
   use dst_kinds, only: wp, int64
   use dst_text, only: integer_text
   implicit none
   private
 
-  public :: number_text, bytes_text, duration_text
+  public :: number_text, long_text, bytes_text, duration_text
 
   integer, parameter :: width = 24
 
 contains
 
-  !> '0', '12.3', '0.00123', '123456', '1.23e7': up to three significant digits, whole numbers to a million with all.
-  pure function number_text(value) result(text)
+  !> '0', '12.3', '0.00123', '123456', '1.23e7': up to `figures` significant digits (3), whole numbers to a million with all.
+  pure function number_text(value, figures) result(text)
     real(wp), intent(in) :: value
+    integer, intent(in), optional :: figures
     character(:), allocatable :: text
     character(width) :: buffer, mantissa, form
-    integer :: exponent
+    integer :: exponent, decimals
 
+    decimals = 2
+    if (present(figures)) decimals = figures - 1
     if (.not. abs(value) <= huge(value)) then
       text = 'infinite'
       return
@@ -26,21 +29,30 @@ contains
       text = '0'
       return
     end if
-    write (buffer, '(es24.2e4)') value
+    write (form, '(a, i0, a)') '(es24.', decimals, 'e4)'
+    write (buffer, form) value
     mantissa = adjustl(buffer(:index(buffer, 'E') - 1))
     read (buffer(index(buffer, 'E') + 1:), *) exponent
     if (exponent < -3 .or. exponent > 5) then
       write (buffer, '(a, a, i0)') without_zeros(mantissa), 'e', exponent
     else
-      write (form, '(a, i0, a)') '(f24.', max(0, 2 - exponent), ')'
+      write (form, '(a, i0, a)') '(f24.', max(0, decimals - exponent), ')'
       write (buffer, form) value
-      if (exponent < 2) buffer = without_zeros(buffer)
+      if (exponent < decimals) buffer = without_zeros(buffer)
     end if
     text = trim(adjustl(buffer))
     if (text(len(text):) == '.') text = text(:len(text) - 1)
     if (text(1:1) == '.') text = '0'//text
     if (index(text, '-.') == 1) text = '-0'//text(2:)
   end function number_text
+
+  !> Ten digits, for tables that others compute with.
+  pure function long_text(value) result(text)
+    real(wp), intent(in) :: value
+    character(:), allocatable :: text
+
+    text = number_text(value, 10)
+  end function long_text
 
   !> Without the zeros that end a decimal fraction.
   pure function without_zeros(digits) result(text)

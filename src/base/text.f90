@@ -343,18 +343,34 @@ contains
   pure function short_text(value) result(text)
     real(wp), intent(in) :: value
     character(11) :: text
-    integer :: i
+    character(13) :: buffer
+    character(8) :: form
+    integer :: exponent, last
 
-    if (abs(value) >= 0.1_wp .and. abs(value) < 1.0e4_wp) then
-      write (text, '(f11.4)') value
-      do i = len(text), 3, -1
-        if (text(i:i) /= '0' .or. text(i - 1:i - 1) == '.') exit
-        text(i:i) = ' '
-      end do
-    else
-      write (text, '(es11.4e3)') value
+    text = '0'
+    if (.not. abs(value) <= huge(value)) then
+      write (text, '(f11.1)') value
+      text = adjustl(text)
+      return
     end if
-    text = adjustl(text)
+    if (.not. abs(value) > 0.0_wp) return
+    write (buffer, '(es13.4e4)') value
+    read (buffer(9:), '(i5)') exponent
+    if (exponent >= -4 .and. exponent < 5) then
+      write (form, '(a, i0, a)') '(f11.', 4 - exponent, ')'
+      write (text, form) value
+      text = adjustl(text)
+      last = len_trim(text)
+      if (exponent < 4) last = verify(text(:last), '0', back=.true.)
+      if (text(last:last) == '.') last = last - 1
+      text = text(:last)
+      if (text(1:1) == '.') text = '0'//text(:len(text) - 1)
+      if (text(1:2) == '-.') text = '-0'//text(2:len(text) - 1)
+    else
+      last = verify(buffer(:7), '0', back=.true.)
+      if (buffer(last:last) == '.') last = last - 1
+      write (text, '(a, a, i0)') trim(adjustl(buffer(:last))), 'e', exponent
+    end if
   end function short_text
 
   !> d.ddd·10^exponent from its significant digits, without an exponent where that is easy to read.

@@ -10,7 +10,8 @@ module dst_cycles_report
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t
   use dst_stability_report, only: held_velocities
-  use dst_text, only: text_builder_t, formatted, integer_text
+  use dst_plain_numbers, only: long_text
+  use dst_text, only: text_builder_t, integer_text
   implicit none
   private
 
@@ -41,8 +42,8 @@ contains
     do i = 1, size(velocities)
       call find_limit_cycles(scene, velocities(i), cycles, error)
       if (allocated(error)) return
-      call page%line('# '//name//': limit cycles at V = '//formatted('(es13.6)', velocities(i))//' m/s, phi = '// &
-        formatted('(f11.6)', scene%misalignment_deg)//' deg, model '//cycles%model)
+      call page%line('# '//name//': limit cycles at V = '//long_text(velocities(i))//' m/s, phi = '// &
+        long_text(scene%misalignment_deg)//' deg, model '//cycles%model)
       call list_sliding(page, cycles)
       call list_cycles(page, cycles, slider)
       if (cycles%model == 'full') call list_regularity(page, cycles%regularity)
@@ -54,15 +55,13 @@ contains
   subroutine list_sliding(page, cycles)
     type(text_builder_t), intent(inout) :: page
     type(limit_cycles_t), intent(in) :: cycles
-    character(100) :: row
     integer :: i
 
     call page%row('steady sliding is', trim(merge('stable    ', 'not stable', cycles%sliding_is_stable))//', at a load of '// &
-      formatted('(es16.9)', cycles%sliding_load)//' N')
+      long_text(cycles%sliding_load)//' N')
     do i = 1, size(cycles%eigenvalues)
-      write (row, '(a, es16.9, a, es16.9, a)') 'eigenvalue ', real(cycles%eigenvalues(i)), ' 1/s, ', aimag(cycles%eigenvalues(i)), &
-        ' rad/s'
-      call page%row('', row)
+      call page%row('', 'eigenvalue '//long_text(real(cycles%eigenvalues(i)))//' 1/s, '// &
+        long_text(aimag(cycles%eigenvalues(i)))//' rad/s')
     end do
   end subroutine list_sliding
 
@@ -78,15 +77,15 @@ contains
       call page%row('cycle '//integer_text(i), trim(merge('stable  ', 'unstable', cycles%is_stable(i))))
       do k = 1, size(limit_cycle_quantities)
         if (k == log_multiplier .and. .not. cycles%has_multiplier(i)) cycle
-        call page%row('  '//trim(limit_cycle_quantities(k)%name), formatted('(es22.14)', cycles%value(k, i))//' '// &
+        call page%row('  '//trim(limit_cycle_quantities(k)%name), long_text(cycles%value(k, i))//' '// &
           trim(limit_cycle_quantities(k)%units))
       end do
       if (cycles%is_stable(i)) then
-        call page%row('  apparent static friction', formatted('(es22.14)', cycles%value(peak, i)/ &
+        call page%row('  apparent static friction', long_text(cycles%value(peak, i)/ &
           slider%law%kinetic_limit)//' mu_0')
       else if (cycles%sliding_is_stable .and. i == 1) then
-        call page%row('', '  between '//formatted('(es14.7)', cycles%value(valley, i))//' N and '// &
-          formatted('(es14.7)', cycles%value(peak, i))//' N the object comes to steady sliding')
+        call page%row('', '  between '//long_text(cycles%value(valley, i))//' N and '// &
+          long_text(cycles%value(peak, i))//' N the object comes to steady sliding')
       end if
     end do
   end subroutine list_cycles
@@ -107,13 +106,13 @@ contains
       call page%row('motion of the scene', 'undecided whether regular or irregular')
     end select
     if (regularity%slow_cycles > 2 .and. regularity%error < huge(1.0_wp)) then
-      call page%row('  Lyapunov exponent', formatted('(f10.4)', regularity%exponent)//' +- '// &
-        formatted('(f10.4)', regularity%error)//' for a slow cycle, over '//integer_text(regularity%slow_cycles)//' of them')
+      call page%row('  Lyapunov exponent', long_text(regularity%exponent)//' +- '// &
+        long_text(regularity%error)//' for a slow cycle, over '//integer_text(regularity%slow_cycles)//' of them')
     end if
     if (regularity%verdict == regular .or. regularity%cycles < 2) return
     do k = 1, size(cycle_quantities)
-      call page%row('  '//cycle_quantities(k)%name, formatted('(es13.5)', regularity%mean(k))//' +- '// &
-        formatted('(es8.1)', regularity%scatter(k))//' '//trim(cycle_quantities(k)%units)//' (standard deviation)')
+      call page%row('  '//cycle_quantities(k)%name, long_text(regularity%mean(k))//' +- '// &
+        long_text(regularity%scatter(k))//' '//trim(cycle_quantities(k)%units)//' (standard deviation)')
     end do
   end subroutine list_regularity
 end module dst_cycles_report

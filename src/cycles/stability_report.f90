@@ -11,7 +11,8 @@ module dst_stability_report
   use dst_stick_slip_ends, only: stick_slip_ends_t, find_stick_slip_ends
   use dst_slow_ends, only: slow_end_t, ends_at_fold, ends_nowhere
   use dst_slow_laws, only: law_end_t
-  use dst_text, only: text_builder_t, formatted
+  use dst_plain_numbers, only: long_text
+  use dst_text, only: text_builder_t, integer_text
   implicit none
   private
 
@@ -81,8 +82,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     logical :: stable
 
-    call page%line('# '//name//': steady sliding at V = '//formatted('(es13.6)', velocity)//' m/s, phi = '// &
-                   formatted('(f11.6)', misalignment_deg)//' deg')
+    call page%line('# '//name//': steady sliding at V = '//long_text(velocity)//' m/s, phi = '// &
+                   long_text(misalignment_deg)//' deg')
     call list_eigenvalues(page, slider, velocity, error)
     if (.not. allocated(error)) call is_stable(slider, velocity, stable, error)
     if (allocated(error)) return
@@ -104,17 +105,17 @@ contains
     type(error_t), allocatable, intent(out) :: error
     complex(wp) :: eigenvalues(4)
     real(wp) :: size_
-    character(100) :: row
+    character(19) :: row(5)
     integer :: i
 
     call steady_sliding_eigenvalues(slider, velocity, eigenvalues, error)
     if (allocated(error)) return
-    call page%line('eigenvalue    real part [1/s]    imaginary [rad/s]     frequency [Hz]    damping ratio')
+    call page%line('eigenvalue    real part [1/s]    imaginary [rad/s]    frequency [Hz]     damping ratio')
     do i = 1, 4
       size_ = abs(eigenvalues(i))
-      write (row, '(i10, es19.9, es21.9, es19.9, es17.6)') i, real(eigenvalues(i)), aimag(eigenvalues(i)), &
-        abs(aimag(eigenvalues(i)))/(2.0_wp*pi), -real(eigenvalues(i))/max(size_, tiny(size_))
-      call page%line(row)
+      row = [character(19) :: '         '//integer_text(i), long_text(real(eigenvalues(i))), long_text(aimag(eigenvalues(i))), &
+        long_text(abs(aimag(eigenvalues(i)))/(2.0_wp*pi)), long_text(-real(eigenvalues(i))/max(size_, tiny(size_)))]
+      call page%line(row(1)(:14)//row(2)//row(3)(:19)//'  '//row(4)//row(5))
     end do
   end subroutine list_eigenvalues
 
@@ -135,12 +136,12 @@ contains
       call page%row('critical angle', 'none between 0 and 90 deg')
     end if
     if (critical%window(2) > critical%window(1)) then
-      call page%row('stable for', formatted('(f12.6)', critical%window(1)/degree)//' deg < |phi| < '// &
-                 formatted('(f12.6)', critical%window(2)/degree)//' deg')
+      call page%row('stable for', long_text(critical%window(1)/degree)//' deg < |phi| < '// &
+                 long_text(critical%window(2)/degree)//' deg')
     else
       call page%row('stable for', 'no angle')
     end if
-    call page%row('critical angle, rigid stiff axis', formatted('(f12.6)', limit/degree)//' deg, '// &
+    call page%row('critical angle, rigid stiff axis', long_text(limit/degree)//' deg, '// &
       trim(merge('atan(sqrt(-(F''(V) + c_x)/(F(V)/V + c_x)))', 'atan(sqrt(-V F''(V)/F(V)))                ', slider%is_damped())))
 
   contains
@@ -149,9 +150,9 @@ contains
       integer, intent(in) :: branch
       character(:), allocatable :: text
 
-      text = formatted('(f12.6)', critical%angle(branch)/degree)//' deg, at '// &
-        formatted('(es14.7)', critical%frequency(branch))//' rad/s = '// &
-        formatted('(es14.7)', critical%frequency(branch)/(2.0_wp*pi))//' Hz'
+      text = long_text(critical%angle(branch)/degree)//' deg, at '// &
+        long_text(critical%frequency(branch))//' rad/s = '// &
+        long_text(critical%frequency(branch)/(2.0_wp*pi))//' Hz'
     end function angle_and_frequency
   end subroutine list_critical_angles
 
@@ -170,19 +171,19 @@ contains
       return
     end if
     misalignment = atan2(slider%along(2), slider%along(1))
-    if (slider%damping(1) > 0.0_wp) call page%row('damping ratio of c_x', formatted('(es14.7)', &
+    if (slider%damping(1) > 0.0_wp) call page%row('damping ratio of c_x', long_text(&
       0.5_wp*slider%damping(1)/(sqrt(slider%mass)*sqrt(slider%stiffness(1))))//', which adds to zeta: Lambda is of friction alone')
-    call page%row('Lambda', formatted('(es14.7)', lambda))
+    call page%row('Lambda', long_text(lambda))
     if (contact /= 'exact') call page%row('', 'Lambda, zeta and theta* take the contact as exact')
-    call page%row('zeta at theta = phi', formatted('(es14.7)', damping_ratio(lambda, misalignment))// &
+    call page%row('zeta at theta = phi', long_text(damping_ratio(lambda, misalignment))// &
       ', friction held at mu_0 W')
     call weakening_damping_ratio(slider, velocity, misalignment, zeta, error)
-    if (.not. allocated(error)) call page%row('', formatted('(es14.7)', zeta)//', with F(v)')
+    if (.not. allocated(error)) call page%row('', long_text(zeta)//', with F(v)')
     call overdamped_angle(lambda, angle, error)
     if (allocated(error)) then
       call page%row('theta*', 'no value: '//error%text)
     else
-      call page%row('theta*', formatted('(f12.6)', angle/degree)//' deg, where zeta = 1 with friction held at mu_0 W')
+      call page%row('theta*', long_text(angle/degree)//' deg, where zeta = 1 with friction held at mu_0 W')
     end if
   end subroutine list_damping
 
@@ -211,14 +212,14 @@ contains
     call page%row('law of slow drives', law_text(ends%canard, 'last term', ''))
     call page%row('law of fast drives', law_text(ends%swing, 'largest damping ratio', trim(merge(', a fold', '        ', &
       ends%swing%is_fold))))
-    if (ends%has_bautin_point) call page%row('stable and unstable part at', 'V = '//formatted('(es14.7)', ends%bautin_velocity)// &
+    if (ends%has_bautin_point) call page%row('stable and unstable part at', 'V = '//long_text(ends%bautin_velocity)// &
       ' m/s, '//angle_text(ends%bautin_angle)//' (Bautin point)')
     call page%line('')
     if (.not. ends%has_critical_velocities) then
       call page%row('stick-slip at this angle', 'none at any velocity')
       return
     end if
-    call page%line('At phi = '//formatted('(f11.6)', misalignment_deg)//' deg')
+    call page%line('At phi = '//long_text(misalignment_deg)//' deg')
     call page%row('stick-slip begins at', velocity_end_text(ends%velocity(1)))
     call page%row('stick-slip ends at', velocity_end_text(ends%velocity(2)))
     call page%row('both are stable for', both_stable(ends%velocity(2), 1.0_wp, 'm/s', 'V'))
@@ -228,7 +229,7 @@ contains
     real(wp), intent(in) :: angle
     character(:), allocatable :: text
 
-    text = formatted('(f12.6)', angle/degree)//' deg'
+    text = long_text(angle/degree)//' deg'
   end function angle_text
 
   function angle_end(end) result(text)
@@ -244,7 +245,7 @@ contains
     character(:), allocatable :: text
 
     text = nowhere
-    if (end%kind /= ends_nowhere) text = formatted('(es14.7)', end%at)//' m/s'//how(end)
+    if (end%kind /= ends_nowhere) text = long_text(end%at)//' m/s'//how(end)
   end function velocity_end_text
 
   !> In which way stick-slip ends.
@@ -264,8 +265,8 @@ contains
     character(:), allocatable :: text
 
     text = 'no range'
-    if (end%kind == ends_at_fold) text = formatted('(es14.7)', scale*min(end%at, end%steady_limit))//' '//unit//' < '//symbol// &
-      ' < '//formatted('(es14.7)', scale*max(end%at, end%steady_limit))//' '//unit
+    if (end%kind == ends_at_fold) text = long_text(scale*min(end%at, end%steady_limit))//' '//unit//' < '//symbol// &
+      ' < '//long_text(scale*max(end%at, end%steady_limit))//' '//unit
   end function both_stable
 
   function law_text(law, doubt, remark) result(text)
@@ -274,6 +275,6 @@ contains
     character(:), allocatable :: text
 
     text = 'no value'
-    if (law%exists) text = angle_text(law%angle)//remark//' ('//doubt//formatted('(es8.1)', law%doubt)//')'
+    if (law%exists) text = angle_text(law%angle)//remark//' ('//doubt//long_text(law%doubt)//')'
   end function law_text
 end module dst_stability_report

@@ -6,14 +6,16 @@ module dst_deck
                       read_real, read_integer
   use dst_faults, only: faults_t, place_t
   use dst_methods, only: method_t, method_named, adaptive_methods
+  use dst_plain_numbers, only: number_text
   use dst_namelist, only: namelist_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
   use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, is_text, names_file, keys_of, in_range, &
-                        range_text, choice_problem, condition_text, sweep_group, longest_text, most_values, real_kind, &
-                        reals_kind, integer_kind, text_kind, texts_kind, choice_kind
+                        range_text, choice_problem, condition_text, sweep_group, longest_text, most_values, automatic, &
+                        is_automatic, is_word_of, real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind
   use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_default, is_default, used, unused
   use dst_deck_text, only: resolved, template, key_table, has_model, has_other_condition
   use dst_deck_sweep, only: check_sweep
   use dst_friction_table, only: take_friction_table
+  use dst_units, only: factor_of
   implicit none
   private
 
@@ -55,7 +57,9 @@ contains
     exists = len_trim(file_name) > 0
     if (exists) inquire (file=file_name, exist=exists, size=bytes)
     if (.not. exists) then
-      problem = 'no such file: give the path of a deck'
+      problem = 'no such file: give the path of a deck; dynstiction template > my.nml writes one'
+    else if (is_hdf5_file(file_name, bytes)) then
+      problem = 'is a result or another HDF5 file, not a deck: see dynstiction show, plot or resume'
     else if (bytes > largest_deck) then
       problem = integer_text(bytes)//' bytes are too many for a deck: at most '//integer_text(largest_deck)//' are read'
     else if (bytes <= 0) then
@@ -72,6 +76,23 @@ contains
     end if
     if (ios /= 0) problem = 'cannot be read ('//trim(message)//'): give a readable text file'
   end subroutine read_text
+
+  !> Whether a regular file begins as one of HDF5 does.
+  logical function is_hdf5_file(file_name, bytes)
+    character(*), intent(in) :: file_name
+    integer(int64), intent(in) :: bytes
+    character(*), parameter :: signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
+    character(len(signature)) :: beginning
+    integer :: unit, ios
+
+    is_hdf5_file = .false.
+    if (bytes < len(signature)) return
+    open (newunit=unit, file=file_name, access='stream', form='unformatted', status='old', action='read', iostat=ios)
+    if (ios /= 0) return
+    read (unit, iostat=ios) beginning
+    is_hdf5_file = ios == 0 .and. beginning == signature
+    close (unit)
+  end function is_hdf5_file
 
   !> Read a deck from memory; `name` stands for the file's name in messages. With `alone` each value is checked against its own key
   !> only: a part of a deck is not refused for what it lacks, or for what does not go together. With `is_varied` its parameters are
@@ -145,7 +166,7 @@ contains
       call deck%faults%add(1, 'no group in the deck: it needs at least &scene, see dynstiction template')
     do i = 1, list%assignment_count
       if (deck%faults%full()) exit
-      call take_assignment(list, i, deck)
+      call take_assignment(list, i, line_of, deck)
     end do
   end subroutine take_groups
 
@@ -171,9 +192,10 @@ contains
     end if
   end function unknown_group_text
 
-  subroutine take_assignment(list, i, deck)
+  subroutine take_assignment(list, i, line_of, deck)
     type(namelist_t), intent(in) :: list
     integer, intent(in) :: i
+    integer, intent(in) :: line_of(:)   !! of each known group, 0 if it is absent
     type(deck_t), intent(inout) :: deck
     character(:), allocatable :: group, key
     integer :: k
@@ -181,7 +203,13 @@ contains
     associate (assignment => list%assignments(i))
       group = lower_case(trim(list%groups(assignment%group)%name))
       key = lower_case(trim(assignment%key))
-      if (group_number(group) == 0 .or. key == '') return
+      ! The keys of a group with a wrong name are those of the nearest one, if the deck does not have that too.
+      if (group_number(group) == 0) then
+        group = nearest_word(group, group_names)
+        if (group == '') return
+        if (line_of(group_number(group)) > 0) return
+      end if
+      if (key == '') return
       k = find_key(group, key)
       if (k == 0) then
         if (.not. assignment%bare) call deck%faults%add(assignment%line, unknown_key_text(group, trim(assignment%key)))
@@ -288,8 +316,7 @@ contains
     character(:), allocatable :: problem
 
     if (value%place%setting > 0) then
-      call faults%add(place, "'"//trim(key%name)//"' set again: --set "//integer_text(value%place%setting)// &
-                      ' sets it already, keep one of them')
+      call faults%add(place, "'"//trim(key%name)//"' set again: a --set before sets it already, keep one of them")
       return
     end if
     if (len_trim(text) == 0) call set_default(key, value)
@@ -340,6 +367,8 @@ contains
       ! Text of a setting needs no quotes.
       call refuse(form_problem(key, list%tokens(i)%quote /= ' ' .or. (place%setting > 0 .and. is_text(key)), &
                                token_text(list, list%tokens(i))))
+      if (value%valid .and. list%tokens(i)%unit /= '') call refuse(unit_problem(key, token_text(list, list%tokens(i)), &
+                               trim(list%tokens(i)%unit)))
       if (.not. value%valid) return
     end do
     total = 0_int64
@@ -384,6 +413,20 @@ contains
     end subroutine refuse
   end subroutine take_values
 
+  !> That a number has a unit, and what it is without.
+  function unit_problem(key, given, unit) result(problem)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given, unit
+    character(:), allocatable :: problem, unreadable
+    real(wp) :: number
+
+    problem = "'"//excerpt(given//' '//unit)//"' has a unit: '"//trim(key%name)//"' takes the number alone"
+    if (key%unit /= '' .and. key%unit /= '1') problem = problem//', in '//trim(key%unit)
+    call read_real(given, number, unreadable)
+    if (unreadable == '' .and. factor_of(unit, trim(key%unit)) > 0.0_wp) &
+      problem = problem//': '//number_text(number*factor_of(unit, trim(key%unit)), 9)
+  end function unit_problem
+
   !> '' or that one word is no text in quotes, or no number without.
   function form_problem(key, is_quoted, given) result(problem)
     type(key_t), intent(in) :: key
@@ -393,11 +436,12 @@ contains
 
     problem = ''
     if (is_quoted .eqv. is_text(key)) return
+    if (is_word_of(key, given)) return
     if (is_text(key)) then
       problem = "'"//excerpt(given)//"' is not text: '"//trim(key%name)//"' takes text in quotes"
     else
       problem = "'"//excerpt(given)//"' is text: '"//trim(key%name)//"' takes "// &
-                trim(merge('an integer   ', 'a real number', key%kind == integer_kind))//' without quotes'
+                trim(merge('an integer   ', 'a real number', key%kind == integer_kind))//' without quotes'//or_word(key)
     end if
   end function form_problem
 
@@ -419,8 +463,11 @@ contains
       kind = 'a finite real number, like 1.0 or 2.5e-3'
       call read_real(given, number, problem)
     end if
-    if (len(problem) > 0) then
-      problem = "'"//excerpt(given)//"' "//problem//": '"//trim(key%name)//"' takes "//kind
+    if (is_word_of(key, given)) then
+      number = automatic
+      problem = ''
+    else if (len(problem) > 0) then
+      problem = "'"//excerpt(given)//"' "//problem//": '"//trim(key%name)//"' takes "//kind//or_word(key)
     else if (.not. in_range(key%range, number)) then
       ! What switches an unused key off may lie outside its range.
       alone%reals = [number]
@@ -435,7 +482,17 @@ contains
 
     text = trim(key%name)//" = '"//excerpt(given)//"' is out of range: it must be "//range_text(key)
     if (key%unit /= '1') text = text//' (in '//trim(key%unit)//')'
+    text = text//or_word(key)
   end function out_of_range_text
+
+  !> ", or 'auto'" of a key with numbers that takes this word too.
+  function or_word(key) result(text)
+    type(key_t), intent(in) :: key
+    character(:), allocatable :: text
+
+    text = ''
+    if (.not. is_text(key) .and. key%choices /= '') text = ", or '"//trim(key%choices)//"'"
+  end function or_word
 
   !> '' or what is wrong with one text: its length, or that it is none of the choices.
   function text_problem(key, given) result(problem)
@@ -467,7 +524,7 @@ contains
           call deck%faults%add(value%place, "'"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
                     ': remove it, it works only with '//condition_text(key))
         else if (usage(deck, i) == used .and. key%kind == real_kind) then
-          if (.not. in_range(key%range, value%reals(1))) &
+          if (.not. (in_range(key%range, value%reals(1)) .or. is_automatic(key, value%reals(1)))) &
             call deck%faults%add(value%place, out_of_range_text(key, real_text(value%reals(1)))//' with '//condition_text(key))
         end if
       end associate

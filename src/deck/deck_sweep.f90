@@ -3,7 +3,8 @@ module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dst_kinds, only: wp
   use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, used, unused
-  use dst_schema, only: schema, sweep_group, find_key, in_range, range_text, real_kind, reals_kind, integer_kind, longest_text
+  use dst_schema, only: schema, sweep_group, find_key, in_range, is_automatic, range_text, real_kind, reals_kind, &
+                        integer_kind, longest_text
   use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word, alternatives
   implicit none
   private
@@ -28,12 +29,14 @@ contains
     character(longest_text), allocatable :: names(:)
     integer :: i, n
     logical :: keeps_series
+    real(wp) :: interval
 
     if (line == 0 .and. .not. deck%is_sweep()) return
     keeps_series = deck%text_of(sweep_group, 'keep') == 'series' .and. is_known(deck, 'keep')
     if (deck%text_of('scene', 'model') == 'auto') call note(deck, 'scene', 'model', &
       "model 'auto' in a sweep would mix models in one map: name the model")
-    if (keeps_series .and. .not. deck%real_of('output', 'interval') > 0.0_wp) &
+    interval = deck%real_of('output', 'interval')
+    if (keeps_series .and. .not. (interval > 0.0_wp .or. is_automatic(schema(find_key('output', 'interval')), interval))) &
       call note(deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
     if (keeps_series .and. deck%text_of('integrator', 'method') == 'rodas4p') &
       call note(deck, 'integrator', 'method', "method 'rodas4p' keeps no series: use radau9, or keep = 'summary'")

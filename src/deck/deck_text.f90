@@ -1,9 +1,11 @@
 !> Decks as text: the resolved deck (every key as used) and the template (every key explained).
 module dst_deck_text
   use dst_errors, only: error_t, raise, usage_error
+  use dst_kinds, only: wp
   use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, alternatives
-  use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, is_text, range_text, choice_problem, &
-                        real_kind, reals_kind, integer_kind, texts_kind, choice_kind, condition_count, condition_text
+  use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, is_text, is_automatic, is_word_of, &
+                        range_text, choice_problem, real_kind, reals_kind, integer_kind, texts_kind, choice_kind, &
+                        condition_count, condition_text
   use dst_deck_values, only: deck_t, value_t, usage, element_count, used
   implicit none
   private
@@ -16,11 +18,13 @@ module dst_deck_text
 contains
 
   !> The complete deck: every key that has a meaning, as used, marked user or default. It reads back to the same deck.
-  function resolved(deck) result(text)
+  !> With `interval` [s] it also says what output.interval = 'auto' is here.
+  function resolved(deck, interval) result(text)
     type(deck_t), intent(in) :: deck
+    real(wp), intent(in), optional :: interval
     character(:), allocatable :: text
     type(text_builder_t) :: builder
-    character(:), allocatable :: group
+    character(:), allocatable :: group, source
     integer :: g, i
 
     call builder%line('! The deck as used: every key, its source (user or default), unit and meaning.')
@@ -30,8 +34,11 @@ contains
       call builder%line('&'//group)
       do i = 1, key_count
         if (schema(i)%group /= group .or. usage(deck, i) /= used .or. element_count(deck%value(i)) == 0) cycle
-        call add_entry(builder, schema(i), deck%value(i), trim(merge('user   ', 'default', deck%value(i)%user))// &
-                       unit_text(schema(i))//'; '//trim(schema(i)%meaning))
+        source = trim(merge('user   ', 'default', deck%value(i)%user))//unit_text(schema(i))
+        if (schema(i)%kind == real_kind .and. present(interval)) then
+          if (is_automatic(schema(i), deck%value(i)%reals(1))) source = source//', here '//real_text(interval)
+        end if
+        call add_entry(builder, schema(i), deck%value(i), source//'; '//trim(schema(i)%meaning))
       end do
       call builder%line('/')
     end do
@@ -71,6 +78,7 @@ contains
     select case (key%kind)
     case (real_kind, reals_kind)
       text = real_text(value%reals(i))
+      if (is_automatic(key, value%reals(i))) text = quoted_text(trim(key%choices))
     case (integer_kind)
       text = integer_text(value%integer)
     case default
@@ -105,7 +113,7 @@ contains
     call builder%line('! One value a key unless it says list; text in quotes; groups and keys in any order.')
     do g = 1, word_count(group_names)
       group = word(group_names, g)
-      ! Most decks are no sweep, and its keys have no defaults that could stand there.
+      ! Most decks are no sweep.
       if (group == sweep_group) cycle
       call builder%line('')
       call builder%line('&'//group)
@@ -114,8 +122,31 @@ contains
       end do
       call builder%line('/')
     end do
+    call add_sweep_lines(builder)
     text = builder%content()
   end subroutine template
+
+  !> What a deck of many cases has besides, as comments.
+  subroutine add_sweep_lines(builder)
+    type(text_builder_t), intent(inout) :: builder
+    character(:), allocatable :: shown
+    integer :: i
+
+    call builder%line('')
+    call builder%line('! A deck of many cases has this group too: remove the first ! of its lines.')
+    call builder%line('! For a quick look: dynstiction sweep DECK --vary system.misalignment_deg=0.5:20:40')
+    call builder%line('!&'//sweep_group)
+    do i = 1, key_count
+      if (schema(i)%group /= sweep_group) cycle
+      shown = trim(schema(i)%sample)
+      if (shown == '') shown = trim(schema(i)%default)
+      if (is_text(schema(i))) shown = quoted_text(shown)
+      shown = '!  '//trim(schema(i)%name)//' = '//shown
+      call builder%line('!  ! '//trim(schema(i)%meaning))
+      call builder%line(shown//repeat(' ', max(0, comment_column - len(shown)))//' ! '//explanation(schema(i)))
+    end do
+    call builder%line('!/')
+  end subroutine add_sweep_lines
 
   !> Every key of any deck: 'group.key', 'real, kg, > 0.0; no default', and its meaning, separated by tabs.
   function key_table() result(text)
@@ -159,7 +190,7 @@ contains
     shown = trim(key%sample)
     if (shown == '') shown = trim(key%default)
     if (key%name == 'model') shown = model
-    if (is_text(key)) shown = quoted_text(shown)
+    if (is_text(key) .or. is_word_of(key, shown)) shown = quoted_text(shown)
     shown = '  '//trim(key%name)//' = '//shown
     meaning = trim(key%meaning)
     ! Conditions on the model say nothing in the template of that model.
@@ -196,9 +227,10 @@ contains
     end select
     text = text//unit_text(key)
     if (range_text(key) /= '') text = text//', '//range_text(key)
+    if (.not. is_text(key) .and. key%choices /= '') text = text//' or '//quoted_text(trim(key%choices))
     if (key%required) then
       text = text//'; no default'
-    else if (is_text(key)) then
+    else if (is_text(key) .or. is_word_of(key, trim(key%default))) then
       text = text//'; default '//quoted_text(trim(key%default))
     else if (key%default /= '') then
       text = text//'; default '//trim(key%default)

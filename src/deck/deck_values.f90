@@ -5,7 +5,7 @@ module dst_deck_values
   use dst_faults, only: faults_t, place_t
   use dst_text, only: read_real, read_integer, has_word
   use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, find_name, longest_text, real_kind, reals_kind, &
-                        integer_kind, condition_count
+                        integer_kind, condition_count, automatic, is_word_of
   implicit none
   private
 
@@ -184,7 +184,11 @@ contains
     select case (key%kind)
     case (real_kind, reals_kind)
       allocate (value%reals(merge(0, 1, key%default == '')))
-      if (size(value%reals) == 1) call read_real(trim(key%default), value%reals(1), problem)
+      if (is_word_of(key, trim(key%default))) then
+        value%reals = automatic
+      else if (size(value%reals) == 1) then
+        call read_real(trim(key%default), value%reals(1), problem)
+      end if
     case (integer_kind)
       call read_integer(trim(key%default), value%integer, problem)
     case default

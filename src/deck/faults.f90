@@ -8,7 +8,7 @@ module dst_faults
 
   !> More faults than a reader would want: the search for more may stop.
   integer, parameter :: most_faults = 100
-  character(*), parameter :: not_all_faults = 'only the first faults are listed: mend these and check again'
+  character(*), parameter :: not_all_faults = 'only the first faults are listed: fix these and check again'
 
   !> Where a value stands: in a line of the deck, or in an argument of --set.
   type :: place_t
@@ -90,7 +90,7 @@ contains
       if (i > 1) call builder%append(achar(10))
       associate (place => self%item(i)%place)
         if (place%setting > 0) then
-          call builder%append('--set '//integer_text(place%setting)//' ('//trim(place%argument)//')')
+          call builder%append('--set '//trim(place%argument))
         else
           call builder%append(printable(name))
           if (place%line > 0) call builder%append(':'//integer_text(place%line))

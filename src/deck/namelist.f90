@@ -6,6 +6,7 @@
 module dst_namelist
   use dst_text, only: excerpt, lower_case, utf8_width
   use dst_faults, only: faults_t
+  use dst_units, only: is_unit
   implicit none
   private
 
@@ -27,6 +28,7 @@ module dst_namelist
     integer :: first = 1, last = 0     !! its place in the text, without the outer quotes
     integer :: repeat = 1              !! of a repeat count n*
     character :: quote = ' '           !! the quote around it
+    character(8) :: unit = ''          !! a unit after a number, where none belongs
   end type token_t
 
   !> One `key = value` of a deck.
@@ -315,6 +317,7 @@ contains
       call read_string(list, token, problem)
     else
       call read_bare(list, token, problem)
+      if (scan(list%text(token%first:token%first), digits//'+-.') == 1) call take_unit(list, token, problem)
     end if
     faulty = len(problem) > 0
     if (faulty) then
@@ -408,6 +411,55 @@ contains
     list%position = list%position + 1
     list%position = list%position + span_until(list, blanks//newline//',/&')
   end subroutine read_bare
+
+  !> A unit after the number that was read, in its line: without this the '/' of mm/s would end the group.
+  subroutine take_unit(list, token, problem)
+    type(namelist_t), intent(inout) :: list
+    type(token_t), intent(inout) :: token
+    character(:), allocatable, intent(inout) :: problem
+    integer :: first, last, number
+
+    ! Without a blank between them.
+    last = end_of_run(token%first)
+    do number = token%first, last
+      if (scan(list%text(number:number), digits//'+-.') == 1) cycle
+      if (is_unit(list%text(number:last))) then
+        call accept(number)
+        return
+      end if
+    end do
+    if (len(problem) > 0) return
+    first = list%position + span(list, ' '//tab)
+    if (first == list%position .or. first > len(list%text)) return
+    last = end_of_run(first)
+    if (.not. is_unit(list%text(first:last))) return
+    ! It may be a key of the same name.
+    number = last + verify(list%text(last + 1:)//newline, ' '//tab)
+    if (number <= len(list%text)) then
+      if (list%text(number:number) == '=') return
+    end if
+    number = token%last
+    call accept(first)
+    token%last = number
+
+  contains
+
+    !> The last place before a blank, a comma or a comment.
+    integer function end_of_run(place)
+      integer, intent(in) :: place
+
+      end_of_run = place + scan(list%text(place:)//newline, blanks//newline//',!') - 2
+    end function end_of_run
+
+    subroutine accept(place)
+      integer, intent(in) :: place   !! where the unit begins
+
+      token%unit = list%text(place:last)
+      token%last = place - 1
+      list%position = last + 1
+      problem = ''
+    end subroutine accept
+  end subroutine take_unit
 
   !> Whether a name and `=`, or a name and a subscript, stand here.
   logical function next_key_follows(list)

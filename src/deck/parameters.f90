@@ -2,7 +2,7 @@
 module dst_parameters
   use dst_kinds, only: wp
   use dst_deck_values, only: deck_t, usage, used
-  use dst_schema, only: schema, key_count, sweep_group, real_kind, reals_kind, integer_kind
+  use dst_schema, only: schema, key_count, sweep_group, is_automatic, real_kind, reals_kind, integer_kind
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -18,12 +18,15 @@ module dst_parameters
 
 contains
 
-  !> Every key that the deck uses and that has a single value.
-  subroutine parameters_of(deck, parameters)
+  !> Every key that the deck uses and that has a single value. Of output.interval = 'auto' it is the `interval` [s] that it stands
+  !> for; where there is none the key is left out.
+  subroutine parameters_of(deck, parameters, interval)
     type(deck_t), intent(in) :: deck
     type(parameter_t), allocatable, intent(out) :: parameters(:)
+    real(wp), intent(in), optional :: interval
     type(parameter_t) :: found(key_count)
     integer :: i, n
+    logical :: is_chosen
 
     n = 0
     do i = 1, key_count
@@ -32,6 +35,9 @@ contains
         if (key%kind == reals_kind) then
           if (size(value%reals) /= 1) cycle
         end if
+        is_chosen = .false.
+        if (key%kind == real_kind) is_chosen = is_automatic(key, deck%real_of(trim(key%group), trim(key%name)))
+        if (is_chosen .and. .not. present(interval)) cycle
         n = n + 1
         found(n)%quantity = quantity_t(key%name, key%unit, key%meaning)
         if (key%unit == '') found(n)%quantity%units = '1'
@@ -39,6 +45,7 @@ contains
           found(n)%value = real(value%integer, wp)
         else if (key%kind == real_kind .or. key%kind == reals_kind) then
           found(n)%value = deck%real_of(trim(key%group), trim(key%name))
+          if (is_chosen) found(n)%value = interval
         else
           found(n)%text = joined(value%texts)
         end if

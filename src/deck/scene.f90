@@ -41,7 +41,8 @@ module dst_scene
     real(wp) :: v_cut = 0.0_wp                           !! m/s
     real(wp) :: step_max = 0.0_wp                        !! s, 0 = no limit
     integer(int64) :: max_steps = 0_int64                !! 0 = no limit
-    real(wp) :: interval = 0.0_wp                        !! s, 0 = every accepted step
+    real(wp) :: interval = 0.0_wp                        !! s, 0 = every accepted step, `automatic` = still to be settled
+    logical :: interval_is_chosen = .false.              !! by the program, not by the deck
     real(wp) :: checkpoint_interval = 0.0_wp             !! s of wall time, 0 = none
     real(wp) :: wall_limit = 0.0_wp                      !! s of wall time, 0 = none
     real(wp) :: flush_seconds = 0.0_wp                   !! s of wall time

@@ -12,8 +12,8 @@ module dst_schema
 
   public :: key_t, range_t, schema, key_count, group_names, sweep_group
   public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind, kind_names
-  public :: longest_text, most_values
-  public :: find_key, find_name, is_text, names_file, keys_of, in_range, range_text, choice_problem, &
+  public :: longest_text, most_values, automatic
+  public :: find_key, find_name, is_text, names_file, keys_of, in_range, is_automatic, is_word_of, range_text, choice_problem, &
             condition_count, condition_text
 
   integer, parameter :: real_kind = 1, integer_kind = 2, text_kind = 3, choice_kind = 4
@@ -23,6 +23,9 @@ module dst_schema
 
   !> Bytes of the longest text value; numbers of the longest list.
   integer, parameter :: longest_text = 256, most_values = 10000
+
+  !> The number that a real key holds in place of the word 'auto', which leaves it to the program: outside the key's range.
+  real(wp), parameter :: automatic = -1.0_wp
 
   !> An interval; an open end excludes the limit.
   type :: range_t
@@ -45,7 +48,7 @@ module dst_schema
     logical :: required                 !! the user must give it when it is used
     character(value_width) :: default   !! as in a deck, text without quotes; of a required key: tolerated when it is not used
     character(value_width) :: sample    !! Fig. 3's value, for the template
-    character(256) :: choices           !! blank-separated; '' = free
+    character(256) :: choices           !! blank-separated; '' = free; of a real key the word that it also takes
     type(condition_t) :: used_by(2)     !! all of them must hold
     character(meaning_width) :: meaning
   end type key_t
@@ -69,7 +72,7 @@ module dst_schema
   character(*), parameter :: weakening_laws = 'weakening stribeck'
   character(*), parameter :: laws = 'constant table '//weakening_laws
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
-    'friction theta psi sticking zeta'
+    'friction theta psi sticking zeta pull_force theta_deg'
 
   type(condition_t), parameter :: none = condition_t(), always(2) = none
   type(condition_t), parameter :: dynamic(2) = [condition_t('model', plane_models//' low_frequency high_frequency auto'), none]
@@ -175,23 +178,23 @@ module dst_schema
           'most steps of a run; 0 = no limit'), &
     key_t('output', 'file', text_kind, '', any_real, may, '', '', '', always, &
           'file of the results; empty = the deck''s name with .h5, in the current directory'), &
-    key_t('output', 'interval', real_kind, 's', non_negative, may, '1.0e-3', '', '', always, &
-          'time between samples; 0 = every accepted step'), &
+    key_t('output', 'interval', real_kind, 's', non_negative, may, 'auto', '', 'auto', always, &
+          'time between samples; auto = shows all motion, in up to 1e6 samples; 0 = every accepted step'), &
     key_t('output', 'fields', texts_kind, '', any_real, may, 'default', '', columns, always, &
-          'columns of the time series'), &
+          'columns of the time series; default stands for all but pull_force and theta_deg'), &
     key_t('output', 'flush_seconds', real_kind, 's', non_negative, may, '5.0', '', '', always, &
           'wall time between flushes of the file'), &
     key_t('output', 'checkpoint_interval', real_kind, 's', non_negative, may, '600.0', '', '', always, &
           'wall time between checkpoints; 0 = only when the run is stopped'), &
     key_t('output', 'wall_limit', real_kind, 's', non_negative, may, '0.0', '', '', always, &
           'wall time after which the run stops; 0 = no limit'), &
-    key_t('sweep', 'parameter', texts_kind, '', any_real, may, '', '', '', always, &
+    key_t('sweep', 'parameter', texts_kind, '', any_real, may, '', 'system.misalignment_deg', '', always, &
           'keys that are varied, as GROUP.KEY; the last varies fastest'), &
-    key_t('sweep', 'first', reals_kind, '', any_real, may, '', '', '', always, &
+    key_t('sweep', 'first', reals_kind, '', any_real, may, '', '0.5', '', always, &
           'first value of each parameter, in its own unit'), &
-    key_t('sweep', 'last', reals_kind, '', any_real, may, '', '', '', always, &
+    key_t('sweep', 'last', reals_kind, '', any_real, may, '', '20.0', '', always, &
           'last value of each parameter'), &
-    key_t('sweep', 'count', reals_kind, '1', range_t(low=1.0_wp, high=1.0e9_wp), may, '', '', '', always, &
+    key_t('sweep', 'count', reals_kind, '1', range_t(low=1.0_wp, high=1.0e9_wp), may, '', '40', '', always, &
           'number of values of each parameter'), &
     key_t('sweep', 'spacing', texts_kind, '', any_real, may, 'linear', '', 'linear log', always, &
           'distance of the values: one for all parameters, or one for each'), &
@@ -263,6 +266,22 @@ contains
     in_range = value >= range%low .and. value <= range%high
     if (range%low_open) in_range = in_range .and. value > range%low
   end function in_range
+
+  !> Whether the key takes this word in place of a number.
+  pure logical function is_word_of(key, given)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given
+
+    is_word_of = key%choices /= '' .and. .not. is_text(key) .and. has_word(key%choices, given)
+  end function is_word_of
+
+  !> Whether this number of the key stands for the word 'auto'.
+  pure logical function is_automatic(key, value)
+    type(key_t), intent(in) :: key
+    real(wp), intent(in) :: value
+
+    is_automatic = is_word_of(key, 'auto') .and. .not. abs(value - automatic) > 0.0_wp
+  end function is_automatic
 
   !> '> 0.0', '>= 0', '>= a and <= b'; '' when every finite value will do.
   function range_text(key) result(text)

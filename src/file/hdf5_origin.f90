@@ -1,16 +1,20 @@
 !> What a result file says about the run that wrote it, and whether that run can be gone on with.
 module dst_hdf5_origin
-  use hdf5, only: hid_t, h5fclose_f, h5lexists_f
+  use hdf5, only: hid_t, h5fclose_f, h5gopen_f, h5lexists_f
   use dst_checkpoint, only: provenance_t
-  use dst_disk, only: file_size
   use dst_errors, only: error_t, raise, file_error
   use dst_process, only: guard_t
-  use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, hdf5_t
-  use dst_text, only: printable
+  use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, get_number, names_in, read_list, open_dataset, &
+    read_rows, dataset_t, hdf5_t
+  use dst_kinds, only: wp, real64, int64
+  use dst_disk, only: file_size, path_t
+  use dst_plain_numbers, only: number_text
+  use dst_summary, only: summary_quantities
+  use dst_text, only: integer_text, printable, has_word
   implicit none
   private
 
-  public :: origin_t, read_origin, check_is_result, is_hdf5, sweep_state_t, state_of_sweep, describe_result
+  public :: origin_t, read_origin, check_is_result, is_hdf5, is_deck, sweep_state_t, state_of_sweep, describe_result
 
   !> What the header of a result file says of the run.
   type, extends(provenance_t) :: origin_t
@@ -107,7 +111,7 @@ contains
     if (io_status == 0) state = found
   end function state_of_sweep
 
-  !> What a result file is, in one line. A child process reads it.
+  !> What a result file is, in one line, and what it has found, in some more. A child process reads it.
   subroutine describe_result(file_name, text, reason)
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text
@@ -121,7 +125,9 @@ contains
       call guard%await(text)
       if (.not. allocated(text)) text = ''
     end if
-    if (text == '') reason = 'it is no result of this program, or damaged: give a result file'
+    if (text /= '') return
+    reason = 'it is no result of this program, or damaged: give a result file'
+    if (is_deck(file_name)) reason = 'it is a deck, not a result: dynstiction run '//printable(file_name)//' makes one'
   end subroutine describe_result
 
   function description(file_name) result(text)
@@ -151,7 +157,146 @@ contains
     end if
     text = printable(text//' of model '//model//', method '//method//', '//created//', dynstiction '//version//' ('// &
       revision//'): '//trim(merge('complete    ', 'not complete', complete == 1))//', '//ending)
+    if (has(file, 'trade')) then
+      text = text//rows_of_trade(file)
+    else if (has(file, 'sweep')) then
+      text = text//rows_of_sweep(file)
+    else
+      text = text//rows_of_run(file)
+    end if
   end function description
+
+  !> How long a run is, and its summary.
+  function rows_of_run(file) result(text)
+    integer(hid_t), intent(in) :: file
+    character(:), allocatable :: text
+    type(hdf5_t) :: h5
+    type(dataset_t) :: time
+    real(real64) :: last(1)
+    real(wp) :: value
+    integer :: i
+
+    text = ''
+    if (.not. has(file, 'time_series')) return
+    call open_dataset(file, 'time_series/time', 1, time, h5)
+    if (h5%status < 0) return
+    text = row('samples', integer_text(int(time%rows)), '')
+    if (time%rows > 0) then
+      call read_rows(time, time%rows - 1, last, h5)
+      text = text//row('last sample', number_text(real(last(1), wp), 4)//' s', '')
+    end if
+    if (.not. has(file, 'summary')) return
+    do i = 1, size(summary_quantities)
+      associate (quantity => summary_quantities(i))
+        if (h5%status < 0) exit
+        if (.not. has(file, 'summary/'//trim(quantity%name))) cycle
+        call get_number(file, 'summary/'//trim(quantity%name), value, h5)
+        text = text//row(quantity%name, with_unit(number_text(value, 4), quantity%units), quantity%long_name)
+      end associate
+    end do
+    if (h5%status < 0) text = ''
+  end function rows_of_run
+
+  !> What a sweep varies, and the range of what it has found.
+  function rows_of_sweep(file) result(text)
+    integer(hid_t), intent(in) :: file
+    character(:), allocatable :: text
+    character(*), parameter :: others = 'case failures result_code summary series cycles wall_time'
+    type(path_t), allocatable :: names(:)
+    type(hdf5_t) :: h5
+    type(dataset_t) :: codes
+    integer(hid_t) :: group
+    integer :: i, ignored
+
+    text = ''
+    call open_dataset(file, 'sweep/result_code', 1, codes, h5)
+    ! The values of more would take too long.
+    if (h5%status < 0 .or. codes%rows > 1000000) return
+    text = row('cases', integer_text(int(codes%rows)), '')
+    call h5gopen_f(file, 'sweep', group, ignored)
+    call names_in(group, names, h5)
+    do i = 1, size(names)
+      if (.not. has_word(others, names(i)%text)) text = text//range_of('sweep/'//names(i)%text, names(i)%text, '', 'varied')
+    end do
+    do i = 1, size(summary_quantities)
+      associate (quantity => summary_quantities(i))
+        if (has_word('cycles period peak_force valley_force slip_length swing', trim(quantity%name))) &
+          text = text//range_of('sweep/summary/'//trim(quantity%name), quantity%name, quantity%units, quantity%long_name)
+      end associate
+    end do
+
+  contains
+
+    function range_of(path, name, units, meaning) result(line)
+      character(*), intent(in) :: path, name, units, meaning
+      character(:), allocatable :: line
+      real(wp), allocatable :: values(:)
+
+      line = ''
+      if (.not. has(file, path)) return
+      call read_list(file, path, values, h5)
+      if (h5%status < 0) return
+      values = pack(values, abs(values) <= huge(values))
+      if (size(values) == 0) return
+      line = row(name, with_unit(number_text(minval(values), 4)//' to '//number_text(maxval(values), 4), units), meaning)
+    end function range_of
+  end function rows_of_sweep
+
+  !> How many settings a comparison has measured.
+  function rows_of_trade(file) result(text)
+    integer(hid_t), intent(in) :: file
+    character(:), allocatable :: text
+    type(hdf5_t) :: h5
+    type(dataset_t) :: points
+
+    text = ''
+    call open_dataset(file, 'trade/outcome', 1, points, h5)
+    if (h5%status >= 0) text = row('settings tried', integer_text(int(points%rows)), '')
+  end function rows_of_trade
+
+  !> A line that is indented: name, value, meaning.
+  pure function row(name, value, meaning) result(line)
+    character(*), intent(in) :: name, value, meaning
+    character(:), allocatable :: line
+    character(24) :: first
+    character(26) :: second
+
+    first = name
+    second = value
+    line = new_line('a')//trim('  '//first//second//meaning)
+    if (len_trim(value) > len(second)) line = new_line('a')//trim('  '//first//value//' '//meaning)
+  end function row
+
+  !> A number and its unit as people write it: 'm/s' for 'm s-1', nothing for '1'.
+  pure function with_unit(number, units) result(text)
+    character(*), intent(in) :: number, units
+    character(:), allocatable :: text
+
+    text = number
+    if (units == 'm s-1') then
+      text = text//' m/s'
+    else if (units /= '' .and. units /= '1') then
+      text = text//' '//trim(units)
+    end if
+  end function with_unit
+
+  !> Whether a file looks like a deck: text with a group, as no HDF5 file is.
+  logical function is_deck(file_name)
+    character(*), intent(in) :: file_name
+    character(4096) :: beginning
+    integer :: unit, io_status
+    integer(int64) :: bytes
+
+    is_deck = .false.
+    bytes = min(file_size(file_name), len(beginning, int64))
+    if (bytes <= 0) return
+    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
+    if (io_status /= 0) return
+    beginning = ''
+    read (unit, iostat=io_status) beginning(:bytes)
+    close (unit)
+    is_deck = io_status == 0 .and. index(beginning, '&') > 0 .and. index(beginning, achar(0)) == 0
+  end function is_deck
 
   logical function has(file, group)
     integer(hid_t), intent(in) :: file

@@ -32,7 +32,7 @@ module dst_hdf5_tools
   public :: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor
   public :: put_attribute, get_attribute, put_value, get_text, create_group, delete_link, release
   public :: dataset_t, create_dataset, open_dataset, append, append_texts, cut, read_rows, make_scale, attach_scale
-  public :: names_in, read_list
+  public :: names_in, read_list, get_number
 
   !> How a sequence of calls went.
   type :: hdf5_t
@@ -415,6 +415,28 @@ contains
     call release([text_type, dataset], h5)
     text = fortran_text(address)
   end subroutine get_text
+
+  !> Read a scalar dataset that holds a real number.
+  subroutine get_number(object, name, number, h5)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name
+    real(wp), intent(out) :: number
+    type(hdf5_t), intent(inout) :: h5
+    real(real64), target :: stored
+    type(c_ptr) :: buffer
+    integer(hid_t) :: dataset, number_type, space
+
+    stored = 0.0_real64
+    buffer = c_loc(stored)
+    call open_own(object, name, dataset, h5)
+    if (h5%status >= 0) call h5dget_space_f(dataset, space, h5%status)
+    if (h5%status >= 0) call h5dget_type_f(dataset, number_type, h5%status)
+    call check_single(name, space, number_type, h5t_float_f, 'is no real number', h5)
+    call check_size(name, dataset, 1_hsize_t, h5)
+    if (h5%status >= 0) call h5dread_f(dataset, h5t_native_double, buffer, h5%status)
+    call release([number_type, dataset], h5)
+    number = real(stored, wp)
+  end subroutine get_number
 
   !> Create a group and open it.
   subroutine create_group(parent, name, group, h5)

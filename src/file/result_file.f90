@@ -10,10 +10,11 @@ module dst_result_file
     file_exists, folder_of, is_folder, is_in_use, locked_by_a_reader, make_durable, make_name_durable, move_file, open_own_file, &
     place_file, place_of, system_reason, wait_seconds, write_bytes
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_origin, only: check_is_result
+  use dst_hdf5_origin, only: check_is_result, is_deck
   use dst_kinds, only: wp, int64
   use dst_lock, only: lock_t, holder_of, is_left_behind
   use dst_seal, only: seal, break_seal, sound_seal
+  use dst_text, only: printable
   implicit none
   private
 
@@ -73,6 +74,8 @@ contains
       reason = 'it is a symbolic link to a file that does not exist: remove it, or name that file'
     else if (.not. overwrite) then
       reason = 'the file exists: use --overwrite or another name'
+      if (is_checkpoint(checkpoint_name(place_of(name)))) reason = 'the file exists, of a run that did not come to its end: '// &
+        'continue it with dynstiction resume '//printable(name)//', or begin anew with --overwrite'
     else if (.not. there%is_regular) then
       reason = 'it is not a regular file: use another name'
     else if (is_in_use(name, for_writing=.true.)) then
@@ -120,6 +123,8 @@ contains
       reason = 'it is a folder: give the result file of the run'
     else if (.not. there%is_regular .or. there%bytes == 0) then
       reason = 'it is empty or not a regular file: run the deck again'
+    else if (is_deck(name)) then
+      reason = 'it is a deck: dynstiction run '//printable(name)//' runs it; resume takes the result file of a run'
     end if
     if (allocated(reason)) then
       call raise(error, file_error, name//': cannot resume: '//reason)

@@ -173,7 +173,7 @@ contains
 
     axes = size(sweep%axes)
     allocate (columns, source=[quantity_t('case', '1', 'number of the case'), (parameter_of(sweep%axes(i)), i=1, axes), &
-      value_quantities(), quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see docs/errors.md')])
+      value_quantities(), quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see dynstiction help errors')])
     allocate (output%columns(size(columns)), output%table(0))
     call create_group(output%file, 'sweep', group, h5)
     call create_group(group, 'summary', summary, h5)

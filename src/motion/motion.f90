@@ -14,6 +14,7 @@ module dst_motion
   use dst_archive, only: archive_t
   use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, chattering
+  use dst_text, only: short_text
   use dst_kinds, only: wp
   use dst_piece, only: piece_t, no_event, slip_begins, slips
   use dst_slider, only: slider_t
@@ -247,7 +248,12 @@ contains
   pure character(160) function at_time(state) result(text)
     type(state_t), intent(in) :: state
 
-    write (text, '(a,es24.16e3,a,2es25.16e3,a,2es25.16e3,a)') 't =', state%time, ' s (u =', state%u, ' m, slip', state%y(1:2), ')'
+    character(11) :: u(2), y(2), time
+
+    time = short_text(state%time)
+    u = [short_text(state%u(1)), short_text(state%u(2))]
+    y = [short_text(state%y(1)), short_text(state%y(2))]
+    text = 't = '//trim(time)//' s (u = '//trim(u(1))//', '//trim(u(2))//' m, slip '//trim(y(1))//', '//trim(y(2))//')'
   end function at_time
 
   !> Save or load what every motion has, to which a type adds its own; the rest follows from the scene.

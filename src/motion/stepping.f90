@@ -9,6 +9,7 @@ module dst_stepping
   use dst_slider, only: slider_t, direction_of
   use dst_slip_system, only: slip_system_t
   use dst_state, only: state_t, instant_t
+  use dst_text, only: short_text
   use dst_stepper, only: stepper_t, attempt_t, work_count_t
   implicit none
   private
@@ -208,7 +209,7 @@ contains
       call raise(error, too_many_rejections, trim(what)//' '//trim(at_time(self%piece%from))// &
         ': use a larger rtol or another method')
     else
-      write (what, '(a,es8.1,a)') 'the step size fell to ', self%next_step, ' s without success at'
+      what = 'the step size fell to '//trim(short_text(self%next_step))//' s without success at'
       call raise(error, step_underflow, trim(what)//' '//trim(at_time(self%piece%from))//': use another method, and see '// &
         'whether the parameters are meant')
     end if

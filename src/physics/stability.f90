@@ -14,6 +14,7 @@ module dst_stability
   use dst_errors, only: error_t, raise, usage_error, not_finite
   use dst_friction, only: friction_law_t, exponential_form
   use dst_slider, only: slider_t
+  use dst_text, only: short_text
   implicit none
   private
 
@@ -560,8 +561,7 @@ contains
   pure character(12) function shown(value) result(text)
     real(wp), intent(in) :: value
 
-    write (text, '(es12.4)') value
-    text = adjustl(text)
+    text = short_text(value)
   end function shown
 
   pure logical function differ(pair)

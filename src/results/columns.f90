@@ -7,16 +7,21 @@ module dst_columns
   use dst_drive, only: drive_t
   use dst_slider, only: slider_t
   use dst_state, only: instant_t
+  use dst_text, only: has_word
   use dst_writer, only: quantity_t, find_quantity
   implicit none
   private
 
-  public :: columns, find_column, default_columns, damping_ratio_exists, row_of
+  public :: columns, find_column, is_default, default_columns, damping_ratio_exists, row_of
 
   !> Numbers of the columns, in the order of the table.
   integer, parameter :: c_time = 1, c_u_x = 2, c_u_y = 3, c_w_x = 4, c_w_y = 5, c_x = 6, c_y = 7, c_x_rate = 8
   integer, parameter :: c_y_rate = 9, c_spring_force_x = 10, c_spring_force_y = 11
   integer, parameter :: c_friction = 12, c_theta = 13, c_psi = 14, c_sticking = 15, c_zeta = 16
+  integer, parameter :: c_pull_force = 17, c_theta_deg = 18
+
+  !> Columns that are written only where they are asked for by name: they follow from the others.
+  character(*), parameter :: columns_on_request = 'pull_force theta_deg'
 
   !> The table of columns: name, unit, meaning.
   type(quantity_t), parameter :: columns(*) = [ &
@@ -35,7 +40,9 @@ module dst_columns
     quantity_t('theta', 'rad', 'angle of the friction force to the soft axis'), &
     quantity_t('psi', 'rad', 'angle of the friction force to the drive'), &
     quantity_t('sticking', '1', '1 while the object sticks, 0 while it slips'), &
-    quantity_t('zeta', '1', 'damping ratio of the soft mode, Eq. (10)')]
+    quantity_t('zeta', '1', 'damping ratio of the soft mode, Eq. (10)'), &
+    quantity_t('pull_force', 'N', 'force of springs and dampers on the object along the drive: what a load cell measures'), &
+    quantity_t('theta_deg', 'deg', 'angle of the friction force to the soft axis')]
 
 contains
 
@@ -46,14 +53,21 @@ contains
     find_column = find_quantity(columns, name)
   end function find_column
 
-  !> The columns that 'default' stands for: all, the damping ratio only where it exists.
+  !> Whether a column belongs to those that 'default' stands for.
+  elemental logical function is_default(name)
+    character(*), intent(in) :: name
+
+    is_default = .not. has_word(columns_on_request, trim(name))
+  end function is_default
+
+  !> The columns that 'default' stands for: all but those on request, the damping ratio only where it exists.
   pure function default_columns(slider, drive) result(selected)
     type(slider_t), intent(in) :: slider
     type(drive_t), intent(in) :: drive
     integer, allocatable :: selected(:)
     integer :: i
 
-    selected = [(i, i=1, size(columns))]
+    selected = pack([(i, i=1, size(columns))], is_default(columns%name))
     if (.not. damping_ratio_exists(slider, drive)) selected = pack(selected, columns(selected)%name /= 'zeta')
   end function default_columns
 
@@ -128,6 +142,11 @@ contains
       case (c_zeta)
         value = slider%law%kinetic_limit*abs(sin(instant%theta))**3 &
           /(2.0_wp*abs(instant%drive_velocity*e(2))*sqrt(slider%mass*slider%stiffness(1)))
+      case (c_pull_force)
+        ! The springs lengthen with the drive's velocity minus that of the object.
+        value = dot_product(instant%spring_force + slider%damping*(instant%drive_velocity*e - w), e)
+      case (c_theta_deg)
+        value = instant%theta*(180.0_wp/pi)
       case default
         value = 0.0_wp
       end select

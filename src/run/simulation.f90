@@ -12,9 +12,11 @@ module dst_simulation
   use dst_motion, only: motion_t, next_piece, change_over, at_time
   use dst_motion_summary, only: motion_summary_t
   use dst_piece, only: no_event
+  use dst_sampling, only: settle_interval
   use dst_scene, only: scene_t
   use dst_state, only: instant_t
   use dst_stepper, only: work_count_t
+  use dst_text, only: short_text
   use dst_writer, only: writer_t, quantity_t, outcome_t
   implicit none
   private
@@ -62,14 +64,15 @@ module dst_simulation
 
 contains
 
-  !> Build the model and the method of the scene and place the object at time 0.
+  !> Build the model and the method of the scene, whose model is settled, and place the object at time 0.
   subroutine start(self, scene, error)
     class(simulation_t), intent(inout) :: self
     type(scene_t), intent(in) :: scene
     type(error_t), allocatable, intent(out) :: error
 
     self%scene = scene
-    call new_motion(scene, self%motion, self%other, error)
+    call settle_interval(self%scene)
+    call new_motion(self%scene, self%motion, self%other, error)
     if (.not. allocated(error)) call select_columns(self, error)
     if (allocated(error)) return
     ! The summary looks at the second half, which no leap may straddle.
@@ -368,7 +371,7 @@ contains
     class(simulation_t), intent(in) :: self
     character(:), allocatable :: text
 
-    text = trim(at_time(self%motion%piece%to))
+    text = 't = '//trim(short_text(self%motion%piece%to%time))//' of '//trim(short_text(self%scene%t_end))//' s'
   end function state_text
 
   !> Save or load, between two calls of `proceed`. A simulation is loaded after it has been started.

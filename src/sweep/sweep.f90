@@ -11,9 +11,10 @@ module dst_sweep
   use dst_errors, only: error_t, raise, result_done, deck_error, out_of_memory
   use dst_memory_writer, only: memory_writer_t
   use dst_model_columns, only: gives_column
-  use dst_columns, only: columns, find_column
+  use dst_columns, only: columns, find_column, is_default
   use dst_cycles, only: cycle_quantities
   use dst_output_size, only: sample_count
+  use dst_sampling, only: settle_interval
   use dst_scene, only: scene_t, scene_from_deck, set_number
   use dst_schema, only: schema, sweep_group
   use dst_stopwatch, only: wall_clock
@@ -26,7 +27,7 @@ module dst_sweep
   private
 
   public :: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once
-  public :: value_count, value_quantities, wall_time_value, table_quantities
+  public :: value_count, value_quantities, wall_time_value, table_quantities, series_interval
 
   !> A parameter and its values: along one side of a grid, or of each case of a list.
   type :: axis_t
@@ -42,6 +43,7 @@ module dst_sweep
     logical :: is_list = .false.          !! the axes are columns of a list of cases, not sides of a grid
     !> What a case keeps beside its values: its time series, or its last stick-slip cycles.
     logical :: keeps_series = .false., keeps_cycles = .false.
+    real(wp) :: interval = 0.0_wp         !! between the samples of a series, that of the deck as it stands [s]
     integer :: cases = 0
   contains
     procedure :: coordinates
@@ -142,6 +144,7 @@ contains
       call raise(error, deck_error, "keep 'series' needs the same times in every case: leave scene.settle out", 'scene.settle')
       return
     end if
+    if (sweep%keeps_series) sweep%interval = series_interval(deck)
     if (present(axes)) then
       sweep%axes = axes
       sweep%is_list = is_list
@@ -160,6 +163,16 @@ contains
       sweep%cases = nint(cases)
     end if
   end subroutine new_sweep
+
+  !> Time between the samples that all cases of a deck with keep = 'series' take [s].
+  real(wp) function series_interval(deck)
+    type(deck_t), intent(in) :: deck
+    type(scene_t) :: scene
+
+    call scene_from_deck(deck, scene)
+    call settle_interval(scene)
+    series_interval = scene%interval
+  end function series_interval
 
   !> Names and values that did not come with the deck.
   subroutine check_axes(sweep, error)
@@ -285,7 +298,7 @@ contains
 
     table_rows = 0
     if (self%keeps_series) &
-      table_rows = nint(sample_count(self%deck%real_of('scene', 't_end'), self%deck%real_of('output', 'interval')))
+      table_rows = nint(sample_count(self%deck%real_of('scene', 't_end'), self%interval))
     if (self%keeps_cycles) table_rows = int(self%deck%integer_of(sweep_group, 'cycles'))
   end function table_rows
 
@@ -297,7 +310,7 @@ contains
 
     allocate (times(self%table_rows()))
     do i = 1, size(times)
-      times(i) = real(i - 1, wp)*self%deck%real_of('output', 'interval')
+      times(i) = real(i - 1, wp)*self%interval
     end do
     if (size(times) > 0) times(size(times)) = self%deck%real_of('scene', 't_end')
   end function series_times
@@ -330,6 +343,7 @@ contains
     type(worker_t), intent(out) :: worker
 
     call scene_from_deck(sweep%deck, worker%scene)
+    if (sweep%keeps_series) worker%scene%interval = sweep%interval
     call adapt_output(worker%scene, sweep%keeps_series, worker%kept)
     if (sweep%keeps_cycles) worker%most_cycles = sweep%table_rows()
     associate (places => cases_at_once(sweep))
@@ -512,7 +526,7 @@ contains
       allocate (scene%fields(0))
     else if (scene%fields(1) == 'default') then
       ! The damping ratio does not exist in every case; it follows from theta.
-      scene%fields = pack(columns%name, columns%name /= 'time' .and. columns%name /= 'zeta' &
+      scene%fields = pack(columns%name, columns%name /= 'time' .and. columns%name /= 'zeta' .and. is_default(columns%name) &
         .and. gives_column(scene%model, columns%name))
     end if
     kept = size(scene%fields)

@@ -203,7 +203,7 @@ def test_a_signal_stops_with_a_checkpoint(program, references, tmp_path, number)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == STOPPED
     assert f"stopped by {number.name} at t = " in errors
-    assert "docs/errors.md" in errors
+    assert "dynstiction help errors" in errors
     with h5py.File(file) as data:
         assert (data.attrs["result_code"], data.attrs["complete"]) == (STOPPED, 0)
         assert number.name in data.attrs["result_text"]

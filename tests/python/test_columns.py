@@ -92,3 +92,37 @@ def test_forces_obey_hooke_and_coulomb(motion: tuple[ds.Result, float, float]) -
     assert np.abs(r["theta"]).max() <= np.pi
     scale = 2 * abs(velocity * np.sin(angle)) * np.sqrt(MASS * STIFFNESS[0])
     np.testing.assert_allclose(r["zeta"], LIMIT * np.abs(np.sin(r["theta"])) ** 3 / scale, rtol=1e-12)
+
+
+@pytest.mark.parametrize("damping", [{}, {"damping_x": 5.0, "damping_y": 400.0}])
+def test_pull_force_is_what_a_load_cell_on_the_drive_measures(damping: dict[str, float]) -> None:
+    """It moves the object against friction: m X'' = pull - friction along the drive; theta in degrees is theta."""
+    angle, velocity, names = 35.0, 5e-3, ("X_rate", "psi", "friction", "spring_force_x", "spring_force_y", "theta", "w_x", "w_y")
+    r = ds.run(
+        INPUTS / "fig3.nml",
+        scene={"t_end": 0.05},
+        system={"misalignment_deg": angle, "stiffness_y": STIFFNESS[1], **damping},
+        drive={"velocity": velocity},
+        initial={"velocity_ratio": None, "elongation_x": 3e-3, "elongation_y": -2e-5},
+        output={"interval": INTERVAL, "fields": ("pull_force", "theta_deg", "sticking", *names)},
+    )
+    np.testing.assert_allclose(np.radians(r["theta_deg"]), r["theta"], rtol=1e-14)
+    phi = np.radians(angle)
+    springs = along(phi, r["spring_force_x"], r["spring_force_y"])
+    ux_rate, uy_rate = velocity * np.cos(phi) - r["w_x"], velocity * np.sin(phi) - r["w_y"]
+    dampers = along(phi, damping.get("damping_x", 0.0) * ux_rate, damping.get("damping_y", 0.0) * uy_rate)
+    np.testing.assert_allclose(r["pull_force"], springs + dampers, atol=1e-12)
+    assert (np.abs(dampers).max() > 0.01) == bool(damping)
+    acceleration = np.gradient(r["X_rate"], INTERVAL)
+    slips = r["sticking"] == 0.0
+    # Away from the ends of slip, where the acceleration jumps.
+    inside = slips & np.roll(slips, 5) & np.roll(slips, -5)
+    inside[:10] = inside[-10:] = False
+    assert inside.sum() > 100
+    force = r["pull_force"] - r["friction"] * np.cos(r["psi"])
+    np.testing.assert_allclose(MASS * acceleration[inside], force[inside], atol=2e-3 * np.abs(force).max())
+
+
+def test_columns_on_request_are_not_among_the_default() -> None:
+    run = ds.run(INPUTS / "fig3.nml", scene={"t_end": 0.01})
+    assert {"theta", "spring_force_x"} <= set(run.columns) and not {"pull_force", "theta_deg"} & set(run.columns)

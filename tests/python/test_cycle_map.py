@@ -154,7 +154,7 @@ def test_a_long_run_has_every_stick() -> None:
 def test_what_is_no_choice_is_refused(program) -> None:
     done = program("run", FIG3, "-o", "x.h5", "--set", "integrator.cycle_map=maybe")
     assert done.returncode == 2
-    where = "--set 1 (integrator.cycle_map=maybe)"
+    where = "--set integrator.cycle_map=maybe"
     assert done.stderr == f"dynstiction: {where}: unknown cycle_map 'maybe': choose auto | off\n"
 
 

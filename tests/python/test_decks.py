@@ -78,8 +78,8 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "text without quotes": (instead("'a test'", "test"), 2, "'test'", "text in quotes"),
     "model without quotes": (with_line("title", " model = full"), 3, "'full'", "text in quotes"),
     "a logical": (instead("0.25", ".true."), 6, "'.true.'", "finite real number"),
-    "a unit": (instead("0.25", "0.25kg"), 6, "'0.25kg'", "finite real number"),
-    "a unit apart": (instead("0.25", "0.25 kg"), 6, "from 'kg' on", "at most 1"),
+    "a unit": (instead("0.25", "0.25kg"), 6, "'0.25 kg' has a unit", "in kg: 0.25"),
+    "a unit apart": (instead("0.25", "0.25 kg"), 6, "'0.25 kg' has a unit", "in kg: 0.25"),
     "decimal comma": (instead("0.25", "0,25"), 6, "'mass', from '25' on: 2 given", "at most 1"),
     "underscore": (instead("1.0e7", "10_000_000"), 8, "'10_000_000'", "finite real number"),
     "exponent without letter": (instead("1.0e7", "1.0+7"), 8, "'1.0+7'", "finite real number"),
@@ -127,7 +127,8 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "array element": (instead("velocity =", "velocity(1) ="), 17, "velocity(1) = 1.0e-3", "all values at once"),
     "component": (instead("mass =", "mass%kg ="), 6, "mass%kg = 0.25", "all values at once"),
     "NUL": (GOOD.encode() + b"\0", 19, "NUL", "plain UTF-8 text"),
-    "binary": (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), 2, "control characters", "plain UTF-8 text"),
+    "binary": (b"MZ\n" + bytes(range(1, 256)), 2, "control characters", "plain UTF-8 text"),
+    "result": (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), 0, "is a result or another HDF5 file", "dynstiction show"),
     "UTF-16": (GOOD.encode("utf-16"), 1, "NUL", "plain UTF-8 text"),
     "Latin-1": (instead("a test", "für").encode("latin-1"), 2, "not UTF-8", "save the deck as UTF-8"),
     "control character": (instead("a test", "a\x07test"), 2, "control characters", "plain UTF-8 text"),
@@ -322,7 +323,7 @@ def test_bad_setting(setting, word, remedy, program, tmp_path):
     if setting == "friction.law=constant":
         assert "deck.nml:13: " in text
     else:
-        assert f"dynstiction: --set 2 ({setting}): " in text
+        assert f"dynstiction: --set {setting}: " in text
     assert word in text
     assert remedy in text
     assert {path.name for path in tmp_path.iterdir()} == {"deck.nml"}
@@ -459,7 +460,7 @@ def test_two_decks_cannot_share_an_output(program, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "remedy"),
     [
-        ([], "run | resume | merge | check | template"),
+        ([], "run | sweep | resume | merge | check | template"),
         (["rnu", "deck.nml"], "nearest is 'run'"),
         (["run"], "run DECK"),
         (["run", "deck.nml", "--overwite"], "nearest is '--overwrite'"),

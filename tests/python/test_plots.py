@@ -467,7 +467,7 @@ def test_a_bifurcation_diagram_of_two_parameters_has_colours(cycles) -> None:
 def test_what_a_sweep_cannot_show_is_refused(grid, cycles, fig4_result: ds.Result) -> None:
     with pytest.raises(ds.UsageError, match="the kinds are map, lambda, bifurcation"):
         plot.draw(grid, "history")
-    with pytest.raises(ds.UsageError, match=r"no quantity 'perod', only .*period"):
+    with pytest.raises(ds.UsageError, match=r"no quantity 'perod': the nearest is 'period', there are .*swing"):
         plot.draw(grid, quantity="perod")
     with pytest.raises(ds.UsageError, match="for the map or the bifurcation diagram of a sweep only"):
         plot.draw(fig4_result, quantity="period")

@@ -13,7 +13,7 @@ WIPED = "\r\x1b[K"
 
 pytestmark = pytest.mark.deck
 # Each cycle by steps: longer than any test waits.
-LASTING = ("scene.t_end=1e5", "output.interval=1.0", "integrator.cycle_map=off")
+LASTING = ("scene.t_end=1e5", "output.interval=1e5", "integrator.cycle_map=off")
 ENDLESS = ("run", DECK, "-o", "x.h5", *(word for setting in LASTING for word in ("--set", setting)))
 
 

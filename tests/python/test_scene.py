@@ -185,7 +185,7 @@ def test_more_faults_than_are_listed() -> None:
         ds.Scene(text).check()
     lines = str(refused.value).splitlines()
     assert len(lines) == 101
-    assert lines[-1] == "deck: only the first faults are listed: mend these and check again"
+    assert lines[-1] == "deck: only the first faults are listed: fix these and check again"
 
 
 def test_the_deck_of_a_scene_is_read_once(monkeypatch: pytest.MonkeyPatch, fig3: ds.Scene) -> None:
@@ -270,7 +270,7 @@ def test_a_dataclass_replaces_a_group_and_a_mapping_changes_keys(fig3: ds.Scene)
     constant = ds.Friction(law="constant", mu_0=0.2, normal_load=10.0)
     assert fig3.replace(friction=constant).friction.mu_inf is None
     assert fig3.replace(friction=constant).check()
-    assert fig3.replace(output=ds.Output()).output.interval == 1e-3
+    assert fig3.replace(output=ds.Output()).output.interval == "auto"
 
 
 def test_scenes_are_copied_pickled_and_replaced(fig3: ds.Scene) -> None:

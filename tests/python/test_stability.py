@@ -26,7 +26,7 @@ def stability(program, fig3_text, tmp_path):
 
 def value(table: str, label: str) -> float:
     """The first number after a label at the beginning of a line."""
-    found = re.search(rf"^{re.escape(label)} +(-?[0-9.]+(?:E[+-][0-9]+)?)\b", table, re.MULTILINE)
+    found = re.search(rf"^{re.escape(label)} +(-?[0-9.]+(?:e-?[0-9]+)?)\b", table, re.MULTILINE)
     assert found, f"no {label!r} in\n{table}"
     return float(found[1])
 
@@ -39,13 +39,13 @@ def test_table_of_fig3(stability):
     assert value(table, "critical angle, slow mode") == pytest.approx(8.65603, abs=5e-6)
     assert value(table, "critical angle, rigid stiff axis") == pytest.approx(8.65536, abs=5e-6)
     assert value(table, "critical angle, fast mode") == pytest.approx(76.3, abs=0.05)
-    assert re.search(r"8\.656033 deg, at 6\.439\d+E\+01 rad/s = 1\.0248\d+E\+01 Hz", table)
-    assert re.search(r"^stable for +8\.656033 deg < \|phi\| < 76\.26\d+ deg$", table, re.MULTILINE)
+    assert re.search(r"8\.656033\d* deg, at 64\.39\d+ rad/s = 10\.248\d+ Hz", table)
+    assert re.search(r"^stable for +8\.656033\d* deg < \|phi\| < 76\.26\d+ deg$", table, re.MULTILINE)
     assert value(table, "Lambda") == pytest.approx(3623.9, abs=0.05)
     assert value(table, "zeta at theta = phi") == pytest.approx(0.01926, abs=5e-6)
     assert value(table, "theta*") == pytest.approx(3.733, abs=5e-4)
     assert "steady sliding is                 not stable" in table
-    rows = re.findall(r"^ +[1-4]((?: +[-+.E0-9]+){4})$", table, re.MULTILINE)
+    rows = re.findall(r"^ +[1-4]((?: +[-+.e0-9]+){4})$", table, re.MULTILINE)
     assert len(rows) == 4
     growth, rate, frequency, damping = np.array([row.split() for row in rows], dtype=float).T
     assert np.all(np.diff(growth) <= 0)
@@ -71,7 +71,7 @@ def test_table_of_ten_degrees(stability):
 def test_table_without_critical_angle(stability):
     constant = stability("friction.law=constant", "friction.mu_inf=", "friction.v_f=").stdout
     assert re.search(r"^critical angle +none between 0 and 90 deg$", constant, re.MULTILINE)
-    assert re.search(r"^stable for +0\.0+ deg < \|phi\| < 90\.0+ deg$", constant, re.MULTILINE)
+    assert re.search(r"^stable for +0 deg < \|phi\| < 90 deg$", constant, re.MULTILINE)
     soft = stability("system.stiffness_y=3.9e5").stdout
     assert re.search(r"^stable for +no angle$", soft, re.MULTILINE)
 
@@ -82,14 +82,14 @@ def test_table_where_eq_10_has_no_value(stability):
     assert result.returncode == 0
     assert re.search(r"^Lambda, zeta, theta\* +no value: V sin\(phi\) = 0", result.stdout, re.MULTILINE)
     light = stability("friction.normal_load=1e-3").stdout
-    assert re.search(r"^theta\* +no value: Lambda = 3\.6\d+E-01: .*Lambda >= 1", light, re.MULTILINE)
+    assert re.search(r"^theta\* +no value: Lambda = 0\.36\d+: .*Lambda >= 1", light, re.MULTILINE)
 
 
 @pytest.mark.deck
 def test_each_held_velocity_has_a_table(stability):
     profile = ["drive.time=0,1,1,2,3,4", "drive.velocity=1e-3,1e-3,0,0,-1e-3,5e-3"]
     table = stability(*profile).stdout
-    assert re.findall(r"steady sliding at V = (\S+) m/s", table) == ["1.000000E-03", "5.000000E-03"]
+    assert re.findall(r"steady sliding at V = (\S+) m/s", table) == ["0.001", "0.005"]
     assert table.startswith(stability().stdout)
 
 
@@ -312,7 +312,7 @@ def test_damping_ratio_with_weakening_crosses(target, angle, digits, ds):
         ({"velocity": 0.0}, "finite and not 0"),
         ({"velocity": np.nan}, "V = NaN"),
         ({"velocity": np.inf}, "V = Infinity"),
-        ({"mass": 0.0}, r"mass = 0\.0000E\+00 kg: it must be finite and > 0"),
+        ({"mass": 0.0}, r"mass = 0 kg: it must be finite and > 0"),
         ({"stiffness_x": -1.0}, "stiffness_x"),
         ({"stiffness_y": np.inf}, "stiffness_y = Infinity"),
         ({"misalignment": np.nan}, "misalignment"),

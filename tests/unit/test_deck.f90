@@ -5,8 +5,8 @@ program test_deck
   use dst_errors, only: error_t, deck_error, usage_error
   use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
                       has_word, lower_case, alternatives, one_per_line
-  use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, &
-                        condition_count, condition_text, real_kind, reals_kind, integer_kind, &
+  use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, is_word_of, &
+                        automatic, condition_count, condition_text, real_kind, reals_kind, integer_kind, &
                         choice_kind
   use dst_deck, only: deck_t, parse_deck, read_deck, resolved, template
   use dst_scene, only: scene_t, scene_from_deck
@@ -175,7 +175,9 @@ contains
         call check('meaning of '//key%name, key%meaning /= '')
         call check('a required key has a sample: '//key%name, .not. key%required .or. key%sample /= '' .or. key%default /= '')
         if (key%kind == choice_kind) call check('default of '//key%name, has_word(key%choices, trim(key%default)))
-        if (key%kind == real_kind .and. .not. key%required) then
+        if (is_word_of(key, trim(key%default))) then
+          call check('the word stands outside the range: '//key%name, .not. in_range(key%range, automatic))
+        else if (key%kind == real_kind .and. .not. key%required) then
           call read_real(trim(key%default), x, problem)
           call check('default in range: '//key%name, problem == '' .and. in_range(key%range, x))
         end if
@@ -402,7 +404,7 @@ contains
                index(error%text, 'bad.nml:4:') < index(error%text, 'bad.nml:5:'))
     call parse_deck(whole//'x', 'bad.nml', [character(13) :: 'system.mass=a', 'friction.mu=0'], deck, error)
     call check('the deck before the settings', index(error%text, 'bad.nml:5:') == 1 .and. &
-               index(error%text, '--set 1') < index(error%text, '--set 2'))
+               index(error%text, '--set system') < index(error%text, '--set friction'))
     call parse_deck(repeat('&x /'//n, 1000), 'bad.nml', none, deck, error)
     call check('a flood of faults ends', index(error%text, 'only the first faults are listed') > 0)
   end subroutine test_all_in_one_go
@@ -510,10 +512,10 @@ contains
     call check('list of texts', all(deck%texts_of('output', 'fields') == [character(3) :: 'u_x', 'X']))
     call check('list', all(deck%reals_of('drive', 'time') <= [0.0_wp, 1.0_wp, 1.0_wp]))
     call check('is set', deck%is_set('integrator', 'method'))
-    call set('no equals', ['mass'], '--set 1 (mass): no ''=''')
-    call set('no group', ['mass=1'], '--set 1 (mass=1): no group: write --set system.mass=VALUE')
+    call set('no equals', ['mass'], '--set mass: no ''=''')
+    call set('no group', ['mass=1'], '--set mass=1: no group: write --set system.mass=VALUE')
     call set('unknown group', ['sytem.mass=1'], "unknown group '&sytem': the nearest is &system")
-    call set('unknown key', [character(13) :: 'scene.t_end=1', 'system.mas=1'], "--set 2 (system.mas=1): unknown key 'mas'")
+    call set('unknown key', [character(13) :: 'scene.t_end=1', 'system.mas=1'], "--set system.mas=1: unknown key 'mas'")
     call set('unset', [character(21) :: 'friction.law=constant', 'friction.mu_inf=', 'friction.v_f='], '')
     call set('unset to the default', ['integrator.rtol='], '')
     call set('unset though needed', ['system.mass='], "'mass' is missing in &system: add mass = VALUE in kg")
@@ -524,13 +526,13 @@ contains
     call set('end', ['system.mass=1/2'], "unexpected '/2': give only the value")
     call set('second key', ['system.mass=1 stiffness_x=2'], "unexpected 'stiffness_x=2'")
     call set('choice', ['integrator.method=radau8'], "unknown method 'radau8': the nearest is 'radau5'")
-    call set('twice', [character(13) :: 'system.mass=1', 'system.mass=2'], "--set 2 (system.mass=2): 'mass' set again")
+    call set('twice', [character(13) :: 'system.mass=1', 'system.mass=2'], "--set system.mass=2: 'mass' set again")
     call set('unused', ['friction.law=constant'], "'v_f' is not used with law constant")
     call set('empty sweep', ['sweep.count=3'], '&sweep varies nothing')
     call set('control character', ['scene.title=a'//achar(10)//'b'], "control characters in 'title'")
     call set('Latin-1', ['scene.title='//char(228)], 'a character that is not UTF-8: give plain UTF-8 text')
     call set('DEL', ['scene.title='//achar(127)], 'control characters, or a character that is not UTF-8')
-    call set('rk4', ['integrator.method=rk4'], "--set 1 (integrator.method=rk4): method 'rk4' cannot follow")
+    call set('rk4', ['integrator.method=rk4'], "--set integrator.method=rk4: method 'rk4' cannot follow")
   end subroutine test_settings
 
   ! --- resolved and template
@@ -640,7 +642,7 @@ contains
     call scene_from_deck(deck, scene)
     call check('model', scene%model == 'full' .and. scene%law == 'weakening' .and. scene%contact == 'exact')
     call check('numbers', same_bits(scene%mass, 0.25_wp) .and. same_bits(scene%mu_inf, 0.15_wp) .and. &
-               same_bits(scene%misalignment_deg, 1.0_wp) .and. same_bits(scene%interval, 1.0e-3_wp))
+               same_bits(scene%misalignment_deg, 1.0_wp) .and. same_bits(scene%interval, automatic))
     call check('drive', size(scene%drive_time) == 1 .and. same_bits(scene%drive_velocity(1), 1.0e-3_wp))
     call check('fields', size(scene%fields) == 1 .and. all(scene%fields == 'default'))
     call accept('constant', scene_group//system_group//drive_group//"&friction law='constant' mu_0=0.3 normal_load=1 /", deck)
@@ -698,7 +700,7 @@ contains
                .and. index(help_text(''), 'Exit status') > 0)
     call misused('', 'no command')
     call misused('rum a.nml', "the nearest is 'run'")
-    call misused('simulate', 'there are run | resume | merge | check | template')
+    call misused('simulate', 'there are run | sweep | resume | merge | check | template')
     call misused('trade', 'trade DECK')
     call misused('run', "'run' without a deck")
     call misused('run a.nml --overwite', "the nearest is '--overwrite'")

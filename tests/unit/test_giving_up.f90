@@ -152,7 +152,7 @@ contains
     call check(manner//': says what', index(error%text, words) > 0)
     call check(manner//': time and state', index(error%text, 't =') > 0 .and. index(error%text, '(u =') > 0)
     call check(manner//': remedy after a colon', index(error%text, '): ') > 0)
-    call check(manner//': page', index(error%text, 'docs/errors.md') > 0)
+    call check(manner//': page', index(error%text, 'dynstiction help errors') > 0)
     call check(manner//': samples so far', writer%rows >= stepper%good_steps + 1)
     select type (motion => simulation%motion)
     class is (stepping_t)

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _native
-from .._run import run
+from .._run import run, run_sampled
 from ..errors import Error, SolverError
 from ..result import Result
 from ..scene import Scene
-from ..simulation import Simulation
 from ..trace import pull_forces
 from .waveform import Waveform, bin_means
 
@@ -129,16 +128,17 @@ def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     result = _settled(scene, wave, {"interval": LONGEST * wave.period, "fields": ["sticking"]})
     begin, period = float(result.time[-1]), float(result.summary["period"])
     end = begin + CYCLES * period
-    simulation = Simulation(
-        scene, scene={"settle": 0.0, "t_end": end}, output={"fields": ["spring_force_x", "spring_force_y"]}
+    fine = run(
+        scene,
+        times=np.arange(begin, end, wave.interval / FINER),
+        progress=False,
+        scene={"settle": 0.0, "t_end": end},
+        output={"fields": ["spring_force_x", "spring_force_y"]},
     )
-    instants = np.arange(begin, end, wave.interval / FINER)
-    simulation._sample_at(np.concatenate([[0.0], instants, [end]]))
-    fine = simulation.finish(progress=False)
-    time = fine.time[1:]
+    time = fine.time
     cosine, _, velocity = _geometry(scene)
-    force = np.sign(velocity) * pull_forces(fine)[0][1:]
-    load = np.sign(velocity) * cosine * fine["spring_force_x"][1:]
+    force = np.sign(velocity) * pull_forces(fine)[0]
+    load = np.sign(velocity) * cosine * fine["spring_force_x"]
     middle = 0.5 * cosine * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
     k = np.flatnonzero((load[:-1] > middle) & (load[1:] <= middle))
     slips = time[k] + (load[k] - middle) / (load[k] - load[k + 1]) * np.diff(time)[k]
@@ -157,7 +157,7 @@ def fastest_slip(scene: Scene, wave: Waveform) -> float:
 def _settled(scene: Scene, wave: Waveform, output: dict[str, object], precise: bool = False) -> Result:
     integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE, "max_steps": MOST_STEPS} if precise else {}
     try:
-        result = run(
+        result = run_sampled(
             scene,
             progress=False,
             scene={"settle": SETTLED, "t_end": LONGEST * wave.period},

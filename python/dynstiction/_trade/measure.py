@@ -79,7 +79,7 @@ class StoppedEarlyError(Error):
     exit_status = STOPPED_EARLY
 
     def __init__(self, text: str) -> None:
-        super().__init__(f"{text}; see docs/errors.md")
+        super().__init__(f"{text}; see dynstiction help errors")
 
 
 @dataclass

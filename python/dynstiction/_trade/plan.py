@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from .. import _native
 from ..scene import Scene
+from ..simulation import Simulation
 
 __all__ = ["Candidate", "Subject", "candidates", "is_used"]
 
@@ -101,6 +102,11 @@ class Subject:
     def number(self, key: str) -> float:
         """Value of a key that has one number; NaN if the scene does not have it."""
         return float(cast(float, self.value.get(key, math.nan)))
+
+    def interval(self) -> float:
+        """Time between the samples that the scene asks for [s]; 0 if it asks for every step."""
+        with Simulation(self.scene()) as simulation:
+            return float(simulation.result.parameters["interval"])
 
     def unused(self, settings: Settings) -> Iterator[tuple[_native.KeyInfo, object]]:
         """Keys of the scene that nothing uses any more with these settings, and their values."""

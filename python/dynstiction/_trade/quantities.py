@@ -76,7 +76,7 @@ class Observer:
                 SAMPLES_PER_PERIOD * self._frequency
             )
         looks = np.concatenate([[0.0, 0.25 * end], window, [0.75 * end, time[-1]]])
-        series = _series(subject.number("interval"), time) if own else np.empty(0)
+        series = _series(subject.interval(), time) if own else np.empty(0)
         self.instants = np.unique(np.concatenate([looks, series]))
         """Times to sample [s], from 0 to the end."""
         self._looks, self._series = (
@@ -178,6 +178,6 @@ def _series(interval: float, time: Floats) -> Floats:
     """Times of the samples that the scene asks for [s]; without equal distances those of the survey."""
     if interval == 0.0:
         return time
-    end, step = float(time[-1]), 1.0e-3 if math.isnan(interval) else interval
-    times = step * np.arange(math.ceil(end / step) + 1)
+    end = float(time[-1])
+    times = interval * np.arange(math.ceil(end / interval) + 1)
     return np.append(times[times < end * (1.0 - 4.0 * np.finfo(float).eps)], end)

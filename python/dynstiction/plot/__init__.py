@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -155,7 +156,8 @@ def draw(
     if quantity is not None and (kinds is not SWEEP_KINDS or kind not in WITH_QUANTITY):
         raise UsageError("a quantity can be chosen for the map or the bifurcation diagram of a sweep only")
     if kind is not None and kind not in kinds:
-        raise UsageError(f"no kind of figure '{kind}': the kinds are {', '.join(kinds)}")
+        near = "".join(f"the nearest is '{name}', " for name in get_close_matches(str(kind), kinds, 1))
+        raise UsageError(f"no kind of figure '{kind}': {near}the kinds are {', '.join(kinds)}")
     if figure is not None and ax is not None:
         raise UsageError("give figure= or ax=, not both")
     names = (columns,) if isinstance(columns, str) else tuple(columns or ())

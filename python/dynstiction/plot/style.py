@@ -161,8 +161,13 @@ def write(figure: Figure, path: str | os.PathLike[str]) -> None:
             figure.savefig(path, dpi=DOTS_PER_INCH)
     except UsageError:
         raise
+    except FileNotFoundError as error:
+        folder = os.path.dirname(path)
+        raise FileError(
+            f"{os.fspath(path)}: cannot be written: the folder {folder} does not exist: create it first"
+        ) from error
     except OSError as error:
-        raise FileError(f"{os.fspath(path)}: cannot be written: {error}") from error
+        raise FileError(f"{os.fspath(path)}: cannot be written: {error.strerror or error}") from error
 
 
 def degree_ticks(axis: Axes) -> None:

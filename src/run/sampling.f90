@@ -1,0 +1,129 @@
+!> The time between samples of output.interval = 'auto', and whether samples show the fast oscillation of a scene.
+!>
+!> The mass on the spring of the stiff axis oscillates with sqrt(k_y/m)/2 pi. Samples farther apart than half its period show
+!> a slower oscillation that does not exist. Nothing here changes what is computed, only when it is looked at.
+module dst_sampling
+  use dst_assembly, only: slider_from_scene
+  use dst_kinds, only: wp, pi
+  use dst_output_size, only: sample_count
+  use dst_plain_numbers, only: number_text
+  use dst_scene, only: scene_t
+  use dst_schema, only: automatic
+  use dst_slider, only: slider_t
+  implicit none
+  private
+
+  public :: settle_interval, sampling_note, fast_frequency, most_automatic
+
+  !> Samples in a period of the fast oscillation, and of the slow one; samples of a run, and of the time in which the drive loads
+  !> the soft spring up to slip, at least. Conventions of pictures: with 10 in a period a curve through the samples misses the
+  !> peaks of a sine by up to 5 % of its amplitude.
+  real(wp), parameter :: in_fast_period = 10.0_wp, in_slow_period = 100.0_wp, in_run = 1000.0_wp, in_loading = 500.0_wp
+  !> Samples in a period of the fast oscillation below which a picture of them misleads.
+  real(wp), parameter :: fewest_in_period = 4.0_wp
+  !> Samples of a run at most: about 120 MB of 16 columns.
+  real(wp), parameter :: most_automatic = 1.0e6_wp
+
+contains
+
+  !> Replace 'auto' by a time between samples [s]. The model must be settled.
+  subroutine settle_interval(scene)
+    type(scene_t), intent(inout) :: scene
+
+    if (abs(scene%interval - automatic) > 0.0_wp) return
+    scene%interval_is_chosen = .true.
+    scene%interval = fine_interval(scene)
+    if (scene%interval < scene%t_end/most_automatic) scene%interval = rounded(scene%t_end/most_automatic, up=.true.)
+  end subroutine settle_interval
+
+  !> The time between samples that shows all of the motion [s].
+  real(wp) function fine_interval(scene) result(interval)
+    type(scene_t), intent(in) :: scene
+    type(slider_t) :: slider
+
+    call slider_from_scene(scene, slider)
+    interval = scene%t_end/in_run
+    if (scene%is_closed_form()) then
+      call shorten([slider%law%static_limit/in_loading], [scene%stiffness_x, maxval(abs(scene%drive_velocity))])
+    else
+      call shorten([2.0_wp*pi/in_slow_period], [sqrt(scene%stiffness_x)/sqrt(scene%mass)])
+      call shorten([2.0_wp*pi/in_fast_period], [fast_frequency(scene)])
+    end if
+    interval = rounded(interval, up=.false.)
+
+  contains
+
+    !> At most the product of the factors over that of the divisors, if it is a time. By logarithms, which do not overflow.
+    subroutine shorten(factors, divisors)
+      real(wp), intent(in) :: factors(:), divisors(:)
+      real(wp) :: logarithm
+
+      if (.not. (all(factors > 0.0_wp) .and. all(divisors > 0.0_wp))) return
+      logarithm = sum(log(factors)) - sum(log(divisors))
+      if (logarithm < log(interval) .and. logarithm > log(tiny(1.0_wp))) interval = exp(logarithm)
+    end subroutine shorten
+  end function fine_interval
+
+  !> Angular frequency of the fast oscillation [rad/s]; 0 where the model has none, or nothing excites it.
+  real(wp) function fast_frequency(scene)
+    type(scene_t), intent(in) :: scene
+    type(slider_t) :: slider
+
+    fast_frequency = 0.0_wp
+    if (scene%model /= 'full' .and. scene%model /= 'high_frequency') return
+    call slider_from_scene(scene, slider)
+    if (scene%model == 'full' .and. .not. abs(slider%along(2)) + abs(scene%elongation_y) > 0.0_wp) return
+    ! A damper may leave nothing that oscillates.
+    if (scene%damping_y >= 2.0_wp*sqrt(scene%stiffness_y)*sqrt(scene%mass)) return
+    fast_frequency = sqrt(scene%stiffness_y)/sqrt(scene%mass)
+  end function fast_frequency
+
+  !> What the samples of a scene whose interval is settled will not show, and what to do; '' if they show all.
+  function sampling_note(scene) result(text)
+    type(scene_t), intent(in) :: scene
+    character(:), allocatable :: text
+    character(:), allocatable :: how
+    real(wp) :: in_period, needed
+
+    text = ''
+    ! Every step, or none but the first and the last state.
+    if (.not. scene%interval > 0.0_wp .or. scene%interval >= scene%t_end) return
+    if (.not. fast_frequency(scene) > 0.0_wp) return
+    in_period = 2.0_wp*pi/fast_frequency(scene)/scene%interval
+    if (in_period >= fewest_in_period) return
+    needed = fine_interval(scene)
+    how = number_text(in_period, 2)//' samples in a period'
+    if (in_period < 1.0_wp) how = 'one sample in '//number_text(1.0_wp/in_period, 2)//' periods'
+    text = 'samples '//number_text(scene%interval)//' s apart do not show the fast oscillation of '// &
+      number_text(fast_frequency(scene)/(2.0_wp*pi))//' Hz ('//how//'): '
+    if (scene%interval_is_chosen) then
+      text = text//"'auto' takes at most "//number_text(most_automatic)//' samples; output.interval = '//number_text(needed)// &
+        ' shows it with '//number_text(sample_count(scene%t_end, needed))//' samples, or lower scene.t_end'
+    else
+      text = text//"give output.interval = 'auto', or "//number_text(needed)//' s'
+    end if
+  end function sampling_note
+
+  !> A number of at most three digits that divides a power of ten, next to `time` above or below it.
+  pure real(wp) function rounded(time, up)
+    real(wp), intent(in) :: time
+    logical, intent(in) :: up
+    real(wp), parameter :: hundredths(11) = [100.0_wp, 125.0_wp, 160.0_wp, 200.0_wp, 250.0_wp, 320.0_wp, 400.0_wp, 500.0_wp, &
+      640.0_wp, 800.0_wp, 1000.0_wp]
+    integer :: exponent, i
+
+    rounded = time
+    ! Where powers of ten are not exact, a round number is none.
+    if (time < 1.0e-15_wp .or. time > 1.0e15_wp) return
+    exponent = floor(log10(time)) - 2
+    do i = merge(1, size(hundredths), up), merge(size(hundredths), 1, up), merge(1, -1, up)
+      if (exponent >= 0) then
+        rounded = hundredths(i)*10.0_wp**exponent
+      else
+        rounded = hundredths(i)/10.0_wp**(-exponent)
+      end if
+      if (merge(rounded >= time, rounded <= time, up)) return
+    end do
+    rounded = time
+  end function rounded
+end module dst_sampling

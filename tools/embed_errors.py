@@ -1,0 +1,106 @@
+"""Write the page docs/errors.md as a Fortran module, for `dynstiction help errors`: who installed a package has no docs/.
+
+    embed_errors.py PAGE OUTPUT
+
+The build does so. Rows of tables become a line each, with what to do indented below it.
+"""
+
+import re
+import sys
+import textwrap
+from pathlib import Path
+
+WIDTH = 100
+CHUNK = 90
+"""Bytes of a literal: lines of Fortran are short."""
+
+HEAD = """!> The page on errors as text. Made by tools/embed_errors.py from docs/errors.md.
+module dst_error_page
+  use dst_text, only: text_builder_t
+  implicit none
+  private
+
+  public :: error_page
+
+contains
+
+  !> All that docs/errors.md says, for a terminal.
+  function error_page() result(text)
+    character(:), allocatable :: text
+    type(text_builder_t) :: builder
+
+"""
+TAIL = """    text = builder%content()
+  end function error_page
+end module dst_error_page
+"""
+
+
+def main() -> int:
+    page, output = sys.argv[1:]
+    lines = plain(Path(page).read_text(encoding="utf-8").split("\n"))
+    Path(output).write_text(HEAD + "".join(map(statement, lines)) + TAIL, encoding="utf-8")
+    return 0
+
+
+def plain(lines: list[str]) -> list[str]:
+    """Lines for a terminal."""
+    said: list[str] = []
+    paragraph: list[str] = []
+    heads: list[str] = []
+    for line in [*lines, ""]:
+        if line and line[0] not in "|#":
+            paragraph.append(without_marks(line))
+            continue
+        if paragraph:
+            said += [*textwrap.wrap(" ".join(paragraph), WIDTH), ""]
+            paragraph = []
+        if line.startswith("#"):
+            said += [without_marks(line.lstrip("# ")).upper(), ""]
+        elif line.startswith("|"):
+            cells = [without_marks(cell.strip()) for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+            if not heads:
+                heads = cells
+            elif not re.fullmatch(r"[| :-]+", line):
+                said += row(heads, cells)
+        elif not line and said and said[-1]:
+            said.append("")
+        if not line.startswith("|"):
+            heads = []
+    return said[:-1]
+
+
+def row(heads: list[str], cells: list[str]) -> list[str]:
+    """A row of a table: what it is about, and the rest indented."""
+    about = (
+        cells[0] if heads[0] == "message" or heads[0].startswith("the message") else f"{heads[0]} {cells[0]}"
+    )
+    lines = textwrap.wrap(about, WIDTH)
+    for head, cell in zip(heads[1:], cells[1:], strict=True):
+        if cell:
+            lines += textwrap.wrap(
+                f"{head}: {cell}", WIDTH, initial_indent="    ", subsequent_indent="        "
+            )
+    return lines
+
+
+def without_marks(text: str) -> str:
+    """Text without the marks of Markdown."""
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    return text.replace("`", "").replace("\\|", "|")
+
+
+def statement(line: str) -> str:
+    """The statement that adds a line."""
+    chunks, chunk = [], ""
+    for letter in line:
+        if len((chunk + letter).encode()) > CHUNK:
+            chunks.append(chunk)
+            chunk = ""
+        chunk += letter
+    quoted = ["'" + each.replace("'", "''") + "'" for each in [*chunks, chunk]]
+    return "    call builder%line(" + "// &\n      ".join(quoted) + ")\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
