@@ -69,6 +69,12 @@ class _Parser(argparse.ArgumentParser):
             )
         return options
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if file is sys.stderr:
+            super()._print_message(message, file)
+        else:
+            _say(message, end="")
+
     @staticmethod
     def _options_of(command: str) -> list[str]:
         return [option["name"] for option in catalogue()["options"] if command in option["commands"]]
@@ -77,12 +83,6 @@ class _Parser(argparse.ArgumentParser):
 def _nearest(given: str, known: Sequence[str]) -> str:
     """What an unknown word most likely means, as the beginning of a remedy; empty if nothing is near."""
     return "".join(f"the nearest is '{name}', " for name in get_close_matches(given, known, 1))
-
-    def _print_message(self, message: str, file: Any = None) -> None:
-        if file is sys.stderr:
-            super()._print_message(message, file)
-        else:
-            _say(message, end="")
 
 
 def _say(text: object, end: str = "\n") -> None:
