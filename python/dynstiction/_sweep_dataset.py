@@ -54,7 +54,7 @@ class SweepDataset(xarray.Dataset):  # type: ignore[no-untyped-call]
         also = textwrap.wrap(
             f"also: {others}", max(80, sum(widths) + 2 * len(widths)), subsequent_indent="      "
         )
-        return "\n".join([f"<sweep: {like.size} cases{state}>", *rows, *also])
+        return "\n".join([f"<sweep: {like.size} case{'' if like.size == 1 else 's'}{state}>", *rows, *also])
 
 
 def _shown(value: float) -> str:

@@ -135,6 +135,11 @@ def test_mypy_is_content_with_package_and_use(tmp_path: Path) -> None:
         "    simulation.step_to(0.5)\n"
         "    result: ds.Result = simulation.finish(progress=True)\n"
         "period: float = ds.stick_slip_statistics(result).means()['period']\n"
+        "figure = ds.plot(ds.run(scene, misalignment_deg=2.0, times=[0.1, 0.2]))\n"
+        "figure.savefig('x.png')\n"
+        "result.plot('path').savefig('x.png')\n"
+        "by_group: dict[str, dict[str, float]] = {'system': {'mass': 1.0}}\n"
+        "scene.replace(**by_group)\n"
     )
     wrong = tmp_path / "wrong.py"
     wrong.write_text(
@@ -144,12 +149,14 @@ def test_mypy_is_content_with_package_and_use(tmp_path: Path) -> None:
         "ds.Scene(sytem=ds.System())\n"
         "ds.run('x.nml', system=ds.Friction())\n"
         "ds.System(mass='heavy')\n"
+        "ds.run('x.nml', misalignment_dg=2.0)\n"
+        "ds.run('x.nml', mass='heavy')\n"
     )
 
     mypy = Program((sys.executable, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache"), tmp_path)
     assert mypy(use, status=0, timeout=None).stdout == "Success: no issues found in 1 source file\n"
     report = mypy(wrong, status=1, timeout=None).stdout
-    for line in range(2, 7):
+    for line in range(2, 9):
         assert f"wrong.py:{line}: error" in report, report
 
 

@@ -154,6 +154,8 @@ def test_the_velocity_is_that_of_the_command(profile: tuple[list[float], list[fl
     printed = program("stability", "deck.nml", status=0).stdout
     found = scene.stability()
     assert float(printed.partition("V = ")[2].split()[0]) == found.velocity
+    assert_close(ds.critical_misalignment(scene, mass=0.25), ds.critical_misalignment(scene))
+    assert_close(ds.rhs([1e-3, 1e-6, 1e-3, 1e-3], scene), ds.rhs([1e-3, 1e-6, 1e-3, 1e-3], scene, velocity=found.velocity))
 
 
 @pytest.mark.parametrize(("angle", "stable"), [(1.0, False), (10.0, True), (-10.0, True)])

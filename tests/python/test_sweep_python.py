@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import signal
 import threading
 import time
@@ -27,6 +28,42 @@ def test_coordinates_units_and_order():
     single = ds.run(SHORT, system={"misalignment_deg": 3.0}, drive={"velocity": 2e-3})
     chosen = data["final_u_x"].sel({"system.misalignment_deg": 3.0, "drive.velocity": 2e-3})
     assert chosen.item() == single["u_x"][-1]
+
+
+def test_a_small_sweep_prints_its_numbers():
+    data = ds.sweep(SHORT, ANGLES | {"drive.velocity": [1e-3, 2e-3]})
+    title, head, *rows = repr(data).splitlines()
+    assert title == "<sweep: 6 cases>"
+    assert head.split("  ")[0] == "misalignment_deg [deg]" and "velocity [m/s]" in head and "swing [N]" in head
+    assert [row.split()[:2] for row in rows[:6]] == [[angle, velocity] for angle in "123" for velocity in ("0.001", "0.002")]
+    place = head.index("swing [N]") + len("swing [N]")
+    printed = [float(row[:place].split()[-1]) for row in rows[:6]]
+    np.testing.assert_allclose(printed, data["swing"].values.reshape(-1), rtol=1e-4)
+    also = " ".join(rows[6:])
+    assert also.startswith("also: ") and "wall_time" in also and "NaN" not in repr(data)
+    assert repr(data.isel({"system.misalignment_deg": 0, "drive.velocity": [1]})).splitlines()[0] == "<sweep: 1 case>"
+    transposed = data.transpose("drive.velocity", "system.misalignment_deg")
+    assert repr(transposed).splitlines()[3].split()[:3] == rows[2].split()[:3]
+    assert repr(pickle.loads(pickle.dumps(data))) == repr(data)
+    # What is no small sweep is shown by xarray.
+    for other in (
+        data[["period"]],
+        data.mean(),
+        ds.sweep(SHORT, {"misalignment_deg": np.linspace(1.0, 9.0, 61)}),
+        data.drop_vars(list(data.coords)),
+    ):
+        assert "Dimensions:" in repr(other)
+    with pytest.warns(ds.IncompleteWarning):
+        failed = ds.sweep(SHORT + GRID, max_steps=25)
+    assert (
+        repr(failed).startswith("<sweep: 60 cases, 24 not done: see result_text>") and "result_code" in repr(failed).splitlines()[1]
+    )
+
+
+def test_a_sweep_in_a_file_prints_the_same(tmp_path, program):
+    (tmp_path / "deck.nml").write_text(SHORT + GRID)
+    program("run", "deck.nml", "-o", "map.h5", "--quiet", status=0)
+    assert repr(ds.open_sweep(tmp_path / "map.h5")).splitlines()[:62] == repr(ds.sweep(SHORT + GRID)).splitlines()[:62]
 
 
 def test_points_go_along_case():
