@@ -72,11 +72,15 @@ def plain(lines: list[str]) -> list[str]:
 
 def row(heads: list[str], cells: list[str]) -> list[str]:
     """A row of a table: what it is about, and the rest indented."""
-    about = cells[0] if heads[0] == "message" or heads[0].startswith("the message") else f"{heads[0]} {cells[0]}"
+    about = (
+        cells[0] if heads[0] == "message" or heads[0].startswith("the message") else f"{heads[0]} {cells[0]}"
+    )
     lines = textwrap.wrap(about, WIDTH)
     for head, cell in zip(heads[1:], cells[1:], strict=True):
         if cell:
-            lines += textwrap.wrap(f"{head}: {cell}", WIDTH, initial_indent="    ", subsequent_indent="        ")
+            lines += textwrap.wrap(
+                f"{head}: {cell}", WIDTH, initial_indent="    ", subsequent_indent="        "
+            )
     return lines
 
 

@@ -51,36 +51,35 @@ class _Parser(argparse.ArgumentParser):
         if value in {entry["name"] for entry in catalogue()["commands"]}:
             raise UsageError(f"'{value}' is a command of the executable: write dynstiction {value}")
         near = _nearest(str(value), choices)
-        self.error(f"{action.metavar or action.option_strings[-1]} '{value}' is unknown: {near}choose {' | '.join(choices)}")
+        self.error(
+            f"{action.metavar or action.option_strings[-1]} '{value}' is unknown: {near}choose {' | '.join(choices)}"
+        )
 
     def parse_all(self, arguments: Sequence[str] | None) -> argparse.Namespace:
         """Parse every word; what is left over is refused in the words of its command."""
         options, left = self.parse_known_args(arguments)
-        if left:
-            name, known = options.name, self._options_of(options.name)
-            near = _nearest(left[0].partition("=")[0], known) if left[0].startswith("-") else ""
-            what = "unknown option" if left[0].startswith("-") else "too many operands, from"
-            raise UsageError(
-                f"{what} '{left[0]}': {near}see {self.prog} {name} --help"
-                if left[0].startswith("-")
-                else f"{what} '{left[0]}' on: see {self.prog} {name} --help"
-            )
-        return options
+        if not left:
+            return options
+        see = f"see {self.prog} {options.name} --help"
+        if not left[0].startswith("-"):
+            raise UsageError(f"too many operands, from '{left[0]}' on: {see}")
+        near = _nearest(left[0].partition("=")[0], self._options_of(options.name))
+        raise UsageError(f"unknown option '{left[0]}': {near}{see}")
 
     @staticmethod
     def _options_of(command: str) -> list[str]:
         return [option["name"] for option in catalogue()["options"] if command in option["commands"]]
-
-
-def _nearest(given: str, known: Sequence[str]) -> str:
-    """What an unknown word most likely means, as the beginning of a remedy; empty if nothing is near."""
-    return "".join(f"the nearest is '{name}', " for name in get_close_matches(given, known, 1))
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if file is sys.stderr:
             super()._print_message(message, file)
         else:
             _say(message, end="")
+
+
+def _nearest(given: str, known: Sequence[str]) -> str:
+    """What an unknown word most likely means, as the beginning of a remedy; empty if nothing is near."""
+    return "".join(f"the nearest is '{name}', " for name in get_close_matches(given, known, 1))
 
 
 def _say(text: object, end: str = "\n") -> None:
@@ -355,7 +354,11 @@ def _open(file: Path) -> Result:
     """A result file of a run; that it is incomplete is said in one line."""
     for group, what, remedy in (
         ("sweep", "a sweep", "dynstiction plot draws it, dynstiction export writes its tables"),
-        ("trade", "a comparison of settings", "dynstiction plot draws it, dynstiction export writes its points"),
+        (
+            "trade",
+            "a comparison of settings",
+            "dynstiction plot draws it, dynstiction export writes its points",
+        ),
     ):
         if group in groups_in(file):
             raise FileError(f"{printable(str(file))}: holds {what}, not one run: {remedy}")

@@ -217,7 +217,9 @@ class DeckValues(Session):
         for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
             kind = key_info(group, name).kind
             # A real key may take a word in place of a number.
-            value = int(text) if kind == "integer" else number if kind in ("real", "reals") and not text else text
+            value = (
+                int(text) if kind == "integer" else number if kind in ("real", "reals") and not text else text
+            )
             items.setdefault((group, name), []).append(value)
         for (group, name), values in items.items():
             groups.setdefault(group, {})[name] = values[0] if len(values) == 1 else tuple(values)

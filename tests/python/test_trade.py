@@ -500,7 +500,10 @@ def test_a_signal_keeps_what_was_measured(command, executable, tmp_path, number)
     process.send_signal(number)
     said, errors = process.communicate(timeout=60)
     assert (process.returncode, said) == (75, "")
-    assert errors == f"dynstiction: stopped by {number.name}: the file holds what was measured until then; see dynstiction help errors\n"
+    assert (
+        errors
+        == f"dynstiction: stopped by {number.name}: the file holds what was measured until then; see dynstiction help errors\n"
+    )
     assert {path.name for path in tmp_path.iterdir()} == {"deck.nml", "x.h5"}
     with h5py.File(tmp_path / "x.h5") as file:
         assert (file.attrs["complete"], file.attrs["result_code"]) == (0, 75)

@@ -204,7 +204,9 @@ def test_a_run_says_what_it_has_found(program: Program, folder: Path, tmp_path: 
     ), said
     assert program("run", own, "--output", "y.h5", "--quiet", status=DONE).stdout == ""
     assert "no stick-slip cycle" in program("run", own, "-o", "z.h5", status=DONE).stdout
-    stopped = program("run", own, "-o", "s.h5", settings=("scene.t_end=30", "output.wall_limit=1e-9", "output.interval=30"), status=75)
+    stopped = program(
+        "run", own, "-o", "s.h5", settings=("scene.t_end=30", "output.wall_limit=1e-9", "output.interval=30"), status=75
+    )
     assert "continue with dynstiction resume s.h5" in stopped.stderr and " of 30 s: " in stopped.stderr
     sweep = program("sweep", own, "--vary", "misalignment_deg=1:2:3", status=DONE)
     assert re.match(r"own_sweep\.h5: 3 cases, 0 failed \(.*\); see dynstiction plot own_sweep\.h5\n", sweep.stdout)

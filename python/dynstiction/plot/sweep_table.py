@@ -102,7 +102,9 @@ class Table(NamedTuple):
         """Values of a quantity in every case, NaN where a case failed; a `UsageError` if there is no such quantity."""
         if name not in self.data or self.data[name].dtype.kind != "f":
             known = sorted(n for n, values in self.data.data_vars.items() if values.dtype.kind == "f")  # type: ignore[type-var]
-            near = "".join(f"the nearest is '{each}', " for each in get_close_matches(name, map(str, known), 1))
+            near = "".join(
+                f"the nearest is '{each}', " for each in get_close_matches(name, map(str, known), 1)
+            )
             raise UsageError(f"no quantity '{name}': {near}there are {', '.join(map(str, known))}")
         return np.asarray(self.data[name].values)
 
