@@ -66,6 +66,16 @@ quotes there. The resolved deck is kept in the result file (`/deck/resolved`), b
 read (`/deck/text`).
 
 `cycle_map` and `settle` are explained in [the cycle map](cycle_map.md).
+
+`interval = 'auto'` gives at least 10 samples in a period of the fast oscillation, 2π/√(k_y/m), of the models that have it, at least
+100 in a period of the slow one, 2π/√(k_x/m), and at least 1000 in a run; of creep in closed form, at least 500 in the time in which the
+drive loads the soft spring to the static limit. A run has at most 10⁶ samples: where these do not show the fast oscillation,
+`check` and `run` print a note. The value in seconds stands in what `check` prints and in the file, `/parameters/interval`. The samples
+of a sweep with `keep = 'series'` are those of the deck as it stands, in all its cases.
+
+The column `pull_force` is the force of the springs, and of the dampers beside them, on the object along the drive: k_x u_x cos φ +
+k_y u_y sin φ without dampers, positive where it pulls the object forward. A load cell between drive and springs measures it.
+`theta_deg` is `theta` in degrees. Both are written where `fields` names them.
 """
 
 KINDS = {"reals": "list of reals", "texts": "list of texts"}

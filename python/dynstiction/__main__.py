@@ -58,16 +58,13 @@ class _Parser(argparse.ArgumentParser):
     def parse_all(self, arguments: Sequence[str] | None) -> argparse.Namespace:
         """Parse every word; what is left over is refused in the words of its command."""
         options, left = self.parse_known_args(arguments)
-        if left:
-            name, known = options.name, self._options_of(options.name)
-            near = _nearest(left[0].partition("=")[0], known) if left[0].startswith("-") else ""
-            what = "unknown option" if left[0].startswith("-") else "too many operands, from"
-            raise UsageError(
-                f"{what} '{left[0]}': {near}see {self.prog} {name} --help"
-                if left[0].startswith("-")
-                else f"{what} '{left[0]}' on: see {self.prog} {name} --help"
-            )
-        return options
+        if not left:
+            return options
+        see = f"see {self.prog} {options.name} --help"
+        if not left[0].startswith("-"):
+            raise UsageError(f"too many operands, from '{left[0]}' on: {see}")
+        near = _nearest(left[0].partition("=")[0], self._options_of(options.name))
+        raise UsageError(f"unknown option '{left[0]}': {near}{see}")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if file is sys.stderr:

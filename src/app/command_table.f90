@@ -49,8 +49,8 @@ module dst_command_table
     command_entry_t('run', 'DECK...', ours, 'run decks and write their results', &
       'Run each deck and write its results to an HDF5 file: FILE, else output.file of the deck, else the deck''s name with .h5 '// &
       'in the current directory. All decks are checked before the first runs. Ctrl-C, SIGTERM, SIGUSR1 and output.wall_limit '// &
-      'stop the run with a checkpoint: go on with dynstiction resume. A deck with &sweep runs all its cases, on all cores; '// &
-      'started again after a stop or a kill, it goes on.', &
+      'stop the run with a checkpoint: dynstiction resume continues it. A deck with &sweep runs all its cases, on all cores; '// &
+      'started again after a stop or a kill, it runs those that are left.', &
       'dynstiction run inputs/fig3.nml'//n// &
       'dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
       'dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'), &
@@ -60,8 +60,8 @@ module dst_command_table
       'same as dynstiction run of the deck with the group &sweep that --vary says.', &
       'dynstiction sweep my.nml --vary system.misalignment_deg=0.5:20:40'//n// &
       'dynstiction sweep my.nml --vary drive.velocity=1e-4:1e-1:30:log -o velocity.h5'), &
-    command_entry_t('resume', 'FILE.h5...', ours, 'go on with a run that was stopped or killed', &
-      'Go on with a run that was stopped or killed, from the checkpoint beside its result file, FILE.h5.checkpoint. '// &
+    command_entry_t('resume', 'FILE.h5...', ours, 'continue a run that was stopped or killed', &
+      'Continue a run that was stopped or killed from the checkpoint beside its result file, FILE.h5.checkpoint. '// &
       'The deck is that in FILE.h5. The finished file holds the same numbers as that of a run without a stop, '// &
       'but for the wall time.', &
       'dynstiction resume fig3.h5'), &
@@ -142,7 +142,7 @@ module dst_command_table
       'Run the decks of Nakano and Popov (2020) and draw every figure. Prints the files it wrote.', &
       'dynstiction paper -o figures'), &
     command_entry_t('validate-creep', '', python, 'which exponent Eq. (8) has', &
-      'Hold the forms of Eq. (8) against the exact creep, and that against the full model. Prints '// &
+      'Compare the forms of Eq. (8) with the exact creep solution, and that with the full model. Prints '// &
       'the tables and the finding, writes creep_validation.png and creep_validation.csv; exit status 1 if a '// &
       'check fails.', &
       'dynstiction validate-creep')]
@@ -159,7 +159,7 @@ module dst_command_table
     option_t('-o', 'FILE', 'run sweep merge trade', '?', 'the output file (one deck only)', 'a file name: write -o FILE'), &
     option_t('--set', 'GROUP.KEY=VALUE', takes_settings, '*', &
       'use VALUE in place of the deck''s; may be repeated; text needs no quotes', 'a setting: write --set GROUP.KEY=VALUE'), &
-    option_t('--set', 'GROUP.KEY=', takes_settings, '*', 'as if the deck did not set the key', ''), &
+    option_t('--set', 'GROUP.KEY=', takes_settings, '*', 'remove the key from the deck: its default is used', ''), &
     option_t('--vary', 'KEY=FIRST:LAST:COUNT', 'sweep', '*', &
       'values of GROUP.KEY, both ends included; :log at the end for equal ratios; several make a grid', &
       'a key: write --vary GROUP.KEY=FIRST:LAST:COUNT'), &
@@ -229,7 +229,7 @@ module dst_command_table
   type(exit_status_t), parameter :: exit_statuses(*) = [ &
     exit_status_t(0, 'done'), &
     exit_status_t(1, 'wrong usage'), &
-    exit_status_t(2, 'a deck was refused; each fault as FILE:LINE: what is wrong: what would be right'), &
+    exit_status_t(2, 'a deck was refused; every error is printed as FILE:LINE: problem: suggestion'), &
     exit_status_t(3, 'a file or the output could not be read or written, exists already, or cannot be resumed'), &
     exit_status_t(4, 'the solver gave up, or there was no memory'), &
     exit_status_t(5, 'some cases of a sweep failed'), &

@@ -262,7 +262,7 @@ contains
         origin%created//remedy
     else if (checkpoint%version /= version) then
       reason = 'the checkpoint is of version '//checkpoint%version//', this program is version '//version// &
-        ': go on with the former, or run the deck again'
+        ': resume with the former, or run the deck again'
     end if
   end function what_differs
 
@@ -414,7 +414,7 @@ contains
     call bookmark%serialise(archive)
     call run%simulation%serialise(archive)
     if (.not. archive%given_back()) call raise(error, file_error, run%file%name//': cannot resume: the checkpoint holds '// &
-      'another state than this program has: go on with the program that began the run, or run the deck again')
+      'another state than this program has: resume with the program that began the run, or run the deck again')
   end subroutine load
 
   !> Number of samples, as far as it is known beforehand.

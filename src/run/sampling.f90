@@ -93,7 +93,7 @@ contains
     if (in_period >= fewest_in_period) return
     needed = fine_interval(scene)
     how = number_text(in_period, 2)//' samples in a period'
-    if (in_period < 1.0_wp) how = 'one sample in '//number_text(1.0_wp/in_period, 2)//' periods'
+    if (in_period < 0.7_wp) how = 'one sample in '//number_text(1.0_wp/in_period, 2)//' periods'
     text = 'samples '//number_text(scene%interval)//' s apart do not show the fast oscillation of '// &
       number_text(fast_frequency(scene)/(2.0_wp*pi))//' Hz ('//how//'): '
     if (scene%interval_is_chosen) then

@@ -69,8 +69,7 @@ def test_a_long_run_keeps_to_a_million_samples() -> None:
 
 
 @pytest.mark.parametrize(
-    ("step", "words"),
-    [(1e-3, "0.99 samples in a period|one sample in 1"), (3e-4, "3.3 samples in a period"), (0.01, "one sample in 10 periods")],
+    ("step", "words"), [(1e-3, "0.99 samples in a period"), (3e-4, "3.3 samples in a period"), (0.01, "one sample in 10 periods")]
 )
 def test_coarse_samples_are_said_once(step: float, words: str, program: Program, tmp_path: Path) -> None:
     deck = INPUTS / "fig3.nml"
@@ -78,7 +77,7 @@ def test_coarse_samples_are_said_once(step: float, words: str, program: Program,
     for command in (("check", deck), ("run", deck, "-o", tmp_path / "x.h5")):
         said = program(*command, *short, status=0).stderr
         assert said.count("note:") == 1 and said.count("\n") == 1
-        assert "do not show the fast oscillation of 1007 Hz" in said and any(each in said for each in words.split("|"))
+        assert "do not show the fast oscillation of 1007 Hz" in said and words in said
         assert "output.interval = 'auto'" in said
     assert program("run", deck, "-o", tmp_path / "y.h5", *short, "--quiet", status=0).stderr == ""
     with pytest.warns(ds.SamplingWarning, match="do not show the fast oscillation") as caught:
