@@ -39,6 +39,13 @@ def test_power_is_that_of_the_signal() -> None:
     np.testing.assert_allclose(spectrum.density.sum(axis=0) * step, 4.5, rtol=1e-3)
 
 
+def test_power_at_the_nyquist_frequency_counts_once() -> None:
+    """It has no mirror image of the other sign."""
+    spectrum = ds.spectrogram(TIME, np.where(np.arange(TIME.size) % 2, -1.0, 1.0))
+    step = spectrum.frequency[1] - spectrum.frequency[0]
+    np.testing.assert_allclose(spectrum.density.sum(axis=0) * step, 1.0, rtol=1e-9)
+
+
 def test_windows_lie_within_the_signal() -> None:
     spectrum = ds.spectrogram(TIME + 3.0, tone(1000.0), window=0.2)
     assert spectrum.time[0] == pytest.approx(3.1, abs=5e-3)
