@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import finite, instance, number, reals, shape_of, whole
-from ._optional import needed
 from .creep import creep_exact, dimensionless
 from .errors import UsageError
 
@@ -59,7 +58,6 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
         If the samples are not uniform, not finite, too few for the window, or the window holds fewer than 8 of them. If
         `count` is no whole number from 1 on, or the density is beyond the range of double precision.
     """
-    needed("scipy", "spectrogram")
     from scipy.signal import ShortTimeFFT  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     times, signal = reals("time", time, checked=False), reals("values", values, checked=False)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .._optional import needed
 from ..creep import Creep, creep_exact
 from ..errors import UsageError
 from ..result import Result
@@ -68,7 +67,6 @@ def creep(result: Result, time: Floats) -> Creep:
 
 def damping_crossing(parameters: Mapping[str, float], level: float) -> float:
     """Largest angle [rad] at most 90 degrees where the damping ratio of `damping_ratio` passes a level; NaN if none."""
-    needed("scipy", "this figure")
     from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     def excess(theta: float | Floats) -> Floats:
