@@ -27,16 +27,12 @@ class SweepDataset(xarray.Dataset):  # type: ignore[no-untyped-call]
     def __repr__(self) -> str:
         if not (self.coords and "result_code" in self and 0 < self["result_code"].size <= MOST_CASES):
             return super().__repr__()
-        if (
-            not set(self.dims)
-            >= set(self["result_code"].dims)
-            >= {dim for name in self.coords for dim in self[name].dims}
-        ):
-            return super().__repr__()
         like = self["result_code"]
+        if not {dim for name in self.coords for dim in self[name].dims} <= set(like.dims):
+            return super().__repr__()
         columns = []
         for name in [*self.coords, *(name for name in SHOWN if name in self)]:
-            values = np.asarray(self[name].broadcast_like(like).transpose(*like.dims)).reshape(-1)
+            values = np.asarray(self[name].broadcast_like(like)).reshape(-1)
             if name == "result_code" and not np.any(values):
                 continue
             if values.dtype.kind == "f" and np.all(np.isnan(values)):

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import instance, number, shown, whole
-from .errors import FileError, UsageError
+from .errors import ColumnError, FileError, UsageError
 from .result import Result
 from .scene import Scene
 
-__all__ = ["QUANTITIES", "Trace", "pull_forces"]
+__all__ = ["QUANTITIES", "Trace", "pull_force"]
 
 _Floats = NDArray[np.float64]
 
@@ -221,13 +221,13 @@ class Trace:
     def of(cls, result: Result, interval: float | None = None) -> Trace:
         """The force that a load cell along the drive would show in a run, with displacement X and the force across.
 
-        The force along the drive is k_x u_x cos phi + k_y u_y sin phi, positive where the drive pulls; across it
-        k_y u_y cos phi - k_x u_x sin phi.
+        The force along the drive is k_x u_x cos phi + k_y u_y sin phi, positive where the drive pulls, with dampers the column
+        ``pull_force``; across it k_y u_y cos phi - k_x u_x sin phi, and none with dampers.
 
         Parameters
         ----------
         result : Result
-            A run with the columns ``spring_force_x``, ``spring_force_y`` and, for the displacement, ``X``.
+            A run with the columns ``spring_force_x``, ``spring_force_y``, for dampers ``pull_force`` and, for the displacement, ``X``.
         interval : float, optional
             Time between two samples [s], by linear interpolation; by default that of the result.
 
@@ -239,14 +239,14 @@ class Trace:
             If this is no result.
         """
         result = instance("result", result, Result, "give what run or open returns")
-        along, across = pull_forces(result)
+        along, across = pull_force(result), _lateral_force(result)
         keep = np.append(True, np.diff(result.time) > 0.0)
         x = result.columns.get("X")
         sense = _sense(result)
         columns: dict[str, Any] = {
             "force": sense * along[keep],
             "displacement": None if x is None else sense * x[keep],
-            "lateral_force": sense * across[keep],
+            "lateral_force": None if across is None else sense * across[keep],
         }
         time = result.time[keep]
         name = str(result.parameters.get("title", "")) or "run"
@@ -273,12 +273,28 @@ class Trace:
         )
 
 
-def pull_forces(result: Result) -> tuple[_Floats, _Floats]:
-    """Spring force along the drive and across it [N]."""
+def pull_force(result: Result) -> _Floats:
+    """Force along the drive [N], shape (n,): of springs and dampers, as a load cell in line with both shows it."""
+    if "pull_force" in result.columns:
+        return result["pull_force"]
+    if any(float(result.parameters.get(name, 0.0)) for name in ("damping_x", "damping_y")):
+        raise ColumnError("a scene with dampers needs the column pull_force: add it to output.fields")
+    cosine, sine = _axes(result)
+    return result["spring_force_x"] * cosine + result["spring_force_y"] * sine
+
+
+def _lateral_force(result: Result) -> _Floats | None:
+    """Force across the drive [N]; None with dampers, whose part no column shows."""
+    if any(float(result.parameters.get(name, 0.0)) for name in ("damping_x", "damping_y")):
+        return None
+    cosine, sine = _axes(result)
+    return result["spring_force_y"] * cosine - result["spring_force_x"] * sine
+
+
+def _axes(result: Result) -> tuple[float, float]:
+    """Cosine and sine of the misalignment."""
     phi = np.radians(float(result.parameters.get("misalignment_deg", 0.0)))
-    cosine, sine = np.cos(phi), np.sin(phi)
-    x, y = result["spring_force_x"], result["spring_force_y"]
-    return x * cosine + y * sine, y * cosine - x * sine
+    return float(np.cos(phi)), float(np.sin(phi))
 
 
 def _sense(result: Result) -> float:

@@ -37,7 +37,7 @@ DIFFERENT = 3.0
 """Standard errors from which on two means differ."""
 SURE = 1e-6
 """What no standard error is smaller than, relative to the value: roundoff of runs and files."""
-FIELDS = ("spring_force_x", "spring_force_y", "X")
+FIELDS = ("spring_force_x", "spring_force_y", "pull_force", "X")
 """Columns of a run of which a trace is made."""
 SEED = 20201209
 """Of the noise that a run gets, so that a comparison repeats itself."""

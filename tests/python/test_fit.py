@@ -106,6 +106,24 @@ def test_random_starts_follow_the_seed(trace: ds.Trace, monkeypatch: pytest.Monk
     assert tried[0] == tried[1] != tried[2]
 
 
+def test_dampers_pull_at_the_load_cell_too() -> None:
+    """A cell in line with springs and dampers shows both: a fit that forgot the dampers would find another friction."""
+    rig = RIG.replace(system={"damping_x": 3.0, "damping_y": 40.0})
+    run = ds.run(rig, scene={"t_end": 24.0}, output={"interval": 1e-3, "fields": ["spring_force_x", "spring_force_y", "pull_force"]})
+    clean = ds.Trace.of(run).part(start=3.0)
+    springs = run["spring_force_x"] * np.cos(np.radians(1.4)) + run["spring_force_y"] * np.sin(np.radians(1.4))
+    assert np.max(np.abs(clean.force - springs[-clean.time.size :])) > 0.05 * np.ptp(clean.force)
+    noise = 0.01 * np.ptp(clean.force) * np.random.default_rng(5).standard_normal(clean.time.size)
+    trace = ds.Trace(clean.time, clean.force + noise)
+    free = ("system.misalignment_deg", "friction.mu_0", "friction.mu_inf", "system.damping_x")
+    found = ds.fit(rig.replace(system={"damping_x": 1.5}, friction={"mu_0": 0.25}), trace, free)
+    assert found.explains
+    assert found["system.damping_x"] == pytest.approx(3.0, abs=4.0 * found.parameters["system.damping_x"].error)
+    assert found.parameters["system.damping_x"].error < 0.5
+    assert found["friction.mu_inf"] == pytest.approx(0.19, abs=4.0 * found.parameters["friction.mu_inf"].error)
+    assert ds.compare(rig, trace).differing == ()
+
+
 def test_intervals_are_wider_for_more_confidence_and_more_noise(found: ds.Fit) -> None:
     low, high = found.interval("friction.mu_0")
     lower, higher = found.interval("friction.mu_0", 0.999)

@@ -484,6 +484,20 @@ def test_a_run_as_a_trace(result: ds.Result) -> None:
     assert np.allclose(np.diff(uneven.time), uneven.interval)
 
 
+def test_a_run_with_dampers_as_a_trace() -> None:
+    damped = {"damping_x": 2.0}
+    with pytest.raises(ds.ColumnError, match=r"needs the column pull_force: add it to output\.fields"):
+        ds.Trace.of(ds.run(SCENE, system=damped))
+    fields = ["u_x", "w_x", "spring_force_x", "spring_force_y", "pull_force", "X"]
+    run = ds.run(SCENE, system=damped, output={"fields": fields})
+    trace = ds.Trace.of(run)
+    phi = np.radians(3.0)
+    expected = run["spring_force_x"] * np.cos(phi) + run["spring_force_y"] * np.sin(phi)
+    expected += 2.0 * (2.0e-3 * np.cos(phi) - run["w_x"]) * np.cos(phi)
+    np.testing.assert_allclose(trace.force, expected, rtol=1e-12, atol=1e-12)
+    assert trace.lateral_force is None
+
+
 def test_creep_before_slip_tells_dynamic_stiction_from_static_friction() -> None:
     """Without misalignment the object rests until it slips, and the force has a corner; with it the force bends before."""
     shares = {}

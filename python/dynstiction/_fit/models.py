@@ -13,7 +13,7 @@ from .._run import run, run_sampled
 from ..errors import Error, SolverError
 from ..result import Result
 from ..scene import Scene
-from ..trace import pull_forces
+from ..trace import pull_force
 from .waveform import Waveform, bin_means
 
 __all__ = ["NoCycleError", "fastest_slip", "full_means", "slow_means", "slow_scene", "steady_velocity"]
@@ -94,22 +94,21 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     """
     from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
-    result = _settled(
-        scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "spring_force_y"]}, precise=True
-    )
+    result = _settled(scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "pull_force"]}, precise=True)
     period = float(result.summary["period"])
-    cosine, sine, velocity = _geometry(scene)
+    cosine, velocity = _geometry(scene)
     sense = np.sign(velocity)
     stiffness = sense * cosine * float(scene.system.stiffness_x or 0.0)
     keep = np.append(True, np.diff(result.time) > 0.0)
     keep[: max(0, int(np.searchsorted(result.time, result.time[-1] - period)) - 2)] = False
     time = result.time[keep]
-    # The load is smooth; the force of the rigid spring jumps with the direction of friction, where steps are short.
+    # The load is smooth; the force of the rigid spring jumps with the direction of friction, where steps are short. Dampers belong
+    # to the rest.
     load = CubicHermiteSpline(
         time, stiffness * result["u_x"][keep], stiffness * (velocity * cosine - result["w_x"][keep])
     )
-    across = PchipInterpolator(time, sense * sine * result["spring_force_y"][keep])
-    load_integral, across_integral = load.antiderivative(), across.antiderivative()
+    rest = PchipInterpolator(time, sense * result["pull_force"][keep] - stiffness * result["u_x"][keep])
+    load_integral, rest_integral = load.antiderivative(), rest.antiderivative()
     end = float(time[-1])
     begin = end - period
     grid = np.linspace(begin, end, 400)
@@ -117,7 +116,7 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     slip = _fall_through(middle, grid, load)
 
     def integral(t: _Floats) -> _Floats:
-        total: _Floats = load_integral(t) + across_integral(t) - load_integral(begin) - across_integral(begin)
+        total: _Floats = load_integral(t) + rest_integral(t) - load_integral(begin) - rest_integral(begin)
         return total
 
     return _Curve(begin, period, slip, integral).means(wave, delay)
@@ -133,11 +132,11 @@ def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
         times=np.arange(begin, end, wave.interval / FINER),
         progress=False,
         scene={"settle": 0.0, "t_end": end},
-        output={"fields": ["spring_force_x", "spring_force_y"]},
+        output={"fields": ["spring_force_x", "pull_force"]},
     )
     time = fine.time
-    cosine, _, velocity = _geometry(scene)
-    force = np.sign(velocity) * pull_forces(fine)[0]
+    cosine, velocity = _geometry(scene)
+    force = np.sign(velocity) * pull_force(fine)
     load = np.sign(velocity) * cosine * fine["spring_force_x"]
     middle = 0.5 * cosine * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
     k = np.flatnonzero((load[:-1] > middle) & (load[1:] <= middle))
@@ -178,9 +177,9 @@ def steady_velocity(scene: Scene) -> float:
     return float(velocity[0]) if velocity.size == 1 else 0.0
 
 
-def _geometry(scene: Scene) -> tuple[float, float, float]:
-    angle = np.radians(scene.system.misalignment_deg or 0.0)
-    return float(np.cos(angle)), float(np.sin(angle)), steady_velocity(scene)
+def _geometry(scene: Scene) -> tuple[float, float]:
+    """Cosine of the misalignment, and the drive velocity [m/s]."""
+    return float(np.cos(np.radians(scene.system.misalignment_deg or 0.0))), steady_velocity(scene)
 
 
 def _fall_through(level: float, grid: _Floats, load: Callable[[_Floats], _Floats]) -> float:
