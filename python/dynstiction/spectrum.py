@@ -58,11 +58,6 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
         If the samples are not uniform, not finite, too few for the window, or the window holds fewer than 8 of them. If
         `count` is no whole number from 1 on, or the density is beyond the range of double precision.
     """
-<<<<<<< HEAD
-=======
-    from scipy.signal import ShortTimeFFT  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
-
->>>>>>> i20-python
     times, signal = reals("time", time, checked=False), reals("values", values, checked=False)
     window, count = number("window", window, checked=False), whole("count", count, least=1)
     if times.ndim != 1 or times.shape != signal.shape:

@@ -143,10 +143,6 @@ def driven_length(result: Result, time: Floats) -> Floats | None:
 
 def damping_crossing(parameters: Mapping[str, float], level: float) -> float:
     """Largest angle [rad] at most 90 degrees where the damping ratio of `damping_ratio` passes a level; NaN if none."""
-<<<<<<< HEAD
-=======
-    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
->>>>>>> i20-python
 
     def excess(theta: float | Floats) -> Floats:
         return damping_ratio(theta, **parameters) - level
