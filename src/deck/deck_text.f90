@@ -219,7 +219,8 @@ contains
     case (integer_kind)
       text = 'integer'
     case (texts_kind)
-      text = 'list: '//alternatives(trim(key%choices))
+      text = 'list of texts'
+      if (key%choices /= '') text = 'list: '//alternatives(trim(key%choices))
     case (choice_kind)
       text = alternatives(trim(key%choices))
     case default

@@ -195,7 +195,7 @@ module dst_schema
     key_t('sweep', 'last', reals_kind, '', any_real, may, '', '20.0', '', always, &
           'last value of each parameter'), &
     key_t('sweep', 'count', reals_kind, '1', range_t(low=1.0_wp, high=1.0e9_wp), may, '', '40', '', always, &
-          'number of values of each parameter'), &
+          'number of values of each parameter, a whole number each'), &
     key_t('sweep', 'spacing', texts_kind, '', any_real, may, 'linear', '', 'linear log', always, &
           'distance of the values: one for all parameters, or one for each'), &
     key_t('sweep', 'points', text_kind, '', any_real, may, '', '', '', always, &
