@@ -109,7 +109,9 @@ def test_random_starts_follow_the_seed(trace: ds.Trace, monkeypatch: pytest.Monk
 def test_dampers_pull_at_the_load_cell_too() -> None:
     """A cell in line with springs and dampers shows both: a fit that forgot the dampers would find another friction."""
     rig = RIG.replace(system={"damping_x": 3.0, "damping_y": 40.0})
-    run = ds.run(rig, scene={"t_end": 24.0}, output={"interval": 1e-3, "fields": ["spring_force_x", "spring_force_y", "pull_force"]})
+    run = ds.run(
+        rig, scene={"t_end": 24.0}, output={"interval": 1e-3, "fields": ["spring_force_x", "spring_force_y", "pull_force"]}
+    )
     clean = ds.Trace.of(run).part(start=3.0)
     springs = run["spring_force_x"] * np.cos(np.radians(1.4)) + run["spring_force_y"] * np.sin(np.radians(1.4))
     assert np.max(np.abs(clean.force - springs[-clean.time.size :])) > 0.05 * np.ptp(clean.force)
