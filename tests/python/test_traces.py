@@ -31,6 +31,9 @@ SCENE = """&scene
 &drive
   velocity = 2.0e-3
 /
+&output
+  interval = 1.0e-3
+/
 """
 """No scene of the paper."""
 
