@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 __all__ = [
     "ColumnError",
     "DeckError",
@@ -94,8 +96,9 @@ class SolverError(Error):
 class OutOfMemoryError(SolverError, MemoryError):
     """A run took more memory than there is; `code` is 47."""
 
-    # MemoryError's own would refuse this class when a copy is made by __new__, as for another process.
-    __new__ = SolverError.__new__
+    def __new__(cls, *args: object) -> Self:
+        # MemoryError's own would refuse this class when a copy is made by __new__, as for another process.
+        return Exception.__new__(cls, *args)
 
 
 class IncompleteWarning(UserWarning):
