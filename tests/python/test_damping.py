@@ -10,7 +10,8 @@ import fig3
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
+from programs import ROOT
+from scipy.integrate import simpson, solve_ivp
 from scipy.optimize import brentq
 
 IMPLICIT = ["radau5", "radau9", "radau13"]
@@ -231,6 +232,22 @@ def as_far_as_it_goes(given: ds.Scene) -> ds.Result:
     except ds.SolverError as error:
         assert "max_steps" in str(error)
         return error.result
+
+
+@pytest.mark.parametrize("integrator", [{"method": "radau13"}, {"method": "dopri5", "v_cut": 1e-5}])
+def test_damper_work_is_that_of_the_samples(integrator: dict[str, object]) -> None:
+    """In slip, at rest, and in stops that are finished in closed form: the balance has this work on both sides, and would not tell."""
+    fig3 = ds.Scene(ROOT / "inputs" / "fig3.nml").replace(system={"damping_x": 3.0, "damping_y": 40.0})
+    run = ds.run(
+        fig3,
+        scene={"t_end": 2.5},
+        integrator={"rtol": 1e-9} | integrator,
+        output={"interval": 1e-5, "fields": ["w_x", "w_y", "sticking"]},
+    )
+    assert run["sticking"].mean() > 0.03
+    phi = np.radians(1.0)
+    power = 3.0 * (1e-3 * np.cos(phi) - run["w_x"]) ** 2 + 40.0 * (1e-3 * np.sin(phi) - run["w_y"]) ** 2
+    assert run.summary["damper_work"] == pytest.approx(simpson(power, x=run.time), rel=1e-7)
 
 
 @pytest.mark.parametrize(("model", "contact", "method"), MODELS)
