@@ -5,6 +5,7 @@
 The build does so. Rows of tables become a line each, with what to do indented below it.
 """
 
+import argparse
 import re
 import sys
 import textwrap
@@ -14,9 +15,9 @@ WIDTH = 100
 CHUNK = 90
 """Bytes of a literal: lines of Fortran are short."""
 
+# Without a module of the core: what is generated has no known dependence on one, and would be compiled too rarely.
 HEAD = """!> The page on errors as text. Made by tools/embed_errors.py from docs/errors.md.
 module dst_error_page
-  use dst_text, only: text_builder_t
   implicit none
   private
 
@@ -27,19 +28,22 @@ contains
   !> All that docs/errors.md says, for a terminal.
   function error_page() result(text)
     character(:), allocatable :: text
-    type(text_builder_t) :: builder
+    character(*), parameter :: newline = new_line('a')
 
+    text = ''
 """
-TAIL = """    text = builder%content()
-  end function error_page
+TAIL = """  end function error_page
 end module dst_error_page
 """
 
 
 def main() -> int:
-    page, output = sys.argv[1:]
-    lines = plain(Path(page).read_text(encoding="utf-8").split("\n"))
-    Path(output).write_text(HEAD + "".join(map(statement, lines)) + TAIL, encoding="utf-8")
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("page", type=Path, metavar="PAGE")
+    parser.add_argument("output", type=Path, metavar="OUTPUT")
+    options = parser.parse_args()
+    lines = plain(options.page.read_text(encoding="utf-8").split("\n"))
+    options.output.write_text(HEAD + "".join(map(statement, lines)) + TAIL, encoding="utf-8")
     return 0
 
 
@@ -99,7 +103,7 @@ def statement(line: str) -> str:
             chunk = ""
         chunk += letter
     quoted = ["'" + each.replace("'", "''") + "'" for each in [*chunks, chunk]]
-    return "    call builder%line(" + "// &\n      ".join(quoted) + ")\n"
+    return "    text = text//" + "// &\n      ".join(quoted) + "//newline\n"
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Self
 
 __all__ = [
@@ -18,12 +19,22 @@ __all__ = [
     "UsageError",
     "error_for",
     "printable",
+    "require_folder",
 ]
 
 
 def printable(text: str) -> str:
     """Text as a terminal may get it: what controls it, and line breaks, as ``?``; names and files of strangers hold such."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def require_folder(path: str | os.PathLike[str]) -> None:
+    """Refuse a file to be written into a folder that is not there."""
+    folder = os.path.dirname(os.fspath(path))
+    if folder and not os.path.isdir(folder):
+        raise FileError(
+            f"{os.fspath(path)}: cannot be written: the folder {folder} does not exist: create it first"
+        )
 
 
 class Error(Exception):

@@ -7,7 +7,7 @@ module dst_text
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
   public :: lower_case, starts_with, value_in, word, word_count, has_word, nearest_word, alternatives, excerpt, printable, &
     one_per_line, utf8_width
-  public :: real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
+  public :: short_length, real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
 
   !> Widths of the texts of tables: of keys, columns, commands, ... The compiler refuses what would be cut.
   integer, parameter :: name_width = 24, unit_width = 8, value_width = 32, meaning_width = 96
@@ -35,6 +35,9 @@ module dst_text
   integer, parameter :: longest_name = 40
   !> No number needs more characters.
   integer, parameter :: longest_number = 256
+
+  !> Characters of `short_text`: '-1.2345e-4950' is the longest, in quadruple precision.
+  integer, parameter :: short_length = 13
 
 contains
 
@@ -342,8 +345,7 @@ contains
   !> length in static storage, where threads would meet.
   pure function short_text(value) result(text)
     real(wp), intent(in) :: value
-    character(11) :: text
-    character(13) :: buffer
+    character(short_length) :: text, buffer
     character(8) :: form
     integer :: exponent, last
 

@@ -14,7 +14,7 @@ module dst_motion
   use dst_archive, only: archive_t
   use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, chattering
-  use dst_text, only: short_text
+  use dst_text, only: short_length, short_text
   use dst_kinds, only: wp
   use dst_piece, only: piece_t, no_event, slip_begins, slips
   use dst_slider, only: slider_t
@@ -248,7 +248,7 @@ contains
   pure character(160) function at_time(state) result(text)
     type(state_t), intent(in) :: state
 
-    character(11) :: u(2), y(2), time
+    character(short_length) :: u(2), y(2), time
 
     time = short_text(state%time)
     u = [short_text(state%u(1)), short_text(state%u(2))]

@@ -14,7 +14,7 @@ module dst_stability
   use dst_errors, only: error_t, raise, usage_error, not_finite
   use dst_friction, only: friction_law_t, exponential_form
   use dst_slider, only: slider_t
-  use dst_text, only: short_text
+  use dst_text, only: short_length, short_text
   implicit none
   private
 
@@ -558,7 +558,7 @@ contains
 
   !> A number as a message shows it, finite or not. Of fixed length, because several threads may be here: gfortran keeps the
   !> length of an allocatable text that a function returns in static storage.
-  pure character(12) function shown(value) result(text)
+  pure character(short_length) function shown(value) result(text)
     real(wp), intent(in) :: value
 
     text = short_text(value)

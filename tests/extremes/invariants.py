@@ -57,7 +57,7 @@ def refusal_faults(text: str) -> list[str]:
 def solver_error_faults(text: str) -> list[str]:
     """A solver that gives up says where, and what to do."""
     faults = []
-    if not re.search(r"t = +-?[0-9.]+(E[+-]\d+)? s", text):
+    if not re.search(r"t = -?[0-9.]+(e-?\d+)? s", text):
         faults.append(f"gives no time: {text}")
     if not re.search(r"\b(use|raise|see|reduce)\b", text):
         faults.append(f"gives no remedy: {text}")

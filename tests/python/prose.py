@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import argparse
 import io
 import re
 import sys
@@ -98,6 +99,8 @@ def faults(page: Path) -> list[str]:
 
 
 if __name__ == "__main__":
-    places = [place for argument in sys.argv[1:] for place in faults(Path(argument).resolve())]
+    parser = argparse.ArgumentParser(description="Print the words of files that docs/vocabulary.md replaces, with file and line.")
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
+    places = [place for file in parser.parse_args().files for place in faults(file.resolve())]
     print(*places, sep="\n", end="\n" if places else "")
     sys.exit(bool(places))

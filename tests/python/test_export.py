@@ -74,7 +74,7 @@ def test_existing_tables_are_kept(file: Path, tmp_path: Path, capsys: pytest.Cap
     assert main([*command, "--overwrite"]) == 0
     (tmp_path / "plain").write_text("")
     assert main(["export", str(file), "--csv", "-o", str(tmp_path / "plain")]) == 3
-    assert main(["export", str(file)]) == 1
+    assert main(["export", str(file), "-o", str(tmp_path)]) == 3
     assert main(["export", str(tmp_path / "none.h5"), "--csv"]) == 3
 
 

@@ -475,6 +475,9 @@ def test_foreign_and_damaged_files_are_refused(tmp_path: Path, fig3_result: ds.R
         ds.open(foreign)
     text = tmp_path / "text.h5"
     text.write_text("&scene /")
+    with pytest.raises(ds.FileError, match="is a deck, not a result: dynstiction run"):
+        ds.open(text)
+    text.write_text("a letter")
     with pytest.raises(ds.FileError, match="cannot be read"):
         ds.open(text)
     whole = tmp_path / "whole.h5"

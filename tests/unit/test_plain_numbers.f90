@@ -3,7 +3,7 @@ program test_plain_numbers
   use checks, only: check, finish
   use dst_kinds, only: wp
   use dst_plain_numbers, only: number_text, bytes_text, duration_text
-  use dst_text, only: read_real
+  use dst_text, only: read_real, short_text
   implicit none
 
   call check('0', number_text(0.0_wp) == '0')
@@ -28,6 +28,7 @@ program test_plain_numbers
   call check('days', duration_text(100.0_wp*3600.0_wp) == '4 d 4 h')
   call check('who knows', duration_text(1.0e300_wp) == 'over 1000 d')
   call everywhere()
+  call texts_of_the_solver()
   call finish()
 
 contains
@@ -54,4 +55,33 @@ contains
     call check('short', short)
     call check('begins and ends with a digit', plain)
   end subroutine everywhere
+
+  !> Texts of fixed length hold every number, of either sign, true to five digits.
+  subroutine texts_of_the_solver()
+    real(wp), parameter :: special(*) = [0.0_wp, huge(1.0_wp), tiny(1.0_wp), 9.99999_wp, 99999.6_wp, 1.0e-4_wp]
+    real(wp) :: value
+    logical :: near
+    integer :: i
+
+    near = .true.
+    do i = -3070, 3080
+      value = 10.0_wp**(0.1_wp*i)*(1.0_wp + 1.0e-3_wp*modulo(i, 7))
+      near = near .and. is_near(value) .and. is_near(-value)
+    end do
+    do i = 1, size(special)
+      near = near .and. is_near(special(i)) .and. is_near(-special(i))
+    end do
+    call check('near to the value in a fixed length', near)
+    call check('-0.25 in a fixed length', short_text(-0.25_wp) == '-0.25')
+    call check('1.5e-7 in a fixed length', short_text(1.5e-7_wp) == '1.5e-7')
+  end subroutine texts_of_the_solver
+
+  logical function is_near(value)
+    real(wp), intent(in) :: value
+    character(:), allocatable :: problem
+    real(wp) :: again
+
+    call read_real(trim(short_text(value)), again, problem)
+    is_near = problem == '' .and. abs(again - value) <= 5.01e-5_wp*abs(value)
+  end function is_near
 end program test_plain_numbers

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 
-from ..errors import FileError, UsageError
+from ..errors import FileError, UsageError, require_folder
 from ..result import Result
 from .notation import label_of
 from .samples import Floats, columns, thin
@@ -326,6 +326,5 @@ def _kind_of(output: Path) -> str:
         raise UsageError(
             f"{output}: needs ffmpeg, which is not there: install it, or write a GIF or a folder of frames"
         )
-    if not output.parent.is_dir():
-        raise FileError(f"{output}: cannot be written: the folder {output.parent} does not exist: create it")
+    require_folder(output)
     return suffix

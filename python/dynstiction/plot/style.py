@@ -14,7 +14,7 @@ from matplotlib.ticker import MultipleLocator
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
-from ..errors import Error, FileError, UsageError
+from ..errors import Error, FileError, UsageError, require_folder
 
 __all__ = [
     "BLACK",
@@ -151,21 +151,12 @@ def write(figure: Figure, path: str | os.PathLike[str]) -> None:
         raise FileError(
             f"{os.fspath(path)}: cannot be written: no format '{suffix}', only {', '.join(known)}"
         )
-    folder = os.path.dirname(os.fspath(path))
-    if folder and not os.path.isdir(folder):
-        raise FileError(
-            f"{os.fspath(path)}: cannot be written: the folder {folder} does not exist: create it"
-        )
+    require_folder(path)
     try:
         with rc_context(STYLE), rendering():
             figure.savefig(path, dpi=DOTS_PER_INCH)
     except UsageError:
         raise
-    except FileNotFoundError as error:
-        folder = os.path.dirname(path)
-        raise FileError(
-            f"{os.fspath(path)}: cannot be written: the folder {folder} does not exist: create it first"
-        ) from error
     except OSError as error:
         raise FileError(f"{os.fspath(path)}: cannot be written: {error.strerror or error}") from error
 

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from .. import plot
 from .._native import catalogue
-from ..errors import Error, FileError, UsageError
+from ..errors import Error, FileError, UsageError, require_folder
 from ..html import table
 from ..plot.style import rendering
 from ..plot.view import view_of
@@ -100,6 +100,7 @@ def report(result: Result, name: str) -> str:
 def write_report(result: Result, path: str | os.PathLike[str], name: str, *, overwrite: bool = False) -> None:
     """Write the page of `report`; a `FileError` if the file exists, unless it may be overwritten, or cannot be written."""
     text = report(result, name)
+    require_folder(path)
     try:
         with Path(path).open("w" if overwrite else "x", encoding="utf-8") as file:
             file.write(text)
@@ -108,11 +109,6 @@ def write_report(result: Result, path: str | os.PathLike[str], name: str, *, ove
             f"{os.fspath(path)}: the file exists: use --overwrite or choose another name"
         ) from error
     except OSError as error:
-        folder = Path(path).parent
-        if not folder.is_dir():
-            raise FileError(
-                f"{os.fspath(path)}: cannot be written: the folder {folder} does not exist: create it"
-            ) from error
         raise FileError(f"{os.fspath(path)}: cannot be written: {error.strerror or error}") from error
 
 
