@@ -583,8 +583,8 @@ contains
   end subroutine make_sweep_table
 
   !> Also 'cycle_quantities', the values of all 'cycles' (a row each, the last one whether it is stable), 'sliding' (load, whether
-  !> it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict' (with exponent, error,
-  !> slow cycles, cycles), and 'ends', a number with a name each: what does not exist is left out.
+  !> it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict' (with exponent,
+  !> error, slow cycles, cycles), and 'ends', a number with a name each: what does not exist is left out.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
