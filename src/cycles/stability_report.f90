@@ -275,6 +275,6 @@ contains
     character(:), allocatable :: text
 
     text = 'no value'
-    if (law%exists) text = angle_text(law%angle)//remark//' ('//doubt//long_text(law%doubt)//')'
+    if (law%exists) text = angle_text(law%angle)//remark//' ('//trim(doubt)//' '//long_text(law%doubt)//')'
   end function law_text
 end module dst_stability_report

@@ -31,6 +31,14 @@ def value(table: str, label: str) -> float:
     return float(found[1])
 
 
+@pytest.mark.parametrize("velocity", ["1e-4", "1e-3", "2e-2", "0.1"])
+def test_numbers_stand_apart_from_words(stability, program, velocity):
+    """With slow and fast drives other lines are there."""
+    for table in (stability(f"drive.velocity={velocity}"), program("cycles", "fig3.nml", settings=[f"drive.velocity={velocity}"])):
+        assert table.returncode == 0
+        assert not re.search(r"[a-z]{3,}-?[0-9]+\.|[0-9]\.[0-9]+[a-z]{2,}", table.stdout), table.stdout
+
+
 @pytest.mark.deck
 def test_table_of_fig3(stability):
     result = stability()
