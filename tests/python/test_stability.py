@@ -36,7 +36,7 @@ def test_numbers_stand_apart_from_words(stability, program, velocity):
     """With slow and fast drives other lines are there."""
     for table in (stability(f"drive.velocity={velocity}"), program("cycles", "fig3.nml", settings=[f"drive.velocity={velocity}"])):
         assert table.returncode == 0
-        assert not re.search(r"[a-z]{3,}-?[0-9]+\.|[0-9]\.[0-9]+[a-z]{2,}", table.stdout), table.stdout
+        assert not re.search(r"[a-z]{3,}-?[0-9]+\.|[0-9]\.[0-9]+[a-z]{2,}", table.stdout.replace("fig3.nml", "")), table.stdout
 
 
 @pytest.mark.deck
