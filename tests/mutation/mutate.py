@@ -127,7 +127,7 @@ def put(path: Path, text: str) -> None:
 
 def copy_tree() -> None:
     """The checkout without what the mutants do not need; sources of src/ come from write_sources."""
-    for name in ["meson.build", "meson.options", "src", "python", "tests/unit", "tools", "inputs"]:
+    for name in ["meson.build", "meson.options", "src", "python", "tests/unit", "tools", "inputs", "docs/errors.md"]:
         origin = CHECKOUT / name
         for path in [origin] if origin.is_file() else [path for path in origin.rglob("*") if path.is_file()]:
             relative = path.relative_to(CHECKOUT)
