@@ -73,6 +73,8 @@ def changed_program(source: Path, names: list[str]) -> Path:
         shutil.copy(ROOT / part, source)
     for part in ("src", "bench", "inputs", "tools"):
         shutil.copytree(ROOT / part, source / part)
+    (source / "docs").mkdir()
+    shutil.copy(ROOT / "docs" / "errors.md", source / "docs")
     for name in names:
         for patch in patches(name):
             done = Program(("patch", "-p1"), source)(input=patch)
