@@ -17,6 +17,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
@@ -278,7 +279,10 @@ void dst_become(char *words, int count) {
 
 /* Threads. */
 
-/* A new thread with a stack of so many bytes, for dst_join_thread. */
+/* Bytes that must be left when a thread begins: its work takes memory besides the stack. */
+static const size_t spare_bytes = (size_t)96 << 20;
+
+/* A new thread with a stack of so many bytes, for dst_join_thread; NULL if there is no memory for it and its work. */
 void *dst_begin_thread(void *(*start)(void *), void *argument, int64_t stack_bytes) {
   pthread_attr_t attributes;
   pthread_t *thread = malloc(sizeof *thread);
@@ -286,7 +290,10 @@ void *dst_begin_thread(void *(*start)(void *), void *argument, int64_t stack_byt
     free(thread);
     return NULL;
   }
-  int failed = pthread_attr_setstacksize(&attributes, (size_t)stack_bytes) || pthread_create(thread, &attributes, start, argument);
+  void *spare = mmap(NULL, spare_bytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  int failed = spare == MAP_FAILED || pthread_attr_setstacksize(&attributes, (size_t)stack_bytes) ||
+               pthread_create(thread, &attributes, start, argument);
+  if (spare != MAP_FAILED) munmap(spare, spare_bytes);
   pthread_attr_destroy(&attributes);
   if (!failed) return thread;
   free(thread);
