@@ -17,7 +17,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
-#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
@@ -290,10 +289,11 @@ void *dst_begin_thread(void *(*start)(void *), void *argument, int64_t stack_byt
     free(thread);
     return NULL;
   }
-  void *spare = mmap(NULL, spare_bytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  int failed = spare == MAP_FAILED || pthread_attr_setstacksize(&attributes, (size_t)stack_bytes) ||
+  /* Volatile: the compiler would leave out what is only allocated and freed. */
+  void *volatile spare = malloc(spare_bytes);
+  int failed = !spare || pthread_attr_setstacksize(&attributes, (size_t)stack_bytes) ||
                pthread_create(thread, &attributes, start, argument);
-  if (spare != MAP_FAILED) munmap(spare, spare_bytes);
+  free(spare);
   pthread_attr_destroy(&attributes);
   if (!failed) return thread;
   free(thread);
