@@ -1,6 +1,6 @@
-!> The one table of commands, options and exit statuses: parsing, help, completion, manual page and documentation follow from it.
+!> The one table of commands, options and exit statuses: parsing, help, completion, manual page and documentation are made from it.
 !>
-!> A command of Python is carried out by the Python package, whose parser takes its operands and options from here too.
+!> A command of Python is carried out by the Python package, whose parser also takes its operands and options from here.
 module dst_command_table
   use dst_text, only: name_width, meaning_width, has_word, word
   implicit none
@@ -14,19 +14,19 @@ module dst_command_table
     character(name_width) :: name
     character(name_width) :: operands    !! 'DECK...', one or more; '[MODEL]', one or none; '' = none
     logical :: of_python
-    character(72) :: brief               !! in one line
+    character(72) :: brief               !! in a few words
     character(640) :: meaning
-    character(256) :: examples           !! one a line
+    character(256) :: examples           !! one in each line
   end type command_entry_t
 
   !> An option; one that takes several kinds of values has an entry for each.
   type :: option_t
     character(name_width) :: name
-    character(name_width) :: argument    !! what follows, in capitals, or the words one of which follows: 'png|pdf'; '' = nothing
+    character(name_width) :: argument    !! what follows, in capitals, or the words of which one follows: 'png|pdf'; '' = nothing
     character(meaning_width) :: commands   !! that take it; '' = the program itself
-    character :: times                   !! may it be given? '?': once, '*': any number of times; '1': it must be
+    character :: times                   !! how often it is given. '?': at most once, '*': any number of times; '1': once
     character(192) :: meaning
-    character(64) :: lacking             !! the argument: what is missing, and what would be right
+    character(64) :: lacking             !! the argument: what is missing, and what to write
   end type option_t
 
   !> An exit status of the program.
@@ -38,7 +38,7 @@ module dst_command_table
   character, parameter :: n = achar(10)
   logical, parameter :: ours = .false., python = .true.
 
-  !> What the help says of the program as a whole.
+  !> The parts of the help that are about the program as a whole.
   type(command_entry_t), parameter :: the_program = command_entry_t('', '', ours, &
     'stick-slip of a spring-slider with misaligned anisotropic stiffness', &
     'A DECK is a Fortran namelist file; SI units, angles in degrees. Start from the template:', &
@@ -50,7 +50,7 @@ module dst_command_table
       'Run each deck and write its results to an HDF5 file: FILE, else output.file of the deck, else the deck''s name with .h5 '// &
       'in the current directory. All decks are checked before the first runs. Ctrl-C, SIGTERM, SIGUSR1 and output.wall_limit '// &
       'stop the run with a checkpoint: dynstiction resume continues it. A deck with &sweep runs all its cases, on all cores; '// &
-      'started again after a stop or a kill, it runs those that are left.', &
+      'started again after a stop or a kill, it runs the remaining cases.', &
       'dynstiction run inputs/fig3.nml'//n// &
       'dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
       'dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'), &
@@ -61,9 +61,9 @@ module dst_command_table
       'dynstiction sweep my.nml --vary system.misalignment_deg=0.5:20:40'//n// &
       'dynstiction sweep my.nml --vary drive.velocity=1e-4:1e-1:30:log -o velocity.h5'), &
     command_entry_t('resume', 'FILE.h5...', ours, 'continue a run that was stopped or killed', &
-      'Continue a run that was stopped or killed from the checkpoint beside its result file, FILE.h5.checkpoint. '// &
-      'The deck is that in FILE.h5. The finished file holds the same numbers as that of a run without a stop, '// &
-      'but for the wall time.', &
+      'Continue a run that was stopped or killed from the checkpoint next to its result file, FILE.h5.checkpoint. '// &
+      'The deck is that in FILE.h5. The finished file has the same numbers as the file of a run without a stop, '// &
+      'except the wall time.', &
       'dynstiction resume fig3.h5'), &
     command_entry_t('merge', 'DECK...', ours, 'join the shards of a sweep', &
       'Write the finished cases of a sweep from its shards FILE.shard-* to FILE. Deck, -o and --set are those of the run. '// &
@@ -72,8 +72,8 @@ module dst_command_table
       'dynstiction merge inputs/map_lambda.nml -o map_lambda.h5'), &
     command_entry_t('check', 'DECK...', ours, 'print the deck as used, run nothing', &
       'Check each deck, print it with every key as used, marked user or default, and run nothing. '// &
-      'What is printed is a deck itself. All faults of a deck are reported in one go, also that its results '// &
-      'need more room than the disk has. What passes runs.', &
+      'What is printed is a deck itself. All faults of a deck are reported at once, also if its results '// &
+      'need more room than the disk has. A deck that passes will run.', &
       'dynstiction check inputs/fig3.nml'//n// &
       'dynstiction check inputs/fig3.nml --set integrator.method=dopri5 > complete.nml'), &
     command_entry_t('template', '[MODEL]', ours, 'print a deck with every key explained', &
@@ -87,13 +87,13 @@ module dst_command_table
       'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment '// &
       'angles, and the damping of the slow motion (Lambda, zeta, theta*); and where stick-slip ends, in the misalignment '// &
       'and in the velocity, and where both are stable. Of a drive with several velocities, '// &
-      'each one that is held and is not 0 is treated. No file is written.', &
+      'each one that is kept for some time and is not 0 is treated. No file is written.', &
       'dynstiction stability inputs/fig3.nml'//n// &
       'dynstiction stability inputs/fig3.nml --set system.misalignment_deg=10'), &
     command_entry_t('cycles', 'DECK...', ours, 'every limit cycle of a scene', &
       'Print every limit cycle of the scene, stable and unstable: period, peak, valley, swing, slip length, and the '// &
-      'logarithm of its multiplier; beside them steady sliding with its eigenvalues, and from where it is reached. Of a '// &
-      'drive with several velocities, each one that is held and is not 0 is treated. No file is written.', &
+      'logarithm of its multiplier; also steady sliding with its eigenvalues, and from where it is reached. Of a '// &
+      'drive with several velocities, each one that is kept for some time and is not 0 is treated. No file is written.', &
       'dynstiction cycles inputs/fig3.nml'//n// &
       'dynstiction cycles inputs/fig3.nml --set drive.velocity=0.075 --set system.misalignment_deg=3.5'), &
     command_entry_t('trade', 'DECK', ours, 'measured error against cost of methods and models', &
@@ -107,7 +107,7 @@ module dst_command_table
       'Print what each file holds: of a run model, method and summary, of a sweep what varies and the ranges, of a deck what '// &
       'it asks for. Of a sweep that is not at its end, print '// &
       'from its shards FILE.h5.shard-* how many cases are done, and of each shard its part, its times, and whether a '// &
-      'process is writing it; FILE.h5 itself need not be there yet. Nothing is changed, and nobody is disturbed.', &
+      'process is writing it; FILE.h5 itself need not exist yet. Nothing is changed, and no process is disturbed.', &
       'dynstiction show map_lambda.h5'), &
     command_entry_t('plot', 'FILE.h5...', python, 'draw a result file, or several side by side', &
       'Draw a result file; of several runs one figure that compares them. A run with many cycles is drawn up to its first '// &
@@ -115,16 +115,16 @@ module dst_command_table
       'dynstiction plot fig3.h5 --kind path'//n// &
       'dynstiction plot fig3.h5 --columns friction,theta --from 2 --to 3'//n// &
       'dynstiction plot 1deg.h5 2deg.h5 --overlay'), &
-    command_entry_t('compare', 'DECK TRACE', python, 'a measured trace beside a scene', &
+    command_entry_t('compare', 'DECK TRACE', python, 'compare a measured trace with a scene', &
       'Compare a measured trace of the force along the pull with the run of a deck: period, peak, valley, slip time and creep '// &
       'before slip of both, cycle by cycle, with their scatter, and the mean force over a cycle. TRACE is a table of text or '// &
       'an HDF5 file with time and force. Prints a table, draws a figure.', &
       'dynstiction compare my.nml trace.csv'//n// &
       'dynstiction compare my.nml trace.csv --time t --force "F [mN]" --unit time=ms --from 10'), &
-    command_entry_t('fit', 'DECK TRACE', python, 'the parameters behind a measured trace', &
-      'Find parameters of a deck behind a measured trace of the force along the pull: least squares on the mean waveform of '// &
+    command_entry_t('fit', 'DECK TRACE', python, 'find the parameters of a measured trace', &
+      'Find parameters of a deck from a measured trace of the force along the pull: least squares on the mean waveform of '// &
       'its cycles and their period, first with the slow model, then with that of the deck. Prints values, errors, intervals, '// &
-      'and what the trace does not tell; writes the fitted deck, draws waveform and residuals. TRACE is as for compare.', &
+      'and what the trace does not determine; writes the fitted deck, draws waveform and residuals. TRACE is as for compare.', &
       'dynstiction fit my.nml trace.csv --free system.misalignment_deg,friction.mu_0'//n// &
       'dynstiction fit my.nml trace.csv --free system.mass --fitted fitted.nml'), &
     command_entry_t('report', 'FILE.h5', python, 'one HTML page with all that a result file holds', &
@@ -147,7 +147,7 @@ module dst_command_table
       'check fails.', &
       'dynstiction validate-creep')]
 
-  !> What 'trade' measures besides quantities of the user: those of the Python package, for completion.
+  !> What 'trade' measures, besides summary values that the user names: the Python package's quantities, for completion.
   character(*), parameter :: trade_quantities = 'final_elongation final_velocity period peak_force valley_force slip_length '// &
     'max_X_rate creep_velocity fast_amplitude fast_phase sticks first_peak_force'
 
@@ -166,7 +166,7 @@ module dst_command_table
     option_t('--shard', 'I/N', 'run', '?', &
       'of a sweep: the I-th of N equal parts of its cases; dynstiction merge joins the shards', &
       'its number: write --shard I/N or --shard auto'), &
-    option_t('--shard', 'I', 'run', '?', 'the same where the shards that there are say N', ''), &
+    option_t('--shard', 'I', 'run', '?', 'the same; N is taken from the shards that exist', ''), &
     option_t('--shard', 'auto', 'run', '?', 'I and N from the job array, or from the launcher of several processes', ''), &
     option_t('--accuracy', 'A', 'trade', '?', 'print the cheapest settings whose errors are below A with a margin', trade_help), &
     option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', trade_help), &
@@ -175,8 +175,8 @@ module dst_command_table
     option_t('--overwrite', '', 'run sweep merge trade report export fit', '?', 'replace existing output files', ''), &
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &
     option_t('--quiet', '', 'trade', '?', 'no progress and no table', ''), &
-    option_t('--keep-shards', '', 'run merge', '?', 'of a sweep: do not remove the shards when the result file is whole', ''), &
-    option_t('--redivide', '', 'run', '?', 'with --shard: another N than that of the shards; what is done stays done', ''), &
+    option_t('--keep-shards', '', 'run merge', '?', 'of a sweep: do not remove the shards when the result file is complete', ''), &
+    option_t('--redivide', '', 'run', '?', 'with --shard: use another N than the shards have; finished cases are kept', ''), &
     option_t('--json', '', 'keys', '?', &
       'print as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics', ''), &
     option_t('--help', '', '', '?', 'the help on the program, or on a command', ''), &
@@ -221,7 +221,7 @@ module dst_command_table
       'first time of the run [s]; default of --from and --to: the first creep and three cycles', ''), &
     option_t('--to', 'T', 'animate', '?', 'last time of the run [s]', ''), &
     option_t('--fps', 'N', 'animate', '?', 'frames per second (20)', ''), &
-    option_t('--seconds', 'S', 'animate', '?', 'length of the film [s] (10)', ''), &
+    option_t('--seconds', 'S', 'animate', '?', 'length of the animation [s] (10)', ''), &
     option_t('-o', 'DIR', 'paper', '1', 'made if it is not there', ''), &
     option_t('--format', 'png|pdf|svg', 'paper', '?', 'default: png', '')]
 
@@ -245,7 +245,7 @@ contains
     if (len_trim(name) < len(name)) find_command = 0
   end function find_command
 
-  !> Index of an option's first entry, for `command`, or for any if that is ''; 0 if there is none.
+  !> Index of an option's first entry for `command`, or for any command if that is ''; 0 if there is none.
   pure integer function find_option(name, command) result(k)
     character(*), intent(in) :: name, command
 
@@ -255,7 +255,7 @@ contains
     k = 0
   end function find_option
 
-  !> The commands of Python, or the others, blank-separated.
+  !> The commands that Python carries out, or the others, blank-separated.
   pure function command_names(of_python) result(names)
     logical, intent(in) :: of_python
     character(:), allocatable :: names
@@ -268,7 +268,7 @@ contains
     names = names(2:)
   end function command_names
 
-  !> The options that a command takes, blank-separated; of '' those of the program and of all commands but Python's.
+  !> The options that a command takes, blank-separated; for '' those of the program and of all commands except Python's.
   pure function options_of(command) result(names)
     character(*), intent(in) :: command
     character(:), allocatable :: names
@@ -282,7 +282,8 @@ contains
     names = adjustl(names)
   end function options_of
 
-  !> Whether `command` takes the option; of '', the program or any command but Python's, which come last in an entry.
+  !> Whether `command` takes the option; for '', whether the program or any command except Python's, which come last in an entry,
+  !> does.
   pure logical function is_option_of(option, command)
     type(option_t), intent(in) :: option
     character(*), intent(in) :: command
