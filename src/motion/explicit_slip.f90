@@ -116,7 +116,7 @@ contains
     associate (from => self%piece%from, to => self%piece%to, drive => self%piece%drive)
       release = release_series(self%slider, drive, from, self%release_rate, self%stepper%release_tolerance)
       if (.not. release%moves .and. spring_force_size(self%slider, from%u, self%drive_velocity()) > 0.0_wp) then
-        ! As much force as friction, and no growth: it stays.
+        ! The force equals friction and does not grow: the object stays at rest.
         call self%come_to_rest()
         return
       end if
