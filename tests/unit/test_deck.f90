@@ -196,7 +196,7 @@ contains
 
   ! --- decks
 
-  !> Read a deck that must be sound, with its parts as the caller wants them.
+  !> Read a deck that must be valid, with the options of the caller.
   subroutine accept(name, text, deck)
     character(*), intent(in) :: name, text
     type(deck_t), intent(out) :: deck
@@ -613,7 +613,7 @@ contains
       call check('template', .not. allocated(error))
       call accept('the template is a deck: '//word(models, k), text, deck)
       do i = 1, key_count
-        ! A template is of one run.
+        ! A template is for one run.
         if (schema(i)%group == sweep_group) found(i) = .true.
         if (schema(i)%group == sweep_group) cycle
         associate (stands => index(text, n//'  '//trim(schema(i)%name)//' = ') > 0)
