@@ -52,7 +52,7 @@ contains
       return
     end if
     if (.not. falls_exponentially(slider%law)) then
-      call raise(error, deck_error, "the ends of stick-slip are known for the laws 'constant' and 'weakening'", 'friction.law')
+      call raise(error, deck_error, "ends of stick-slip are found only with the laws 'constant' and 'weakening'", 'friction.law')
       return
     end if
     call low_frequency_limit(slider, velocity, ends%critical_angle, error)

@@ -49,8 +49,8 @@ contains
   end function new_grid
 
   !> Values at n positions `tau` (which may be outside [0, 1]), at most max_degree + 1, of the polynomial through `nodal`, in
-  !> Newton's form: for several positions the cheapest, and accurate enough for a first guess. All loops have the full length, which
-  !> the compiler knows; terms beyond the degree are zero.
+  !> Newton's form: for several positions the cheapest, and accurate enough for a first guess. All loops have the full
+  !> length, a constant for the compiler; terms beyond the degree are zero.
   pure subroutine values_at(self, nodal, n, tau, values)
     class(grid_t), intent(in) :: self
     real(wp), intent(in) :: nodal(0:max_degree)

@@ -63,7 +63,7 @@ module dst_summary
     quantity_t('sticking_time', 's', 'time at rest'), &
     quantity_t('drive_work', 'J', 'work of the drive on the spring'), &
     quantity_t('friction_work', 'J', 'work done against friction'), &
-    quantity_t('damper_work', 'J', 'work done on the dampers beside the springs; only with dampers'), &
+    quantity_t('damper_work', 'J', 'work done on the dampers parallel to the springs; only with dampers'), &
     quantity_t('energy_residual', '1', 'error of the energy balance, relative to the total energy exchanged'), &
     quantity_t('swing', 'N', 'peak-to-peak amplitude of k_x u_x in the second half of the run'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &

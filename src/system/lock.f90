@@ -130,7 +130,7 @@ contains
       if (.not. is_new) then
         again = has_ended(before)
         if (again) call delete_own_file(self%file_name, identity)
-        reason = 'locked: another process is writing this file'//named(before)//', and this file system cannot tell whether '// &
+        reason = 'locked: another process is writing this file'//named(before)//', and this file system cannot say whether '// &
           'it still does: if it has ended, remove '//self%file_name
       end if
     end select

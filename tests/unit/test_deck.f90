@@ -456,7 +456,7 @@ contains
                      "'step' is missing in &integrator (needed with method rk4 | moreau_jean)")
     call refuse_once('rk4 with rtol', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 rtol = 1e-5 /", &
                      "'rtol' is not used with method rk4")
-    call refuse_once('a faulty law asks for nothing', scene_group//system_group//drive_group// &
+    call refuse_once('a faulty law needs no other keys', scene_group//system_group//drive_group// &
                      "&friction law = 'x' mu_0 = 0.2 normal_load = 1 /", "unknown law 'x'")
   end subroutine test_conditions
 

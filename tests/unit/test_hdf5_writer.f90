@@ -71,7 +71,7 @@ contains
 
     call remove(file_name)
     call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
-    call check('created anew', .not. allocated(error))
+    call check('created again', .not. allocated(error))
     call writer%write_samples(ramp(0, 10), error)
     call writer%flush(error)
     call check('flushed', .not. allocated(error))
@@ -139,7 +139,7 @@ contains
     call rebuild_hdf5(file_name, 'no/such/folder.h5', 'shown', bookmark, metadata(), columns(), no_guard, error)
     call check_refusal('no place for the new file', error, 'removed or renamed')
     call rebuild_hdf5(file_name, new_name, 'shown', bookmark, metadata(), columns(), no_guard, error)
-    call check('written anew', .not. allocated(error))
+    call check('written again', .not. allocated(error))
     call check('rows up to the bookmark', all(same(read_column('time_series/u_x', new_name), [(2.0_wp*i, i=0, 1999)])))
     call check('events up to the bookmark', all(same(read_column('events/time', new_name), [1.0_wp, 2.0_wp])))
     call check('the new file is unfinished', root_integer('result_code', new_name) == -1)

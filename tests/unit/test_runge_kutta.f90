@@ -334,7 +334,7 @@ contains
     call compare('released at once', 1.0_wp, 'weakening', zero_time, rest, [5.0e-3_wp, 3.0e-6_wp], at_rest, 0.3_wp)
     call compare('pulled back', 1.0_wp, 'weakening', zero_time, one_speed, [-5.0e-3_wp, 0.0_wp], at_rest, 0.1_wp)
     call compare('turn under load', 0.0_wp, 'weakening', zero_time, one_speed, [9.0e-3_wp, 0.0_wp], [0.1_wp, pi], 0.3_wp)
-    call compare('turn with a bend', 1.0_wp, 'weakening', zero_time, one_speed, [5.0e-3_wp, 0.0_wp], [0.1_wp, pi], 0.1_wp)
+    call compare('turn with a curve', 1.0_wp, 'weakening', zero_time, one_speed, [5.0e-3_wp, 0.0_wp], [0.1_wp, pi], 0.1_wp)
     call compare('slow slip under load', 1.0_wp, 'weakening', zero_time, one_speed, [3.0e-3_wp, 0.0_wp], [1.0e-9_wp, 2.0_wp], &
       0.05_wp)
     call compare('slow slip without drive', 1.0_wp, 'weakening', zero_time, rest, at_rest, [1.0e-9_wp, 2.0_wp], 0.05_wp)
