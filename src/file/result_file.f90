@@ -186,8 +186,8 @@ contains
     there = identity_of(checkpoint_name(self%place))
     if (.not. there%exists) return
     if (is_checkpoint(checkpoint_name(self%place))) return
-    call raise(error, file_error, checkpoint_name(self%name)//': cannot write the checkpoint: the file of this name is none of '// &
-      'this program: move it away')
+    call raise(error, file_error, checkpoint_name(self%name)//': cannot write the checkpoint: a file of this name does not '// &
+      'belong to this program: move it away')
   end subroutine check_checkpoint
 
   !> The path at which the file is to be created, or is.

@@ -399,7 +399,7 @@ contains
     if (.not. allocated(error)) return
     lines = 1 + count([(error%text(i:i) == n, i=1, len(error%text))])
     ! stray, range, unknown key, number, quote, empty value, and mu_inf and v_f missing.
-    call check('eight faults in one go'//n//error%text, lines == 8)
+    call check('eight faults at once'//n//error%text, lines == 8)
     call check('in the order of the lines', index(error%text, 'bad.nml:2:') < index(error%text, 'bad.nml:4:') .and. &
                index(error%text, 'bad.nml:4:') < index(error%text, 'bad.nml:5:'))
     call parse_deck(whole//'x', 'bad.nml', [character(13) :: 'system.mass=a', 'friction.mu=0'], deck, error)

@@ -83,7 +83,7 @@ contains
     call delete_file(name)
     call write_file(name//'.checkpoint', 'precious')
     call file%claim(name, .true., error)
-    call check('what is no checkpoint', refused(error, 'none of this program: move it away'))
+    call check('what is no checkpoint', refused(error, 'does not belong to this program: move it away'))
     call check('refusals leave no lock', .not. file_exists(name//'.lock'))
     call remove_all()
   end subroutine test_claim
