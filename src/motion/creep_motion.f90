@@ -70,7 +70,7 @@ contains
     motion%piece%event = stick_begins
   end subroutine new_creep_motion
 
-  !> The range in which the formulas are valid.
+  !> Refuse scenes for which the formulas are not valid.
   subroutine check_range(motion, t_end, error)
     type(creep_motion_t), intent(in) :: motion
     real(wp), intent(in) :: t_end

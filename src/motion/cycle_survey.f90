@@ -33,8 +33,8 @@ module dst_cycle_survey
   !> the first one, and the increase after each failure. Twice: 3 to 17 % more iterations; no change on Fig. 3, four times as many
   !> with k_y = 1e6 N/m; no change.
   real(wp), parameter :: profit = 1.5_wp, first_profit = 20.0_wp, disappointment = 2.0_wp
-  !> Additional points of a table after one had too few: step and largest number; and the ratio of its error to the permitted one up
-  !> to which more points are sure to help. 1.1 instead of 1.05: 2 % more iterations; twice: no change.
+  !> Points of a table over the expected ones, after one had too few, and the largest ratio; and the ratio of its error to the
+  !> permitted one up to which more points are sure to help. 1.1 instead of 1.05: 2 % more iterations; twice: no change.
   real(wp), parameter :: margin = 1.05_wp, most_hardness = 2.5_wp, near_miss = 1000.0_wp
   !> Width of a table: share of the distance to the soft axis, and of that to where sticks are expected to end (half: 40 to 70 %
   !> more iterations), and this many times the range of the run (twice: no change); how it shrinks (0.75 instead of 0.5: 4 to 12 %

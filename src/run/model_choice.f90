@@ -287,21 +287,21 @@ contains
     else if (has_word(fixed_step_methods, scene%method)) then
       text = 'the method has a fixed step, and so no error estimate'
     else if (size(scene%drive_velocity) > 1 .or. .not. abs(scene%drive_velocity(1)) > 0.0_wp) then
-      text = 'the errors of the reduced models are known for a constant drive velocity'
+      text = 'the errors of the reduced models are known only for a constant drive velocity'
     else if (abs(scene%elongation_x) + abs(scene%elongation_y) > 0.0_wp) then
-      text = 'the errors of the reduced models are known for unstretched springs at the start'
+      text = 'the errors of the reduced models are known only for unstretched springs at the start'
     else if (abs(scene%velocity_ratio) > 1.0_wp) then
-      text = 'the errors of the reduced models are known for a slow start'
+      text = 'the errors of the reduced models are known only for a slow start'
     else if (slider%is_damped()) then
-      text = 'the errors of the reduced models are known without dampers'
+      text = 'the errors of the reduced models are known only without dampers'
     else if (.not. falls_exponentially(slider%law)) then
-      text = "the errors of the reduced models are known for the laws 'constant' and 'weakening'"
+      text = "the errors of the reduced models are known only for the laws 'constant' and 'weakening'"
     else if (slider%law%static_limit > slider%law%kinetic_limit) then
-      text = 'the errors of the reduced models are known without a static limit of its own (mu_static)'
+      text = 'the errors of the reduced models are known only without a static limit of its own (mu_static)'
     else if (.not. slider%law%static_limit > 0.0_wp) then
       text = 'without friction there is nothing to reduce'
     else if (.not. slider%along(1) > 0.0_wp .or. .not. abs(slider%along(2)) > 0.0_wp) then
-      text = 'the errors of the reduced models are known for 0 < |misalignment_deg| < 90'
+      text = 'the errors of the reduced models are known only for 0 < |misalignment_deg| < 90'
     else if (slider%stiffness(2) < least_anisotropy*slider%stiffness(1)) then
       text = 'stiffness_y is below 300 stiffness_x'
     else if (largest_delay*abs(slider%along(2)/slider%along(1)) < slider%stiffness(1)/slider%stiffness(2)) then
