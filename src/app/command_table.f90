@@ -79,8 +79,8 @@ module dst_command_table
     command_entry_t('template', '[MODEL]', ours, 'print a deck with every key explained', &
       'Print a deck for MODEL (full) with every key, its unit, range or choices, default and meaning.', &
       'dynstiction template > my.nml'), &
-    command_entry_t('keys', '', ours, 'print every key of a deck, a line each', &
-      'Print every key that a deck may have, a line each: GROUP.KEY, its kind, unit, range or choices and default, and '// &
+    command_entry_t('keys', '', ours, 'print every key of a deck', &
+      'Print every key that a deck may have, one in each line: GROUP.KEY, its kind, unit, range or choices and default, and '// &
       'its meaning, with tabs between the three.', &
       'dynstiction keys | grep velocity'//n//'dynstiction keys --json > dynstiction.json'), &
     command_entry_t('stability', 'DECK...', ours, 'whether steady sliding is stable', &

@@ -110,7 +110,7 @@ contains
     end if
     call builder%line('! A deck of dynstiction, model '//model//': every key, with unit, range or choices, default and meaning.')
     call builder%line('! A key with a default may be left out. Values are those of Fig. 3 of Nakano and Popov (2020).')
-    call builder%line('! One value a key unless it says list; text in quotes; groups and keys in any order.')
+    call builder%line('! One value for each key, unless it says list; text in quotes; groups and keys in any order.')
     do g = 1, word_count(group_names)
       group = word(group_names, g)
       ! Most decks are no sweep.

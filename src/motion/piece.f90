@@ -25,7 +25,7 @@ module dst_piece
     !> Elongation per displacement of the drive, and the axis along which nothing changes, 0 if there is none.
     real(wp) :: drive_coupling(max_components) = 0.0_wp
     integer :: held = 0
-    !> Of slip.
+    !> The motion in slip.
     type(dense_output_t) :: path
   contains
     procedure :: at

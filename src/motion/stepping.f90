@@ -211,8 +211,8 @@ contains
         ': use a larger rtol or another method')
     else
       what = 'the step size fell to '//trim(short_text(self%next_step))//' s without success at'
-      call raise(error, step_underflow, trim(what)//' '//trim(at_time(self%piece%from))//': use another method, and see '// &
-        'whether the parameters are meant')
+      call raise(error, step_underflow, trim(what)//' '//trim(at_time(self%piece%from))//': use another method, and '// &
+        'check the values and units of the parameters')
     end if
   end subroutine give_up
 

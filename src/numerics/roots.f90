@@ -29,7 +29,7 @@ module dst_roots
 
 contains
 
-  !> Where a straight line through both ends has its zero; in floating point perhaps just outside.
+  !> The zero of the straight line through both ends; in floating point perhaps just outside the bracket.
   pure real(wp) function false_position(self) result(x)
     class(bracket_t), intent(in) :: self
 

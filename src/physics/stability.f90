@@ -24,7 +24,7 @@ module dst_stability
   !> Branches of the critical angle: the slow mode, and the fast one.
   integer, parameter :: low_branch = 1, fast_branch = 2
 
-  !> Where in 0 < phi < pi/2 the largest real part of the eigenvalues crosses zero. There are two such
+  !> The angles in 0 < phi < pi/2 at which the largest real part of the eigenvalues crosses zero. There are two such
   !> angles, one for each branch, or none; with dampers there may be one.
   type :: critical_t
     logical :: exists = .false.

@@ -60,10 +60,10 @@ contains
         (sqrt(scene%stiffness_x)*sqrt(scene%mass)))
       if (scene%v_f > far*slip) then
         call note('friction', 'v_f', 'v_f = '//number_text(scene%v_f)//' m/s is far above the velocities of this scene, some '// &
-          number_text(slip)//' m/s: friction hardly falls; v_f is the velocity over which it does')
+          number_text(slip)//' m/s: friction hardly falls; v_f is the velocity over which it falls')
       else if (fastest > far*scene%v_f) then
         call note('drive', 'velocity', 'the drive velocity '//number_text(fastest)//' m/s is far above v_f = '// &
-          number_text(scene%v_f)//' m/s: friction has fallen before, and sliding is steady')
+          number_text(scene%v_f)//' m/s: friction has already fallen, and sliding is steady')
       end if
     end subroutine note_weakening
 

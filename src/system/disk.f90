@@ -227,7 +227,7 @@ contains
     if (descriptor >= 0) then
       reason = 'it is not a regular file: remove it, or use another name'
     else if (c_errno() == dst_enoent) then
-      reason = 'it was removed meanwhile, or its folder was: see who else uses it, and start again'
+      reason = 'it was removed meanwhile, or its folder was: find out which program uses it, and start again'
     else if (c_errno() == dst_eloop) then
       reason = 'it is a symbolic link: remove it, or use another name'
     else
