@@ -156,8 +156,8 @@ contains
     outcome = attempt_t()
   end subroutine attempt_stop
 
-  !> Where the slip turns back, its speed passes through a minimum and friction through its peak, perhaps in such a short time that no
-  !> stage is in it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of the
+  !> Where the slip turns back, its speed passes through a minimum and friction through its peak, perhaps in such a short time that
+  !> no stage is in it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of the
   !> slip velocity of each component [m/s].
   real(wp) function error_of_turns(self, system, drive, from, allowed) result(error)
     class(stepper_t), intent(inout) :: self
