@@ -1,8 +1,8 @@
 !> Laws for where the stick-slip of the slow model begins and ends, without integration in time. docs/closed_laws.md derives them.
 !>
-!> The slow model is m w'' + Phi'(w) w' + k_x (w - V c) = 0 with Phi(w) = F(v) w/v, v = sqrt(w^2 + (V s)^2), c = cos(phi), s =
-!> sin(phi) (dst_low_frequency). Small cycles begin where Phi'(V c) = 0; they are stable if Phi'''(V c) > 0 there, and the Bautin
-!> point is where that changes. With a slow drive, stick-slip ends at a canard; with a fast one, at a fold of nearly harmonic
+!> The slow model is m w'' + Phi'(w) w' + k_x (w - V c) = 0 with Phi(w) = F(v) w/v, v = sqrt(w^2 + (V s)^2), c = cos(phi),
+!> s = sin(phi) (dst_low_frequency). Small cycles begin where Phi'(V c) = 0; they are stable if Phi'''(V c) > 0 there, and the
+!> Bautin point is where that changes. With a slow drive, stick-slip ends at a canard; with a fast one, at a fold of nearly harmonic
 !> oscillations.
 module dst_slow_laws
   use dst_chebyshev, only: chebyshev_points, chebyshev_coefficients, chebyshev_derivative

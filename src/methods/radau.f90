@@ -57,8 +57,8 @@ module dst_radau
   !> Share of the slip speed that stretches a spring to the static limit from which on its axis has its own scale: the estimate
   !> contains a tenth of an oscillation that a long step erases. Twice: the same steps, 2 to 3 times the error.
   real(wp), parameter :: own_share = 0.1_wp
-  !> Permitted error of a turn, in units of rtol. Measured where friction peaks in a turn (tests/python/test_friction_peak.py); Fig.
-  !> 3 has no such turn.
+  !> Permitted error of a turn, in units of rtol. Measured where friction peaks in a turn (tests/python/test_friction_peak.py);
+  !> Fig. 3 has no such turn.
   real(wp), parameter :: turn_allowance = 5.0_wp
 
   !> A point of the step at which the defect of the collocation polynomial is evaluated. Beyond the nodes of the method its weights

@@ -114,8 +114,8 @@ contains
     if (path%s > 0.0_wp) path%log_ratio = log(path%q_1) - log(0.5_wp*path%s)
   end function new_creep_path
 
-  !> The stick before creep, which exists for a finite k_y. With r = sqrt(kappa^2 c^2 + s^2), all quantities are ratios to r, and 1
-  !> - tau_1 and r - s are written as ratios, too: late in the motion the digits of tau that count are those of kappa or s^2.
+  !> The stick before creep, which exists for a finite k_y. With r = sqrt(kappa^2 c^2 + s^2), all quantities are ratios to r, and
+  !> 1 - tau_1 and r - s are written as ratios, too: late in the motion the digits of tau that count are those of kappa or s^2.
   elemental subroutine delay(path)
     type(creep_path_t), intent(inout) :: path
     real(wp) :: r, excess

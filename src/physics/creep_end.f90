@@ -5,15 +5,15 @@
 !> has a maximum, tan^2(theta) = -v F'(v)/F(v): there creep ends and slip begins, unless theta reaches phi before.
 !>
 !> A small oscillation along the stiff axis grows at the rate sigma. Normal to the direction of friction, the turning of the
-!> friction vector resists with F/v, so strongly that the motion there has no inertia; b, the speed along n = (cos theta, sin
-!> theta), remains:
+!> friction vector resists with F/v, so strongly that the motion there has no inertia; the speed b along
+!> n = (cos theta, sin theta) remains:
 !>
 !>     m b' = k_y u_y sin(theta) - F'(v) b,      u_y' = -b sin(theta) - (v k_y cos^2(theta)/F) u_y,
 !>
 !> an oscillation whose growth rate is half the trace, sigma = [-F'(v)/m - v k_y cos^2(theta)/F(v)]/2. It grows while theta is large
-!> and is damped near slip. From the zero of sigma to slip the oscillation decays by exp(-D), D = -(integral of sigma dt), with k_x
-!> u_x' = k_x V sin(theta - phi)/sin(theta) = d(F cos theta)/dt: this is an integral over theta, and no motion is computed. If D is
-!> large, slip is independent of the fast oscillation; if it is small, the oscillation triggers slip, and slow cycles need not
+!> and is damped near slip. From the zero of sigma to slip the oscillation decays by exp(-D), D = -(integral of sigma dt), with
+!> k_x u_x' = k_x V sin(theta - phi)/sin(theta) = d(F cos theta)/dt: this is an integral over theta, and no motion is computed. If D
+!> is large, slip is independent of the fast oscillation; if it is small, the oscillation triggers slip, and slow cycles need not
 !> repeat.
 !>
 !> Source: Nakano & Popov (2020), Eqs. (1)-(4), linearised about creep; docs/theory_stability.md, section 4. SI units.

@@ -1,8 +1,8 @@
 !> Rest in the exact contact: set-valued Coulomb friction (NUMERICS: "rest is part of the model").
 !>
-!> The object sticks while |K u| <= F_s, the static limit; u then follows the drive, u(t) = u_s + D(t) e. It is released when |K u|
-!> = F_s, in the direction of K u, with the acceleration (F_s - F_0)/m; this is zero if F_s is the kinetic limit F_0 = F(0+). If the
-!> object stops with |K u| >= F_s, it does not rest: the motion continues in the direction of K u.
+!> The object sticks while |K u| <= F_s, the static limit; u then follows the drive, u(t) = u_s + D(t) e. It is released when
+!> |K u| = F_s, in the direction of K u, with the acceleration (F_s - F_0)/m; this is zero if F_s is the kinetic limit F_0 = F(0+).
+!> If the object stops with |K u| >= F_s, it does not rest: the motion continues in the direction of K u.
 !>
 !> With dampers C the force on the object at rest is K u + C V e, with the velocity V of the drive, instead of K u. It jumps where V
 !> jumps.
@@ -64,8 +64,8 @@ contains
     if (.not. outward > 0.0_wp) holds = force <= slider%law%static_limit*(1.0_wp + limit_roundoff)
   end function holds
 
-  !> Time [s] from `time` until the stuck object is released, huge if it is not released within the segment. |K (u + D e) + C V e| =
-  !> F_s is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.
+  !> Time [s] from `time` until the stuck object is released, huge if it is not released within the segment.
+  !> |K (u + D e) + C V e| = F_s is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.
   pure real(wp) function release_delay(slider, u, drive, time)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), time

@@ -383,8 +383,8 @@ contains
     damping_ratio = lambda*abs(sin(theta))**3
   end function damping_ratio
 
-  !> The same with the slider's own law: [F'(v) cos^2(theta) + F(v) |sin(theta)|^3/(V sin(phi))]/(2 sqrt(m k_x)) at the slip speed v
-  !> = V sin(phi)/sin(theta) that belongs to the direction of friction.
+  !> The same with the slider's own law: [F'(v) cos^2(theta) + F(v) |sin(theta)|^3/(V sin(phi))]/(2 sqrt(m k_x)) at the slip speed
+  !> v = V sin(phi)/sin(theta) that belongs to the direction of friction.
   subroutine weakening_damping_ratio(slider, velocity, theta, zeta, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity                     !! of the drive, m/s

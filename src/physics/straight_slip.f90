@@ -1,5 +1,5 @@
-!> Slip that keeps the direction n = (cos theta, sin theta) in which it began, with one elongation that follows it. One unknown, y =
-!> v >= 0; along the axis i of that elongation
+!> Slip that keeps the direction n = (cos theta, sin theta) in which it began, with one elongation that follows it. One unknown,
+!> y = v >= 0; along the axis i of that elongation
 !>
 !>     u_i' = V e_i - v n_i,      v' = (K u . n - F(v))/m,
 !>

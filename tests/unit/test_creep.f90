@@ -122,8 +122,8 @@ contains
     call check('points of the integration', points > 1500)
   end subroutine test_integration
 
-  !> The largest relative errors of the closed form at doubles tau along one integration. The unknown is psi, because alpha + phi =
-  !> pi/2 - psi loses its digits at the end.
+  !> The largest relative errors of the closed form at doubles tau along one integration. The unknown is psi, because
+  !> alpha + phi = pi/2 - psi loses its digits at the end.
   subroutine follow(phi, kappa, worst, points)
     real(wp), intent(in) :: phi, kappa
     real(wp), intent(out) :: worst(6)
