@@ -284,7 +284,7 @@ contains
     call run%simulation%outcome(error, outcome)
     if (is_irregular(outcome)) call run%progress%remark('the motion is irregular, its cycles have a distribution and no value: '// &
       'Lyapunov exponent '//number_text(outcome%summary_of('lyapunov_exponent'))//' +- '// &
-      number_text(outcome%summary_of('lyapunov_error'))//' for a slow cycle')
+      number_text(outcome%summary_of('lyapunov_error'))//' per slow cycle')
     call run%writer%finish(outcome, end_error)
     if (.not. allocated(end_error)) call run%file%seal(run%checkpoint%result_checksum, end_error)
     ! A lost file matters more than a stopped run; it does not change the error of a solver that gave up.

@@ -107,7 +107,7 @@ contains
     end select
     if (regularity%slow_cycles > 2 .and. regularity%error < huge(1.0_wp)) then
       call page%row('  Lyapunov exponent', long_text(regularity%exponent)//' +- '// &
-        long_text(regularity%error)//' in a slow cycle, mean over '//integer_text(regularity%slow_cycles))
+        long_text(regularity%error)//' per slow cycle, from '//integer_text(regularity%slow_cycles)//' slow cycles')
     end if
     if (regularity%verdict == regular .or. regularity%cycles < 2) return
     do k = 1, size(cycle_quantities)

@@ -71,7 +71,7 @@ contains
       call raise(error, deck_error, "friction.contact: the cycles of the full model are found only with contact 'exact', "// &
         'which has rest', 'friction.contact')
     else if (slider%law%static_limit > slider%law%kinetic_limit) then
-      call raise(error, deck_error, 'friction.mu_static: cycles are found only without a static limit of its own: '// &
+      call raise(error, deck_error, 'friction.mu_static: cycles are found only without a separate static limit: '// &
         'remove mu_static', 'friction.mu_static')
     else if (cycles%model /= 'full' .and. .not. falls_exponentially(slider%law)) then
       call raise(error, deck_error, "friction.law: cycles of the slow motion are found only with the laws 'constant' and "// &

@@ -517,7 +517,7 @@ def test_static_limit_in_the_plane(method: str, mu_static: float) -> None:
 def test_static_limit_where_it_means_nothing_is_refused() -> None:
     for model in ("low_frequency", "high_frequency", "creep", "creep_asymptotic"):
         assert f"'mu_static' is not used with model {model}" in refusal({"scene": {"model": model}}, friction(mu_static=0.3))
-    with pytest.raises(ds.DeckError, match="found only without a static limit of its own: remove mu_static"):
+    with pytest.raises(ds.DeckError, match="found only without a separate static limit: remove mu_static"):
         ds.cycles(ds.Scene(TEXT, **friction(mu_static=0.3)))
     result = run({"scene": {"model": "auto", "t_end": 0.05}}, friction(mu_static=0.3))
     assert result.attributes["model"] == "full"
