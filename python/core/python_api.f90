@@ -1,8 +1,8 @@
-!> The one flat file that f2py sees: decks, runs, sweeps and locks by handle, and for arrays the equations of motion and slow creep.
+!> The one flat file for f2py: decks, runs, sweeps and locks by handle, and for arrays the equations of motion and slow creep.
 !>
-!> Texts come in as arrays of single characters, since f2py cuts a longer one at a NUL; what goes out is UTF-8, padded with blanks.
-!> What lives on the heap is known by its handle, and is described by named tables and texts: there is no module state, so different
-!> runs may proceed in different threads. Status 0 is success, otherwise a code of dst_errors.
+!> Texts are passed in as arrays of single characters, since f2py cuts a longer one at a NUL; texts that are returned are UTF-8,
+!> padded with blanks. Objects on the heap are accessed by handles, and described by named tables and texts: there is no module
+!> state, so different runs may proceed in different threads. Status 0 is success, otherwise a code of dst_errors.
 module dst_python_api
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
@@ -50,32 +50,32 @@ module dst_python_api
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
   public :: equations, creep, steady_sliding
 
-  !> No text in a table is longer.
+  !> No text in a table is longer than this.
   integer, parameter :: longest_cell = 512
 
-  !> The parameters of a slider in the order of the vectors that the routines for arrays take: in SI units.
+  !> The parameters of a slider in the order of the vectors that the routines for arrays use: in SI units.
   character(*), parameter :: slider_parameters(12) = [character(12) :: 'mass', 'stiffness_x', 'stiffness_y', 'misalignment', &
     'mu_0', 'mu_inf', 'v_f', 'normal_load', 'velocity', 'v_smooth', 'damping_x', 'damping_y']
 
-  !> Texts and numbers (column, row) that say what something holds.
+  !> Texts and numbers (column, row) that describe an object.
   type :: table_t
     character(longest_cell), allocatable :: text(:, :)
     real(wp), allocatable :: number(:, :)
   end type table_t
 
-  !> What lives under a handle: the library itself, or one of the types below.
+  !> The object of a handle: the library itself, or one of the types below.
   type :: session_t
     type(error_t), allocatable :: error
     type(deck_t), allocatable :: deck
-    type(table_t) :: table                   !! the last one that was asked for
-    character(:), allocatable :: text        !! the last one that was asked for
+    type(table_t) :: table                   !! the last one that was requested
+    character(:), allocatable :: text        !! the last one that was requested
     type(lock_t) :: lock                     !! of a result file
   contains
     procedure :: make_table
     procedure :: make_text
   end type session_t
 
-  !> A run with everything that Python may ask of it.
+  !> A run with everything that Python may need of it.
   type, extends(session_t) :: run_t
     type(simulation_t) :: simulation
     type(memory_writer_t) :: writer
@@ -87,7 +87,7 @@ module dst_python_api
     procedure :: make_text => make_run_text
   end type run_t
 
-  !> A sweep. Its threads only read it, but for `stop`; each copies the worker, which is made under the interpreter's lock.
+  !> A sweep. Its threads only read it, except `stop`; each copies the worker, which is made under the interpreter's lock.
   type, extends(session_t) :: sweep_session_t
     type(sweep_t) :: sweep
     type(worker_t) :: worker
@@ -107,7 +107,7 @@ module dst_python_api
     procedure :: make_text => make_cycles_text
   end type cycles_session_t
 
-  !> What a handle points to. (f2py loses its way in a `select type`.)
+  !> The target of a handle. (f2py cannot parse a `select type` in it.)
   type :: holder_t
     class(session_t), pointer :: session => null()
     type(run_t), pointer :: run => null()
@@ -122,7 +122,7 @@ module dst_python_api
 
 contains
 
-  !> What does not depend on a deck: the table 'slider', the texts 'catalogue' (commands, options, keys, columns, ... as JSON),
+  !> Data that do not depend on a deck: the table 'slider', the texts 'catalogue' (commands, options, keys, columns, ... as JSON),
   !> 'version', 'git_revision', 'compiler', 'build_flags', 'host' and 'job'.
   subroutine library_open(handle)
     integer(c_long_long), intent(out) :: handle
@@ -133,8 +133,8 @@ contains
     allocate (holder%session)
   end subroutine library_open
 
-  !> Read a deck and hold it against the schema as a whole, or with `alone` = 1 each value against its own key only. A handle
-  !> is valid until `release`, also on failure; then the text 'message' says why, and the table 'faults' where (line, setting).
+  !> Read a deck and check it against the whole schema, or with `alone` = 1 each value against its own key only. A handle is valid
+  !> until `release`, also on failure; then the text 'message' says why, and the table 'faults' where (line, setting).
   subroutine deck_open(n_deck, deck, n_name, name, n_settings, settings, alone, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings, alone
     character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
@@ -149,7 +149,7 @@ contains
     status = status_of(holder%session)
   end subroutine deck_open
 
-  !> Take the lock of a result file, until `release`; or else the text 'message' says who has it.
+  !> Take the lock of a result file, until `release`; otherwise the text 'message' says which process has it.
   subroutine lock_open(n_path, path, handle, status)
     integer(c_int), intent(in) :: n_path
     character(len=1), intent(in) :: path(n_path)
@@ -166,14 +166,14 @@ contains
     status = status_of(holder%session)
   end subroutine lock_open
 
-  !> Read a deck (text, name for messages, overrides 'group.key=value' one a line) and get ready to run.
+  !> Read a deck (text, name for messages, overrides 'group.key=value', one in each line) and prepare the run.
   subroutine run_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings
     character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
     integer(c_long_long), intent(out) :: handle
     integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe: gfortran keeps lengths of text results in static storage, so decks are read
-    ! one at a time, under the interpreter's lock.
+    ! Not f2py threadsafe: gfortran keeps lengths of text results in static storage, so decks are read one at a time, under the
+    ! interpreter's lock.
     type(holder_t), pointer :: holder
     type(run_t), pointer :: run
     type(scene_t) :: scene
@@ -193,9 +193,9 @@ contains
     status = status_of(run)
   end subroutine run_open
 
-  !> Read a deck and the parameters that are varied: their names one a line, the number of values of each, all values one
-  !> after the other. Without names the deck's own &sweep is taken. `is_list` = 1: the values of a case have the same place;
-  !> `found_list` says so of the deck's own. `at_once` cases run side by side.
+  !> Read a deck and the parameters that are varied: their names, one in each line, the number of values of each, all values one
+  !> after the other. Without names the deck's own &sweep is used. `is_list` = 1: the values of a case have the same place;
+  !> `found_list` says this about the deck's own. `at_once` cases run side by side.
   subroutine sweep_open(n_deck, deck, n_name, name, n_settings, settings, n_names, names, n_axes, sizes, n_values, values, &
                         is_list, handle, cases, at_once, found_list, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_names, n_axes, n_values, is_list
@@ -247,8 +247,8 @@ contains
     found_list = merge(1_c_int, 0_c_int, self%sweep%is_list)
   end subroutine sweep_open
 
-  !> Read a deck and find its limit cycles, those of `model` or, if that is blank, of the deck's own, under its first drive velocity
-  !> that is held and is not 0.
+  !> Read a deck and find its limit cycles, those of `model` or, if that is blank, of the deck's own model, under its first drive
+  !> velocity that is kept for some time and is not 0.
   subroutine cycles_open(n_deck, deck, n_name, name, n_settings, settings, n_model, model, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_model
     character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), model(n_model)
@@ -265,7 +265,7 @@ contains
     status = status_of(self)
   end subroutine cycles_open
 
-  !> Read a deck and find where its stick-slip ends, under its first drive velocity that is held and is not 0.
+  !> Read a deck and find where its stick-slip ends, under its first drive velocity that is kept for some time and is not 0.
   subroutine ends_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings
     character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
@@ -285,9 +285,9 @@ contains
     status = status_of(self)
   end subroutine ends_open
 
-  !> Read a deck and find the linear theory of its steady sliding, under its first drive velocity that is held and is not 0. The
-  !> table 'steady' has in one row this velocity [m/s], the misalignment [rad], and what `steady_sliding` has of 'eigenvalues' and
-  !> 'critical'.
+  !> Read a deck and find the linear theory of its steady sliding, under its first drive velocity that is kept for some time and is
+  !> not 0. The table 'steady' has in one row this velocity [m/s], the misalignment [rad], and the values of `steady_sliding` for
+  !> 'eigenvalues' and 'critical'.
   subroutine steady_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings
     character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
@@ -317,7 +317,7 @@ contains
       merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, limit]
   end subroutine steady_open
 
-  !> A session with the scene of a deck, and the drive velocity [m/s] that it is looked at with.
+  !> A session with the scene of a deck, and the drive velocity [m/s] for which it is treated.
   subroutine open_steady_scene(deck, name, settings, handle, self, scene, velocity)
     character(*), intent(in) :: deck, name, settings
     integer(c_long_long), intent(out) :: handle
@@ -374,7 +374,7 @@ contains
     n_bytes = max(1_c_int, int(maxval(len_trim(held%session%table%text)), c_int))
   end subroutine table_size
 
-  !> The table whose sizes have been asked for last: texts and numbers (column, row).
+  !> The table whose sizes were requested last: texts and numbers (column, row).
   subroutine table(handle, n_rows, n_texts, n_numbers, n_bytes, texts, numbers)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: n_rows, n_texts, n_numbers, n_bytes
@@ -399,7 +399,7 @@ contains
     n_bytes = int(len(held%session%text), c_int)
   end subroutine text_size
 
-  !> The text whose size has been asked for last.
+  !> The text whose size was requested last.
   subroutine text(handle, n_bytes, content)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: n_bytes
@@ -410,7 +410,7 @@ contains
     content = held%session%text
   end subroutine text
 
-  !> Free what the handle stands for; it is void afterwards.
+  !> Free the object of a handle; the handle is invalid afterwards.
   subroutine release(handle)
     integer(c_long_long), intent(in) :: handle
     type(holder_t), pointer :: held
@@ -428,7 +428,7 @@ contains
     call c_f_pointer(address_of(handle), holder)
   end function holder_of
 
-  !> What Python keeps for an address, and back.
+  !> Conversion between an address and the number that Python keeps for it.
   pure integer(c_long_long) function handle_of(address)
     type(c_ptr), intent(in) :: address
 
@@ -450,7 +450,7 @@ contains
     table%number = 0.0_wp
   end subroutine new_table
 
-  !> Tables of every session: 'slider', 'faults', and of a deck 'values'.
+  !> Tables of every session: 'slider', 'faults', and for a deck 'values'.
   subroutine make_table(self, which)
     class(session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -476,7 +476,7 @@ contains
     end select
   end subroutine make_table
 
-  !> Group, key and value of every key that is given: a text, or a number. A list has a row for each of its values.
+  !> Group, key and value of every key that is set: a text, or a number. A list has a row for each of its values.
   subroutine make_table_of_values(deck, table)
     type(deck_t), intent(in) :: deck
     type(table_t), intent(out) :: table
@@ -504,8 +504,8 @@ contains
 
   end subroutine make_table_of_values
 
-  !> Also 'columns', 'parameters', of which a text has the second number 1, 'summary', and 'statistics', of which a counter has it,
-  !> as far as the run has come.
+  !> Also 'columns', 'parameters', in which a text has the second number 1, 'summary', and 'statistics', in which a counter has it,
+  !> as far as the run has proceeded.
   subroutine make_run_table(self, which)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -543,8 +543,8 @@ contains
     end select
   end subroutine make_run_table
 
-  !> Also 'axes' with the numbers of their values, the values of all 'points' one axis after the other, 'quantities' of a case, and
-  !> those of its 'cycles', with how many are kept.
+  !> Also 'axes' with the numbers of their values, the values of all 'points', one axis after the other, 'quantities' of a case, and
+  !> those of its 'cycles', with the number of cycles that are kept.
   subroutine make_sweep_table(self, which)
     class(sweep_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -582,9 +582,9 @@ contains
     end select
   end subroutine make_sweep_table
 
-  !> Also 'cycle_quantities', the values of all 'cycles' (a row each, the last one whether it is stable), 'sliding' (load, whether
-  !> it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict' (with exponent,
-  !> error, slow cycles, cycles), and 'ends', a number with a name each: what does not exist is left out.
+  !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), 'sliding'
+  !> (load, whether it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict'
+  !> (with exponent, error, slow cycles, cycles), and 'ends', one number with a name each: values that do not exist are omitted.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -739,7 +739,8 @@ contains
     end select
   end subroutine make_text
 
-  !> Also 'model', 'method', why model 'auto' is that one: 'model_choice', and what the samples will not show: 'sampling_note'.
+  !> Also 'model', 'method', the reason for the choice of model 'auto': 'model_choice', and what the samples will not show:
+  !> 'sampling_note'.
   subroutine make_run_text(self, which)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -758,7 +759,7 @@ contains
     end select
   end subroutine make_run_text
 
-  !> The deck is that of the sweep, with the values that it settles.
+  !> The deck is that of the sweep, with the values that it determines.
   subroutine make_sweep_text(self, which)
     class(sweep_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -770,8 +771,8 @@ contains
     end if
   end subroutine make_sweep_text
 
-  !> Integrate for at most `seconds` of wall time [s] or until the simulated time `until` [s] has been `reached`; rows and
-  !> events now wait to be taken. `status` is the result code of a run that has ended.
+  !> Integrate for at most `seconds` of wall time [s] or until the simulated time `until` [s] has been `reached`; rows and events
+  !> can then be fetched. `status` is the result code of a run that has ended.
   subroutine run_advance(handle, seconds, until, finished, reached, n_rows, n_events, status)
     integer(c_long_long), intent(in) :: handle
     real(c_double), intent(in) :: seconds, until
@@ -788,7 +789,7 @@ contains
     status = status_of(held%run)
   end subroutine run_advance
 
-  !> What a sample at `time` [s] would hold, within the last advance.
+  !> The values of a sample at `time` [s], within the last advance.
   subroutine run_state(handle, time, n_columns, state)
     integer(c_long_long), intent(in) :: handle
     real(c_double), intent(in) :: time
@@ -812,7 +813,7 @@ contains
     time = real(held%run%simulation%motion%piece%to%time, c_double)
   end subroutine run_time
 
-  !> Take samples at these instants [s] from now on, not at equal distances: from 0 to the end, one for each sample so far at least.
+  !> Sample at these instants [s] from now on, not at equal intervals: from 0 to the end, with at least one for each sample so far.
   subroutine run_instants(handle, n, instants)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: n
@@ -826,13 +827,14 @@ contains
     call move_alloc(taken, held%run%simulation%instants)
   end subroutine run_instants
 
-  !> Take the waiting samples (row, column).
+  !> Fetch the waiting samples (row, column).
   subroutine run_samples(handle, n_columns, n_rows, samples)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: n_columns, n_rows
     real(c_double), intent(out) :: samples(n_rows, n_columns)
     type(holder_t), pointer :: held
-    !> Rows that fit into a processor's nearest memory: turned all at once, a long run's samples would take longer than its Python.
+    !> Number of rows that fit into a processor's cache: if all were transposed at once, this would take longer than the rest of
+    !> Python's work.
     integer, parameter :: block_rows = 128
     integer :: first, last
 
@@ -844,7 +846,7 @@ contains
     held%run%writer%rows = 0
   end subroutine run_samples
 
-  !> Take the waiting events: time [s] and kind (1 = stick begins, 2 = slip begins).
+  !> Fetch the waiting events: time [s] and kind (1 = stick begins, 2 = slip begins).
   subroutine run_events(handle, n_events, time, kind)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: n_events
@@ -903,7 +905,7 @@ contains
     end do
   end subroutine sweep_run
 
-  !> Give up what is under way.
+  !> Discard the cases in progress.
   subroutine sweep_stop(handle)
     integer(c_long_long), intent(in) :: handle
     type(holder_t), pointer :: held
@@ -922,7 +924,7 @@ contains
 
   !> Equations (1)-(5) at n states (u_x, u_y, w_x, w_y) [m, m/s]; `slider` as `slider_parameters`. With one column: the right-hand
   !> side, their time derivatives. With four: its Jacobian, of equation i by unknown j at (i, j). Without smoothing the friction has
-  !> no value at w = 0; the caller excludes it.
+  !> no value at w = 0, which the caller has to exclude.
   subroutine equations(slider, n, state, n_columns, values)
     integer(c_int), intent(in) :: n, n_columns
     real(c_double), intent(in) :: slider(12), state(4, n)
@@ -950,10 +952,10 @@ contains
     end do
   end subroutine equations
 
-  !> Creep at n points; phi [rad] and kappa have one value each point or one for all. Of the form 'exact' values(:, k) are alpha,
-  !> theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. Others are X'/V after Eq. (8): 'first_power', 'printed', 'third_order'.
-  !> fault: 0, or what the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
-  !> 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0, 5 0 <= tau < 1 after Eq. (8).
+  !> Creep at n points; phi [rad] and kappa have one value for each point or one for all. For the form 'exact' values(:, k) are
+  !> alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. For others they are X'/V from Eq. (8): 'first_power', 'printed',
+  !> 'third_order'. fault: 0, or the condition that the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
+  !> 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0, 5 0 <= tau < 1 for Eq. (8).
   subroutine creep(form, n, tau, n_phi, phi, n_kappa, kappa, n_values, values, point, fault)
     character(len=*), intent(in) :: form
     integer(c_int), intent(in) :: n, n_phi, n_kappa, n_values
@@ -973,7 +975,7 @@ contains
     fault = 0
     do i = 1, n
       point = int(i, c_int)
-      ! Not `>`: a NaN must get in.
+      ! Not `>`: a NaN must be found, too.
       if (.not. (abs(phi(min(i, n_phi)) - angle) <= 0.0_wp .and. abs(kappa(min(i, n_kappa)) - ratio) <= 0.0_wp)) then
         angle = phi(min(i, n_phi))
         ratio = kappa(min(i, n_kappa))
@@ -1007,14 +1009,14 @@ contains
     end do
   end subroutine creep
 
-  !> Linear theory for n sliders as in `equations`: values (value, slider), as `what` asks.
+  !> Linear theory for n sliders as in `equations`: values (value, slider), for the request `what`.
   !> 'eigenvalues' of steady sliding [1/s]: four real parts, four imaginary parts, by falling real part.
-  !> 'critical' misalignment, whatever a slider's own: whether each branch has one (0/1), two angles [rad], frequencies [rad/s] of
-  !> the low and the fast branch, stable window [rad], rigid limit of the low branch [rad].
+  !> 'critical' misalignment; the slider's own is ignored: whether each branch has one (0/1), two angles [rad], frequencies [rad/s]
+  !> of the low and the fast branch, stable window [rad], rigid limit of the low branch [rad].
   !> 'creep_end': whether slow creep ends in slip (0/1), the angle of friction there [rad], slip speed [m/s], load [N], decay D.
-  !> 'damping' ratio of the slow motion at the angles `theta` [rad]: Eq. (10), with friction held at mu_0 W; 'weakening': with the
-  !> law's own friction.
-  !> On failure `failed` is the first slider (from 1) that has none, and `message` says why.
+  !> 'damping' ratio of the slow motion at the angles `theta` [rad]: Eq. (10), with friction constant at mu_0 W; 'weakening': with
+  !> the law's own friction.
+  !> On failure `failed` is the first slider (from 1) without a result, and `message` says why.
   subroutine steady_sliding(what, n, sliders, theta, n_values, values, failed, message)
     character(len=*), intent(in) :: what
     integer(c_int), intent(in) :: n, n_values
@@ -1059,7 +1061,7 @@ contains
         if (.not. allocated(error)) call low_frequency_limit(slider, velocity, value, error)
         found = real([merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, value], c_double)
       else if (what == 'creep_end') then
-        ! It asks for what steady sliding asks for.
+        ! It has the same requirements as steady sliding.
         call low_frequency_limit(slider, velocity, value, error)
         if (.not. allocated(error)) end = creep_end(slider, velocity)
         found = real([merge(1.0_wp, 0.0_wp, end%exists), end%angle, end%speed, end%load, end%decay], c_double)
@@ -1077,7 +1079,7 @@ contains
     end subroutine evaluate
   end subroutine steady_sliding
 
-  !> What a deck's reader would refuse, or what cannot be multiplied and squared to make a slider.
+  !> Sliders that a deck's reader would refuse, or whose numbers are out of range for products and squares.
   subroutine check_parameters(values, error)
     real(wp), intent(in) :: values(12)
     type(error_t), allocatable, intent(out) :: error

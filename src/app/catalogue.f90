@@ -1,5 +1,5 @@
-!> Everything that the program and its results have names for, as JSON: commands, options, exit statuses, keys of a deck, columns,
-!> summary values, statistics. `dynstiction keys --json` prints it; manual page, documentation and Python package read it.
+!> All names that the program and its results use, as JSON: commands, options, exit statuses, keys of a deck, columns, summary
+!> values, statistics. `dynstiction keys --json` prints it; the manual page, the documentation and the Python package read it.
 module dst_catalogue
   use dst_command_line, only: usage_of
   use dst_command_table, only: command_entry_t, option_t, the_program, commands, options, exit_statuses, options_of
@@ -80,7 +80,7 @@ contains
       of_words(option%commands)//', "times": '//quoted(option%times)//', "meaning": '//quoted(option%meaning)//'}'
   end function of_option
 
-  !> Of a key; its default as in a deck, null where it has none. `models`: with which it can be used; `used_by`: what else it needs.
+  !> A key; its default as in a deck, null if it has none. `models`: those that can use it; `used_by`: the other conditions.
   function of_key(i) result(text)
     integer, intent(in) :: i
     character(:), allocatable :: text, default, models, used_by
@@ -131,7 +131,7 @@ contains
     text = '['//text(min(3, len(text) + 1):)//']'
   end function of_words
 
-  !> A string of JSON, without blanks at its end.
+  !> A JSON string, without trailing blanks.
   pure function quoted(text) result(string)
     character(*), intent(in) :: text
     character(:), allocatable :: string

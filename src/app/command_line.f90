@@ -1,4 +1,4 @@
-!> The command line: its words, its help, by the table dst_command_table. What the commands do is the main program's matter.
+!> The command line: its words and its help, from the table in dst_command_table. The main program carries out the commands.
 module dst_command_line
   use dst_command_table, only: command_entry_t, option_t, the_program, commands, options, exit_statuses, find_command, &
     find_option, command_names, options_of, is_option_of, operand_of
@@ -19,18 +19,18 @@ module dst_command_line
     character(:), allocatable :: text
   end type argument_t
 
-  !> A command as understood, with its options.
+  !> A parsed command with its options.
   type :: command_t
-    character(:), allocatable :: name              !! one of the table, version or help
+    character(:), allocatable :: name              !! a name of the table, version or help
     character(:), allocatable :: output            !! of -o; '' = not given
-    type(argument_t), allocatable :: operands(:)   !! decks, result files, or the template's model
+    type(argument_t), allocatable :: operands(:)   !! decks, result files, or the model of the template
     type(argument_t), allocatable :: settings(:)   !! of --set
     character(:), allocatable :: quantity          !! of --quantity; '' = not given
     real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
     real(wp) :: budget = 10.0_wp                   !! of --budget, s
     type(share_wish_t) :: share                    !! of --shard and --redivide
-    character(:), allocatable :: given             !! names of all options that are given, blank-separated
-    !> Of --vary: how many, and the lists of &sweep that they make; whether the command was 'sweep', which is now 'run'.
+    character(:), allocatable :: given             !! names of all options given, blank-separated
+    !> For --vary: their number, and the lists of &sweep that they make; whether the command was 'sweep', which is now 'run'.
     integer :: variations = 0
     character(:), allocatable :: swept_keys, swept_first, swept_last, swept_count, swept_spacing
     logical :: is_quick_sweep = .false.
@@ -40,9 +40,9 @@ module dst_command_line
 
   character, parameter :: n = achar(10)
   character(*), parameter :: see_help = ', see dynstiction --help'
-  !> The page of help that is on no command.
+  !> The page of help that is not about a command.
   character(*), parameter :: errors_topic = 'errors'
-  !> Columns of the help: the longest line, the meaning of an option, and that of a command.
+  !> Columns of the help: the longest line, the meaning of an option, and the meaning of a command.
   integer, parameter :: widest = 110, option_column = 25, command_column = 42
 
 contains
@@ -60,7 +60,7 @@ contains
     end do
   end function program_arguments
 
-  !> Whether the command is one that Python carries out: it comes first.
+  !> Whether the command, which comes first, is one that Python carries out.
   pure logical function is_python_command(arguments)
     type(argument_t), intent(in) :: arguments(:)
 
@@ -68,7 +68,7 @@ contains
     if (size(arguments) > 0) is_python_command = has_word(command_names(of_python=.true.), arguments(1)%text)
   end function is_python_command
 
-  !> Understand the arguments; a fault of usage goes to `error`.
+  !> Parse the arguments; a fault of usage goes to `error`.
   subroutine parse_arguments(arguments, command, error)
     type(argument_t), intent(in) :: arguments(:)
     type(command_t), intent(out) :: command
@@ -105,7 +105,7 @@ contains
     if (command%name == 'sweep' .and. .not. (allocated(error) .or. command%has('--help'))) call become_run(command)
   end subroutine parse_arguments
 
-  !> Append a word. An array constructor would do it, but with gfortran 12 loses the memory of the copies.
+  !> Append a word. An array constructor would do it, but with gfortran 12 it leaks the memory of the copies.
   pure subroutine append(words, text)
     type(argument_t), allocatable, intent(inout) :: words(:)
     character(*), intent(in) :: text
@@ -128,7 +128,7 @@ contains
     has = has_word(self%given, option)
   end function has
 
-  !> The option at `i`, and its value, on which `i` then stands.
+  !> Parse the option at `i` and its value; `i` then is the place of the value.
   subroutine take_option(arguments, i, command, error)
     type(argument_t), intent(in) :: arguments(:)
     integer, intent(inout) :: i
@@ -181,7 +181,7 @@ contains
     command%given = trim(adjustl(command%given//' '//option))
   end subroutine take_option
 
-  !> The name by which the table has an option.
+  !> The name of an option in the table.
   pure function usual_name(option) result(name)
     character(*), intent(in) :: option
     character(:), allocatable :: name
@@ -221,7 +221,7 @@ contains
       problem = "has no '='"
     else if (word_count(words) < 3 .or. word_count(words) > 4 .or. count([(text(i:i) == ':', i=1, len(text))]) &
              /= word_count(words) - 1) then
-      problem = 'has not the parts FIRST:LAST:COUNT'
+      problem = 'does not have the parts FIRST:LAST:COUNT'
     else if (.not. has_word('linear log', spacing)) then
       problem = "has the unknown spacing '"//excerpt(spacing)//"'"
     else
@@ -256,7 +256,7 @@ contains
     command%swept_spacing = command%swept_spacing//trim(comma)//"'"//spacing//"'"
   end subroutine take_variation
 
-  !> A sweep of a deck is a run of the deck with the group &sweep that the variations make.
+  !> A sweep of a deck is a run of the deck with the group &sweep that the options --vary make.
   subroutine become_run(command)
     type(command_t), intent(inout) :: command
 
@@ -290,7 +290,7 @@ contains
       call raise(error, usage_error, option//" '"//excerpt(value)//"' "//problem//': give a number > 0, like '//example)
   end subroutine take_number
 
-  !> Fortran's files have no names that end with a blank: another file would be meant.
+  !> Fortran cannot use names of files that end with a blank: it would use another file.
   subroutine check_file_name(name, error)
     character(*), intent(in) :: name
     type(error_t), allocatable, intent(out) :: error
@@ -312,7 +312,7 @@ contains
     if (names_file(schema(k))) call check_file_name(setting(equals + 1:), error)
   end subroutine check_named_file
 
-  !> What to write instead of an option that nobody, or another command, has.
+  !> What to write instead of an option that no command, or only another command, has.
   function unknown_option_text(command, option) result(text)
     character(*), intent(in) :: command, option
     character(:), allocatable :: text
@@ -339,7 +339,7 @@ contains
     end if
   end function unknown_text
 
-  !> Whether the command exists, takes these options, and has the operands it needs.
+  !> Whether the command exists, takes these options, and has the operands that it needs.
   subroutine check_command(command, error)
     type(command_t), intent(in) :: command
     type(error_t), allocatable, intent(out) :: error
@@ -364,7 +364,7 @@ contains
     end if
   end subroutine check_command
 
-  !> Help is on a command, on errors, or on the program.
+  !> The help is about a command, about errors, or about the program.
   subroutine check_topic(command, all_commands, error)
     type(command_t), intent(in) :: command
     character(*), intent(in) :: all_commands
@@ -422,14 +422,14 @@ contains
     else if (command%share%redivide .and. .not. command%share%is_given) then
       call raise(error, usage_error, '--redivide without --shard: give the new division, like --shard 3/16')
     else if (command%quantity /= '' .and. .not. command%accuracy > 0.0_wp) then
-      call raise(error, usage_error, '--quantity without --accuracy: give the accuracy that it shall have')
+      call raise(error, usage_error, '--quantity without --accuracy: give the accuracy it must have')
     else if (size(command%operands) > 1 .and. command%output /= '') then
       call raise(error, usage_error, '-o names one file but several decks are given: run them one by one, '// &
                  'or let each deck name its output')
     end if
   end subroutine check_operands
 
-  !> The settings as the deck reader takes them.
+  !> The settings in the form that the deck reader uses.
   function setting_list(command) result(settings)
     type(command_t), intent(in) :: command
     character(:), allocatable :: settings(:)
@@ -513,7 +513,7 @@ contains
     text = text//n//trim(the_program%meaning)//n//one_per_line(trim(the_program%examples), '  ')
   end function overview
 
-  !> A line, or several: '  name   meaning', the meaning from `column` on.
+  !> One or several lines: '  name   meaning', with the meaning from `column` on.
   pure subroutine put_row(text, name, meaning, column)
     character(:), allocatable, intent(inout) :: text
     character(*), intent(in) :: name, meaning
@@ -536,7 +536,7 @@ contains
     end do
   end subroutine put_words
 
-  !> A piece, on the last line of the text if it has room, otherwise on a new one that is indented.
+  !> Append a piece to the last line of the text if it fits there, otherwise to a new line that is indented.
   pure subroutine put(text, piece, indent)
     character(:), allocatable, intent(inout) :: text
     character(*), intent(in) :: piece

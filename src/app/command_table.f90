@@ -1,6 +1,6 @@
-!> The one table of commands, options and exit statuses: parsing, help, completion, manual page and documentation follow from it.
+!> The one table of commands, options and exit statuses: parsing, help, completion, manual page and documentation are made from it.
 !>
-!> A command of Python is carried out by the Python package, whose parser takes its operands and options from here too.
+!> A command of Python is carried out by the Python package, whose parser also takes its operands and options from here.
 module dst_command_table
   use dst_text, only: name_width, meaning_width, has_word, word
   implicit none
@@ -14,19 +14,19 @@ module dst_command_table
     character(name_width) :: name
     character(name_width) :: operands    !! 'DECK...', one or more; '[MODEL]', one or none; '' = none
     logical :: of_python
-    character(72) :: brief               !! in one line
+    character(72) :: brief               !! in a few words
     character(640) :: meaning
-    character(256) :: examples           !! one a line
+    character(256) :: examples           !! one in each line
   end type command_entry_t
 
   !> An option; one that takes several kinds of values has an entry for each.
   type :: option_t
     character(name_width) :: name
-    character(name_width) :: argument    !! what follows, in capitals, or the words one of which follows: 'png|pdf'; '' = nothing
+    character(name_width) :: argument    !! what follows, in capitals, or the words of which one follows: 'png|pdf'; '' = nothing
     character(meaning_width) :: commands   !! that take it; '' = the program itself
-    character :: times                   !! may it be given? '?': once, '*': any number of times; '1': it must be
+    character :: times                   !! how often it is given. '?': at most once, '*': any number of times; '1': once
     character(192) :: meaning
-    character(64) :: lacking             !! the argument: what is missing, and what would be right
+    character(64) :: lacking             !! the argument: what is missing, and what to write
   end type option_t
 
   !> An exit status of the program.
@@ -38,7 +38,7 @@ module dst_command_table
   character, parameter :: n = achar(10)
   logical, parameter :: ours = .false., python = .true.
 
-  !> What the help says of the program as a whole.
+  !> The parts of the help that are about the program as a whole.
   type(command_entry_t), parameter :: the_program = command_entry_t('', '', ours, &
     'stick-slip of a spring-slider with misaligned anisotropic stiffness', &
     'A DECK is a Fortran namelist file; SI units, angles in degrees. Start from the template:', &
@@ -50,7 +50,7 @@ module dst_command_table
       'Run each deck and write its results to an HDF5 file: FILE, else output.file of the deck, else the deck''s name with .h5 '// &
       'in the current directory. All decks are checked before the first runs. Ctrl-C, SIGTERM, SIGUSR1 and output.wall_limit '// &
       'stop the run with a checkpoint: dynstiction resume continues it. A deck with &sweep runs all its cases, on all cores; '// &
-      'started again after a stop or a kill, it runs those that are left.', &
+      'started again after a stop or a kill, it runs the remaining cases.', &
       'dynstiction run inputs/fig3.nml'//n// &
       'dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
       'dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'), &
@@ -61,9 +61,9 @@ module dst_command_table
       'dynstiction sweep my.nml --vary system.misalignment_deg=0.5:20:40'//n// &
       'dynstiction sweep my.nml --vary drive.velocity=1e-4:1e-1:30:log -o velocity.h5'), &
     command_entry_t('resume', 'FILE.h5...', ours, 'continue a run that was stopped or killed', &
-      'Continue a run that was stopped or killed from the checkpoint beside its result file, FILE.h5.checkpoint. '// &
-      'The deck is that in FILE.h5. The finished file holds the same numbers as that of a run without a stop, '// &
-      'but for the wall time.', &
+      'Continue a run that was stopped or killed from the checkpoint next to its result file, FILE.h5.checkpoint. '// &
+      'The deck is that in FILE.h5. The finished file has the same numbers as the file of a run without a stop, '// &
+      'except the wall time.', &
       'dynstiction resume fig3.h5'), &
     command_entry_t('merge', 'DECK...', ours, 'join the shards of a sweep', &
       'Write the finished cases of a sweep from its shards FILE.shard-* to FILE. Deck, -o and --set are those of the run. '// &
@@ -72,71 +72,71 @@ module dst_command_table
       'dynstiction merge inputs/map_lambda.nml -o map_lambda.h5'), &
     command_entry_t('check', 'DECK...', ours, 'print the deck as used, run nothing', &
       'Check each deck, print it with every key as used, marked user or default, and run nothing. '// &
-      'What is printed is a deck itself. All faults of a deck are reported in one go, also that its results '// &
-      'need more room than the disk has. What passes runs.', &
+      'The output is a deck itself. All faults of a deck are reported at once, also if its results '// &
+      'need more room than the disk has. A deck that passes will run.', &
       'dynstiction check inputs/fig3.nml'//n// &
       'dynstiction check inputs/fig3.nml --set integrator.method=dopri5 > complete.nml'), &
     command_entry_t('template', '[MODEL]', ours, 'print a deck with every key explained', &
       'Print a deck for MODEL (full) with every key, its unit, range or choices, default and meaning.', &
       'dynstiction template > my.nml'), &
-    command_entry_t('keys', '', ours, 'print every key of a deck, a line each', &
-      'Print every key that a deck may have, a line each: GROUP.KEY, its kind, unit, range or choices and default, and '// &
+    command_entry_t('keys', '', ours, 'print every key of a deck', &
+      'Print every key that a deck may have, one in each line: GROUP.KEY, its kind, unit, range or choices and default, and '// &
       'its meaning, with tabs between the three.', &
       'dynstiction keys | grep velocity'//n//'dynstiction keys --json > dynstiction.json'), &
     command_entry_t('stability', 'DECK...', ours, 'whether steady sliding is stable', &
       'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment '// &
       'angles, and the damping of the slow motion (Lambda, zeta, theta*); and where stick-slip ends, in the misalignment '// &
-      'and in the velocity, and where both are stable. Of a drive with several velocities, '// &
-      'each one that is held and is not 0 is treated. No file is written.', &
+      'and in the velocity, and where both are stable. For a drive with several velocities, '// &
+      'each one that is kept for some time and is not 0 is treated. No file is written.', &
       'dynstiction stability inputs/fig3.nml'//n// &
       'dynstiction stability inputs/fig3.nml --set system.misalignment_deg=10'), &
     command_entry_t('cycles', 'DECK...', ours, 'every limit cycle of a scene', &
       'Print every limit cycle of the scene, stable and unstable: period, peak, valley, swing, slip length, and the '// &
-      'logarithm of its multiplier; beside them steady sliding with its eigenvalues, and from where it is reached. Of a '// &
-      'drive with several velocities, each one that is held and is not 0 is treated. No file is written.', &
+      'logarithm of its multiplier; also steady sliding with its eigenvalues, and from where it is reached. For a '// &
+      'drive with several velocities, each one that is kept for some time and is not 0 is treated. No file is written.', &
       'dynstiction cycles inputs/fig3.nml'//n// &
       'dynstiction cycles inputs/fig3.nml --set drive.velocity=0.075 --set system.misalignment_deg=3.5'), &
     command_entry_t('trade', 'DECK', ours, 'measured error against cost of methods and models', &
       'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing '// &
-      'velocities, against a reference whose own error is estimated. Prints a table, also of what failed or was '// &
-      'skipped, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current directory; '// &
-      'dynstiction plot FILE draws it. The Python package does both.', &
+      'velocities, against a reference whose own error is estimated. Prints a table, which includes settings that '// &
+      'failed or were skipped, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current '// &
+      'directory; dynstiction plot FILE draws it. The Python package does both.', &
       'dynstiction trade inputs/fig3.nml --accuracy 1e-4'//n// &
       'dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantity period --budget 3 --quiet'), &
-    command_entry_t('show', 'FILE...', ours, 'what a result holds, how far a sweep has come', &
-      'Print what each file holds: of a run model, method and summary, of a sweep what varies and the ranges, of a deck what '// &
-      'it asks for. Of a sweep that is not at its end, print '// &
-      'from its shards FILE.h5.shard-* how many cases are done, and of each shard its part, its times, and whether a '// &
-      'process is writing it; FILE.h5 itself need not be there yet. Nothing is changed, and nobody is disturbed.', &
+    command_entry_t('show', 'FILE...', ours, 'contents of a result, progress of a sweep', &
+      'Print the contents of each file: for a run its model, method and summary, for a sweep its parameters and the ranges of '// &
+      'its results, for a deck the run that it describes. For an unfinished sweep, print '// &
+      'from its shards FILE.h5.shard-* how many cases are done, and for each shard its part, its times, and whether a '// &
+      'process is writing it; FILE.h5 itself need not exist yet. Nothing is changed, and no process is disturbed.', &
       'dynstiction show map_lambda.h5'), &
     command_entry_t('plot', 'FILE.h5...', python, 'draw a result file, or several side by side', &
-      'Draw a result file; of several runs one figure that compares them. A run with many cycles is drawn up to its first '// &
-      'ones, unless --from or --to is given. Prints the file it wrote.', &
+      'Draw a result file, or one figure that compares several runs. Of a run with many cycles only the first ones are '// &
+      'drawn, unless --from or --to is given. Prints the file it wrote.', &
       'dynstiction plot fig3.h5 --kind path'//n// &
       'dynstiction plot fig3.h5 --columns friction,theta --from 2 --to 3'//n// &
       'dynstiction plot 1deg.h5 2deg.h5 --overlay'), &
-    command_entry_t('compare', 'DECK TRACE', python, 'a measured trace beside a scene', &
+    command_entry_t('compare', 'DECK TRACE', python, 'compare a measured trace with a scene', &
       'Compare a measured trace of the force along the pull with the run of a deck: period, peak, valley, slip time and creep '// &
       'before slip of both, cycle by cycle, with their scatter, and the mean force over a cycle. TRACE is a table of text or '// &
       'an HDF5 file with time and force. Prints a table, draws a figure.', &
       'dynstiction compare my.nml trace.csv'//n// &
       'dynstiction compare my.nml trace.csv --time t --force "F [mN]" --unit time=ms --from 10'), &
-    command_entry_t('fit', 'DECK TRACE', python, 'the parameters behind a measured trace', &
-      'Find parameters of a deck behind a measured trace of the force along the pull: least squares on the mean waveform of '// &
+    command_entry_t('fit', 'DECK TRACE', python, 'find the parameters of a measured trace', &
+      'Find parameters of a deck from a measured trace of the force along the pull: least squares on the mean waveform of '// &
       'its cycles and their period, first with the slow model, then with that of the deck. Prints values, errors, intervals, '// &
-      'and what the trace does not tell; writes the fitted deck, draws waveform and residuals. TRACE is as for compare.', &
+      'and what the trace does not determine; writes the fitted deck, draws waveform and residuals. TRACE is as for compare.', &
       'dynstiction fit my.nml trace.csv --free system.misalignment_deg,friction.mu_0'//n// &
       'dynstiction fit my.nml trace.csv --free system.mass --fitted fitted.nml'), &
-    command_entry_t('report', 'FILE.h5', python, 'one HTML page with all that a result file holds', &
+    command_entry_t('report', 'FILE.h5', python, 'one HTML page with all contents of a result file', &
       'Write one HTML page: summary, figures, animation of the friction vector, cycles, parameters, solver '// &
       'statistics, provenance, deck. It needs neither network nor other files. Prints the file it wrote.', &
       'dynstiction report fig3.h5'), &
     command_entry_t('export', 'FILE.h5', python, 'write a result file''s tables as CSV', &
-      'Write the tables of a result file as CSV: of a run time series, events and summary, of a sweep its '// &
-      'cases and their cycles, of a comparison its points. Prints the files it wrote.', &
+      'Write the tables of a result file as CSV: for a run time series, events and summary, for a sweep its '// &
+      'cases and their cycles, for a comparison its points. Prints the files it wrote.', &
       'dynstiction export fig3.h5 --csv'), &
     command_entry_t('animate', 'FILE.h5', python, 'show a run from above', &
-      'The object from above, while friction turns and the spring force and the position evolve. Prints what it wrote.', &
+      'Show the object from above, while friction turns and the spring force and the position change. Prints what it wrote.', &
       'dynstiction animate fig3.h5 -o fig3.gif --from 2 --to 3'), &
     command_entry_t('paper', '', python, 'draw every figure of the paper', &
       'Run the decks of Nakano and Popov (2020) and draw every figure. Prints the files it wrote.', &
@@ -147,7 +147,7 @@ module dst_command_table
       'check fails.', &
       'dynstiction validate-creep')]
 
-  !> What 'trade' measures besides quantities of the user: those of the Python package, for completion.
+  !> What 'trade' measures, besides summary values that the user names: the Python package's quantities, for completion.
   character(*), parameter :: trade_quantities = 'final_elongation final_velocity period peak_force valley_force slip_length '// &
     'max_X_rate creep_velocity fast_amplitude fast_phase sticks first_peak_force'
 
@@ -164,65 +164,65 @@ module dst_command_table
       'values of GROUP.KEY, both ends included; :log at the end for equal ratios; several make a grid', &
       'a key: write --vary GROUP.KEY=FIRST:LAST:COUNT'), &
     option_t('--shard', 'I/N', 'run', '?', &
-      'of a sweep: the I-th of N equal parts of its cases; dynstiction merge joins the shards', &
+      'run the I-th of N equal parts of a sweep; dynstiction merge joins the shards', &
       'its number: write --shard I/N or --shard auto'), &
-    option_t('--shard', 'I', 'run', '?', 'the same where the shards that there are say N', ''), &
+    option_t('--shard', 'I', 'run', '?', 'the same; N is taken from the shards that exist', ''), &
     option_t('--shard', 'auto', 'run', '?', 'I and N from the job array, or from the launcher of several processes', ''), &
     option_t('--accuracy', 'A', 'trade', '?', 'print the cheapest settings whose errors are below A with a margin', trade_help), &
     option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', trade_help), &
-    option_t('--quantity', 'NAME', 'trade', '?', 'errors of which quantity; all; by default final_elongation, period, '// &
-      'peak_force and creep_velocity, as far as the scene has them', trade_help), &
+    option_t('--quantity', 'NAME', 'trade', '?', 'quantity with these errors, or all; default: those of final_elongation, '// &
+      'period, peak_force and creep_velocity that the scene has', trade_help), &
     option_t('--overwrite', '', 'run sweep merge trade report export fit', '?', 'replace existing output files', ''), &
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &
     option_t('--quiet', '', 'trade', '?', 'no progress and no table', ''), &
-    option_t('--keep-shards', '', 'run merge', '?', 'of a sweep: do not remove the shards when the result file is whole', ''), &
-    option_t('--redivide', '', 'run', '?', 'with --shard: another N than that of the shards; what is done stays done', ''), &
+    option_t('--keep-shards', '', 'run merge', '?', 'do not remove the shards of a sweep when the result file is complete', ''), &
+    option_t('--redivide', '', 'run', '?', 'with --shard: use another N than the shards have; finished cases are kept', ''), &
     option_t('--json', '', 'keys', '?', &
       'print as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics', ''), &
     option_t('--help', '', '', '?', 'the help on the program, or on a command', ''), &
     option_t('--version', '', '', '?', 'the version of the program, and how it was built', ''), &
-    option_t('--kind', 'KIND', 'plot', '?', 'of a run history, velocities, spectrogram, damping, creep, path, columns or '// &
-      'cycle_map; default: what its model is for; of a sweep map (default), lambda, '// &
-      'bifurcation; of a trade work_precision', ''), &
+    option_t('--kind', 'KIND', 'plot', '?', 'for a run history, velocities, spectrogram, damping, creep, path, columns or '// &
+      'cycle_map; default: by its model; for a sweep map (default), lambda, '// &
+      'bifurcation; for a trade work_precision', ''), &
     option_t('--quantity', 'NAME', 'plot', '?', &
-      'what a map of a sweep shows, like period (swing), or a bifurcation diagram (peak_force)', ''), &
+      'quantity of a map of a sweep, like period (default: swing), or of a bifurcation diagram (peak_force)', ''), &
     option_t('--columns', 'NAMES', 'plot', '?', &
-      'of a run: the columns to draw, with commas between them, as friction,theta; one panel each', &
+      'columns of a run to draw, with commas between them, like friction,theta; one panel each', &
       'names of columns: write --columns friction,theta'), &
-    option_t('--overlay', '', 'plot', '?', 'of several runs: one line each in the same panels, not side by side', ''), &
+    option_t('--overlay', '', 'plot', '?', 'draw several runs as lines in the same panels, not side by side', ''), &
     option_t('--from', 'T', 'plot', '?', &
-      'first time of the run [s]; default of --from and --to: a run of many cycles up to its first ones', ''), &
+      'first time of the run [s]; default of --from and --to: the first cycles, if there are many', ''), &
     option_t('--to', 'T', 'plot', '?', 'last time of the run [s]', ''), &
-    option_t('-o', 'PNG', 'plot', '?', 'default: FILE.png, of several files comparison.png; also .pdf, .svg', ''), &
+    option_t('-o', 'PNG', 'plot', '?', 'default: FILE.png, for several files comparison.png; also .pdf, .svg', ''), &
     option_t('--time', 'COLUMN', 'compare fit', '?', &
-      'of TRACE: the column of times, its number from 0 or its name; in HDF5 the path of a dataset; default: time, or 0', ''), &
-    option_t('--force', 'COLUMN', 'compare fit', '?', 'the same of the force along the pull; default: force, or 1', ''), &
-    option_t('--displacement', 'COLUMN', 'compare', '?', 'the same of the displacement along the pull, if it was measured', ''), &
-    option_t('--lateral', 'COLUMN', 'compare', '?', 'the same of the lateral force, if it was measured', ''), &
+      'column of times in TRACE: its number from 0, its name, or in HDF5 the path of a dataset; default: time, or 0', ''), &
+    option_t('--force', 'COLUMN', 'compare fit', '?', 'the same for the force along the pull; default: force, or 1', ''), &
+    option_t('--displacement', 'COLUMN', 'compare', '?', 'the same for the displacement along the pull, if it was measured', ''), &
+    option_t('--lateral', 'COLUMN', 'compare', '?', 'the same for the lateral force, if it was measured', ''), &
     option_t('--unit', 'QUANTITY=UNIT', 'compare fit', '*', &
-      'unit of time, force, displacement or lateral_force, as time=ms or force=mN, or its factor to SI, as force=-9.81e-3; '// &
-      'default: what TRACE says, or SI', ''), &
-    option_t('--delimiter', 'C', 'compare fit', '?', 'between columns; default: it is found', ''), &
-    option_t('--interval', 'S', 'compare fit', '?', 'time between two samples [s], where there is no column of times', ''), &
-    option_t('--from', 'T', 'compare fit', '?', 'first time of the trace that counts [s]', ''), &
-    option_t('--to', 'T', 'compare fit', '?', 'last time of the trace that counts [s]', ''), &
+      'unit of time, force, displacement or lateral_force, like time=ms or force=mN, or its factor to SI, like force=-9.81e-3; '// &
+      'default: that in TRACE, or SI', ''), &
+    option_t('--delimiter', 'C', 'compare fit', '?', 'character between columns; default: found automatically', ''), &
+    option_t('--interval', 'S', 'compare fit', '?', 'time between two samples [s], if there is no column of times', ''), &
+    option_t('--from', 'T', 'compare fit', '?', 'first time of the trace that is used [s]', ''), &
+    option_t('--to', 'T', 'compare fit', '?', 'last time of the trace that is used [s]', ''), &
     option_t('--free', 'KEYS', 'fit', '1', 'parameters GROUP.KEY to be found, with commas between them', &
       'parameters: write --free system.misalignment_deg'), &
-    option_t('--starts', 'N', 'fit', '?', 'starts that are carried through (2)', ''), &
-    option_t('--seed', 'N', 'fit', '?', 'of the random starts (0): the same seed gives the same bits', ''), &
-    option_t('--fitted', 'NML', 'fit', '?', 'the fitted deck; default: TRACE with _fitted.nml, here', ''), &
-    option_t('-o', 'FIGURE', 'fit', '?', 'default: TRACE with _fitted.png, here; also .pdf, .svg', ''), &
-    option_t('-o', 'FIGURE', 'compare', '?', 'default: TRACE with _compared.png, here; also .pdf, .svg', ''), &
+    option_t('--starts', 'N', 'fit', '?', 'number of starts that are completed (2)', ''), &
+    option_t('--seed', 'N', 'fit', '?', 'seed of the random starts (0): the same seed gives the same bits', ''), &
+    option_t('--fitted', 'NML', 'fit', '?', 'the fitted deck; default: TRACE with _fitted.nml, in the current folder', ''), &
+    option_t('-o', 'FIGURE', 'fit', '?', 'default: TRACE with _fitted.png, in the current folder; also .pdf, .svg', ''), &
+    option_t('-o', 'FIGURE', 'compare', '?', 'default: TRACE with _compared.png, in the current folder; also .pdf, .svg', ''), &
     option_t('-o', 'HTML', 'report', '?', 'default: FILE.html', ''), &
     option_t('--csv', '', 'export', '?', 'the format, which is the only one', ''), &
-    option_t('-o', 'DIR', 'export validate-creep', '?', 'made if it is not there; default: here', ''), &
+    option_t('-o', 'DIR', 'export validate-creep', '?', 'folder, created if it does not exist; default: the current one', ''), &
     option_t('-o', 'OUT', 'animate', '1', 'X.gif, X.mp4 (needs ffmpeg), or a folder for PNG frames', ''), &
     option_t('--from', 'T', 'animate', '?', &
       'first time of the run [s]; default of --from and --to: the first creep and three cycles', ''), &
     option_t('--to', 'T', 'animate', '?', 'last time of the run [s]', ''), &
     option_t('--fps', 'N', 'animate', '?', 'frames per second (20)', ''), &
-    option_t('--seconds', 'S', 'animate', '?', 'length of the film [s] (10)', ''), &
-    option_t('-o', 'DIR', 'paper', '1', 'made if it is not there', ''), &
+    option_t('--seconds', 'S', 'animate', '?', 'length of the animation [s] (10)', ''), &
+    option_t('-o', 'DIR', 'paper', '1', 'folder, created if it does not exist', ''), &
     option_t('--format', 'png|pdf|svg', 'paper', '?', 'default: png', '')]
 
   !> All exit statuses.
@@ -245,7 +245,7 @@ contains
     if (len_trim(name) < len(name)) find_command = 0
   end function find_command
 
-  !> Index of an option's first entry, for `command`, or for any if that is ''; 0 if there is none.
+  !> Index of an option's first entry for `command`, or for any command if that is ''; 0 if there is none.
   pure integer function find_option(name, command) result(k)
     character(*), intent(in) :: name, command
 
@@ -255,7 +255,7 @@ contains
     k = 0
   end function find_option
 
-  !> The commands of Python, or the others, blank-separated.
+  !> The commands that Python carries out, or the others, blank-separated.
   pure function command_names(of_python) result(names)
     logical, intent(in) :: of_python
     character(:), allocatable :: names
@@ -268,7 +268,7 @@ contains
     names = names(2:)
   end function command_names
 
-  !> The options that a command takes, blank-separated; of '' those of the program and of all commands but Python's.
+  !> The options that a command takes, blank-separated; for '' those of the program and of all commands except Python's.
   pure function options_of(command) result(names)
     character(*), intent(in) :: command
     character(:), allocatable :: names
@@ -282,7 +282,8 @@ contains
     names = adjustl(names)
   end function options_of
 
-  !> Whether `command` takes the option; of '', the program or any command but Python's, which come last in an entry.
+  !> Whether `command` takes the option; for '', whether the program or any command except Python's, which come last in an entry,
+  !> does.
   pure logical function is_option_of(option, command)
     type(option_t), intent(in) :: option
     character(*), intent(in) :: command

@@ -1,8 +1,8 @@
-!> What a shell may offer for the word that is being typed.
+!> Candidates for the word that is being typed in a shell.
 !>
-!> `dynstiction complete WORD...` is called by the scripts in tools/completion with the words after the program's name; the last
-!> one is being typed. It prints the candidates, a line each; a line '*.nml' or '*.h5' stands for the files of that ending, '*/' for
-!> folders, and a candidate that ends in '=' is only the beginning of a word. So the shells have no list of commands, options or
+!> `dynstiction complete WORD...` is called by the scripts in tools/completion with the words after the program's name; the last one
+!> is being typed. It prints the candidates, one in each line; a line '*.nml' or '*.h5' represents the files with that ending, '*/'
+!> folders, and a candidate that ends in '=' is only the beginning of a word. So the shells need no list of commands, options or
 !> keys of their own.
 module dst_completion
   use dst_columns, only: columns
@@ -31,7 +31,7 @@ contains
     if (size(arguments) > 1) is_completion = arguments(1)%text == 'complete'
   end function is_completion
 
-  !> The candidates for the last of the arguments, a line each.
+  !> The candidates for the last of the arguments, one in each line.
   function completions(arguments) result(text)
     type(argument_t), intent(in) :: arguments(:)
     character(:), allocatable :: text
@@ -72,7 +72,7 @@ contains
     text = builder%content()
   end function completions
 
-  !> Of several operands of different kinds the next one.
+  !> If there are several operands of different kinds, the next one.
   subroutine offer_operand(builder, kinds, given, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: kinds, typed
@@ -104,7 +104,7 @@ contains
     end if
   end subroutine offer_values
 
-  !> GROUP.KEY=, and after it the words of which the key takes one.
+  !> GROUP.KEY=, and after it the words from which the key takes one.
   subroutine offer_settings(builder, before, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: before, typed
@@ -126,7 +126,7 @@ contains
     end do
   end subroutine offer_settings
 
-  !> What can be fitted: real numbers of &system and &friction, several with commas between them.
+  !> The keys that can be fitted: real numbers of &system and &friction, several with commas between them.
   subroutine offer_parameters(builder, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: typed
@@ -146,7 +146,7 @@ contains
     call offer(builder, typed(:index(typed, ',', back=.true.))//name, typed)
   end subroutine offer_in_list
 
-  !> GROUP.KEY= of what a sweep can vary.
+  !> GROUP.KEY= for the keys that a sweep can vary.
   subroutine offer_varied(builder, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: typed
@@ -158,7 +158,7 @@ contains
     end do
   end subroutine offer_varied
 
-  !> What an operand or an option's argument may be: words stand for themselves, capitals for a kind of file or word.
+  !> Candidates for an operand or an option's argument: words are candidates themselves, capitals mean a kind of file or word.
   subroutine offer_kind(builder, kind, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: kind, typed
@@ -207,7 +207,7 @@ contains
     end select
   end subroutine offer_kind
 
-  !> Those of the words that begin like the one that is being typed.
+  !> The words that begin with the characters typed so far.
   subroutine offer(builder, words, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: words, typed

@@ -1,11 +1,12 @@
-!> Cases dealt out to processes: rank 0 gives them a few at a time while it works itself. A process alone has all from the start.
+!> Distributes cases to processes: rank 0 gives out a few at a time while it computes itself. A single process has all cases from
+!> the start.
 !>
-!> Every call of `deal` is short: messages are looked for, not waited for. A process has one question under way at most, and takes
-!> leave once. Rank 0 says farewell to each process once: when any process stops, so that all do, or else when all have taken leave;
-!> until then it answers each question. So no message is left over.
+!> Every call of `deal` is short: it looks for messages and does not wait for them. A process has at most one pending request, and
+!> reports once that it is done. Rank 0 dismisses each process once: when any process stops, so that all stop, or else when all are
+!> done; until then it answers each request. So no message is left over.
 !>
-!> A process asks for more when what it has lasts less than `ahead`, and for as many as last `piece` at its pace of late, or, of
-!> many processes, so long that rank 0 gets no more than one question in `message`.
+!> A process asks for more cases when its own last less than `ahead`, and asks for as many as last `piece` at its recent speed, or,
+!> with many processes, so many that rank 0 gets at most one request in `message`.
 module dst_dealer
   use dst_kinds, only: wp
   use dst_processes, only: processes_t
@@ -14,22 +15,22 @@ module dst_dealer
 
   public :: dealer_t
 
-  !> The cases of a sweep, as one of its processes gets them.
+  !> The cases of a sweep, as one of its processes receives them.
   type :: dealer_t
-    integer :: finished = 0, failed = 0              !! of rank 0: cases of all processes, as far as is known there
+    integer :: finished = 0, failed = 0              !! on rank 0: cases of all processes, as far as they have reported
     logical :: none_left = .false.                   !! no more cases come to this process
     type(processes_t), private :: processes
-    integer, allocatable, private :: given(:)        !! to this process, not yet begun from `next` on
+    integer, allocatable, private :: given(:)        !! cases of this process; those from `next` on are not begun
     integer, private :: next = 1
-    !> Pace of this process [cases/s]; time [s] and finished cases when some were last given.
+    !> Speed of this process [cases/s]; time [s] and number of finished cases when the last cases were given.
     real(wp), private :: rate = 0.0_wp, since = 0.0_wp
     integer, private :: finished_then = 0
     logical, private :: asked = .false.              !! an answer of rank 0 is on its way
-    logical, private :: farewell = .false.           !! has come from rank 0, or been sent to all
-    ! Of rank 0.
-    integer, allocatable, private :: pending(:)      !! cases not yet dealt out, from `first` on
+    logical, private :: farewell = .false.           !! has arrived from rank 0, or has been sent to all
+    ! For rank 0 only.
+    integer, allocatable, private :: pending(:)      !! cases that are not distributed, from `first` on
     integer, private :: first = 1
-    integer, private :: gone = 0                     !! processes that have taken leave
+    integer, private :: gone = 0                     !! number of processes that are done
     integer, allocatable, private :: done_by(:, :)   !! finished and failed cases of each rank
   contains
     procedure :: open
@@ -41,21 +42,21 @@ module dst_dealer
     procedure :: close
   end type dealer_t
 
-  !> What a message is about.
+  !> Kinds of messages.
   integer, parameter :: asks = 1, answers = 2, leaves = 3, farewells = 4
-  !> At most so many cases are given at once, so that an answer fits into a message that is sent without waiting; and of
-  !> what is left no more than this part of a process's share.
+  !> At most this many cases are given at once, so that an answer fits into a message that is sent without waiting; and at most this
+  !> part of a process's share of the remaining cases.
   integer, parameter :: most = 512, part = 4
   real(wp), parameter :: ahead = 2.0e-3_wp, piece = 5.0e-3_wp, message = 5.0e-5_wp   ! s
 
 contains
 
-  !> Begin to deal out the cases `pending` of rank 0. At first a process wants a case for each of its threads.
+  !> Begin to distribute the cases `pending` of rank 0. At first a process asks for one case for each of its threads.
   subroutine open(self, processes, threads, pending)
     class(dealer_t), intent(out) :: self
     type(processes_t), intent(in) :: processes
     integer, intent(in) :: threads
-    integer, allocatable, intent(inout) :: pending(:)   !! is taken away
+    integer, allocatable, intent(inout) :: pending(:)   !! is moved away
 
     self%processes = processes
     self%rate = threads/piece
@@ -69,7 +70,7 @@ contains
     end if
   end subroutine open
 
-  !> The next case of this process; 0 if there is none now.
+  !> The next case of this process; 0 if it has none now.
   integer function take(self)
     class(dealer_t), intent(inout) :: self
 
@@ -79,15 +80,15 @@ contains
     self%next = self%next + 1
   end function take
 
-  !> Cases given to this process that have not begun.
+  !> Number of cases of this process that have not begun.
   pure integer function left(self)
     class(dealer_t), intent(in) :: self
 
     left = size(self%given) - self%next + 1
   end function left
 
-  !> How many cases to ask for when so many are finished here. The pace may have changed: nothing is asked ahead before one of the
-  !> cases given last is finished.
+  !> How many cases to ask for when `finished` are finished here. The speed may have changed: nothing is requested ahead before one
+  !> of the last cases given is finished.
   pure integer function wanted(self, finished)
     class(dealer_t), intent(in) :: self
     integer, intent(in) :: finished
@@ -99,13 +100,13 @@ contains
     wanted = max(1, nint(min(countable, self%rate*max(piece, self%processes%count*message))))
   end function wanted
 
-  !> Exchange messages; take more cases, if `wanted` are more than 0 and they are there.
+  !> Exchange messages; take more cases, if `wanted` is more than 0 and there are any.
   subroutine deal(self, wanted, finished, failed, time, stop)
     class(dealer_t), intent(inout) :: self
     integer, intent(in) :: wanted
-    integer, intent(in) :: finished, failed           !! of this process so far
+    integer, intent(in) :: finished, failed           !! numbers of this process so far
     real(wp), intent(in) :: time                      !! s
-    integer, intent(inout) :: stop                    !! why this process stops, 0 if it does not; on return: why any does
+    integer, intent(inout) :: stop                    !! why this process stops, 0 if it does not; on return: why any process does
     integer, allocatable :: numbers(:)
 
     if (self%processes%rank == 0) then
@@ -130,7 +131,7 @@ contains
     self%finished_then = finished
   end subroutine deal
 
-  !> Rank 0 answers all who have asked, and passes on that one of them stops.
+  !> Rank 0 answers all processes that have asked, and informs the others if one of them stops.
   subroutine serve(self, stop)
     class(dealer_t), intent(inout) :: self
     integer, intent(inout) :: stop
@@ -166,7 +167,7 @@ contains
     self%farewell = .true.
   end subroutine say_farewell
 
-  !> What rank 0 says, if it has said anything.
+  !> The message of rank 0, if there is one.
   subroutine hear(self, numbers, stop)
     class(dealer_t), intent(inout) :: self
     integer, allocatable, intent(out) :: numbers(:)
@@ -185,7 +186,7 @@ contains
     end if
   end subroutine hear
 
-  !> The less is left, the smaller the pieces.
+  !> The fewer cases remain, the smaller are the pieces.
   subroutine cut_piece(self, wanted, numbers)
     class(dealer_t), intent(inout) :: self
     integer, intent(in) :: wanted
@@ -198,15 +199,15 @@ contains
     self%first = self%first + length
   end subroutine cut_piece
 
-  !> Whether rank 0 need not look after other processes any more.
+  !> Whether rank 0 need not serve other processes any more.
   logical function others_are_done(self)
     class(dealer_t), intent(in) :: self
 
     others_are_done = self%processes%rank > 0 .or. self%gone == self%processes%count - 1
   end function others_are_done
 
-  !> Take leave of the other processes, and wait until rank 0 knows that all have: it then has the `finished` and `failed` of all.
-  !> When rank 0 calls this, all others must be done.
+  !> Report to the other processes that this one is done, and wait until rank 0 has the report of all: it then has the sum of
+  !> `finished` and `failed`. When rank 0 calls this, all others must be done.
   subroutine close(self, finished, failed, stop)
     class(dealer_t), intent(inout) :: self
     integer, intent(in) :: finished, failed

@@ -1,6 +1,7 @@
-!> What a deck must be to run, beyond what its text tells: a scene that can be set up, and results that can be written.
+!> Requirements on a deck beyond those of its text: a scene that can be set up, and results that can be written.
 !>
-!> `check`, and `run` before the first of its decks, ask the same procedure, so that they refuse the same in the same words.
+!> `check`, and `run` before the first of its decks, call the same procedure, so that they refuse the same decks with the same
+!> words.
 module dst_deck_check
   use dst_cycles, only: measures
   use dst_deck, only: deck_t
@@ -25,26 +26,26 @@ module dst_deck_check
 
   public :: check_deck, sweep_of_deck
 
-  !> Files so large are worth a word before the run.
+  !> Files of this size are mentioned before the run.
   real(wp), parameter :: large = 1.0e9_wp
 
-  !> What a deck will write.
+  !> The results that a deck will write.
   type :: demand_t
-    real(wp) :: bytes = 0.0_wp            !! what is known beforehand
-    real(wp) :: there = 0.0_wp            !! bytes of it that are on the disk already, or are replaced
+    real(wp) :: bytes = 0.0_wp            !! as far as it is known beforehand
+    real(wp) :: there = 0.0_wp            !! bytes of it that are already on the disk, or are replaced
     character(:), allocatable :: what     !! '1e7 samples of 16 columns'
     character(:), allocatable :: remedy
   end type demand_t
 
 contains
 
-  !> Refuse a deck, which has been read without a fault, that cannot run or whose results have no room where `output` shall be.
+  !> Refuse a deck, read without a fault, that cannot run, or whose results do not fit on the disk of `output`.
   subroutine check_deck(deck, output, shards, notes, interval, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output                 !! the result file
     integer, intent(in) :: shards                      !! processes that share a sweep on different disks; 0 = one does all
-    character(:), allocatable, intent(out) :: notes    !! what is seldom meant, and the size of large results
-    real(wp), allocatable, intent(out) :: interval     !! between the samples of a run [s]; unallocated where cases have their own
+    character(:), allocatable, intent(out) :: notes    !! settings that are seldom intended, and the size of large results
+    real(wp), allocatable, intent(out) :: interval     !! between the samples of a run [s]; unallocated if cases have their own
     type(error_t), allocatable, intent(out) :: error
     type(demand_t) :: demand
 
@@ -54,7 +55,7 @@ contains
     else
       call weigh_run(deck, output, demand, notes, interval, error)
     end if
-    ! Who limits the time wants what comes until then.
+    ! With a limit of wall time, the results up to this limit are wanted.
     if (.not. (allocated(error) .or. deck%real_of('output', 'wall_limit') > 0.0_wp)) call check_room(output, demand, error)
     if (allocated(error)) then
       call locate(deck, error)
@@ -78,9 +79,9 @@ contains
 
     call scene_from_deck(deck, scene)
     key = 'output.interval'
-    ! Of 'auto' the interval is never what is too short.
+    ! The interval that 'auto' chooses is never too short.
     if (.not. abs(scene%interval) > 0.0_wp) key = 'integrator.step'
-    ! The distance of the samples.
+    ! Interval between the samples.
     decisive = key
     if (.not. abs(scene%interval) > 0.0_wp) decisive = key//' or give output.interval'
     if (.not. deck%is_set('output', 'interval')) key = 'scene.t_end'
@@ -104,7 +105,7 @@ contains
     demand%remedy = 'raise '//decisive//', name fewer output.fields, or choose another disk'
   end subroutine weigh_run
 
-  !> A sweep: its list of points, and of each case a record in a shard and a row of the result.
+  !> A sweep: its list of points, and for each case a record in a shard and a row of the result.
   subroutine weigh_sweep(deck, output, shards, demand, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
@@ -135,7 +136,7 @@ contains
       cases = grid_cases(deck)
     end if
     demand%remedy = demand%remedy//', or another disk'
-    ! A record and a row hold the same, but for a few words.
+    ! A record and a row contain the same, except a few words.
     demand%bytes = 8.0_wp*cases*(real(value_count + 3, wp) + numbers)
     demand%bytes = merge(demand%bytes/real(max(1, shards), wp), 2.0_wp*demand%bytes, shards > 0)
     demand%what = number_text(cases)//' cases of '//number_text(real(value_count, wp) + numbers)//' numbers'
@@ -145,7 +146,7 @@ contains
     end do
   end subroutine weigh_sweep
 
-  !> Numbers of the series of a case.
+  !> Number of values in the series of a case.
   subroutine count_series(deck, samples, numbers, error)
     type(deck_t), intent(in) :: deck
     real(wp), intent(in) :: samples
@@ -171,13 +172,13 @@ contains
     type(deck_t), intent(in) :: deck
     type(sweep_t), intent(out) :: sweep
     type(error_t), allocatable, intent(out) :: error
-    type(axis_t), allocatable :: axes(:)   !! stays unallocated of a grid
+    type(axis_t), allocatable :: axes(:)   !! stays unallocated for a grid
 
     if (deck%text_of(sweep_group, 'points') /= '') call read_points(deck, axes, error)
     if (.not. allocated(error)) call new_sweep(deck, sweep, error, axes, .true.)
   end subroutine sweep_of_deck
 
-  !> Whether the disk has room for what is known to come.
+  !> Whether the disk has room for the results whose size is known.
   subroutine check_room(output, demand, error)
     character(*), intent(in) :: output
     type(demand_t), intent(in) :: demand
@@ -194,7 +195,7 @@ contains
       ', and the disk of '//folder//' has '//bytes_text(room)//': '//demand%remedy)
   end subroutine check_room
 
-  !> Say where in the deck, or in which setting, the value stands that an error is about.
+  !> Add the place in the deck, or the setting, of the value that causes an error.
   subroutine locate(deck, error)
     type(deck_t), intent(in) :: deck
     type(error_t), allocatable, intent(inout) :: error

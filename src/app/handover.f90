@@ -1,7 +1,7 @@
-!> Commands that Python carries out: the executable makes way for `python3 -m dynstiction`.
+!> Commands that Python carries out: the executable replaces itself by `python3 -m dynstiction`.
 !>
-!> The interpreter is that of the environment variable DYNSTICTION_PYTHON, else the python3 beside the executable (a virtual
-!> environment's), else the python3 of PATH.
+!> The interpreter is that of the environment variable DYNSTICTION_PYTHON, else the python3 next to the executable (in a virtual
+!> environment), else the python3 of PATH.
 module dst_handover
   use, intrinsic :: iso_c_binding, only: c_int, nul => c_null_char
   use dst_command_line, only: argument_t
@@ -18,14 +18,14 @@ module dst_handover
 
 contains
 
-  !> The interpreter for Python's commands: a path, or a name to be looked up in PATH.
+  !> The interpreter for Python's commands: a path, or a name to be searched in PATH.
   function chosen_interpreter() result(interpreter)
     character(:), allocatable :: interpreter
 
     interpreter = environment(variable)
     if (interpreter /= '') return
     interpreter = own_path()
-    ! A word without a folder was found in PATH, where python3 is looked for, too.
+    ! A word without a folder was found in PATH, where python3 is searched, too.
     if (index(interpreter, '/') > 0) interpreter = folder_of(true_path(interpreter))//'/python3'
     if (index(interpreter, '/') > 0) then
       if (file_exists(interpreter)) return
@@ -33,7 +33,7 @@ contains
     interpreter = 'python3'
   end function chosen_interpreter
 
-  !> The executable's file: Linux says it; elsewhere it is the word that called it.
+  !> The executable's file: Linux provides it; elsewhere it is the word with which it was called.
   function own_path() result(path)
     character(:), allocatable :: path
     integer :: length
@@ -45,7 +45,7 @@ contains
     call get_command_argument(0, path)
   end function own_path
 
-  !> Become Python with the arguments of this program; returns only if there is no interpreter.
+  !> Replace this program by Python with the same arguments; returns only if there is no interpreter.
   subroutine hand_over(own_arguments, error)
     type(argument_t), intent(in) :: own_arguments(:)
     type(error_t), allocatable, intent(out) :: error
@@ -62,7 +62,7 @@ contains
       'Python 3.11 or later, or set '//variable//' to the one that has the package dynstiction')
   end subroutine hand_over
 
-  !> The program for Python. A folder named dynstiction where the user happens to be is not the package.
+  !> The program for Python. A folder named dynstiction in the current folder is not the package.
   function bootstrap() result(text)
     character(:), allocatable :: text
     character, parameter :: n = new_line('a')

@@ -39,7 +39,7 @@ module dst_main
 
   public :: program_t
 
-  !> The program as a task, since it looks for a stack that suffices.
+  !> The program as a task, since it needs a thread with a large enough stack.
   type, extends(task_t) :: program_t
   contains
     procedure :: work => follow_arguments
@@ -47,15 +47,16 @@ module dst_main
 
   type(command_t) :: command
   type(processes_t) :: processes
-  !> Of this program, that a launcher has started together, and the number of this one; and who says so.
+  !> Number of processes of this program that a launcher has started together, the number of this one, and the variable that says
+  !> so.
   integer :: copies = 0, copy = 0
   character(:), allocatable :: copies_variable
-  !> Of the program: that of the first error.
+  !> Exit status of the program: that of the first error.
   integer, public, protected :: status = result_done
 
 contains
 
-  !> Carry out what the command line asks for.
+  !> Carry out the command.
   subroutine follow_arguments(self, number)
     class(program_t), intent(inout), target :: self
     integer, intent(in) :: number
@@ -78,8 +79,8 @@ contains
       return
     end if
     call parse_arguments(arguments, command, usage)
-    ! Before anything can fail but the words. Processes that take their shares from the environment do without, and one that makes
-    ! way for Python.
+    ! Before anything can fail except the parsing. It is not needed by processes that take their shares from the environment, nor by
+    ! one that is replaced by Python.
     if (copies > 1 .and. .not. (command%share%is_auto .or. command%name == 'trade')) call processes%start(error)
     if (.not. allocated(error)) call move_alloc(usage, error)
     call processes%agree(error)
@@ -89,7 +90,7 @@ contains
     call processes%end()
   end subroutine follow_arguments
 
-  !> Processes that know each other end with one status.
+  !> Processes that communicate end with one status.
   subroutine agree_on_status()
     type(error_t), allocatable :: verdict
 
@@ -98,7 +99,7 @@ contains
     if (allocated(verdict)) status = exit_status(verdict%code)
   end subroutine agree_on_status
 
-  !> Whether this is one of several copies of which none knows that there are others.
+  !> Whether this is one of several copies that do not communicate.
   pure logical function is_lost()
     is_lost = copies > 1 .and. processes%count == 1 .and. .not. command%share%is_given
   end function is_lost
@@ -111,13 +112,13 @@ contains
 
     if (.not. is_lost()) return
     reason = what//' is for one process: start it without the launcher'
-    if (what == '') reason = 'they know nothing of each other: start the program once, build it with -Dmpi=enabled for this '// &
+    if (what == '') reason = 'they do not communicate: start the program once, build it with -Dmpi=enabled for this '// &
       'MPI, or use --shard'
     call raise(error, usage_error, 'this is one of '//integer_text(copies)//' copies ('//copies_variable//'), and '//reason)
   end subroutine check_alone
 
-  !> What the command is for. Texts are printed by the first process; runs and merges are of all; the rest is one process's work,
-  !> while the others wait for its status.
+  !> Carry out the command. Texts are printed by the first process; runs and merges are done by all; everything else is done by one
+  !> process, while the others wait for its status.
   subroutine execute()
     type(error_t), allocatable :: error
     character(:), allocatable :: text, model
@@ -147,7 +148,7 @@ contains
     else if (command%name == 'run' .or. command%name == 'merge') then
       call run_decks()
     else if (processes%rank > 0) then
-      ! A signal to all leaves the end to the first process.
+      ! After a signal to all processes, the first one decides when to end.
       call listen_to_signals()
     else if (command%name == 'trade') then
       call compare_settings()
@@ -158,7 +159,7 @@ contains
     end if
   end subroutine execute
 
-  !> What 'help' prints: of the program, of a command, or of errors.
+  !> What 'help' prints: about the program, a command, or errors.
   function help_on_topic() result(text)
     character(:), allocatable :: text
 
@@ -180,7 +181,7 @@ contains
     text = program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts//text
   end function version_text
 
-  !> Print what the command says of each operand, and all faults of the others.
+  !> Print what the command says about each operand, and all faults of the others.
   subroutine print_each()
     type(error_t), allocatable :: error
     character(:), allocatable :: text
@@ -232,11 +233,11 @@ contains
     end if
   end subroutine describe_deck
 
-  !> A deck with the settings of the command; what 'check' and 'run' accept without an error will run.
+  !> A deck with the settings of the command; a deck that 'check' and 'run' accept without an error will run.
   subroutine take_deck(file_name, deck, notes, interval, error)
     character(*), intent(in) :: file_name
     type(deck_t), intent(out) :: deck
-    character(:), allocatable, intent(out) :: notes   !! what is allowed but seldom meant, a line each
+    character(:), allocatable, intent(out) :: notes   !! what is allowed but seldom intended, one in each line
     real(wp), allocatable, intent(out) :: interval    !! between the samples of a run that is checked [s]
     type(error_t), allocatable, intent(out) :: error
 
@@ -248,14 +249,14 @@ contains
     end associate
   end subroutine take_deck
 
-  !> Print what is worth a thought, and changes no status.
+  !> Print notes, which do not change the status.
   subroutine put_notes(notes)
-    character(*), intent(in) :: notes   !! a line each, all of them ended
+    character(*), intent(in) :: notes   !! one in each line, each with a line end
 
     if (notes /= '' .and. .not. is_mute()) call put_error(one_per_line(notes(:len(notes) - 1), 'dynstiction: '))
   end subroutine put_notes
 
-  !> Print what a run has found. Its file is there, so nothing is lost where nobody can read this.
+  !> Print what a run has found. Its file is complete, so nothing is lost if this output cannot be written.
   subroutine put_report(report)
     character(*), intent(in) :: report
     logical :: ignored
@@ -263,7 +264,7 @@ contains
     if (report /= '' .and. .not. is_mute()) call put_output(report, ignored)
   end subroutine put_report
 
-  !> Let Python measure error against cost on a deck's scene, when the words are understood, and the deck, and the name of the file.
+  !> Let Python measure error against cost on a deck's scene, if the arguments, the deck and the name of the file are correct.
   subroutine compare_settings()
     type(deck_t), allocatable :: deck
     type(argument_t) :: output(1)
@@ -282,7 +283,7 @@ contains
     call complain(error)
   end subroutine compare_settings
 
-  !> The command 'trade' as Python takes it.
+  !> The command 'trade' in the form that Python takes.
   function words_of_trade(output) result(words)
     character(*), intent(in) :: output
     type(argument_t), allocatable :: words(:)
@@ -299,7 +300,7 @@ contains
     words = [words, argument_t('--'), command%operands]
   end function words_of_trade
 
-  !> Run the decks, or merge what their shards hold: nothing unless every deck is sound and every output file may be written.
+  !> Run the decks, or merge their shards: nothing is done unless every deck is valid and every output file may be written.
   subroutine run_decks()
     type(deck_t), allocatable :: decks(:)
     type(argument_t), allocatable :: outputs(:)
@@ -320,7 +321,7 @@ contains
     end do
   end subroutine run_decks
 
-  !> Read the decks, and check them, and the files that they will write.
+  !> Read and check the decks, and the files that they will write.
   subroutine prepare(decks, outputs)
     type(deck_t), intent(inout) :: decks(:)
     type(argument_t), intent(inout) :: outputs(:)
@@ -353,7 +354,7 @@ contains
     end do
   end subroutine prepare
 
-  !> Give the deck that the first process has read to all.
+  !> Send the deck that the first process has read to all.
   subroutine share_deck(deck, output, error)
     type(deck_t), intent(inout) :: deck
     character(:), allocatable, intent(inout) :: output
@@ -372,7 +373,7 @@ contains
     if (processes%rank > 0) call parse_deck(text, name, no_settings, deck, error)
   end subroutine share_deck
 
-  !> One run or merge, which is for one process, or a sweep of many.
+  !> One run or merge, by one process, or a sweep, by many.
   subroutine carry_out(deck, output, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
@@ -400,7 +401,7 @@ contains
     end if
   end subroutine carry_out
 
-  !> Print what a sweep has come to, and what to look at next.
+  !> Print the result of a sweep, and what to look at next.
   subroutine report_sweep(output, seconds)
     character(*), intent(in) :: output
     real(wp), intent(in) :: seconds
@@ -411,7 +412,7 @@ contains
       duration_text(seconds)//'); see dynstiction plot '//printable(output)//new_line('a'))
   end subroutine report_sweep
 
-  !> Complain of an error that an operand has led to; that of a file names the file.
+  !> Report an error of an operand; the report of an error of a file names the file.
   subroutine complain_of(name, error)
     character(*), intent(in) :: name
     type(error_t), allocatable, intent(inout) :: error
@@ -448,7 +449,7 @@ contains
     if (file_name == '') file_name = name_after(deck, '.h5')
   end function output_of
 
-  !> The deck's name with another ending, in the current directory.
+  !> The deck's name with another extension, in the current directory.
   function name_after(deck, ending) result(file_name)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: ending
@@ -457,12 +458,12 @@ contains
 
     first = index(deck%name, '/', back=.true.) + 1
     last = index(deck%name, '.', back=.true.) - 1
-    ! A dot that begins the name or stands in a folder's name begins no extension.
+    ! A dot that begins the name or is in a folder's name begins no extension.
     if (last < first) last = len(deck%name)
     file_name = deck%name(first:last)//ending
   end function name_after
 
-  !> What the command reads: its decks and their lists of points.
+  !> The files that the command reads: its decks and their lists of points.
   function inputs_of(decks) result(inputs)
     type(deck_t), intent(in) :: decks(:)
     type(argument_t), allocatable :: inputs(:)
@@ -475,7 +476,7 @@ contains
     end do
   end function inputs_of
 
-  !> Whether output `i` may be created, is that of no other deck, and nothing that is read.
+  !> Whether output `i` may be created, and is neither the output of another deck nor a file that is read.
   subroutine check_output(outputs, i, inputs, may_replace, error)
     type(argument_t), intent(in) :: outputs(:), inputs(:)
     integer, intent(in) :: i
@@ -503,12 +504,12 @@ contains
     type(error_t), allocatable, intent(in) :: error
 
     if (.not. allocated(error)) return
-    ! Of a process that leaves the words to another one, only the status counts.
+    ! If another process prints the message, only the status counts here.
     if (error%text /= '' .and. .not. is_mute()) call put_error(one_per_line(error%text, 'dynstiction: '))
     if (status == result_done) status = exit_status(error%code)
   end subroutine complain
 
-  !> Of copies that know nothing of each other the first one speaks for all.
+  !> Of copies that do not communicate the first one prints for all.
   pure logical function is_mute()
     is_mute = is_lost() .and. copy > 0
   end function is_mute

@@ -1,8 +1,8 @@
-!> The processes that a launcher started together, over MPI: how they agree, tell each other, and end.
+!> The processes that a launcher started together, over MPI: how they agree, communicate, and end.
 !>
-!> MPI is started once, before anything can fail, and ended once. Nobody waits inside MPI: what several processes do together is
-!> begun, and looked at again and again with a pause between, so that a process which waits leaves its core to others and still
-!> hears signals. Only the first thread of a process calls anything here. Source: MPI 3.1 standard, chapters 3, 5, 8 and 12.
+!> MPI is started once, before anything can fail, and ended once. No process waits inside MPI: operations of several processes are
+!> begun, and tested again and again with a pause between, so that a process which waits leaves its core to others and still notices
+!> signals. Only the first thread of a process calls anything here. Source: MPI 3.1 standard, chapters 3, 5, 8 and 12.
 !> `processes_serial.f90` is the same module for one process.
 module dst_processes
   use mpi_f08, only: mpi_comm, mpi_comm_world, mpi_info_null, mpi_comm_type_shared, mpi_init_thread, mpi_thread_funneled, &
@@ -26,7 +26,7 @@ module dst_processes
   !> All processes, as seen by one of them.
   type :: processes_t
     integer :: rank = 0, count = 1
-    integer :: cores = 0                  !! that are this process's share of what it may use of its machine; 0 = all of them
+    integer :: cores = 0                  !! this process's share of the cores that it may use on its machine; 0 = all of them
     logical, private :: started = .false.
   contains
     procedure :: start
@@ -40,10 +40,10 @@ module dst_processes
     procedure, private :: finish
   end type processes_t
 
-  !> So long a process that has been asked to stop still waits for others [s]. The first ones say so before the others do.
+  !> A process that has been asked to stop waits for others this long [s]. The first processes report this before the others do.
   real(wp), parameter :: longest_wait = 6.5_wp, stagger = 0.3_wp
   integer, parameter :: most_staggered = 8
-  !> Between two looks at what is under way [s].
+  !> Pause between two tests of a pending operation [s].
   real(wp), parameter :: shortest_pause = 1.0e-4_wp, longest_pause = 5.0e-3_wp
 
 contains
@@ -63,7 +63,7 @@ contains
       'this MPI cannot be used with threads: build with -Dopenmp=disabled, or install another MPI')
   end subroutine start
 
-  !> The cores that a process may use, each divided by the processes that may use it.
+  !> The cores that a process may use, each divided by the number of processes that may use it.
   integer function own_cores()
     type(mpi_comm) :: machine
     integer :: allowed(most_cores), users(most_cores)
@@ -75,8 +75,8 @@ contains
     own_cores = max(1, int(sum(real(allowed, wp)/max(1, users)) + epsilon(1.0)))
   end function own_cores
 
-  !> Give all processes one verdict: the gravest of their errors, without its text but in the first process that has it. Being
-  !> stopped is less than cases that failed, and these are less than any other error.
+  !> Give all processes one verdict: the gravest of their errors. Only the first process that has it keeps its text. To be stopped
+  !> is less grave than failed cases, which are less grave than any other error.
   subroutine agree(self, error)
     class(processes_t), intent(in) :: self
     type(error_t), allocatable, intent(inout) :: error
@@ -91,7 +91,7 @@ contains
       weight = 3
       if (error%code == some_failed) weight = 2
       if (error%code == stopped_early) weight = 1
-      ! Who has the words has not lost them to an earlier verdict.
+      ! A process that has the text has not lost it to an earlier verdict.
       weight = 2*weight + merge(1, 0, error%text /= '')
       own = (weight*ranks + (ranks - 1 - self%rank))*codes + error%code
     end if
@@ -102,7 +102,7 @@ contains
     error = error_t(int(modulo(verdict, codes)), '')
   end subroutine agree
 
-  !> Give the text of the first process to all.
+  !> Send the text of the first process to all.
   subroutine share_text(self, text)
     class(processes_t), intent(in) :: self
     character(:), allocatable, intent(inout), asynchronous :: text
@@ -118,7 +118,7 @@ contains
     call self%finish(request)
   end subroutine share_text
 
-  !> Give the numbers of the first process to all.
+  !> Send the numbers of the first process to all.
   subroutine share_numbers(self, numbers)
     class(processes_t), intent(in) :: self
     real(wp), allocatable, intent(inout), asynchronous :: numbers(:)
@@ -153,7 +153,7 @@ contains
     call mpi_send(numbers, size(numbers), mpi_integer, rank, subject, mpi_comm_world)
   end subroutine send
 
-  !> A message to this process, if one is there; else `numbers` are unallocated.
+  !> A message to this process, if there is one; else `numbers` are unallocated.
   subroutine look_for_message(self, rank, subject, numbers)
     class(processes_t), intent(in) :: self
     integer, intent(out) :: rank, subject
@@ -184,7 +184,7 @@ contains
     call mpi_finalize()
   end subroutine end
 
-  !> Wait until what is under way is finished.
+  !> Wait until the pending operations are finished.
   subroutine finish(self, request)
     class(processes_t), intent(in) :: self
     type(mpi_request), intent(inout) :: request
@@ -201,19 +201,19 @@ contains
     end do
   end subroutine finish
 
-  !> Wait a moment for others. If they go on to keep this process waiting though it has been asked to stop, all are ended: what is
-  !> finished is in files.
+  !> Wait a moment for others. If they continue to keep this process waiting although it has been asked to stop, all processes are
+  !> ended: finished cases are in files.
   subroutine wait(self, pause, told_at)
     class(processes_t), intent(in) :: self
     real(wp), intent(in) :: pause        !! s
-    real(wp), intent(inout) :: told_at   !! wall time at which it was seen that it has been asked to [s]; negative before
+    real(wp), intent(inout) :: told_at   !! wall time at which the request to stop was noticed [s]; negative before
 
     call wait_seconds(pause)
     if (stop_signal() == no_signal) return
     if (told_at < 0.0_wp) told_at = wall_clock()
     if (wall_clock() - told_at < longest_wait + stagger*min(self%rank, most_staggered)) return
     call put_error('dynstiction: '//stopped_by()//', and another process does not answer: all '// &
-      'are ended; start it again to go on'//new_line('a'))
+      'are ended; start it again to continue'//new_line('a'))
     call mpi_abort(mpi_comm_world, stopped_early)
   end subroutine wait
 

@@ -1,5 +1,5 @@
 !> The processes that a launcher started together, in a build without MPI: there is one. `processes_mpi.f90` is the same module for
-!> many, and explains the procedures; here no message is ever sent, and what one process has all have.
+!> many, and explains the procedures; here no message is ever sent, and the data of the one process are those of all.
 module dst_processes
   use dst_disk, only: wait_seconds
   use dst_errors, only: error_t
@@ -12,7 +12,7 @@ module dst_processes
   !> The one process.
   type :: processes_t
     integer :: rank = 0, count = 1
-    integer :: cores = 0                  !! all that it may use
+    integer :: cores = 0                  !! all that the process may use
   contains
     procedure :: start
     procedure :: agree

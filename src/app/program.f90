@@ -1,4 +1,4 @@
-!> The executable: it makes its surroundings safe, does what it is asked for, and ends. Only here does the program end.
+!> The executable: it makes its environment safe, carries out the command, and ends. Only here does the program end.
 program dynstiction
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_errors, only: exit_status, out_of_memory

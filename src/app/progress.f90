@@ -1,4 +1,4 @@
-!> How far a run has come, on the terminal: one line that updates, or a plain line every 10 s.
+!> The progress of a run on the terminal: one line that is updated, or a plain line every 10 s.
 module dst_progress
   use dst_kinds, only: wp
   use dst_plain_numbers, only: number_text, duration_text
@@ -30,7 +30,7 @@ module dst_progress
 
 contains
 
-  !> The progress of what `label` names.
+  !> The progress of the run that `label` names.
   function new_progress(label, quiet) result(progress)
     character(*), intent(in) :: label
     logical, intent(in) :: quiet
@@ -57,7 +57,7 @@ contains
       ' s'//time_left(elapsed, share), elapsed)
   end subroutine show
 
-  !> Report that, besides `before` cases, `done` of `to_do` took `elapsed` wall time [s], if it is time to; `failed` of all.
+  !> Report that, in addition to `before` cases, `done` of `to_do` took `elapsed` wall time [s], if it is time to; `failed` of all.
   subroutine show_cases(self, before, done, to_do, failed, elapsed)
     class(progress_t), intent(inout) :: self
     integer, intent(in) :: before, done, to_do, failed
@@ -71,7 +71,7 @@ contains
       integer_text(failed)//' failed'//pace, elapsed)
   end subroutine show_cases
 
-  !> ', 12 s left', of what took `elapsed` wall time [s] for a share; nothing before that is known.
+  !> ', 12 s left', if a share took `elapsed` wall time [s]; '' before the remaining time can be estimated.
   pure function time_left(elapsed, share) result(text)
     real(wp), intent(in) :: elapsed, share
     character(:), allocatable :: text
@@ -95,7 +95,7 @@ contains
     self%shown = .true.
   end subroutine put_line
 
-  !> One line that stays.
+  !> A line that is kept.
   subroutine remark(self, text)
     class(progress_t), intent(in) :: self
     character(*), intent(in) :: text
@@ -103,7 +103,7 @@ contains
     if (.not. self%quiet) call put_error(self%label//': '//text//new_line('a'))
   end subroutine remark
 
-  !> Wipe the line on a terminal.
+  !> Clear the line on a terminal.
   subroutine close(self)
     class(progress_t), intent(inout) :: self
 

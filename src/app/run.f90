@@ -31,22 +31,22 @@ module dst_run
 
   public :: run_deck, resume_run, describe_run
 
-  !> Wall time of one slice of the run [s]: how often signals, progress, flushing and checkpoints get their turn.
+  !> Wall time of one slice of the run [s]: signals, progress, flushing and checkpoints are handled between slices.
   real(wp), parameter :: slice = 0.05_wp
 
-  !> A run under way.
+  !> A run in progress.
   type :: run_t
     type(result_file_t) :: file
     type(simulation_t) :: simulation
     type(hdf5_writer_t) :: writer
-    type(checkpoint_t) :: checkpoint   !! the last one, and to which run it belongs
+    type(checkpoint_t) :: checkpoint   !! the last one, and the run to which it belongs
     type(progress_t) :: progress
   end type run_t
 
 contains
 
-  !> Integrate the deck's scene into `result_file`. A solver that gives up leaves a file with all up
-  !> to that point and its result code; `error` says the same, and `report` in one line what a run without error has found.
+  !> Integrate the deck's scene into `result_file`. If the solver gives up, the file has everything up to that point and the result
+  !> code; `error` says the same, and `report` says in one line what a run without error has found.
   subroutine run_deck(deck, result_file, overwrite, quiet, report, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
@@ -70,7 +70,7 @@ contains
     call create_hdf5(run%writer, run%file%path(), result_file, metadata, run%simulation%output_columns(), error, &
       expected_rows(run%simulation%scene))
     call run%file%adopt()
-    ! From its first moment on the file has a checkpoint.
+    ! The file has a checkpoint from its first moment on.
     if (.not. allocated(error)) call save(run, .false., error)
     if (.not. allocated(error)) call run%file%put_in_place(error)
     if (allocated(error)) then
@@ -88,7 +88,7 @@ contains
   subroutine resume_run(result_file, quiet, report, error)
     character(*), intent(in) :: result_file
     logical, intent(in) :: quiet
-    character(:), allocatable, intent(out) :: report   !! as of `run_deck`
+    character(:), allocatable, intent(out) :: report   !! as in `run_deck`
     type(error_t), allocatable, intent(out) :: error
     type(run_t) :: run
     type(error_t), allocatable :: no_checkpoint
@@ -112,7 +112,7 @@ contains
     call run%file%release()
   end subroutine resume_run
 
-  !> Make the run as it was at its checkpoint, and its file ready to be written on.
+  !> Restore the run from its checkpoint, and prepare its file for writing.
   subroutine go_on(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
@@ -131,7 +131,7 @@ contains
     if (.not. allocated(error)) call load(run, bookmark, error)
     if (allocated(error)) return
     if (was_stopped(run%checkpoint)) then
-      ! From here on nothing vouches for the file as a whole.
+      ! From here on no checksum protects the file as a whole.
       run%checkpoint%result_checksum = '-'
       call run%file%save_checkpoint(run%checkpoint, .true., error)
       if (.not. allocated(error)) call run%file%unseal()
@@ -143,19 +143,19 @@ contains
         expected_rows(run%simulation%scene))
   end subroutine go_on
 
-  !> Whether the run was stopped, not killed: then the checkpoint knows every bit of its file.
+  !> Whether the run was stopped, not killed: then the checkpoint has a checksum of the complete file.
   pure logical function was_stopped(checkpoint)
     type(checkpoint_t), intent(in) :: checkpoint
 
     was_stopped = checkpoint%result_checksum /= '-'
   end function was_stopped
 
-  !> What the file says of its run must leave something to go on with and fit the checkpoint, if there is one. HDF5 may meet
-  !> anything in the file, so a child process looks.
+  !> The file must leave something to resume and must fit the checkpoint, if there is one. Damage anywhere in the file may make HDF5
+  !> fail, so a child process reads it.
   subroutine check_origin(run, has_checkpoint, is_at_its_end, error)
     type(run_t), intent(in) :: run
     logical, intent(in) :: has_checkpoint
-    logical, intent(out) :: is_at_its_end   !! nothing but the seal is missing: the run was killed in its last moment
+    logical, intent(out) :: is_at_its_end   !! only the seal is missing: the run was killed in its last moment
     type(error_t), allocatable, intent(out) :: error
     character(*), parameter :: at_its_end = 'at its end'
     type(guard_t) :: guard
@@ -163,7 +163,7 @@ contains
     character(:), allocatable :: answer
 
     is_at_its_end = .false.
-    ! The file of a run that was stopped must be as it was left.
+    ! The file of a run that was stopped must be unchanged.
     if (has_checkpoint .and. was_stopped(run%checkpoint)) then
       if (.not. run%file%is_as_it_was_left(run%checkpoint%result_checksum)) then
         call raise(error, file_error, run%file%name//': cannot resume: the file is missing, or was changed or damaged since '// &
@@ -188,13 +188,13 @@ contains
     if (answer /= '' .and. .not. is_at_its_end) call raise(error, file_error, answer)
   end subroutine check_origin
 
-  !> Put a new file in the place of that of a killed run: nothing but its columns' numbers is taken from the old one.
+  !> Replace the file of a killed run by a new one: only the numbers of its columns are taken from the old file.
   subroutine rebuild(run, deck, model_choice, bookmark, rows, error)
     type(run_t), intent(inout) :: run
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: model_choice
     type(bookmark_t), intent(in) :: bookmark
-    integer, intent(in) :: rows   !! that are expected
+    integer, intent(in) :: rows   !! expected number of rows
     type(error_t), allocatable, intent(out) :: error
     type(run_metadata_t) :: metadata
     type(guard_t) :: guard
@@ -228,7 +228,7 @@ contains
     if (.not. allocated(answer)) answer = result_file//': cannot resume: it is so damaged that HDF5 fails on it: run the deck again'
   end function answer_of
 
-  !> Why a run that ended by itself leaves nothing to go on with; '' if it did not.
+  !> Why a run that ended without being stopped leaves nothing to resume; '' if it was stopped.
   pure function what_has_ended(origin) result(reason)
     type(origin_t), intent(in) :: origin
     character(:), allocatable :: reason
@@ -237,11 +237,11 @@ contains
     if (origin%complete /= 0) then
       reason = 'the run is complete'
     else if (exit_status(origin%result_code) == 4 .and. origin%result_code /= out_of_memory) then
-      reason = 'the solver gave up, and would again: '//origin%result_text
+      reason = 'the solver gave up, and would fail again: '//origin%result_text
     end if
   end function what_has_ended
 
-  !> In what a checkpoint is not of the run of the result file, or not of this version of the program; '' if it is.
+  !> Why a checkpoint does not belong to the run of the result file, or not to this version of the program; '' if it does.
   pure function what_differs(checkpoint, origin) result(reason)
     type(checkpoint_t), intent(in) :: checkpoint
     type(origin_t), intent(in) :: origin
@@ -266,7 +266,7 @@ contains
     end if
   end function what_differs
 
-  !> Integrate to the end or until asked to stop, and finish the file.
+  !> Integrate to the end or until a request to stop, and finish the file.
   subroutine carry_out(run, report, error)
     type(run_t), intent(inout) :: run
     character(:), allocatable, intent(out) :: report
@@ -284,17 +284,17 @@ contains
     call run%simulation%outcome(error, outcome)
     if (is_irregular(outcome)) call run%progress%remark('the motion is irregular, its cycles have a distribution and no value: '// &
       'Lyapunov exponent '//number_text(outcome%summary_of('lyapunov_exponent'))//' +- '// &
-      number_text(outcome%summary_of('lyapunov_error'))//' for a slow cycle')
+      number_text(outcome%summary_of('lyapunov_error'))//' per slow cycle')
     call run%writer%finish(outcome, end_error)
     if (.not. allocated(end_error)) call run%file%seal(run%checkpoint%result_checksum, end_error)
-    ! A file that is lost matters more than a run that was stopped; a solver that gave up does not change by it.
+    ! A lost file matters more than a stopped run; it does not change the error of a solver that gave up.
     ! allow(C161)
     if (allocated(end_error) .and. (has_code(error, stopped_early) .or. .not. allocated(error))) call move_alloc(end_error, error)
     if (has_code(error, stopped_early)) then
       call run%file%save_checkpoint(run%checkpoint, .true., save_error)
       if (allocated(save_error)) call move_alloc(save_error, error)
     else if (.not. has_code(error, file_error)) then
-      ! A run that ended by itself is not continued.
+      ! A run that ended without being stopped is not continued.
       call run%file%delete_checkpoint()
     end if
     if (.not. allocated(error)) report = report_of(run, outcome)
@@ -325,7 +325,7 @@ contains
     text = text//' ('//took//'); see dynstiction plot '//printable(run%file%name)//new_line('a')
   end function report_of
 
-  !> Four digits, or as many as are asked for, and the unit.
+  !> Four digits, or the requested number, and the unit.
   function shown(value, unit, figures) result(text)
     real(wp), intent(in) :: value
     character(*), intent(in) :: unit
@@ -385,7 +385,7 @@ contains
     call run%progress%close()
   end subroutine integrate
 
-  !> Write a checkpoint of what has been done. `durable`: it and the result survive a power failure.
+  !> Write a checkpoint of everything done so far. `durable`: it and the result survive a power failure.
   subroutine save(run, durable, error)
     type(run_t), intent(inout) :: run
     logical, intent(in) :: durable
@@ -402,7 +402,7 @@ contains
     call run%file%save_checkpoint(run%checkpoint, durable, error)
   end subroutine save
 
-  !> The simulation as it was when the checkpoint was written, and how far the file was.
+  !> The simulation at the time of the checkpoint, and the length of the file then.
   subroutine load(run, bookmark, error)
     type(run_t), intent(inout) :: run
     type(bookmark_t), intent(out) :: bookmark
@@ -427,10 +427,10 @@ contains
     if (expected_rows == 0) expected_rows = usual
   end function expected_rows
 
-  !> What the file says about its run.
+  !> The attributes of the file that describe its run.
   subroutine describe_run(deck, scene, model_choice, metadata)
     type(deck_t), intent(in) :: deck
-    type(scene_t), intent(in) :: scene            !! of which the model is settled
+    type(scene_t), intent(in) :: scene            !! the scene, with its model chosen
     character(*), intent(in) :: model_choice
     type(run_metadata_t), intent(out) :: metadata
 
@@ -449,7 +449,7 @@ contains
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
     metadata%deck_sha256 = sha256(deck%text)
-    ! A sweep without series leaves it to its cases.
+    ! A sweep without series leaves this to its cases.
     if (scene%interval < 0.0_wp) then
       call parameters_of(deck, metadata%parameters)
     else

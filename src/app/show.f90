@@ -1,5 +1,5 @@
-!> What a result file is, and how far its sweep is, from the shards beside it: what `dynstiction show` prints. Nothing is changed,
-!> and nobody who writes is disturbed.
+!> Describes a result file, and the progress of its sweep from the shards next to it: what `dynstiction show` prints. Nothing is
+!> changed, and processes that write are not disturbed.
 module dst_show
   use dst_disk, only: identity_of, identity_t, file_exists, path_t, process_with_lock, utc_at
   use dst_division, only: division_t
@@ -23,7 +23,7 @@ module dst_show
 
 contains
 
-  !> What a run of a deck will be, whose scene is settled.
+  !> Describes the run of a deck whose scene is complete.
   function deck_in_brief(name, scene) result(text)
     character(*), intent(in) :: name
     type(scene_t), intent(in) :: scene
@@ -63,7 +63,7 @@ contains
     end subroutine put
   end function deck_in_brief
 
-  !> Lines about a result file, which need not be there yet.
+  !> Lines about a result file, which need not exist yet.
   subroutine show_result(result_file, text, error)
     character(*), intent(in) :: result_file
     character(:), allocatable, intent(out) :: text
@@ -91,7 +91,7 @@ contains
       call inspect_shard(files(i)%text, heads(i), error)
       if (allocated(error)) return
     end do
-    ! A head that is not whole is of a process that has only just begun, or was killed before.
+    ! An incomplete head belongs to a process that has only just begun, or was killed before.
     is_left = heads%is_whole
     if (size(files) > 0 .and. .not. any(is_left)) &
       call builder%line(printable(result_file)//': shards of a sweep, 0 cases done')
@@ -142,7 +142,7 @@ contains
     if (newest%shares > 0) call show_missing(newest, heads, done, builder)
   end subroutine show_sweep
 
-  !> Of each share, the cases that are done, by whomever.
+  !> For each share, the number of finished cases, whichever process computed them.
   subroutine count_shares(division, index, done)
     type(division_t), intent(in) :: division
     type(index_t), intent(in) :: index
@@ -159,7 +159,7 @@ contains
     end do
   end subroutine count_shares
 
-  !> A shard: its part, what is done of it, its times, who is at it.
+  !> A shard: its part, its finished cases, its times, and the process that writes it.
   function row_of(file_name, head, records, newest, done) result(line)
     character(*), intent(in) :: file_name
     type(head_t), intent(in) :: head
@@ -174,7 +174,7 @@ contains
     count = integer_text(records)
     if (head%division%shares > 0) then
       name = head%division%text()
-      ! Of the division that counts, also what others have done.
+      ! In the current division, cases that other processes have finished count, too.
       if (head%division%shares == newest%shares) count = integer_text(done(head%division%share))
       count = count//' of '//integer_text(head%division%size(head%cases))
     end if
@@ -203,7 +203,7 @@ contains
     field = text//repeat(' ', max(1, width - len(text)))
   end function padded
 
-  !> Which shares of the newest division have cases left and no shard, as ranges.
+  !> The shares of the newest division that have cases left and no shard, as ranges.
   subroutine show_missing(newest, heads, done, builder)
     type(division_t), intent(in) :: newest
     type(head_t), intent(in) :: heads(:)

@@ -1,7 +1,7 @@
-!> Run a sweep, and present its shards as one result file: what `dynstiction run` does with a deck that has &sweep, and `merge`.
+!> Run a sweep, and merge its shards into one result file: what `dynstiction run` does with a deck that has &sweep, and `merge`.
 !>
-!> The first process finds out what is to be done, from the deck and the shards that there are; all processes do it
-!> (dst_sweep_work), each into a shard of its own; the first one presents the result.
+!> The first process finds out which cases are to be run, from the deck and the existing shards; all processes run them
+!> (dst_sweep_work), each into its own shard; the first one writes the result.
 module dst_sweep_runner
   use dst_build_info, only: version, git_revision
   use dst_deck, only: deck_t, resolved
@@ -34,17 +34,18 @@ module dst_sweep_runner
   !> Options of the command line.
   type :: sweep_options_t
     logical :: overwrite = .false., quiet = .false., keep_shards = .false.
-    type(share_wish_t) :: share          !! this process has a part of the cases, and knows of no other
+    type(share_wish_t) :: share          !! this process has a part of the cases, and does not communicate with others
   end type sweep_options_t
 
-  !> Keys that say how a sweep is run, not what its cases are. The points themselves are, not where they stand.
+  !> Keys that say how a sweep is run, not what its cases are. The points themselves belong to the cases, the name of their file
+  !> does not.
   character(26), parameter :: changeable(6) = [character(26) :: 'scene.title', 'sweep.points', 'output.file', &
     'output.flush_seconds', 'output.checkpoint_interval', 'output.wall_limit']
 
 contains
 
-  !> Run all cases that no shard has yet, and merge the shards when all are done. All processes end with the same error, of which
-  !> one has the text.
+  !> Run all cases that no shard contains yet, and merge the shards when all are finished. All processes end with the same error,
+  !> and one of them has its text.
   subroutine run_sweep(deck, result_file, options, processes, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
@@ -58,11 +59,11 @@ contains
     logical :: is_needed
 
     if (processes%count > 1 .and. options%share%is_given) then
-      call raise(error, usage_error, '--shard is for processes that know nothing of each other, these do: leave it out')
+      call raise(error, usage_error, '--shard is for processes that do not communicate, and these do: leave it out')
     else if (processes%rank == 0) then
       call prepare(deck, result_file, options, sweep, head, work, pending, error)
     end if
-    ! Nobody opens a shard before the first has looked at all.
+    ! No process opens a shard before the first one has read all shards.
     call processes%agree(error)
     if (allocated(error)) return
     is_needed = work%to_do > 0 .or. options%share%is_given
@@ -114,7 +115,7 @@ contains
     end do
   end subroutine prepare
 
-  !> The sweep of a deck, and what its shards have in their heads.
+  !> The sweep of a deck, and the contents of the heads of its shards.
   subroutine begin_sweep(deck, sweep, head, error)
     type(deck_t), intent(in) :: deck
     type(sweep_t), intent(out) :: sweep
@@ -125,13 +126,13 @@ contains
     if (.not. allocated(error)) head = head_of(sweep, identity_of_sweep(sweep))
   end subroutine begin_sweep
 
-  !> The first process has read the points of a sweep; the others get them from it if the sweep is needed.
+  !> The first process has read the points of a sweep; it sends them to the others if the sweep is needed.
   subroutine share_sweep(processes, deck, sweep, head, is_needed, error)
     type(processes_t), intent(in) :: processes
     type(deck_t), intent(in) :: deck
     type(sweep_t), intent(inout) :: sweep
     type(head_t), intent(inout) :: head
-    logical, intent(inout) :: is_needed   !! is that of the first
+    logical, intent(inout) :: is_needed   !! the value of the first process
     type(error_t), allocatable, intent(out) :: error
     type(axis_t), allocatable :: axes(:)
     character(:), allocatable :: names, identity
@@ -161,7 +162,7 @@ contains
     head = head_of(sweep, identity)
   end subroutine share_sweep
 
-  !> Write what the shards hold so far to the result file.
+  !> Write the finished cases of the shards to the result file.
   subroutine merge_sweep(deck, result_file, options, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
@@ -184,7 +185,7 @@ contains
     end if
   end subroutine merge_sweep
 
-  !> Of which sweep and build a shard must be.
+  !> The sweep and the build to which a shard must belong.
   function head_of(sweep, identity) result(head)
     type(sweep_t), intent(in) :: sweep
     character(*), intent(in) :: identity   !! its first characters are kept
@@ -198,7 +199,7 @@ contains
     head%cases = sweep%cases
   end function head_of
 
-  !> Every key that has an effect on a result, the names and values of a list.
+  !> Every key that has an effect on a result, with the names and values of a list.
   function identity_of_sweep(sweep) result(identity)
     type(sweep_t), intent(in) :: sweep
     character(64) :: identity
@@ -218,7 +219,7 @@ contains
     end do
   end function identity_of_sweep
 
-  !> Block by block, so that the text of many values is not long.
+  !> Block by block, so that the text of many values stays short.
   subroutine add_values(values, digest)
     real(wp), intent(in) :: values(:)
     character(64), intent(inout) :: digest
@@ -234,9 +235,10 @@ contains
     end do
   end subroutine add_values
 
-  !> Which cases the shards beside `result_file` hold, and what has the result's name. Shards of another sweep or build are emptied
-  !> with `empties`; else those of another sweep are refused, those of another build passed over. A process that has a part of the
-  !> cases gets its division into `head`, and reads neither what the others of it have nor cases that are not its own.
+  !> Which cases the shards next to `result_file` contain, and which file has the result's name. Shards of another sweep or build
+  !> are emptied with `empties`; otherwise those of another sweep are refused, and those of another build are skipped. A process
+  !> that has a part of the cases gets its division into `head`, and reads neither the shards of other parts nor cases that are not
+  !> its own.
   subroutine look_at_shards(sweep, head, result_file, options, empties, index, files, error)
     type(sweep_t), intent(in) :: sweep
     type(head_t), intent(inout) :: head
@@ -274,7 +276,7 @@ contains
     end do
   end subroutine look_at_shards
 
-  !> The heads of all shards; `files` and `heads` come back without those of other builds.
+  !> The heads of all shards; `files` and `heads` are returned without those of other builds.
   subroutine read_heads(head, empties, files, heads, index, error)
     type(head_t), intent(in) :: head
     logical, intent(in) :: empties
@@ -307,7 +309,7 @@ contains
     heads = pack(heads, is_ours)
   end subroutine read_heads
 
-  !> Shards of another build are left alone, but not silently.
+  !> Shards of another build are skipped, with a remark.
   subroutine tell_of_others(sweep, index, options)
     type(sweep_t), intent(in) :: sweep
     type(index_t), intent(in) :: index
@@ -328,7 +330,7 @@ contains
       ' cases: divide the sweep into several decks')
   end subroutine raise_no_memory
 
-  !> The result file; or, of a part of the cases, how to get it.
+  !> The result file; or, for a part of the cases, how to make it.
   subroutine present_result(sweep, head, result_file, options, work, processes, error)
     type(sweep_t), intent(in) :: sweep
     type(head_t), intent(in) :: head
@@ -353,7 +355,7 @@ contains
     end if
   end subroutine present_result
 
-  !> Merge the shards, unless that has been done, and remove them if they hold all cases.
+  !> Merge the shards, unless that has been done, and remove them if they contain all cases.
   subroutine write_result(sweep, head, result_file, index, files, options, processes, error)
     type(sweep_t), intent(in) :: sweep
     type(head_t), intent(in) :: head

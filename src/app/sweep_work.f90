@@ -1,7 +1,7 @@
-!> One process at work on the cases of a sweep, which go to its shard.
+!> One process that computes cases of a sweep and writes them to its shard.
 !>
-!> Its threads take the next case whenever they have finished one. The first thread also looks after signals, limits, progress and
-!> the other processes, between two slices of its case.
+!> Its threads take the next case whenever they have finished one. The first thread also handles signals, limits, progress and the
+!> other processes, between two slices of its case.
 module dst_sweep_work
   use dst_dealer, only: dealer_t
   use dst_disk, only: wait_seconds
@@ -21,19 +21,19 @@ module dst_sweep_work
 
   public :: sweep_work_t, thread_count
 
-  !> What the threads of a process share.
+  !> Data that the threads of a process share.
   type, extends(task_t) :: sweep_work_t
     integer :: to_do = 0                         !! cases, of all processes
     integer :: done_before = 0, failed_before = 0
     type(shard_t) :: shard
     integer :: failed = 0                        !! cases of this process
-    integer, private :: finished = 0             !! the same, with those that failed
+    integer, private :: finished = 0             !! cases of this process, including those that failed
     type(error_t), allocatable, private :: error !! the first one of the shard
-    integer, private :: stop = 0                 !! why cases are given up: a signal, or one of those below; 0 = they go on
-    integer, private :: at_work = 0              !! threads
+    integer, private :: stop = 0                 !! why cases are given up: a signal, or one of those below; 0 = they continue
+    integer, private :: at_work = 0              !! number of threads with a case
     real(wp), private :: begun = 0.0_wp, looked = 0.0_wp, limit = 0.0_wp   !! s
     type(sweep_t), pointer, private :: sweep => null()
-    type(worker_t), private :: first_worker      !! is copied by each thread
+    type(worker_t), private :: first_worker      !! each thread gets a copy
     type(processes_t), private :: processes
     type(dealer_t), private :: dealer
     type(progress_t), private :: progress
@@ -47,27 +47,27 @@ module dst_sweep_work
 
   type, extends(watch_t) :: sweep_watch_t
     type(sweep_work_t), pointer :: shared => null()
-    logical :: is_first = .false.                !! of the process's threads
+    logical :: is_first = .false.                !! first of the process's threads
   contains
     procedure :: asked_to_stop
   end type sweep_watch_t
 
-  !> Threads beyond this serve no machine.
+  !> More threads than this are useful on no machine.
   integer, parameter :: most_threads = 1024
 
-  !> A process looks around once in so many seconds: messages, signals, limits.
+  !> A process handles messages, signals and limits once in this many seconds.
   real(wp), parameter :: look = 5.0e-4_wp
-  !> A thread without a case looks for one after so many seconds. Convention: short beside a look.
+  !> A thread without a case looks for one after this many seconds. Convention: short compared with the interval above.
   real(wp), parameter :: idle = 2.0e-4_wp
 
 contains
 
-  !> Run the cases `pending`, of which rank 0 has the list, with all processes and their threads. `error` says why not all were run.
+  !> Run the cases `pending`, whose list is on rank 0, with all processes and their threads. `error` says why not all were run.
   subroutine run(self, sweep, processes, pending, quiet, error)
     class(sweep_work_t), intent(inout) :: self
     type(sweep_t), intent(in), target :: sweep
     type(processes_t), intent(in) :: processes
-    integer, allocatable, intent(inout) :: pending(:)   !! is taken away
+    integer, allocatable, intent(inout) :: pending(:)   !! is moved away
     logical, intent(in) :: quiet
     type(error_t), allocatable, intent(out) :: error
     integer :: threads
@@ -90,7 +90,7 @@ contains
     end if
   end subroutine run
 
-  !> As many threads as OpenMP counts processors or is told to take; of processors that several processes may use, a share.
+  !> As many threads as OpenMP counts processors or is set to use; a share, if several processes may use the processors.
   integer function thread_count(processes, cases) result(threads)
     !$ use omp_lib, only: omp_get_max_threads
     type(processes_t), intent(in) :: processes
@@ -102,7 +102,7 @@ contains
     threads = min(threads, most_threads, cases)
   end function thread_count
 
-  !> One thread: case after case.
+  !> One thread, which computes case after case.
   subroutine run_cases(self, number)
     class(sweep_work_t), intent(inout), target :: self
     integer, intent(in) :: number
@@ -142,7 +142,7 @@ contains
     self%at_work = self%at_work - 1
   end subroutine run_cases
 
-  !> The first thread, without work itself, still looks around for the others, and rank 0 for other processes.
+  !> The first thread, when it has no case, still handles the interruptions for the others, and rank 0 for other processes.
   subroutine wait_for_others(self)
     type(sweep_work_t), intent(inout) :: self
     real(wp) :: told_at
@@ -177,7 +177,7 @@ contains
     !$omp end critical (keeping)
   end subroutine keep
 
-  !> The first thread looks around.
+  !> The first thread handles what is due.
   logical function asked_to_stop(self)
     class(sweep_watch_t), intent(inout) :: self
     integer :: stop
@@ -188,7 +188,7 @@ contains
     asked_to_stop = stop /= 0
   end function asked_to_stop
 
-  !> New work, signals, the limit, progress.
+  !> New cases, signals, the limit, progress.
   subroutine look_around(self)
     type(sweep_work_t), intent(inout) :: self
     integer :: finished, failed, left, wanted, stop
@@ -220,7 +220,7 @@ contains
       self%failed_before + self%dealer%failed, passed)
   end subroutine look_around
 
-  !> Why the sweep has stopped, how far it is, and how to go on.
+  !> Why the sweep has stopped, how far it is, and how to continue.
   function stop_text(self) result(text)
     type(sweep_work_t), intent(in) :: self
     character(:), allocatable :: text
@@ -228,6 +228,6 @@ contains
     text = 'stopped at output.wall_limit'
     if (self%stop > no_signal) text = stopped_by(self%stop)
     text = text//' after '//integer_text(self%done_before + self%dealer%finished)//' of '// &
-      integer_text(self%done_before + self%to_do)//' cases: start it again to go on'
+      integer_text(self%done_before + self%to_do)//' cases: start it again to continue'
   end function stop_text
 end module dst_sweep_work

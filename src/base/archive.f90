@@ -1,8 +1,8 @@
 !> The state of a run as a row of 64-bit words: what a checkpoint keeps.
 !>
-!> A type that has a state has one procedure `serialise(archive)`, which names each field once. The archive either takes
-!> the fields' values or gives them back, so that saving and loading cannot differ in their order. Before each item
-!> stands a word with its kind and length; a row that was saved from other fields is noticed.
+!> A type that has a state has one procedure `serialise(archive)`, which names each field once. The archive either takes the fields'
+!> values or gives them back, so that saving and loading cannot differ in their order. A word with its kind and length precedes each
+!> item, so that a row saved from other fields is recognised.
 module dst_archive
   use dst_kinds, only: wp, int64
   implicit none
@@ -14,9 +14,9 @@ module dst_archive
   type :: archive_t
     private
     logical :: loading = .false.
-    logical :: fits = .true.                    !! every item asked for was there
+    logical :: fits = .true.                    !! every item that was asked for was there
     integer(int64), allocatable :: kept(:)      !! valid up to `used`
-    integer :: used = 0                         !! words saved, or given back, so far
+    integer :: used = 0                         !! number of words saved, or given back, so far
   contains
     !> Save a value or array, or give it back; if it is not there, nothing changes.
     generic :: serialise => serialise_real, serialise_reals, serialise_matrix, serialise_integer, serialise_long, serialise_longs, &
@@ -42,10 +42,10 @@ contains
     archive%kept = words
   end subroutine archive_of
 
-  !> What has been saved.
+  !> The words saved so far.
   pure function words(self)
     class(archive_t), intent(in) :: self
-    ! Allocatable: there may be more of them than a stack holds.
+    ! Allocatable: the words may need more room than a stack has.
     integer(int64), allocatable :: words(:)
 
     allocate (words(self%used))
@@ -132,7 +132,7 @@ contains
     value = item(1) /= 0
   end subroutine serialise_logical
 
-  !> One item behind the word that describes it.
+  !> One item after the word that describes it.
   subroutine serialise_words(self, kind, item)
     class(archive_t), intent(inout) :: self
     integer, intent(in) :: kind

@@ -1,7 +1,7 @@
 !> Lines and fields of a CSV file.
 !>
-!> Fields are separated by what the first line has: semicolons, commas, tabs or blanks, the first of these that it holds. They
-!> may stand in double quotes; lines end with LF, CR LF or CR, or with the file (RFC 4180, and what spreadsheets make of it).
+!> Fields are separated by semicolons, commas, tabs or blanks: by the first of these that the first line contains. Fields may be in
+!> double quotes; lines end with LF, CR LF or CR, or at the end of the file (RFC 4180, and the variants that spreadsheets write).
 module dst_csv
   implicit none
   private
@@ -9,7 +9,7 @@ module dst_csv
   public :: line_end_of, first_byte, find_line, separator_of, find_fields, blanks
 
   character, parameter :: lf = achar(10), cr = achar(13), tab = achar(9), quote = '"'
-  !> What may surround a field.
+  !> Characters that may surround a field.
   character(*), parameter :: blanks = ' '//tab
   character(*), parameter :: separators = ';,'//tab//' '
   character(*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
@@ -24,7 +24,7 @@ contains
     if (index(text, lf) == 0) line_end_of = cr
   end function line_end_of
 
-  !> Where the text begins, behind a byte order mark.
+  !> Where the text begins, after a byte order mark.
   pure integer function first_byte(text)
     character(*), intent(in) :: text
 
@@ -32,7 +32,8 @@ contains
     if (index(text, byte_order_mark) == 1) first_byte = 1 + len(byte_order_mark)
   end function first_byte
 
-  !> First and last character of the line that begins at `next`, without its end; `next` is then the beginning of the line after.
+  !> First and last character of the line that begins at `next`, without its line end; `next` is then the beginning of the next
+  !> line.
   pure subroutine find_line(text, line_end, next, first, last)
     character(*), intent(in) :: text
     character, intent(in) :: line_end
@@ -46,7 +47,7 @@ contains
     if (text(max(first, last):last) == cr) last = last - 1
   end subroutine find_line
 
-  !> What separates the fields of a file with this first line.
+  !> The separator of the fields of a file with this first line.
   pure character function separator_of(line)
     character(*), intent(in) :: line
     integer :: i
@@ -71,7 +72,7 @@ contains
     do while (first <= len(line) + 1)
       length = index(line(first:), separator) - 1
       if (length < 0) length = len(line) - first + 1
-      ! Several blanks separate once.
+      ! Several blanks in a row are one separator.
       if (length > 0 .or. separator /= ' ') then
         n = n + 1
         found(:, n) = without_blanks(line, [first, first + length - 1])

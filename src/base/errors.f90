@@ -1,4 +1,4 @@
-!> Errors as values: a code and a text that says what is wrong and what would be right.
+!> Errors as values: a code and a text that says what is wrong and what to do.
 !>
 !> Nothing below the command line prints or stops; a procedure that can fail has a last argument
 !> `type(error_t), allocatable, intent(out) :: error`, unallocated on success.
@@ -12,21 +12,21 @@ module dst_errors
   public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, release_failed, &
     out_of_memory, stopped_early
 
-  !> What went wrong, in one line, or of a deck in a line a fault: no name in it breaks a line. `code` is one of the constants
-  !> below and also the `result_code` of a file.
+  !> What went wrong, in one line, or, of a deck, in one line for each fault: no name in it breaks a line. `code` is one of the
+  !> constants below and also the `result_code` of a file.
   type :: error_t
     integer :: code = 0
     character(:), allocatable :: text
-    character(:), allocatable :: key   !! of a deck, as GROUP.KEY, where its value is what is wrong; mostly unallocated
+    character(:), allocatable :: key   !! key of a deck, as GROUP.KEY, if its value is wrong; mostly unallocated
   end type error_t
 
-  !> Codes. Also the exit status, but for those of the solver.
+  !> Codes. They are also the exit status, except those of the solver.
   integer, parameter :: result_done = 0
   integer, parameter :: usage_error = 1
   integer, parameter :: deck_error = 2
   integer, parameter :: file_error = 3
-  integer, parameter :: some_failed = 5   !! cases of a sweep
-  !> The run could not be finished: the solver gave up, or the machine. 40 to 49.
+  integer, parameter :: some_failed = 5   !! of the cases of a sweep
+  !> The run could not be finished: the solver or the machine failed. 40 to 49.
   integer, parameter :: step_underflow = 41
   integer, parameter :: too_many_steps = 42
   integer, parameter :: not_finite = 43
@@ -38,35 +38,35 @@ module dst_errors
 
 contains
 
-  !> Set `error`. What a result file may name as its result refers to the page that explains all results.
+  !> Set `error`. If it may become the result of a result file, its text refers to the page that explains all results.
   pure subroutine raise(error, code, text, key)
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in) :: code
     character(*), intent(in) :: text
-    character(*), intent(in), optional :: key   !! of the deck, as GROUP.KEY
+    character(*), intent(in), optional :: key   !! key of the deck, as GROUP.KEY
 
     allocate (error)
     error%code = code
     error%text = printable(text)
     if (present(key)) error%key = key
-    ! A process that leaves the words to another one says nothing.
+    ! A process that leaves the message to another process says nothing.
     if (text == '') return
     if (exit_status(code) == 4 .or. code == some_failed .or. code == stopped_early) &
       error%text = error%text//'; see dynstiction help errors'
   end subroutine raise
 
-  !> Set `error` to several faults, one a line.
+  !> Set `error` to several faults, one in each line.
   pure subroutine raise_lines(error, code, lines)
     type(error_t), allocatable, intent(out) :: error
     integer, intent(in) :: code
-    character(*), intent(in) :: lines    !! each of them printable
+    character(*), intent(in) :: lines    !! every line is printable
 
     allocate (error)
     error%code = code
     error%text = lines
   end subroutine raise_lines
 
-  !> Whether there is an error, and of this code.
+  !> Whether there is an error, and whether it has this code.
   pure logical function has_code(error, code)
     type(error_t), allocatable, intent(in) :: error
     integer, intent(in) :: code

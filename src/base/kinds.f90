@@ -1,4 +1,4 @@
-!> The one working precision of the code (chosen in the build) and the constants that depend on it.
+!> The working precision of the code, which is chosen in the build, and the constants that depend on it.
 module dst_kinds
   use, intrinsic :: iso_fortran_env, only: real64, int64
   use dst_precision, only: wp

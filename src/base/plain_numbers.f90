@@ -1,4 +1,4 @@
-!> Numbers for people: few digits, sizes in the unit that fits, times as one says them.
+!> Numbers for people: few digits, sizes and times in units that fit.
 module dst_plain_numbers
   use dst_kinds, only: wp, int64
   use dst_text, only: integer_text
@@ -11,7 +11,8 @@ module dst_plain_numbers
 
 contains
 
-  !> '0', '12.3', '0.00123', '123456', '1.23e7': up to `figures` significant digits (3), whole numbers to a million with all.
+  !> '0', '12.3', '0.00123', '123456', '1.23e7': up to `figures` (3) significant digits; whole numbers up to a million with all
+  !> digits.
   pure function number_text(value, figures) result(text)
     real(wp), intent(in) :: value
     integer, intent(in), optional :: figures
@@ -25,7 +26,7 @@ contains
       text = 'infinite'
       return
     else if (abs(value) > 0.0_wp .and. abs(value) <= tiny(value)) then
-      ! Fewer digits than others: it cannot be told from 0 by a reader.
+      ! Fewer digits than other numbers have: a reader cannot distinguish it from 0.
       text = '0'
       return
     end if
@@ -46,7 +47,7 @@ contains
     if (index(text, '-.') == 1) text = '-0'//text(2:)
   end function number_text
 
-  !> Ten digits, for tables that others compute with.
+  !> Ten digits, for tables with which other programs compute.
   pure function long_text(value) result(text)
     real(wp), intent(in) :: value
     character(:), allocatable :: text
@@ -66,7 +67,7 @@ contains
     if (text(len(text):) == '.') text = text(:len(text) - 1)
   end function without_zeros
 
-  !> '12 bytes', '1.5 kB', '80 GB': decimal units, as the tools for disks count.
+  !> '12 bytes', '1.5 kB', '80 GB': decimal units, as disk tools use them.
   pure function bytes_text(bytes) result(text)
     real(wp), intent(in) :: bytes
     character(:), allocatable :: text
@@ -103,7 +104,7 @@ contains
     end if
   end function duration_text
 
-  !> `count` of the smaller unit as larger and smaller ones; without the smaller where there are none.
+  !> `count` of the smaller unit as a sum of larger and smaller ones; the smaller unit is left out if its number is 0.
   pure function two_units(count, each, larger, smaller) result(text)
     real(wp), intent(in) :: count
     integer(int64), intent(in) :: each

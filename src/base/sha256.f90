@@ -1,6 +1,6 @@
-!> The SHA-256 digest of a text (FIPS 180-4), by which a file names the deck it came from.
+!> The SHA-256 digest of a text (FIPS 180-4), by which a file identifies the deck that it came from.
 !>
-!> A word of 32 bits is kept in a 64-bit integer, since Fortran's arithmetic has no unsigned wrap-around.
+!> A word of 32 bits is kept in a 64-bit integer, since Fortran has no unsigned arithmetic with wrap-around.
 module dst_sha256
   use dst_kinds, only: int64
   use dst_text, only: lower_case
@@ -71,7 +71,7 @@ contains
     end do
   end function padded
 
-  !> One block of 64 bytes into the state.
+  !> Add one block of 64 bytes to the state.
   pure subroutine compress(state, chunk)
     integer(int64), intent(inout) :: state(8)
     character(block_size), intent(in) :: chunk
@@ -102,7 +102,7 @@ contains
     state = iand(word_mask, state + [a, b, c, d, e, f, g, h])
   end subroutine compress
 
-  !> A 32-bit word rotated to the right.
+  !> A 32-bit word, rotated to the right.
   elemental integer(int64) function rotated(word, places)
     integer(int64), intent(in) :: word
     integer, intent(in) :: places

@@ -1,4 +1,4 @@
-!> How long something takes.
+!> Measures how long something takes.
 module dst_stopwatch
   use dst_kinds, only: wp, int64
   implicit none

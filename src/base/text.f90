@@ -1,4 +1,4 @@
-!> Text as the deck and the command line need it: words, numbers, the nearest valid name.
+!> Text operations that decks and the command line need: words, numbers, the nearest valid name.
 module dst_text
   use dst_kinds, only: wp, real64, int64
   implicit none
@@ -9,10 +9,10 @@ module dst_text
     one_per_line, utf8_width
   public :: short_length, real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
 
-  !> Widths of the texts of tables: of keys, columns, commands, ... The compiler refuses what would be cut.
+  !> Widths of the texts in tables of keys, columns, commands and so on. The compiler refuses a text that would be cut.
   integer, parameter :: name_width = 24, unit_width = 8, value_width = 32, meaning_width = 96
 
-  !> Text that grows; appending costs time in proportion to what is appended.
+  !> Text that grows; the time to append is proportional to the length of what is appended.
   type :: text_builder_t
     private
     character(:), allocatable :: buffer
@@ -31,9 +31,9 @@ module dst_text
 
   character(*), parameter :: newline = achar(10)
   character(*), parameter :: digits = '0123456789'
-  !> No name of a deck or a command is longer; a longer word is near to none.
+  !> No name of a deck or a command is longer; a longer word is not near to any name.
   integer, parameter :: longest_name = 40
-  !> No number needs more characters.
+  !> No number needs more characters than this.
   integer, parameter :: longest_number = 256
 
   !> Characters of `short_text`: '-1.2345e-4950' is the longest, in quadruple precision.
@@ -95,14 +95,15 @@ contains
     end do
   end function lower_case
 
-  !> Whether a text begins so.
+  !> Whether a text begins with another one.
   pure logical function starts_with(text, beginning)
     character(*), intent(in) :: text, beginning
 
     starts_with = index(text, beginning) == 1
   end function starts_with
 
-  !> The rest of the first line of `text` but its very first that begins with `name` and a blank; '' if none does.
+  !> The remainder of the first line of `text`, except its very first line, that begins with `name` and a blank; '' if there is
+  !> none.
   pure function value_in(text, name) result(value)
     character(*), intent(in) :: text, name
     character(:), allocatable :: value
@@ -132,7 +133,7 @@ contains
     text = list(first:last)
   end function word
 
-  !> The next word after place `last`; an empty one at the end of the list if there is none.
+  !> The next word after position `last`; an empty word at the end of the list if there is none.
   pure subroutine find_word(list, first, last)
     character(*), intent(in) :: list
     integer, intent(out) :: first
@@ -162,7 +163,7 @@ contains
     character(*), intent(in) :: list, text
     integer :: first, last
 
-    ! Without a copy of the list: a deck's conditions are asked some hundred times.
+    ! Does not copy the list: the conditions of a deck are evaluated some hundred times.
     has_word = list == '' .and. len(text) == 0
     last = 0
     do while (.not. has_word)
@@ -172,7 +173,7 @@ contains
     end do
   end function has_word
 
-  !> The words of a list as one shows a choice: 'a | b | c'.
+  !> The words of a list in the form in which a choice is shown: 'a | b | c'.
   pure function alternatives(list) result(text)
     character(*), intent(in) :: list
     character(:), allocatable :: text
@@ -201,7 +202,7 @@ contains
     end do
   end function nearest_word
 
-  !> Insertions, deletions, replacements and swaps of neighbours that turn a into b.
+  !> Number of insertions, deletions, replacements and swaps of neighbours that turn a into b.
   pure integer function edit_distance(a, b)
     character(*), intent(in) :: a, b
     integer :: d(-1:len(a), -1:len(b)), i, j, replace
@@ -219,8 +220,8 @@ contains
     edit_distance = d(len(a), len(b))
   end function edit_distance
 
-  !> `text` as a message shows it: at most 60 bytes, cut between UTF-8 characters; control characters and what is not UTF-8
-  !> as '?'.
+  !> `text` in the form that messages use: at most 60 bytes, cut between UTF-8 characters; control characters and bytes that are not
+  !> UTF-8 become '?'.
   pure function excerpt(text) result(shown)
     character(*), intent(in) :: text
     character(:), allocatable :: shown
@@ -238,7 +239,8 @@ contains
     if (last < len(text)) shown = shown//'...'
   end function excerpt
 
-  !> `text` as a terminal may get it: control characters, and what is not UTF-8, as '?'. Of fixed length as `short_text` is.
+  !> `text` in a form that is safe on a terminal: control characters, and bytes that are not UTF-8, become '?'. Of fixed length, for
+  !> the same reason as `short_text`.
   pure function printable(text) result(shown)
     character(*), intent(in) :: text
     character(len(text)) :: shown
@@ -253,8 +255,8 @@ contains
     end do
   end function printable
 
-  !> Bytes of the UTF-8 character with which `text` begins; 0 if it is none. RFC 3629, table in section 4: no code may be longer
-  !> than it need be, a surrogate, or beyond U+10FFFF.
+  !> Number of bytes of the UTF-8 character with which `text` begins; 0 if it does not begin with one. RFC 3629, table in section 4:
+  !> no code may be longer than necessary, a surrogate, or beyond U+10FFFF.
   pure integer function utf8_width(text) result(width)
     character(*), intent(in) :: text
     integer :: first, low, high, i
@@ -285,7 +287,7 @@ contains
     end do
   end function utf8_width
 
-  !> The same, and 0 of a control character, also of one that breaks a line or turns the direction of writing.
+  !> The same, but 0 for a control character, and for a character that breaks a line or changes the direction of writing.
   pure integer function character_width(text) result(width)
     character(*), intent(in) :: text
 
@@ -301,7 +303,7 @@ contains
     end if
   end function character_width
 
-  !> Every line of `text` with `prefix` before it, as a terminal may get it.
+  !> Every line of `text` after `prefix`, in a form that is safe on a terminal.
   pure function one_per_line(text, prefix) result(lines)
     character(*), intent(in) :: text, prefix
     character(:), allocatable :: lines
@@ -316,7 +318,7 @@ contains
     end do
   end function one_per_line
 
-  !> The shortest decimal text that reads back to the same bits.
+  !> The shortest decimal text that is read back as the same bits.
   function real_text(value) result(text)
     real(wp), intent(in) :: value
     character(:), allocatable :: text
@@ -324,11 +326,12 @@ contains
     character(:), allocatable :: mantissa
     integer :: figures, exponent, ios
     real(wp) :: again
-    ! Needed are at most 17 in double precision and 36 in quadruple precision.
+    ! At most 17 digits are needed in double precision and 36 in quadruple precision.
     integer, parameter :: most_figures = precision(1.0_wp) + 3
 
     do figures = 1, most_figures
-      ! Two digits of decimals at fixed places: to write and to read a format takes as long as the number itself.
+      ! The two digits of the number of decimals are at fixed places, because writing and reading a format takes as long as the
+      ! number itself.
       form = '(es48.'//achar(iachar('0') + (figures - 1)/10)//achar(iachar('0') + mod(figures - 1, 10))//'e4)'
       write (buffer, form) abs(value)
       read (buffer, *, iostat=ios) again
@@ -341,8 +344,8 @@ contains
     if (sign(1.0_wp, value) < 0.0_wp) text = '-'//text
   end function real_text
 
-  !> A number with four digits, for messages of the solver. Not of deferred length as `real_text`: gfortran keeps such a
-  !> length in static storage, where threads would meet.
+  !> A number with four digits, for messages of the solver. Not of deferred length as `real_text` is: gfortran keeps such a length
+  !> in static storage, which threads would share.
   pure function short_text(value) result(text)
     real(wp), intent(in) :: value
     character(short_length) :: text, buffer
@@ -375,7 +378,7 @@ contains
     end if
   end function short_text
 
-  !> d.ddd·10^exponent from its significant digits, without an exponent where that is easy to read.
+  !> The number d.ddd·10^exponent from its significant digits, without an exponent if it is easy to read without one.
   pure function decimal_text(mantissa, exponent) result(text)
     character(*), intent(in) :: mantissa
     integer, intent(in) :: exponent
@@ -395,7 +398,7 @@ contains
     end if
   end function decimal_text
 
-  !> An integer in as few characters as it needs.
+  !> An integer, in as few characters as possible.
   pure function text_of_long(value) result(text)
     integer(int64), intent(in) :: value
     character(:), allocatable :: text
@@ -412,7 +415,7 @@ contains
     text = text_of_long(int(value, int64))
   end function text_of_integer
 
-  !> Text as a deck writes it: in single quotes, a quote inside doubled.
+  !> Text in the form that a deck uses: in single quotes, with quotes inside doubled.
   pure function quoted_text(text) result(quoted)
     character(*), intent(in) :: text
     character(:), allocatable :: quoted
@@ -426,12 +429,12 @@ contains
     quoted = quoted//"'"
   end function quoted_text
 
-  !> A real number as Fortran writes it. `problem` is '' or says what is wrong with the word.
+  !> A real number in Fortran's notation. `problem` is '' or says what is wrong with the word.
   pure subroutine read_real(text, value, problem)
     character(*), intent(in) :: text
     real(wp), intent(out) :: value
     character(:), allocatable, intent(out) :: problem
-    ! Beyond these powers of ten the conversion itself could overflow, or lose digits. A result file holds doubles.
+    ! Beyond these powers of ten the conversion itself could overflow or lose digits. A result file contains doubles.
     integer, parameter :: highest = range(1.0_real64), lowest = -highest
     integer :: power
     logical :: is_real, is_zero
@@ -449,7 +452,7 @@ contains
       problem = 'is below the range of double precision'
     else
       read (text, *) value
-      ! Digits beyond double precision may round up to what would not be read again.
+      ! Digits beyond double precision may round up to a number that could not be read back.
       if (abs(value) >= 10.0_wp**(highest + 1)) problem = 'is beyond the range of double precision'
     end if
   end subroutine read_real
@@ -473,15 +476,15 @@ contains
     if (ios /= 0) problem = 'is beyond the range of 64-bit integers'
   end subroutine read_integer
 
-  !> [sign] digits [. digits] [e|d [sign] digits], at least one digit before the exponent; and the power of ten of its first digit
-  !> that is not zero.
+  !> [sign] digits [. digits] [e|d [sign] digits], with at least one digit before the exponent; also the power of ten of the first
+  !> digit that is not zero.
   pure subroutine take_apart(text, is_real, is_zero, power)
     character(*), intent(in) :: text
     logical, intent(out) :: is_real, is_zero
     integer, intent(out) :: power
     character(:), allocatable :: figures, exponent
     integer :: letter, point, first, shift
-    ! Enough to be out of range together with any mantissa.
+    ! Large enough to be out of range with any mantissa.
     integer, parameter :: out_of_range = 100000
 
     letter = scan(text//'e', 'eEdD')
@@ -509,7 +512,7 @@ contains
     if (scan(text, '+-') == 1) rest = text(2:)
   end function unsigned
 
-  !> A number in the format `form`, without blanks around it: for people, where `real_text` would have too many digits.
+  !> A number in the format `form`, without blanks around it: for people, for whom `real_text` would have too many digits.
   pure function formatted(form, value) result(text)
     character(*), intent(in) :: form
     real(wp), intent(in) :: value

@@ -1,4 +1,4 @@
-!> Where the results of a run go: the interface that the run loop knows.
+!> Where the results of a run go: the interface that the run loop uses.
 !>
 !> Kinds of writer: HDF5 file (`dst_hdf5_writer`), arrays in memory (`dst_memory_writer`).
 module dst_writer
@@ -10,12 +10,12 @@ module dst_writer
 
   public :: writer_t, quantity_t, outcome_t, find_quantity
 
-  !> What a column of the time series, a summary value or a counter is.
+  !> Description of a column of the time series, of a summary value or of a counter.
   type :: quantity_t
     character(name_width) :: name = ''
     character(unit_width) :: units = ''   !! 'm', 'N', 's', 'm/s', 'rad', '1'
     character(meaning_width) :: long_name = ''
-    !> Whether it counts something, and is stored as an integer.
+    !> Whether the quantity is a count, and is stored as an integer.
     logical :: counts = .false.
   end type quantity_t
 
@@ -31,16 +31,16 @@ module dst_writer
     procedure :: summary_of
   end type outcome_t
 
-  !> Where the run routine sends samples, events and the outcome.
+  !> Receives samples, events and the outcome from the run routine.
   type, abstract :: writer_t
   contains
     !> Append samples(column, row); the rows come in order of time.
     procedure(write_samples), deferred :: write_samples
     !> Append events: time [s] and kind (1 = stick begins, 2 = slip begins).
     procedure(write_events), deferred :: write_events
-    !> Make everything written so far survive a kill.
+    !> Flush everything written so far, so that it survives if the process is killed.
     procedure(flush), deferred :: flush
-    !> Write how the run ended and close; nothing may be written afterwards.
+    !> Write how the run ended, and close; nothing may be written afterwards.
     procedure(finish), deferred :: finish
   end type writer_t
 

@@ -1,4 +1,4 @@
-!> What `dynstiction cycles` prints: the limit cycles of a scene, and steady sliding beside them.
+!> What `dynstiction cycles` prints: the limit cycles of a scene, and its steady sliding.
 module dst_cycles_report
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: cycle_quantities, peak, valley
@@ -19,7 +19,7 @@ module dst_cycles_report
 
 contains
 
-  !> One table for each velocity that the drive holds.
+  !> One table for each velocity that the drive keeps for some time.
   subroutine cycles_report(scene, name, text, error)
     type(scene_t), intent(in) :: scene
     character(*), intent(in) :: name
@@ -85,12 +85,12 @@ contains
           slider%law%kinetic_limit)//' mu_0')
       else if (cycles%sliding_is_stable .and. i == 1) then
         call page%row('', '  between '//long_text(cycles%value(valley, i))//' N and '// &
-          long_text(cycles%value(peak, i))//' N the object comes to steady sliding')
+          long_text(cycles%value(peak, i))//' N the object reaches steady sliding')
       end if
     end do
   end subroutine list_cycles
 
-  !> What the motion from the scene's beginning on is like: a cycle that it comes to, or a distribution of cycles.
+  !> What the motion from the scene's initial state is like: a cycle that it settles to, or a distribution of cycles.
   subroutine list_regularity(page, regularity)
     type(text_builder_t), intent(inout) :: page
     type(regularity_t), intent(in) :: regularity
@@ -99,7 +99,7 @@ contains
     call page%line('')
     select case (regularity%verdict)
     case (regular)
-      call page%row('motion of the scene', 'regular: it comes to a cycle')
+      call page%row('motion of the scene', 'regular: it settles to a cycle')
     case (irregular)
       call page%row('motion of the scene', 'irregular: its cycles have a distribution, and no value')
     case default
@@ -107,7 +107,7 @@ contains
     end select
     if (regularity%slow_cycles > 2 .and. regularity%error < huge(1.0_wp)) then
       call page%row('  Lyapunov exponent', long_text(regularity%exponent)//' +- '// &
-        long_text(regularity%error)//' for a slow cycle, over '//integer_text(regularity%slow_cycles)//' of them')
+        long_text(regularity%error)//' per slow cycle, from '//integer_text(regularity%slow_cycles)//' slow cycles')
     end if
     if (regularity%verdict == regular .or. regularity%cycles < 2) return
     do k = 1, size(cycle_quantities)

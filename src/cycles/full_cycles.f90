@@ -1,4 +1,4 @@
-!> The limit cycles of the full model, by its map from release to release (dst_release_map), and whether its motion is regular.
+!> The limit cycles of the full model, from its map from release to release (dst_release_map), and whether its motion is regular.
 module dst_full_cycles
   use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: measures, period
@@ -14,22 +14,22 @@ module dst_full_cycles
 
   public :: full_cycle_t, regularity_t, find_full_cycles
 
-  !> Accuracy of the motion. Ten times: the cycle of Fig. 3 differs by 1e-10 of itself.
+  !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
   real(wp), parameter :: rtol = 1.0e-11_wp
-  !> Slow cycles that are followed from the beginning of the scene until two releases agree, and the difference that is none [rad].
-  !> Conventions.
+  !> Number of slow cycles that are followed from the initial state of the scene until two releases agree, and the difference up to
+  !> which they agree [rad]. Conventions.
   integer, parameter :: followed = 48
   real(wp), parameter :: same = 1.0e-10_wp
-  !> Releases between which fixed points are looked for: where the motion settles, and where it does not. Conventions; twice: no
-  !> more cycles of Fig. 3 and k_y = 5e6 N/m, 19 for 17 with k_y = 1e6 N/m.
+  !> Numbers of releases between which fixed points are searched: if the motion settles, and if it does not. Conventions; twice: no
+  !> more cycles of Fig. 3 and k_y = 5e6 N/m, 19 instead of 17 with k_y = 1e6 N/m.
   integer, parameter :: few = 8, many = 256
   integer, parameter :: max_iterations = 40
-  !> A jump of the map from one side of the diagonal to the other is no fixed point: there the map misses by more than this [rad].
+  !> A jump of the map from one side of the diagonal to the other is not a fixed point: the map misses it by more than this [rad].
   real(wp), parameter :: missed = 1.0e-7_wp
   real(wp), parameter :: fine = 1.0e-13_wp
 
-  !> A cycle: its measures as of dst_cycles, the logarithm of its multiplier, and the release with which it begins. Of one without a
-  !> release it is only known that the motion settles to it.
+  !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, and the release with which it begins. A cycle without
+  !> a release is only known as one to which the motion settles.
   type :: full_cycle_t
     real(wp) :: measure(measures) = 0.0_wp
     logical :: has_multiplier = .true.
@@ -37,10 +37,10 @@ module dst_full_cycles
     type(release_angle_t) :: release = release_angle_t()
   end type full_cycle_t
 
-  !> What a motion that has gone on for a while is like.
+  !> What a motion is like after some time.
   type :: regularity_t
     integer :: slow_cycles = 0
-    !> Lyapunov exponent for a slow cycle and its standard error, and what they say, as in dst_divergence.
+    !> Lyapunov exponent for a slow cycle and its standard error, and the verdict, as in dst_divergence.
     real(wp) :: exponent = 0.0_wp, error = 0.0_wp
     integer :: verdict = undecided
     !> Mean and scatter of the measures of its cycles.
@@ -75,17 +75,17 @@ contains
     end if
     call find_fixed_points(map, release(:n), cycles, error)
     if (n == followed .or. size(cycles) == 0) return
-    ! What it settles to says all of its regularity.
+    ! The cycle to which it settles determines its regularity.
     regularity%exponent = cycles(1)%log_multiplier
     regularity%error = 0.0_wp
   end subroutine find_full_cycles
 
-  !> The scene under a steady drive, as accurate as cycles are to be, for as long as they may take.
+  !> The scene under a steady drive, as accurate as cycles shall be, for as long as they may take.
   pure function steady(scene, velocity) result(changed)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
     type(scene_t) :: changed
-    !> In lengths F_0/k_x that the drive moves, and in periods of the free oscillation. Convention.
+    !> In lengths F_0/k_x of drive displacement, and in periods of the free oscillation. Convention.
     real(wp), parameter :: long = 200.0_wp
 
     changed = scene
@@ -122,7 +122,7 @@ contains
     end do
   end subroutine follow
 
-  !> What the motion so far says of its regularity.
+  !> What the motion so far shows about its regularity.
   subroutine judge(map, n, regularity)
     type(release_map_t), intent(in) :: map
     integer, intent(in) :: n
@@ -137,11 +137,11 @@ contains
     end select
   end subroutine judge
 
-  !> Where the motion has no releases: the cycle to which it has settled, if it has.
+  !> If the motion has no releases: the cycle to which it has settled, if there is one.
   subroutine take_what_it_settles_to(regularity, cycles)
     type(regularity_t), intent(inout) :: regularity
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
-    !> Scatter over the mean that is none: the cycles that count began in the second half of a long run. Convention.
+    !> Scatter over the mean up to which cycles are equal: those that count began in the second half of a long run. Convention.
     real(wp), parameter :: alike = 1.0e-7_wp
 
     if (regularity%cycles < 2) return
@@ -189,7 +189,7 @@ contains
 
   contains
 
-    !> By how much a slow cycle turns the release with which it begins [rad].
+    !> The angle by which a slow cycle turns the release with which it begins [rad].
     subroutine look(from, turn, is_known)
       real(wp), intent(in) :: from
       real(wp), intent(out) :: turn
@@ -243,7 +243,7 @@ contains
         if (allocated(error) .or. .not. is_known) return
         if (i == 1) cycle%has_multiplier = has_growth
         if (i == 1) cycle%log_multiplier = log_stretch
-        ! Unstable ones are left soon.
+        ! Unstable cycles are left soon.
         if (map%summary%cycles%count > 0) exit
       end do
       if (map%summary%cycles%count == 0) return

@@ -1,4 +1,4 @@
-!> The limit cycles of a scene: what it settles to, and what it cannot stay at.
+!> The limit cycles of a scene: stable ones, to which it settles, and unstable ones.
 module dst_limit_cycles
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: cycle_quantities, measures, peak, valley
@@ -17,27 +17,27 @@ module dst_limit_cycles
 
   public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, find_limit_cycles
 
-  !> What is told of a cycle: as of those of a run, its swing, and how it changes a small disturbance.
+  !> Measures of a limit cycle: those of the cycles of a run, its amplitude, and the growth of a small disturbance.
   integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, quantities = measures + 2
   type(quantity_t), parameter :: limit_cycle_quantities(quantities) = [cycle_quantities, &
-    quantity_t('swing', 'N', 'peak_force less valley_force'), &
+    quantity_t('swing', 'N', 'peak_force minus valley_force'), &
     quantity_t('log_multiplier', '1', 'log of the factor by which a disturbance grows in a cycle')]
 
-  !> Accuracy of the motion. Ten times: the cycles of Fig. 3 differ by 1e-13 of themselves.
+  !> Accuracy of the motion. Ten times: the cycles of Fig. 3 change by 1e-13, relative to them.
   real(wp), parameter :: rtol = 1.0e-12_wp
 
-  !> The cycles of one scene under one drive velocity, by growing swing.
+  !> The cycles of one scene under one drive velocity, by increasing amplitude.
   type :: limit_cycles_t
     character(:), allocatable :: model
     real(wp) :: velocity = 0.0_wp                  !! |V|, m/s
     real(wp), allocatable :: value(:, :)           !! (quantity, cycle)
-    !> Whether the object can stay at a cycle, and whether its multiplier is known.
+    !> Whether a cycle is stable, and whether its multiplier is known.
     logical, allocatable :: is_stable(:), has_multiplier(:)
-    !> Steady sliding: the load k_x u_x [N], and how a small disturbance of it changes [1/s].
+    !> Steady sliding: the load k_x u_x [N], and the growth rates of a small disturbance [1/s].
     real(wp) :: sliding_load = 0.0_wp
     logical :: sliding_is_stable = .false.
     complex(wp), allocatable :: eigenvalues(:)
-    !> Of the full model: what its motion is like that begins as the scene says.
+    !> For the full model: what the motion from the scene's initial state is like.
     type(regularity_t) :: regularity
   contains
     procedure :: number
@@ -45,7 +45,7 @@ module dst_limit_cycles
 
 contains
 
-  !> The cycles of a scene at one drive velocity [m/s], in its own model.
+  !> The cycles of a scene at one drive velocity [m/s], in the model of the scene.
   subroutine find_limit_cycles(scene, velocity, cycles, error)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
@@ -58,23 +58,23 @@ contains
     cycles%model = trim(scene%model)
     if (cycles%model == 'auto') cycles%model = 'full'
     if (cycles%model /= 'full' .and. cycles%model /= 'low_frequency') then
-      call raise(error, deck_error, "scene.model: model '"//cycles%model//"' has no limit cycles that are known here: "// &
+      call raise(error, deck_error, "scene.model: model '"//cycles%model//"' has no limit cycles that can be found here: "// &
         "give 'full' or 'low_frequency'", 'scene.model')
     else if (slider%is_damped()) then
       call raise(error, deck_error, 'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp)// &
-        ': the limit cycles are known without dampers: take damping_x and damping_y out', &
+        ': limit cycles are found only without dampers: remove damping_x and damping_y', &
         'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp))
     else if (.not. minval(abs(slider%along)) > 0.0_wp) then
-      call raise(error, deck_error, 'system.misalignment_deg: the cycles are known for angles that are no multiple of 90: '// &
+      call raise(error, deck_error, 'system.misalignment_deg: cycles are found only if the angle is no multiple of 90: '// &
         'change it a little', 'system.misalignment_deg')
     else if (cycles%model == 'full' .and. scene%contact /= 'exact') then
-      call raise(error, deck_error, "friction.contact: the cycles of the full model are known for contact 'exact': its rest is "// &
-        'what they are found by', 'friction.contact')
+      call raise(error, deck_error, "friction.contact: the cycles of the full model are found only with contact 'exact', "// &
+        'which has rest', 'friction.contact')
     else if (slider%law%static_limit > slider%law%kinetic_limit) then
-      call raise(error, deck_error, 'friction.mu_static: the cycles are known without a static limit of its own: '// &
+      call raise(error, deck_error, 'friction.mu_static: cycles are found only without a separate static limit: '// &
         'remove mu_static', 'friction.mu_static')
     else if (cycles%model /= 'full' .and. .not. falls_exponentially(slider%law)) then
-      call raise(error, deck_error, "friction.law: the cycles of the slow motion are known for the laws 'constant' and "// &
+      call raise(error, deck_error, "friction.law: cycles of the slow motion are found only with the laws 'constant' and "// &
         "'weakening': give one of them, or model 'full'", 'friction.law')
     else if (cycles%model == 'full') then
       call take_full(scene, slider, velocity, cycles, error)

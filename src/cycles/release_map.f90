@@ -1,8 +1,8 @@
 !> The slow cycle of the full model as a map of one number: from the release with which a slow cycle begins to that of the next one.
 !>
 !> At a release the angle of the spring force is the whole state (dst_cycle_table). A slow cycle leads over many fast cycles and one
-!> excursion to the release that the next one begins with. Unstable cycles are found as stable ones are, as zeros of the map minus
-!> identity: rest makes it needless to follow the motion backwards. docs/cycles.md.
+!> excursion to the release with which the next one begins. Unstable cycles are found in the same way as stable ones, as zeros of
+!> the map minus identity: because of rest, the motion need not be followed backwards. docs/cycles.md.
 module dst_release_map
   use dst_assembly, only: new_motion
   use dst_cycle_map, only: cycle_map_t
@@ -17,10 +17,10 @@ module dst_release_map
 
   public :: release_map_t, new_release_map
 
-  !> Pieces after which there is no return. Convention.
+  !> Number of pieces after which there is no return. Convention.
   integer, parameter :: max_pieces = 200000
 
-  !> The motion of a scene, and what it amounts to.
+  !> The motion of a scene, and its summary.
   type :: release_map_t
     class(motion_t), allocatable :: motion
     type(motion_summary_t) :: summary
@@ -33,7 +33,7 @@ module dst_release_map
 
 contains
 
-  !> The motion of a scene from its beginning on.
+  !> The motion of a scene from its initial state on.
   subroutine new_release_map(scene, map, error)
     type(scene_t), intent(in) :: scene
     type(release_map_t), intent(out) :: map
@@ -48,7 +48,7 @@ contains
     end select
   end subroutine new_release_map
 
-  !> Whether the model is one whose releases are followed.
+  !> Whether the model is one whose releases can be followed.
   logical function has_returns(self)
     class(release_map_t), intent(in) :: self
 
@@ -60,12 +60,12 @@ contains
     end select
   end function has_returns
 
-  !> Begin anew with a release, and with an empty summary; how a difference grows from here on may be of no interest.
+  !> Begin again with a release and an empty summary; the growth of a difference need not be computed from here on.
   subroutine begin(self, from, with_growth)
     class(release_map_t), intent(inout) :: self
     type(release_angle_t), intent(in) :: from
     logical, intent(in) :: with_growth
-    type(motion_summary_t) :: empty          !! as a constructor here would have to name what is private
+    type(motion_summary_t) :: empty          !! as a constructor here would need the names of private components
 
     select type (motion => self%motion)
     class is (cycle_map_t)
@@ -76,13 +76,13 @@ contains
     call self%summary%start(self%motion, 0.0_wp)
   end subroutine begin
 
-  !> Go on to the next return: its release, and the logarithm of the factor by which a small difference has grown since the last
+  !> Continue to the next return: its release, and the logarithm of the factor by which a small difference has grown since the last
   !> one.
   subroutine come_back(self, to, log_stretch, is_known, found, error)
     class(release_map_t), intent(inout) :: self
     type(release_angle_t), intent(out) :: to
     real(wp), intent(out) :: log_stretch
-    logical, intent(out) :: is_known         !! whether this logarithm is
+    logical, intent(out) :: is_known         !! whether this logarithm is known
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: before, returns

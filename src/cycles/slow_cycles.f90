@@ -1,9 +1,8 @@
 !> All limit cycles of the slow motion: the fixed points of its map from valley to valley (dst_slow_map), stable and unstable.
 !>
-!> Places are told by x, the logarithm of the distance A of a valley from the equilibrium over the scene's own length, and the map
-!> by its gain G(x) = ln(A_1/A_0): a cycle is a zero of G, stable where G falls there. G and its slope are known at any x from one
-!> turn, so that between two points of a scan no pair of cycles is overlooked: where G turns back towards zero its extremum is
-!> looked up.
+!> A place is given by x, the logarithm of the distance A of a valley from the equilibrium over the scene's own length, and the map
+!> by its gain G(x) = ln(A_1/A_0): a cycle is a zero of G, stable if G falls there. G and its slope at any x follow from one turn,
+!> so that no pair of cycles between two points of a scan is missed: where G turns back towards zero its extremum is searched.
 module dst_slow_cycles
   use dst_errors, only: error_t
   use dst_kinds, only: wp
@@ -14,22 +13,22 @@ module dst_slow_cycles
 
   public :: slow_cycle_t, slow_gain_t, find_slow_cycles, slow_gain, slow_cycle_of
 
-  !> Range of A over the scene's length in which cycles are looked for, and the step of the scan in ln A. It is halved, down to the
-  !> least, where the gain between two points is not what the slopes at both say, by more than this. Conventions. Half of all: the
-  !> same cycles in 300 random scenes.
+  !> Range of A over the scene's length in which cycles are searched, and the step of the scan in ln A. It is halved, down to the
+  !> smallest one, if the gain between two points differs from the prediction of the slopes at both by more than this. Conventions.
+  !> Half of all: the same cycles in 300 random scenes.
   real(wp), parameter :: rough = 0.1_wp, least_step = 0.005_wp
   real(wp), parameter :: smallest = 1.0e-3_wp, invisible = 1.0e-7_wp, first_largest = 2.0_wp, scan_step = 0.3_wp
   !> Doublings of the largest A in which every motion has to shrink. Convention.
   integer, parameter :: max_doublings = 40, max_points = 2000
-  !> Gain that stands for that of a motion which comes to the equilibrium, and the largest that root finding looks at: it only needs
-  !> the sign of more.
+  !> Gain that represents a motion which reaches the equilibrium, and the largest value that root finding uses: beyond it only the
+  !> sign matters.
   real(wp), parameter :: dead = -40.0_wp, enough = 1.0_wp
   !> Iterations for a zero, and its width in x: roundoff.
   integer, parameter :: max_iterations = 80
   real(wp), parameter :: close = 8.0_wp*epsilon(1.0_wp)
-  !> Roundoff of the gain, over the distance of the valley; and damping over sqrt(m k_x) that is none. Conventions.
+  !> Roundoff of the gain, over the distance of the valley; and damping over sqrt(m k_x) that counts as zero. Conventions.
   real(wp), parameter :: roundoff = 1.0e-11_wp, least_damping = 1.0e-12_wp
-  !> Slope of the gain below which Newton's step is none. Convention.
+  !> Slope of the gain below which Newton's step is not used. Convention.
   real(wp), parameter :: least_slope = 1.0e-6_wp
 
   !> The map at one place.
@@ -49,8 +48,8 @@ module dst_slow_cycles
 
 contains
 
-  !> The cycles by growing size. Points at which the gain is no more than roundoff say nothing and are passed over; of the smallest
-  !> motions the stability of steady sliding is known.
+  !> The cycles by increasing size. Points at which the gain is no more than roundoff are skipped; the stability of the smallest
+  !> motions is that of steady sliding.
   subroutine find_slow_cycles(map, cycles, error)
     type(slow_map_t), intent(inout) :: map
     type(slow_cycle_t), allocatable, intent(out) :: cycles(:)
@@ -87,7 +86,7 @@ contains
           end if
         end if
         if (allocated(error)) return
-        ! Beyond the last cycle all motions shrink.
+        ! Larger motions than the last cycle all shrink.
         if (x > last .and. here%gain < 0.0_wp) return
         has_before = .true.
         before = here
@@ -107,7 +106,7 @@ contains
     end subroutine take_cycle
   end subroutine find_slow_cycles
 
-  !> Whether the gain between two points that follow each other is not what the slopes at both say.
+  !> Whether the gain between two consecutive points differs from the prediction of the slopes at both.
   pure logical function is_rough(first, second)
     type(slow_gain_t), intent(in) :: first, second
 
@@ -162,8 +161,8 @@ contains
     end do
   end subroutine gain_zero
 
-  !> Between two points where the gain has the same sign, but turns towards zero and back: the place where it has the other sign, or
-  !> is closest to it.
+  !> Between two points at which the gain has the same sign, but turns towards zero and back: the place where it has the other sign,
+  !> or is closest to it.
   subroutine turning_point(map, first, second, between, has_crossed, error)
     type(slow_map_t), intent(inout) :: map
     type(slow_gain_t), intent(in) :: first, second
@@ -188,7 +187,7 @@ contains
     end do
   end subroutine turning_point
 
-  !> A value as root finding looks at it.
+  !> A value in the form that root finding uses.
   elemental real(wp) function limited(value)
     real(wp), intent(in) :: value
 

@@ -2,11 +2,12 @@
 !> given misalignment.
 !>
 !> For each size of a cycle there is a parameter p (the logarithm of tan(phi), or of V) at which the cycle is a solution: the zero
-!> of the gain G(x; p) of dst_slow_cycles. This curve p(x) has no folds where that of the cycles over p has them: a fold is an
-!> extremum of p(x), at which the multiplier of the cycle is 1. Small cycles lie where steady sliding changes its stability.
+!> of the gain G(x; p) of dst_slow_cycles. This curve p(x) has no folds where the curve of the cycles over p has them: a fold is an
+!> extremum of p(x), at which the multiplier of the cycle is 1. Small cycles are near the point at which steady sliding changes its
+!> stability.
 !>
-!> Stick-slip ends at the farthest p at which there is a cycle with a swing of at least a share of F_0: at a fold, or where the
-!> swing passes this share.
+!> Stick-slip ends at the farthest p at which there is a cycle with an amplitude (peak to peak) of at least a share of F_0: at a
+!> fold, or where the amplitude passes this share.
 module dst_slow_ends
   use dst_errors, only: error_t, raise, too_many_steps
   use dst_kinds, only: wp
@@ -20,30 +21,31 @@ module dst_slow_ends
   public :: slow_end_t, ends_at_fold, ends_small, ends_nowhere, least_swing
   public :: misalignment_end, velocity_end
 
-  !> How stick-slip ends: not found, in a fold of cycles, or by growing small.
+  !> How stick-slip ends: not found, in a fold of cycles, or by a decrease of the amplitude.
   integer, parameter :: ends_nowhere = 0, ends_at_fold = 1, ends_small = 2
-  !> Swing over F_0 below which a cycle counts as none: as in docs/maps.md. Convention.
+  !> Amplitude (peak to peak) over F_0 below which a cycle is ignored: as in docs/maps.md. Convention.
   real(wp), parameter :: least_swing = 0.05_wp
-  !> Accuracy of the motion. Ten times: the ends of 60 random scenes differ by 1e-10 of themselves at most.
+  !> Accuracy of the motion. Ten times: the ends of 60 random scenes change by at most 1e-10, relative to them.
   real(wp), parameter :: rtol = 1.0e-12_wp
-  !> The search for a large cycle begins so far from where steady sliding changes its stability, and ends so far, in p; it has come
-  !> near enough to where there is none. Conventions.
+  !> The distances in p from the change of stability of steady sliding at which the search for a large cycle begins and ends; and
+  !> how near it comes to where there is none. Conventions.
   real(wp), parameter :: first_reach = 0.25_wp, last_reach = 100.0_wp, near_enough = 0.5_wp
-  !> Step along the curve, and how far behind its farthest p it is left. Conventions. Half the step: the same ends.
+  !> Step along the curve, and how far behind the farthest p the curve is left. Conventions. Half the step: the same ends.
   real(wp), parameter :: curve_step = 0.25_wp, far_behind = 0.7_wp
-  !> A curve that is so flat is a canard, and the step there. Conventions.
+  !> Slope below which the curve is a canard, and the step there. Conventions.
   real(wp), parameter :: along_canard = 1.0e-5_wp, flat_step = 1.0_wp
-  !> The steps are halved where the curve is not found so far aside of its chord, over the step, down to the least. Conventions.
+  !> The steps are halved, down to the smallest one, if the curve is not found within this distance of its chord, relative to the
+  !> step. Conventions.
   real(wp), parameter :: aside = 0.7_wp, least_step = 1.0e-7_wp
-  !> Over the step along the curve: the difference of p for the gradient of the gain, and the first step aside. Conventions.
+  !> Relative to the step along the curve: the difference of p for the gradient of the gain, and the first step aside. Conventions.
   real(wp), parameter :: gradient_share = 0.004_wp, first_share = 0.01_wp
   integer, parameter :: max_points = 60, max_iterations = 80, max_turns = 8000
   !> Width to which p and x are found: a few roundoffs of p, which is of order one; and while the curve is followed. Twice: the same
   !> ends.
   real(wp), parameter :: fine = 16.0_wp*epsilon(1.0_wp), coarse = 1.0e-9_wp
-  !> An extremum of p(x) that stands out by less is roundoff: where stick-slip ends at once, the curve is flat to all digits.
+  !> An extremum of p(x) that is lower than this is roundoff: where stick-slip ends abruptly, the curve is flat to all digits.
   real(wp), parameter :: flat = 1.0e-8_wp
-  !> Largest value of a function that root finding looks at: beyond, only its sign counts.
+  !> Largest value of a function that root finding uses: beyond it only the sign matters.
   real(wp), parameter :: enough = 1.0_wp
 
   !> An end of stick-slip.
@@ -62,7 +64,7 @@ module dst_slow_ends
     real(wp) :: velocity = 0.0_wp          !! V [m/s] if it is not varied
     real(wp) :: outwards = 1.0_wp          !! the direction of p in which stick-slip ends
     real(wp) :: limit = 0.0_wp             !! F_0/k_x, m
-    integer :: turns = 0                   !! that were followed
+    integer :: turns = 0                   !! number of turns that were followed
   end type family_t
 
   !> A point of the curve: the cycle with the valley exp(x) F_0/k_x below the equilibrium.
@@ -124,7 +126,7 @@ contains
     if (allocated(error)) return
     associate (outer => family%outwards*curve(:n)%place(2))
       k = maxloc(outer, dim=1)
-      ! Where stick-slip ends at once the curve is flat, and its end is as far as any place.
+      ! Where stick-slip ends abruptly the curve is flat, and each of its points is an end.
       if (curve(n)%swing <= least_swing .and. outer(k) - outer(n) < flat) k = n
     end associate
     farthest = curve(k)
@@ -141,7 +143,7 @@ contains
   end subroutine find_end
 
   !> The largest cycle at a parameter nearly as far out as there is one: by steps that double from the parameter `first` on, then by
-  !> halves.
+  !> bisection.
   subroutine find_large_cycle(family, first, point, found, error)
     type(family_t), intent(inout) :: family
     real(wp), intent(in) :: first
@@ -208,7 +210,7 @@ contains
   end subroutine find_large_cycle
 
   !> The curve from its first point on, outwards, as far as it matters: until the cycles are too small, or p is far behind. Each
-  !> point is looked for across the direction of the last one, some way ahead: the curve may turn back in x as in p.
+  !> point is searched normal to the direction of the last one, at some distance ahead: the curve may turn back in x and in p.
   subroutine trace(family, curve, n, error)
     type(family_t), intent(inout) :: family
     type(point_t), intent(inout) :: curve(max_points)
@@ -238,11 +240,11 @@ contains
     end do
   end subroutine trace
 
-  !> Turn a direction along the curve into that at a point of it, at right angles to the gradient of the gain.
+  !> Turn a direction along the curve into the direction at a point of it, normal to the gradient of the gain.
   subroutine turn_ahead(family, point, difference, ahead, error)
     type(family_t), intent(inout) :: family
     type(point_t), intent(in) :: point
-    real(wp), intent(in) :: difference      !! of p, for the gradient
+    real(wp), intent(in) :: difference      !! difference of p, for the gradient
     real(wp), intent(inout) :: ahead(2)
     type(error_t), allocatable, intent(out) :: error
     type(slow_gain_t) :: beside
@@ -254,7 +256,7 @@ contains
     ahead = sign(1.0_wp, dot_product(along, ahead))*along/hypot(along(1), along(2))
   end subroutine turn_ahead
 
-  !> At right angles to a direction.
+  !> The vector normal to a direction.
   pure function across(direction)
     real(wp), intent(in) :: direction(2)
     real(wp) :: across(2)
@@ -262,7 +264,8 @@ contains
     across = [-direction(2), direction(1)]
   end function across
 
-  !> The point of the curve between two others at which the cycles fold over, or at which the swing is the least one.
+  !> The point of the curve between two others at which the cycles fold over, or at which the amplitude is the smallest one that
+  !> counts.
   subroutine refine(family, at_fold, first, second, point, error)
     type(family_t), intent(inout) :: family
     logical, intent(in) :: at_fold
@@ -299,11 +302,11 @@ contains
     end function value_of
   end subroutine refine
 
-  !> The point of the curve that lies nearest to a place, on the line through it in a direction, within some reach.
+  !> The point of the curve that is nearest to a place, on the line through it in a direction, within some reach.
   subroutine find_point(family, place, direction, reach, width, point, found, error)
     type(family_t), intent(inout) :: family
     real(wp), intent(in) :: place(2), direction(2), reach
-    real(wp), intent(in) :: width            !! to which it is found
+    real(wp), intent(in) :: width            !! width to which it is found
     type(point_t), intent(out) :: point
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
@@ -380,7 +383,7 @@ contains
     end if
   end subroutine map_at
 
-  !> A value as root finding looks at it.
+  !> A value in the form that root finding uses.
   elemental real(wp) function limited(value)
     real(wp), intent(in) :: value
 

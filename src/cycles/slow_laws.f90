@@ -1,9 +1,9 @@
-!> Laws for where the stick-slip of the slow model begins and ends, without any integration in time. docs/closed_laws.md derives
-!> them.
+!> Laws for where the stick-slip of the slow model begins and ends, without integration in time. docs/closed_laws.md derives them.
 !>
 !> The slow model is m w'' + Phi'(w) w' + k_x (w - V c) = 0 with Phi(w) = F(v) w/v, v = sqrt(w^2 + (V s)^2), c = cos(phi),
 !> s = sin(phi) (dst_low_frequency). Small cycles begin where Phi'(V c) = 0; they are stable if Phi'''(V c) > 0 there, and the
-!> Bautin point is where that changes. Slow drives end stick-slip at a canard, fast ones at a fold of nearly harmonic swings.
+!> Bautin point is where that changes. With a slow drive, stick-slip ends at a canard; with a fast one, at a fold of nearly harmonic
+!> oscillations.
 module dst_slow_laws
   use dst_chebyshev, only: chebyshev_points, chebyshev_coefficients, chebyshev_derivative
   use dst_friction, only: friction_law_t
@@ -15,27 +15,28 @@ module dst_slow_laws
 
   public :: law_end_t, canard_end, swing_end, bautin_point, critical_velocities, criticality
 
-  !> Points and width, over the distance to the next singularity of Phi, of the polynomials by which Phi is differentiated.
-  !> Conventions: the seventh derivative, which is the least known, then has six digits.
+  !> Number of points, and width over the distance to the next singularity of Phi, of the polynomials by which Phi is
+  !> differentiated. Conventions: the seventh derivative, which is the least accurate, then has six digits.
   integer, parameter :: points = 24
   real(wp), parameter :: width = 0.4_wp
-  !> Points of an average over a swing: to roundoff where its turn is not much sharper than its hundredth part. Convention.
+  !> Number of points of an average over an oscillation: exact to roundoff unless its turn is much sharper than a hundredth of it.
+  !> Convention.
   integer, parameter :: phases = 1024
-  !> Range of V over which a law is looked at [m/s], in so many steps a factor of ten. Conventions.
+  !> Range of V in which a law is searched [m/s], with this number of steps per factor of ten. Conventions.
   real(wp), parameter :: least_velocity = 1.0e-9_wp, largest_velocity = 1.0e4_wp
   integer, parameter :: steps_per_decade = 16
   integer, parameter :: max_iterations = 80
   real(wp), parameter :: fine = 8.0_wp*epsilon(1.0_wp)
 
-  !> What a law says.
+  !> The result of a law.
   type :: law_end_t
     logical :: exists = .false.
     real(wp) :: angle = 0.0_wp           !! phi [rad]
-    !> How far it is to be trusted: of the canard the last term of its series over the sum, of swings the largest damping ratio in
-    !> one.
+    !> A measure of its error: for the canard the last term of its series over the sum, for oscillations the largest damping ratio
+    !> in one.
     real(wp) :: doubt = 0.0_wp
-    logical :: is_fold = .false.         !! of swings: whether it is one, or where they have the least swing
-    real(wp) :: swing = 0.0_wp           !! there, N
+    logical :: is_fold = .false.         !! of oscillations: a fold, or else where they have the smallest amplitude
+    real(wp) :: swing = 0.0_wp           !! amplitude (peak to peak) there, N
   end type law_end_t
 
 contains
@@ -52,7 +53,7 @@ contains
   end function resistance
 
   !> Phi'(w) and its next derivatives at w, by differentiating the polynomial through Chebyshev points around it. Phi is singular at
-  !> w = +- i V s, so that these reach for a share of the distance to it; nor do they reach beyond what v_f is to the law.
+  !> w = +- i V s, so these points extend over a share of the distance to it, and at most over a range of the size of v_f.
   pure function derivatives(law, across, w, count) result(derivative)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: across, w
@@ -80,7 +81,7 @@ contains
     value_at_middle = sum(coefficient(1::4)) - sum(coefficient(3::4))
   end function value_at_middle
 
-  !> -V F'(V)/F(V), the square of the tangent of the angle at which small cycles begin; negative where there is none.
+  !> -V F'(V)/F(V), the square of the tangent of the angle at which small cycles begin; negative if there is none.
   pure real(wp) function weakening(law, velocity)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: velocity
@@ -92,7 +93,7 @@ contains
   end function weakening
 
   !> Phi'''(V c) [N s3/m3] at the angle at which steady sliding changes its stability, if there is one: small cycles are stable
-  !> there if it is positive. Of the law and V [m/s] alone.
+  !> there if it is positive. It depends on the law and V [m/s] alone.
   pure real(wp) function criticality(law, velocity)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: velocity
@@ -157,8 +158,8 @@ contains
     grid = least_velocity*10.0_wp**(real(i, wp)/real(steps_per_decade, wp))
   end function grid
 
-  !> The Bautin point: V [m/s] and phi [rad] at which small cycles change from stable to unstable ones, Phi' = Phi''' = 0. It
-  !> depends on the law alone.
+  !> The Bautin point: V [m/s] and phi [rad] at which small cycles change from stable to unstable, Phi' = Phi''' = 0. It depends on
+  !> the law alone.
   pure subroutine bautin_point(law, velocity, angle, exists)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(out) :: velocity, angle
@@ -189,7 +190,7 @@ contains
     angle = atan(sqrt(weakening(law, velocity)))
   end subroutine bautin_point
 
-  !> Slow drive: the angle of the canard, along which the motion follows the falling part of Phi, in three orders of m k_x beyond
+  !> Slow drive: the angle of the canard, along which the motion follows the falling part of Phi, to three orders in m k_x beyond
   !> the fold Phi'(w_f) = 0.
   pure subroutine canard_end(slider, velocity, end)
     type(slider_t), intent(in) :: slider
@@ -229,7 +230,7 @@ contains
 
   contains
 
-    !> V c over the sum of the series, less 1, and its last term over the sum.
+    !> V c over the sum of the series, minus 1, and the last term over the sum.
     pure subroutine look(phi, value, last_term, is_fold)
       real(wp), intent(in) :: phi
       real(wp), intent(out) :: value, last_term
@@ -243,7 +244,7 @@ contains
       call find_fold(slider%law, across, w, is_fold)
       if (.not. is_fold) return
       p = derivatives(slider%law, across, w, 7)
-      ! Where inertia rules, the series is none.
+      ! If inertia dominates, the series does not hold.
       is_fold = -p(2)*w > sqrt(slider%mass)*sqrt(slider%stiffness(1))
       if (.not. is_fold) return
       ! In units of w_f and Phi''(w_f).
@@ -267,7 +268,7 @@ contains
     real(wp), intent(in) :: across           !! V s, m/s
     real(wp), intent(out) :: w
     logical, intent(out) :: exists
-    !> Looked for from this share of V s on, by doubling. Convention.
+    !> The search begins at this share of V s, and doubles it. Convention.
     real(wp), parameter :: first_share = 0.1_wp
     integer, parameter :: doublings = 60
     real(wp) :: low, high
@@ -294,15 +295,15 @@ contains
     end do
   end subroutine find_fold
 
-  !> Fast drive: swings w = V c + A cos(psi) lose no energy on average if W(A) = 0, where 2 pi W is the integral of Phi cos(psi)
-  !> over psi. They end at the largest phi at which there is such an A: a fold, W = dW/dA = 0, or where the swing is `least_swing`
-  !> [N].
+  !> Fast drive: oscillations w = V c + A cos(psi) lose no energy on average if W(A) = 0, where 2 pi W is the integral of Phi
+  !> cos(psi) over psi. They end at the largest phi at which there is such an A: at a fold, W = dW/dA = 0, or where the amplitude
+  !> (peak to peak) is `least_swing` [N].
   pure subroutine swing_end(slider, velocity, least_swing, end)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity         !! m/s, not 0
     real(wp), intent(in) :: least_swing
     type(law_end_t), intent(out) :: end
-    !> Amplitudes that are looked at: by this step in their logarithm, up to so many times V and F_0/sqrt(m k_x). Conventions.
+    !> Amplitudes that are tried: by this step in their logarithm, up to this many times V and F_0/sqrt(m k_x). Conventions.
     real(wp), parameter :: step = 0.1_wp, largest = 4.0_wp
     real(wp) :: least, most, a, angle, left, right, third(2), at(2)
     integer :: i, n, best
@@ -325,7 +326,7 @@ contains
       a = least
       end%is_fold = best > 0
       if (end%is_fold) then
-        ! The largest angle between the neighbours: thirds, as it is flat there.
+        ! The largest angle between the neighbours: by division into thirds, as it is flat there.
         left = log(least) + real(best - 1, wp)*step
         right = left + 2.0_wp*step
         do i = 1, max_iterations
@@ -348,7 +349,7 @@ contains
 
   contains
 
-    !> The angle at which swings of amplitude `amplitude` [m/s] keep their energy.
+    !> The angle at which oscillations of amplitude `amplitude` [m/s] keep their energy.
     pure subroutine angle_of(amplitude, phi, found)
       real(wp), intent(in) :: amplitude
       real(wp), intent(out) :: phi
@@ -356,7 +357,7 @@ contains
       real(wp) :: low, high
       integer :: iteration
 
-      ! Damped above, fed below.
+      ! Larger oscillations are damped, smaller ones grow.
       high = 0.5_wp*pi
       low = high
       phi = 0.0_wp
@@ -385,7 +386,7 @@ contains
       real(wp) :: cosine(phases), w(phases), speed(phases), force(phases), slope(phases)
       integer :: j
 
-      ! Half a turn, at midpoints: the other half is the same.
+      ! Half a turn, at midpoints: the other half gives the same.
       cosine = [(cos(pi*(real(j, wp) - 0.5_wp)/real(phases, wp)), j=1, phases)]
       w = abs(velocity)*cos(phi) + amplitude*cosine
       speed = sqrt(w**2 + (velocity*sin(phi))**2)
@@ -393,7 +394,7 @@ contains
       loss = sum(force*w/speed*cosine)/real(phases, wp)
     end function loss
 
-    !> Largest |Phi'| [N s/m] in a swing.
+    !> Largest |Phi'| [N s/m] in an oscillation.
     pure real(wp) function largest_damping(amplitude, phi)
       real(wp), intent(in) :: amplitude, phi
       integer :: j

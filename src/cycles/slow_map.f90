@@ -5,8 +5,8 @@
 !>     u_x' = V c - w,      m w' = k_x u_x - Phi(w),      Phi(w) = F(v) w/v,      v = sqrt(w^2 + (V s)^2),
 !>
 !> so that the elongation turns back where w = V c: at a valley below the equilibrium k_x u_x = Phi(V c), at a peak above it. Every
-!> motion that goes on passes valley after valley, and every limit cycle is a fixed point of the map from one to the next. With
-!> A the distance of a valley from the equilibrium, Liouville's formula for the area gives the slope of that map as well,
+!> motion that does not die out passes valley after valley, and every limit cycle is a fixed point of the map from one to the next.
+!> With A the distance of a valley from the equilibrium, Liouville's formula for the area also gives the slope of that map,
 !>
 !>     dA_1/dA_0 = (A_0/A_1) exp(-integral of Phi'(w)/m dt).
 !>
@@ -29,27 +29,27 @@ module dst_slow_map
 
   public :: slow_map_t, slow_turn_t, new_slow_map
 
-  !> Steps of one turn after which it is given up. Convention; a turn of Fig. 3 takes 300 at rtol 1e-12.
+  !> Number of steps of one turn after which it is given up. Convention; a turn of Fig. 3 takes 300 at rtol 1e-12.
   integer, parameter :: max_steps = 20000
-  !> Distance from a stable equilibrium, over that of the valley before, at which the motion has come to its end. Convention;
-  !> twice: no change.
+  !> Distance from a stable equilibrium, over that of the valley before, at which the motion has ended. Convention; twice: no
+  !> change.
   real(wp), parameter :: arrived = 1.0e-6_wp
   !> Stages of the method: order 13 suits the tight tolerances.
   integer, parameter :: stages = 7
-  !> How long the largest slip speed is remembered, over the time of a radian of the slow oscillation. Convention; twice: no change.
+  !> Time for which the largest slip speed is kept, over the time of a radian of the slow oscillation. Convention; twice: no change.
   real(wp), parameter :: memory = 10.0_wp
   !> Iterations for a place in a step: to roundoff.
   integer, parameter :: max_iterations = 60
 
-  !> From a valley over a peak to the next valley.
+  !> The motion from a valley over a peak to the next valley.
   type :: slow_turn_t
-    !> Whether there is a next valley; if not, the motion has come to the equilibrium.
+    !> Whether there is a next valley; if not, the motion has reached the equilibrium.
     logical :: returns = .false.
     real(wp) :: from = 0.0_wp, peak = 0.0_wp, to = 0.0_wp     !! u_x at the valleys and between, m
     real(wp) :: rise_time = 0.0_wp, fall_time = 0.0_wp        !! up to the peak and from there, s
     real(wp) :: slip_length = 0.0_wp                          !! advance in X while the load falls, m
     real(wp) :: fastest = 0.0_wp                              !! largest |X'| at the ends of steps, m/s
-    real(wp) :: log_area = 0.0_wp                             !! -integral of Phi'/m dt: how an area in the plane grows
+    real(wp) :: log_area = 0.0_wp                             !! -integral of Phi'/m dt: the growth of an area in the plane
   end type slow_turn_t
 
   !> The slow motion of one slider under a steady drive.
@@ -58,7 +58,7 @@ module dst_slow_map
     real(wp) :: equilibrium = 0.0_wp         !! u_x in steady sliding, m
     real(wp) :: damping = 0.0_wp             !! Phi'(V c) in steady sliding, N s/m
     real(wp) :: impedance = 0.0_wp           !! sqrt(m k_x), N s/m
-    real(wp) :: length = 0.0_wp              !! l_x = F_0/k_x and the amplitude of a free oscillation at V, summed, m
+    real(wp) :: length = 0.0_wp              !! sum of l_x = F_0/k_x and the amplitude of a free oscillation at V, m
     type(stepping_t), private :: motion
     type(collocation_t), private :: method
   contains
@@ -68,8 +68,8 @@ module dst_slow_map
 
 contains
 
-  !> The map of a slider, which is taken with its mirror images, at a drive velocity [m/s] that is not 0 and a misalignment that is
-  !> neither 0 nor 90 degrees.
+  !> The map of a slider, which also stands for its mirror images, at a drive velocity [m/s] that is not 0 and a misalignment that
+  !> is neither 0 nor 90 degrees.
   subroutine new_slow_map(slider, velocity, rtol, map)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity

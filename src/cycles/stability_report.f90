@@ -18,11 +18,11 @@ module dst_stability_report
 
   public :: stability_report, held_velocities
 
-  character(*), parameter :: nowhere = 'not found: no cycle swings by 5 % of mu_0 W'
+  character(*), parameter :: nowhere = 'not found: no cycle has an amplitude of 5 % of mu_0 W'
 
 contains
 
-  !> One table for each velocity that the drive holds.
+  !> One table for each velocity that the drive keeps for some time.
   subroutine stability_report(scene, name, text, error)
     type(scene_t), intent(in) :: scene
     character(*), intent(in) :: name
@@ -56,9 +56,8 @@ contains
     text = page%content()
   end subroutine stability_report
 
-  !> The speeds [m/s] other than 0 that a profile (times [s], velocities there) keeps for some time, each once.
-  !> The last one holds for ever; one that a ramp only passes through has no steady sliding. The direction makes
-  !> no difference.
+  !> The speeds [m/s] other than 0 that a profile (times [s], velocities there) keeps for some time, each once. The last one
+  !> continues without end; a speed that a ramp only passes through has no steady sliding. The direction makes no difference.
   pure function held_velocities(time, velocity) result(held)
     real(wp), intent(in) :: time(:), velocity(:)
     real(wp), allocatable :: held(:)
@@ -156,7 +155,7 @@ contains
     end function angle_and_frequency
   end subroutine list_critical_angles
 
-  !> The damping of the slow motion, Eq. (10); where it has no value the table says so.
+  !> The damping of the slow motion, Eq. (10); if it has no value the table says so.
   subroutine list_damping(page, slider, velocity, contact)
     type(text_builder_t), intent(inout) :: page
     type(slider_t), intent(in) :: slider
@@ -172,22 +171,23 @@ contains
     end if
     misalignment = atan2(slider%along(2), slider%along(1))
     if (slider%damping(1) > 0.0_wp) call page%row('damping ratio of c_x', long_text(&
-      0.5_wp*slider%damping(1)/(sqrt(slider%mass)*sqrt(slider%stiffness(1))))//', which adds to zeta: Lambda is of friction alone')
+      0.5_wp*slider%damping(1)/(sqrt(slider%mass)*sqrt(slider%stiffness(1))))// &
+      ', which adds to zeta: Lambda includes friction only')
     call page%row('Lambda', long_text(lambda))
     if (contact /= 'exact') call page%row('', 'Lambda, zeta and theta* take the contact as exact')
     call page%row('zeta at theta = phi', long_text(damping_ratio(lambda, misalignment))// &
-      ', friction held at mu_0 W')
+      ', friction constant at mu_0 W')
     call weakening_damping_ratio(slider, velocity, misalignment, zeta, error)
     if (.not. allocated(error)) call page%row('', long_text(zeta)//', with F(v)')
     call overdamped_angle(lambda, angle, error)
     if (allocated(error)) then
       call page%row('theta*', 'no value: '//error%text)
     else
-      call page%row('theta*', long_text(angle/degree)//' deg, where zeta = 1 with friction held at mu_0 W')
+      call page%row('theta*', long_text(angle/degree)//' deg, where zeta = 1 with friction constant at mu_0 W')
     end if
   end subroutine list_damping
 
-  !> Where stick-slip ends; where it does not, or where that is not known, the table says so.
+  !> Where stick-slip ends; if it does not, or if that is not known, the table says so.
   subroutine list_ends(page, slider, velocity, misalignment_deg)
     type(text_builder_t), intent(inout) :: page
     type(slider_t), intent(in) :: slider
@@ -248,12 +248,12 @@ contains
     if (end%kind /= ends_nowhere) text = long_text(end%at)//' m/s'//how(end)
   end function velocity_end_text
 
-  !> In which way stick-slip ends.
+  !> How stick-slip ends.
   function how(end) result(text)
     type(slow_end_t), intent(in) :: end
     character(:), allocatable :: text
 
-    text = ', where its swing is 5 % of mu_0 W'
+    text = ', where its amplitude is 5 % of mu_0 W'
     if (end%kind == ends_at_fold) text = ', in a fold of cycles'
   end function how
 

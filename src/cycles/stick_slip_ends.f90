@@ -1,5 +1,5 @@
 !> Where the stick-slip of a scene ends, in its misalignment and in its drive velocity: the solver's answer for the slow motion, and
-!> beside it what the laws say (docs/closed_laws.md).
+!> the results of the laws (docs/closed_laws.md).
 module dst_stick_slip_ends
   use dst_errors, only: error_t, raise, deck_error, usage_error
   use dst_friction, only: exponential_form, falls_exponentially
@@ -13,8 +13,7 @@ module dst_stick_slip_ends
 
   public :: stick_slip_ends_t, find_stick_slip_ends
 
-  !> All numbers of a scene lie between this and its inverse where ends are looked for: squares and products of them are numbers
-  !> too.
+  !> All numbers of a scene are between this and its inverse if ends are searched: so their squares and products do not overflow.
   real(wp), parameter :: smallest = 1.0e-30_wp
 
   !> The ends of stick-slip.
@@ -23,13 +22,13 @@ module dst_stick_slip_ends
     !> where they begin there.
     real(wp) :: critical_angle = 0.0_wp
     logical :: is_supercritical = .false.
-    !> Stick-slip ends at the present velocity; and by the laws of slow and of fast drives.
+    !> Stick-slip ends at the present velocity; and the results of the laws of slow and of fast drives.
     type(slow_end_t) :: misalignment
     type(law_end_t) :: canard, swing
     !> The point at which small cycles change their stability [m/s, rad].
     logical :: has_bautin_point = .false.
     real(wp) :: bautin_velocity = 0.0_wp, bautin_angle = 0.0_wp
-    !> At the present misalignment steady sliding is unstable from one velocity up to another [m/s], and stick-slip goes on from one
+    !> At the present misalignment steady sliding is unstable from one velocity up to another [m/s], and stick-slip exists from one
     !> end to the other.
     logical :: has_critical_velocities = .false.
     real(wp) :: critical_velocity(2) = 0.0_wp
@@ -49,11 +48,11 @@ contains
     integer :: i
 
     if (slider%is_damped()) then
-      call raise(error, usage_error, 'the ends of stick-slip are known without dampers: take damping_x and damping_y out')
+      call raise(error, usage_error, 'ends of stick-slip are found only without dampers: remove damping_x and damping_y')
       return
     end if
     if (.not. falls_exponentially(slider%law)) then
-      call raise(error, deck_error, "the ends of stick-slip are known for the laws 'constant' and 'weakening'", 'friction.law')
+      call raise(error, deck_error, "ends of stick-slip are found only with the laws 'constant' and 'weakening'", 'friction.law')
       return
     end if
     call low_frequency_limit(slider, velocity, ends%critical_angle, error)
@@ -77,7 +76,7 @@ contains
     end do
   end subroutine find_stick_slip_ends
 
-  !> Whether the numbers of a scene are near enough to each other to be followed.
+  !> Whether the numbers of a scene are near enough to each other for the computation.
   pure logical function are_moderate(slider, velocity)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity

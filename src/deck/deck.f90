@@ -1,4 +1,4 @@
-!> Reads a deck: Fortran namelist text, checked against the schema. Every fault of a deck is reported in one go.
+!> Reads a deck: Fortran namelist text, checked against the schema. All faults of a deck are reported at once.
 module dst_deck
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, raise_lines, deck_error
@@ -21,12 +21,12 @@ module dst_deck
 
   public :: deck_t, read_deck, parse_deck, resolved, template, key_table, has_model
 
-  !> A deck of more bytes is not a deck.
+  !> A file with more bytes is not a deck.
   integer(int64), parameter :: largest_deck = 1000000_int64
 
 contains
 
-  !> Read the deck in a file. `settings` are 'group.key=value', and win over the deck.
+  !> Read the deck in a file. `settings` are 'group.key=value', and take precedence over the deck.
   subroutine read_deck(file_name, settings, deck, error)
     character(*), intent(in) :: file_name
     character(*), intent(in) :: settings(:)
@@ -42,7 +42,7 @@ contains
     end if
   end subroutine read_deck
 
-  !> The bytes of a regular file of acceptable size; `problem` is '' or says why not.
+  !> The bytes of a regular file of acceptable size; `problem` is '' or says why they cannot be read.
   subroutine read_text(file_name, text, problem)
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text, problem
@@ -63,7 +63,7 @@ contains
     else if (bytes > largest_deck) then
       problem = integer_text(bytes)//' bytes are too many for a deck: at most '//integer_text(largest_deck)//' are read'
     else if (bytes <= 0) then
-      ! Pipes and devices have no size either, and opening one could wait for ever.
+      ! Pipes and devices have no size either, and opening one could wait forever.
       problem = 'is empty or not a regular file: a deck is a text file with at least &scene'
     end if
     if (len(problem) > 0) return
@@ -77,7 +77,7 @@ contains
     if (ios /= 0) problem = 'cannot be read ('//trim(message)//'): give a readable text file'
   end subroutine read_text
 
-  !> Whether a regular file begins as one of HDF5 does.
+  !> Whether a regular file begins as HDF5 files do.
   logical function is_hdf5_file(file_name, bytes)
     character(*), intent(in) :: file_name
     integer(int64), intent(in) :: bytes
@@ -94,9 +94,9 @@ contains
     close (unit)
   end function is_hdf5_file
 
-  !> Read a deck from memory; `name` stands for the file's name in messages. With `alone` each value is checked against its own key
-  !> only: a part of a deck is not refused for what it lacks, or for what does not go together. With `is_varied` its parameters are
-  !> varied by somebody else, and &sweep need not name any.
+  !> Read a deck from memory; `name` is used as the file's name in messages. With `alone` each value is checked against its own key
+  !> only: a part of a deck is not refused because keys are missing, or because values do not fit together. With `is_varied` the
+  !> caller varies its parameters, and &sweep need not name any.
   subroutine parse_deck(text, name, settings, deck, error, alone, is_varied)
     character(*), intent(in) :: text, name
     character(*), intent(in) :: settings(:)
@@ -152,7 +152,7 @@ contains
       g = group_number(group)
       if (g == 0) then
         call deck%faults%add(list%groups(i)%line, unknown_group_text(trim(list%groups(i)%name)))
-        ! Its keys are not missing: they stand in the group with the wrong name.
+        ! Its keys are not missing: they are in the group with the wrong name.
         nearest = nearest_word(group, group_names)
         if (nearest /= '') where (schema%group == nearest) deck%value%attempted = .true.
       else if (line_of(g) > 0) then
@@ -203,7 +203,7 @@ contains
     associate (assignment => list%assignments(i))
       group = lower_case(trim(list%groups(assignment%group)%name))
       key = lower_case(trim(assignment%key))
-      ! The keys of a group with a wrong name are those of the nearest one, if the deck does not have that too.
+      ! The keys of a group with a wrong name belong to the nearest group, if the deck does not have that one, too.
       if (group_number(group) == 0) then
         group = nearest_word(group, group_names)
         if (group == '') return
@@ -213,7 +213,7 @@ contains
       k = find_key(group, key)
       if (k == 0) then
         if (.not. assignment%bare) call deck%faults%add(assignment%line, unknown_key_text(group, trim(assignment%key)))
-        ! What it means is not missing as well.
+        ! The key that was meant is not missing as well.
         k = find_name(key)
         if (k == 0) k = meant_key(group, key)
         if (k > 0) deck%value(k)%attempted = .true.
@@ -253,7 +253,7 @@ contains
     end if
   end function unknown_key_text
 
-  !> The key that an unknown one most likely means, 0 if none: in its group first, then in all.
+  !> The key that was most likely meant, 0 if there is none: searched in its group first, then in all.
   integer function meant_key(group, key)
     character(*), intent(in) :: group, key
     character(:), allocatable :: nearest
@@ -304,8 +304,8 @@ contains
     end if
   end subroutine take_setting
 
-  !> The value of a setting: nothing takes back what the deck says. Text needs no quotes there: the shell
-  !> has eaten one pair already.
+  !> The value of a setting: an empty one removes the key from the deck. Text needs no quotes there: the shell has removed one pair
+  !> already.
   subroutine set_value(key, text, place, value, faults)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: text
@@ -346,8 +346,8 @@ contains
     value%place = place
   end subroutine start_value
 
-  !> Convert the words `first` to `last` to the value of a key. Of words in the wrong form, and of too many, only the first is
-  !> a fault.
+  !> Convert the words `first` to `last` to the value of a key. If several words have the wrong form, or if there are too many, only
+  !> the first is a fault.
   subroutine take_values(key, list, first, last, place, value, faults)
     type(key_t), intent(in) :: key
     type(namelist_t), intent(in) :: list
@@ -364,7 +364,7 @@ contains
 
     call start_value(place, value)
     do i = first, last
-      ! Text of a setting needs no quotes.
+      ! The text of a setting needs no quotes.
       call refuse(form_problem(key, list%tokens(i)%quote /= ' ' .or. (place%setting > 0 .and. is_text(key)), &
                                token_text(list, list%tokens(i))))
       if (value%valid .and. list%tokens(i)%unit /= '') call refuse(unit_problem(key, token_text(list, list%tokens(i)), &
@@ -403,7 +403,7 @@ contains
 
   contains
 
-    !> Note what is wrong with word `i`.
+    !> Note the fault of word `i`.
     subroutine refuse(problem)
       character(*), intent(in) :: problem
 
@@ -413,7 +413,7 @@ contains
     end subroutine refuse
   end subroutine take_values
 
-  !> That a number has a unit, and what it is without.
+  !> The problem of a number with a unit, and its value without the unit.
   function unit_problem(key, given, unit) result(problem)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given, unit
@@ -427,7 +427,7 @@ contains
       problem = problem//': '//number_text(number*factor_of(unit, trim(key%unit)), 9)
   end function unit_problem
 
-  !> '' or that one word is no text in quotes, or no number without.
+  !> '' or the problem of one word: a text without quotes, or a number with quotes.
   function form_problem(key, is_quoted, given) result(problem)
     type(key_t), intent(in) :: key
     logical, intent(in) :: is_quoted
@@ -450,7 +450,7 @@ contains
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
     real(wp), intent(out) :: number
-    integer(int64), intent(inout) :: integer     !! also the number, of a key that holds integers
+    integer(int64), intent(inout) :: integer     !! also the number, for a key of integers
     character(:), allocatable, intent(out) :: problem
     character(:), allocatable :: kind
     type(value_t) :: alone
@@ -469,7 +469,7 @@ contains
     else if (len(problem) > 0) then
       problem = "'"//excerpt(given)//"' "//problem//": '"//trim(key%name)//"' takes "//kind//or_word(key)
     else if (.not. in_range(key%range, number)) then
-      ! What switches an unused key off may lie outside its range.
+      ! The value that switches an unused key off may be outside its range.
       alone%reals = [number]
       if (.not. (key%required .and. is_default(key, alone))) problem = out_of_range_text(key, given)
     end if
@@ -485,7 +485,7 @@ contains
     text = text//or_word(key)
   end function out_of_range_text
 
-  !> ", or 'auto'" of a key with numbers that takes this word too.
+  !> ", or 'auto'" for a key of numbers that also accepts this word.
   function or_word(key) result(text)
     type(key_t), intent(in) :: key
     character(:), allocatable :: text
@@ -494,7 +494,7 @@ contains
     if (.not. is_text(key) .and. key%choices /= '') text = ", or '"//trim(key%choices)//"'"
   end function or_word
 
-  !> '' or what is wrong with one text: its length, or that it is none of the choices.
+  !> '' or the problem of one text: its length, or that it is none of the choices.
   function text_problem(key, given) result(problem)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
@@ -512,7 +512,7 @@ contains
     if (scan(given, achar(10)//achar(13)) > 0) problem = "control characters in '"//trim(key%name)//"': give plain text"
   end function text_problem
 
-  !> Keys that the user set though nothing uses them, or to a value that only an unused key may have.
+  !> Keys that the user set although nothing uses them, or to a value that only an unused key may have.
   subroutine check_keys(deck)
     type(deck_t), intent(inout) :: deck
     integer :: i
@@ -531,7 +531,7 @@ contains
     end do
   end subroutine check_keys
 
-  !> Keys without default that the deck needs and lacks.
+  !> Keys without default that the deck needs and does not have.
   subroutine check_missing(deck, line_of, end_line)
     type(deck_t), intent(inout) :: deck
     integer, intent(in) :: line_of(:), end_line
@@ -563,7 +563,7 @@ contains
     text = text//', the '//trim(key%meaning)
   end function missing_text
 
-  !> A fixed step cannot hit the events of the exact contact; moreau_jean knows no other contact; rodas4p none.
+  !> A fixed step cannot end at the events of the exact contact; moreau_jean supports only this contact; rodas4p supports none.
   subroutine check_contact(deck)
     type(deck_t), intent(inout) :: deck
     type(method_t) :: method
@@ -594,7 +594,7 @@ contains
     end associate
   end subroutine check_contact
 
-  !> Whether the law is known to rodas4p. A coefficient that is varied is looked at in each case.
+  !> Whether rodas4p supports the law. A coefficient that is varied is checked in each case.
   pure logical function is_exponential(deck)
     type(deck_t), intent(in) :: deck
 
@@ -603,7 +603,7 @@ contains
       is_exponential = abs(deck%real_of('friction', 'exponent') - 1.0_wp) + deck%real_of('friction', 'viscous') <= 0.0_wp
   end function is_exponential
 
-  !> The corners of the drive: as many times as velocities, from 0 on, never back, a jump between two velocities.
+  !> The corners of the drive: as many times as velocities, from 0 on, never decreasing, with a jump between two velocities.
   subroutine check_drive(deck)
     type(deck_t), intent(inout) :: deck
     type(place_t) :: place
@@ -630,13 +630,13 @@ contains
         else
           cycle
         end if
-        ! What follows a wrong corner is seldom a fault of its own.
+        ! A fault after a wrong corner is seldom one of its own.
         exit
       end do
     end associate
   end subroutine check_drive
 
-  !> Whether the last of these times is the third of its kind, or the second at the start, where no jump can be.
+  !> Whether the last of these times is the third of its kind, or the second at the start, where there can be no jump.
   pure logical function repeats_too_often(time)
     real(wp), intent(in) :: time(:)
 
@@ -645,7 +645,7 @@ contains
     end associate
   end function repeats_too_often
 
-  !> A column can be asked for once; 'default' stands alone.
+  !> A column can be requested once; 'default' must be alone.
   subroutine check_fields(deck)
     type(deck_t), intent(inout) :: deck
     integer :: i, k

@@ -1,4 +1,4 @@
-!> The group &sweep of a deck: which keys may be varied, and whether its lists fit together.
+!> The group &sweep of a deck: checks which keys may be varied, and whether its lists fit together.
 module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dst_kinds, only: wp
@@ -11,17 +11,17 @@ module dst_deck_sweep
 
   public :: check_sweep, varied_key, variation_problem, range_problem, grid_cases, many_cases
 
-  !> Groups whose keys say how a case is written, not what it is.
+  !> Groups whose keys describe how a case is written, not the case itself.
   character(*), parameter :: fixed_groups = 'output sweep'
   !> Models whose load on the soft spring rises and falls.
   character(*), parameter :: models_with_cycles = 'full low_frequency'
-  !> More cases than one result file presents.
+  !> Largest number of cases in one result file.
   real(wp), parameter :: many_cases = 1.0e9_wp
 
 contains
 
-  !> All faults of the group; `line` is its line in the deck, 0 if it is absent. What follows from another fault is not one. What is
-  !> varied may come from elsewhere (`is_varied`), the deck's own grid then is of no interest.
+  !> All faults of the group; `line` is its line in the deck, 0 if it is absent. Consequences of another fault are not reported. If
+  !> the parameters come from elsewhere (`is_varied`), the deck's own grid is ignored.
   subroutine check_sweep(deck, line, is_varied)
     type(deck_t), intent(inout) :: deck
     integer, intent(in) :: line
@@ -63,7 +63,7 @@ contains
       call note(deck, sweep_group, 'count', 'more than '//real_text(many_cases)//' cases: use smaller counts')
   end subroutine check_sweep
 
-  !> Cycles are kept of what has some.
+  !> Cycles can be kept only for models that have some.
   subroutine check_cycles(deck)
     type(deck_t), intent(inout) :: deck
     character(:), allocatable :: model
@@ -74,7 +74,7 @@ contains
       'or model '//alternatives(models_with_cycles))
   end subroutine check_cycles
 
-  !> Whether the value of a key of the group is as the deck means it: neither faulty, nor given under a wrong name.
+  !> Whether the value of a key of the group is valid: neither faulty, nor given under a wrong name.
   pure logical function is_known(deck, key)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: key
@@ -84,7 +84,7 @@ contains
     end associate
   end function is_known
 
-  !> Cases of the grid; `huge` if they are more than a result file presents.
+  !> Number of cases of the grid; `huge` if there are more than a result file may have.
   real(wp) function grid_cases(deck) result(cases)
     type(deck_t), intent(in) :: deck
     real(wp), allocatable :: counts(:)
@@ -99,7 +99,7 @@ contains
     end do
   end function grid_cases
 
-  !> At the group, or at the first of its keys where only a setting gives some.
+  !> At the group, or at the first of its keys if only a setting gives some.
   subroutine note_nothing_varied(deck, line)
     type(deck_t), intent(inout) :: deck
     integer, intent(in) :: line
@@ -117,7 +117,7 @@ contains
     end do
   end subroutine note_nothing_varied
 
-  !> A list of points stands alone.
+  !> A list of points must be alone.
   subroutine check_no_grid(deck)
     type(deck_t), intent(inout) :: deck
     character(9), parameter :: keys(5) = [character(9) :: 'parameter', 'first', 'last', 'count', 'spacing']
@@ -130,7 +130,7 @@ contains
     end do
   end subroutine check_no_grid
 
-  !> As many limits and counts as parameters; one spacing or as many.
+  !> As many limits and counts as parameters; one spacing, or as many as parameters.
   subroutine check_lengths(deck, n)
     type(deck_t), intent(inout) :: deck
     integer, intent(in) :: n
@@ -170,7 +170,7 @@ contains
     if (size(first) > 0) call check_limit('first', first(1))
     if (size(last) > 0) call check_limit('last', last(1))
     if (size(first) == 0 .or. size(last) == 0 .or. .not. is_known(deck, 'spacing')) return
-    ! Of all parameters, or of each.
+    ! One for all parameters, or one for each.
     spacing = deck%texts_of(sweep_group, 'spacing')
     is_log = spacing(min(i, size(spacing))) == 'log'
     if (is_log .and. .not. (min(first(1), last(1)) > 0.0_wp .or. max(first(1), last(1)) < 0.0_wp)) &
@@ -201,7 +201,7 @@ contains
     end subroutine check_limit
   end subroutine check_axis
 
-  !> Names of keys, whose case does not matter.
+  !> Names of keys; upper and lower case are equal.
   pure function lower_case_of(names) result(lower)
     character(*), intent(in) :: names(:)
     character(len(names)) :: lower(size(names))

@@ -17,8 +17,8 @@ module dst_deck_text
 
 contains
 
-  !> The complete deck: every key that has a meaning, as used, marked user or default. It reads back to the same deck.
-  !> With `interval` [s] it also says what output.interval = 'auto' is here.
+  !> The complete deck: every key that has a meaning, as used, marked user or default. It reads back to the same deck. With
+  !> `interval` [s] it also says what output.interval = 'auto' means for this deck.
   function resolved(deck, interval) result(text)
     type(deck_t), intent(in) :: deck
     real(wp), intent(in), optional :: interval
@@ -45,7 +45,7 @@ contains
     text = builder%content()
   end function resolved
 
-  !> `key = value, value, ...  ! comment`, a long list over several lines.
+  !> `key = value, value, ...  ! comment`; a long list is written in several lines.
   subroutine add_entry(builder, key, value, comment)
     type(text_builder_t), intent(inout) :: builder
     type(key_t), intent(in) :: key
@@ -110,7 +110,7 @@ contains
     end if
     call builder%line('! A deck of dynstiction, model '//model//': every key, with unit, range or choices, default and meaning.')
     call builder%line('! A key with a default may be left out. Values are those of Fig. 3 of Nakano and Popov (2020).')
-    call builder%line('! One value a key unless it says list; text in quotes; groups and keys in any order.')
+    call builder%line('! One value for each key, unless it says list; text in quotes; groups and keys in any order.')
     do g = 1, word_count(group_names)
       group = word(group_names, g)
       ! Most decks are no sweep.
@@ -126,7 +126,7 @@ contains
     text = builder%content()
   end subroutine template
 
-  !> What a deck of many cases has besides, as comments.
+  !> The additional group of a deck with many cases, as comments.
   subroutine add_sweep_lines(builder)
     type(text_builder_t), intent(inout) :: builder
     character(:), allocatable :: shown
@@ -166,7 +166,7 @@ contains
     text = builder%content()
   end function key_table
 
-  !> Whether key `i` can be used with `model`, whatever law, contact and method.
+  !> Whether key `i` can be used with `model`, for any law, contact and method.
   pure recursive function has_model(i, model) result(answer)
     integer, intent(in) :: i
     character(*), intent(in) :: model
@@ -193,7 +193,7 @@ contains
     if (is_text(key) .or. is_word_of(key, shown)) shown = quoted_text(shown)
     shown = '  '//trim(key%name)//' = '//shown
     meaning = trim(key%meaning)
-    ! Conditions on the model say nothing in the template of that model.
+    ! Conditions on the model are omitted in the template of that model.
     if (has_other_condition(key)) meaning = meaning//'; only with '//condition_text(key)
     call builder%line('  ! '//meaning)
     call builder%line(shown//repeat(' ', max(0, comment_column - len(shown)))//' ! '//explanation(key))

@@ -1,4 +1,4 @@
-!> A deck that has been read: the values of every key of the schema, and who set them.
+!> A deck that has been read: the values of all keys of the schema, and who set them.
 module dst_deck_values
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
@@ -12,21 +12,21 @@ module dst_deck_values
   public :: deck_t, value_t, usage, failing_condition, element_count, set_default, is_default
   public :: used, unused, unknown
 
-  !> Whether a key has a meaning in this deck; unknown while the choice it depends on is faulty.
+  !> Whether a key has a meaning in this deck; unknown as long as the choice on which it depends is faulty.
   integer, parameter :: used = 1, unused = 2, unknown = 3
 
   !> The value of a key, and where it comes from.
   type :: value_t
     logical :: user = .false.        !! set by the deck or by a setting, not the default
-    logical :: attempted = .false.   !! the deck means to set it, perhaps under a wrong name
-    logical :: valid = .true.        !! what was given could be understood
+    logical :: attempted = .false.   !! the deck tries to set it, perhaps under a wrong name
+    logical :: valid = .true.        !! the given value could be understood
     type(place_t) :: place
     integer(int64) :: integer = 0_int64
     real(wp), allocatable :: reals(:)
     character(longest_text), allocatable :: texts(:)
   end type value_t
 
-  !> The values in the order of the schema. A deck without error holds a value for every key it uses.
+  !> The values in the order of the schema. A deck without error has a value for every key that it uses.
   type :: deck_t
     character(:), allocatable :: name    !! the file's name as given
     character(:), allocatable :: text    !! the file's text as read
@@ -45,7 +45,7 @@ module dst_deck_values
 
 contains
 
-  !> Value of a real key [unit of the schema]; NaN if it has none, as an unused key without default.
+  !> Value of a real key [unit of the schema]; NaN if it has none, like an unused key without default.
   pure real(wp) function real_of(self, group, key)
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
@@ -121,7 +121,7 @@ contains
     is_sweep = any(self%value%user .and. schema%group == sweep_group)
   end function is_sweep
 
-  !> Whether key `i` is used: all its conditions hold, and the keys they name are used themselves.
+  !> Whether key `i` is used: all its conditions are true, and the keys that they name are used themselves.
   pure recursive function usage(deck, i) result(answer)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: i
@@ -145,7 +145,7 @@ contains
     end do
   end function usage
 
-  !> What keeps key `i` from being used: 'law constant'.
+  !> The reason why key `i` is not used: 'law constant'.
   pure recursive function failing_condition(deck, i) result(text)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: i
@@ -175,7 +175,7 @@ contains
     if (allocated(value%texts)) element_count = size(value%texts)
   end function element_count
 
-  !> A key as if nobody had set it.
+  !> Reset a key to its default.
   pure subroutine set_default(key, value)
     type(key_t), intent(in) :: key
     type(value_t), intent(out) :: value
@@ -196,7 +196,7 @@ contains
     end select
   end subroutine set_default
 
-  !> Whether the value is the schema's default: of an unused key, that it is switched off.
+  !> Whether the value is the schema's default; for an unused key, the value that switches it off.
   pure logical function is_default(key, value)
     type(key_t), intent(in) :: key
     type(value_t), intent(in) :: value

@@ -6,15 +6,15 @@ module dst_faults
 
   public :: faults_t, place_t, not_all_faults
 
-  !> More faults than a reader would want: the search for more may stop.
+  !> Largest number of faults that a reader would want: the search for more may stop.
   integer, parameter :: most_faults = 100
   character(*), parameter :: not_all_faults = 'only the first faults are listed: fix these and check again'
 
-  !> Where a value stands: in a line of the deck, or in an argument of --set.
+  !> The place of a value: in a line of the deck, or in an argument of --set.
   type :: place_t
     integer :: line = 0              !! 0 = the deck as a whole
     integer :: setting = 0           !! number of the argument; 0 = the deck
-    character(96) :: argument = ''   !! as a message shows it
+    character(96) :: argument = ''   !! in the form used in messages
   end type place_t
 
   type :: fault_t
@@ -22,7 +22,7 @@ module dst_faults
     character(480) :: text = ''
   end type fault_t
 
-  !> The faults of a deck, collected.
+  !> The list of the faults of a deck.
   type :: faults_t
     integer :: count = 0
     type(fault_t), allocatable :: item(:)   !! on the heap: they are larger than a small stack
@@ -78,7 +78,7 @@ contains
     full = self%count == most_faults
   end function full
 
-  !> One line a fault: `NAME:LINE: what is wrong: what would be right`.
+  !> One line for each fault: `NAME:LINE: what is wrong: what to do`.
   function report(self, name) result(text)
     class(faults_t), intent(in) :: self
     character(*), intent(in) :: name       !! the deck's file name

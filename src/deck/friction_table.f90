@@ -1,7 +1,7 @@
-!> The points of the law 'table': lists of the deck, or a CSV file beside it.
+!> The points of the law 'table': lists in the deck, or a CSV file next to it.
 !>
 !> The file has two columns, slip velocity [m/s] and friction coefficient, and may name them in its first line: table_speed and
-!> table_mu. Its numbers become values of these keys, so that the resolved deck holds the points and the file is read once.
+!> table_mu. Its numbers become values of these keys, so that the resolved deck contains the points and the file is read once.
 module dst_friction_table
   use dst_csv, only: blanks, find_fields, find_line, first_byte, line_end_of, separator_of
   use dst_deck_values, only: deck_t, usage, used
@@ -14,15 +14,15 @@ module dst_friction_table
 
   public :: take_friction_table
 
-  !> Points of a table, and bytes of a file of so many lines.
+  !> Numbers of points of a table, and bytes of a file with this number of lines.
   integer, parameter :: least_points = 2, most_points = 1000, most_bytes = 1000000
-  !> Steepest change of the friction coefficient over the slip velocity [s/m]. Convention: far from overflow, far from any rig.
+  !> Steepest change of the friction coefficient over the slip velocity [s/m]. Convention: far from overflow, and beyond any rig.
   real(wp), parameter :: steepest = 1.0e30_wp
   character(*), parameter :: columns = 'table_speed, table_mu'
 
 contains
 
-  !> With the law 'table': its points, from the file if the deck names one, checked; mu_0 becomes the first of them.
+  !> For the law 'table': read its points, from the file if the deck names one, and check them; mu_0 becomes the first of them.
   subroutine take_friction_table(deck)
     type(deck_t), intent(inout) :: deck
     character(:), allocatable :: problem, path
@@ -35,7 +35,7 @@ contains
     mu = find_key('friction', 'table_mu')
     mu_0 = find_key('friction', 'mu_0')
     if (usage(deck, table) /= used .or. .not. deck%value(law)%valid) return
-    ! It follows from the points, and is not missing.
+    ! mu_0 follows from the points, and is not missing.
     deck%value(mu_0)%attempted = .true.
     if (deck%value(table)%user .and. deck%text_of('friction', 'table') /= '') then
       place = deck%value(table)%place
@@ -205,7 +205,7 @@ contains
     end function is_name
   end subroutine read_row
 
-  !> The bytes of a regular file of acceptable size; `problem` is '' or says why not.
+  !> The bytes of a regular file of acceptable size; `problem` is '' or says why they cannot be read.
   subroutine read_text(path, text, problem)
     character(*), intent(in) :: path
     character(:), allocatable, intent(out) :: text, problem
@@ -223,7 +223,7 @@ contains
     else if (bytes > most_bytes) then
       problem = path//': '//integer_text(bytes)//' bytes are too many: give at most '//integer_text(most_points)//' points'
     else if (bytes <= 0) then
-      ! Pipes and devices have no size either, and opening one could wait for ever.
+      ! Pipes and devices have no size either, and opening one could wait forever.
       problem = path//': is empty or not a regular file: give a CSV file with the columns '//columns
     end if
     if (problem /= '') return

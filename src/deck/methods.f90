@@ -1,7 +1,7 @@
 !> The one list of methods, with their kind, order and stages.
 !>
-!> The choices of `integrator.method` and the conditions of the keys that only some methods use, the assembly of a run, and the
-!> candidates of `trade` come from it.
+!> The following use it: the choices of `integrator.method`, the conditions of the keys that only some methods use, the assembly of
+!> a run, and the candidates of `trade`.
 module dst_methods
   implicit none
   private
@@ -31,7 +31,8 @@ module dst_methods
     method_t('rk4', 'fixed_step', 4, 4), &
     method_t('moreau_jean', 'nonsmooth', 1, 1)]
 
-  ! In steps: flang 19 takes no component of a constant array as a constant, gfortran 12 no expression as the source of `transfer`.
+  ! In steps: flang 19 does not treat a component of a constant array as a constant, and gfortran 12 does not accept an expression
+  ! as the source of `transfer`.
   integer :: i
   character(width), parameter :: names(*) = [(methods(i)%name, i=1, size(methods))]
   character(10), parameter :: kinds(*) = [(methods(i)%kind, i=1, size(methods))]
@@ -40,7 +41,7 @@ module dst_methods
   character(width), parameter :: explicit(*) = pack(names, kinds == 'explicit')
   character(width), parameter :: fixed_step(*) = pack(names, has_fixed_step)
 
-  !> Their names, blank-separated: of all, of those that choose their step, of those of them that are explicit, and of the others.
+  !> Their names, blank-separated: of all, of those that choose their step, of the explicit ones among these, and of the others.
   character(width*size(names)), parameter :: method_names = transfer(names, repeat(' ', width*size(names)))
   character(width*size(adaptive)), parameter :: adaptive_methods = transfer(adaptive, repeat(' ', width*size(adaptive)))
   character(width*size(explicit)), parameter :: explicit_methods = transfer(explicit, repeat(' ', width*size(explicit)))
@@ -48,7 +49,7 @@ module dst_methods
 
 contains
 
-  !> The method of this name, which is in the list.
+  !> The method of this name, which must be in the list.
   pure type(method_t) function method_named(name)
     character(*), intent(in) :: name
 

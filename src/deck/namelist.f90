@@ -1,8 +1,8 @@
 !> Scanner of Fortran namelist text: finds the groups, the keys and the words of their values, with their lines.
 !>
-!> Fortran's own namelist read accepts half of all mistakes in silence and names the wrong place for the others.
-!> The scanner knows the grammar only; what the groups and keys mean is the deck's matter. It goes through the text
-!> once, from left to right, and keeps positions, not copies.
+!> Fortran's own namelist read silently accepts half of all mistakes and reports the wrong place for the others. The scanner only
+!> uses the grammar; dst_deck interprets the groups and keys. It reads the text once, from left to right, and keeps positions, not
+!> copies.
 module dst_namelist
   use dst_text, only: excerpt, lower_case, utf8_width
   use dst_faults, only: faults_t
@@ -50,7 +50,7 @@ module dst_namelist
     integer :: group_count = 0, assignment_count = 0, token_count = 0
     integer :: position = 1, line = 1
     logical :: comments = .true.       !! whether ! begins a comment
-    logical :: plain = .true.          !! false when the text holds bytes that no text has
+    logical :: plain = .true.          !! false if the text has bytes that no text file has
     type(faults_t) :: faults
   end type namelist_t
 
@@ -63,7 +63,7 @@ module dst_namelist
 
 contains
 
-  !> Scan `text`; every fault goes to `list%faults`, and what could be read stays in `list`.
+  !> Scan `text`; every fault is added to `list%faults`, and everything that could be read is kept in `list`.
   subroutine scan_namelist(text, list)
     character(*), intent(in) :: text
     type(namelist_t), intent(out) :: list
@@ -83,12 +83,12 @@ contains
     end do
   end subroutine scan_namelist
 
-  !> Scan `text` as the values of one key, as they stand after `=`; all words are in list%tokens.
+  !> Scan `text` as the values of one key, as they are written after `=`; all words are in list%tokens.
   subroutine scan_values(text, key, list, problem)
     character(*), intent(in) :: text
     character(*), intent(in) :: key         !! for messages
     type(namelist_t), intent(out) :: list
-    character(:), allocatable, intent(out) :: problem     !! '' or what is wrong first
+    character(:), allocatable, intent(out) :: problem     !! '' or the first fault
 
     call begin(text, list)
     list%comments = .false.
@@ -100,7 +100,8 @@ contains
     if (list%faults%count > 0) problem = trim(list%faults%item(1)%text)
   end subroutine scan_values
 
-  !> Nothing of `text` has been read. There is room for all that it may hold: a word, or a key with its =, takes two characters.
+  !> Reset the list: nothing of `text` has been read. There is room for all of it: a word, or a key with its =, takes two
+  !> characters.
   subroutine begin(text, list)
     character(*), intent(in) :: text
     type(namelist_t), intent(inout) :: list
@@ -111,7 +112,7 @@ contains
     allocate (list%assignments(len(text)/2 + 2), list%tokens(len(text)/2 + 2))
   end subroutine begin
 
-  !> A deck is UTF-8 without control characters; `plain` is false when it holds bytes that no text has.
+  !> A deck is UTF-8 without control characters; `plain` is false if it has bytes that no text file has.
   subroutine check_bytes(text, faults, plain)
     character(*), intent(in) :: text
     type(faults_t), intent(inout) :: faults
@@ -146,7 +147,7 @@ contains
     is_plain_text = faults%count == 0
   end function is_plain_text
 
-  !> Whether byte `i` may stand in a text: no control character but tab and the ends of lines.
+  !> Whether byte `i` may be in a text: it is no control character except tab and line ends.
   pure logical function is_plain(text, i)
     character(*), intent(in) :: text
     integer, intent(in) :: i
@@ -240,7 +241,7 @@ contains
         call list%faults%add(list%line, "'"//excerpt(key//rest_of_line(list))// &
                              "' sets a part of a key: give all values at once, as in "//excerpt(key)//' = VALUE, VALUE')
         assignment%faulty = .true.
-        ! Past the subscript, within its line.
+        ! Move past the subscript, within its line.
         list%position = list%position + span_until(list, newline//'=!/&')
       end if
       call skip_blank(list)
@@ -335,7 +336,7 @@ contains
     character(:), allocatable, intent(inout) :: problem
     character(:), allocatable :: count_text
     integer :: width
-    ! More than any list may hold, and no overflow.
+    ! More than any list may have, and no overflow.
     integer, parameter :: longest = 9
 
     times = 1
@@ -407,19 +408,19 @@ contains
     if (at_end(list)) return
     if (scan(here(list), '=(%''"') == 0 .and. (list%comments .or. here(list) /= '!')) return
     problem = "unexpected '"//excerpt(rest_of_line(list))//"' in a value: separate values by ',', put text in quotes"
-    ! At least one character further, and past a bracket or quote that would only be met again.
+    ! At least one character further, and past a bracket or quote that would only be found again.
     list%position = list%position + 1
     list%position = list%position + span_until(list, blanks//newline//',/&')
   end subroutine read_bare
 
-  !> A unit after the number that was read, in its line: without this the '/' of mm/s would end the group.
+  !> A unit after the number that was read, in its line: otherwise the '/' of mm/s would end the group.
   subroutine take_unit(list, token, problem)
     type(namelist_t), intent(inout) :: list
     type(token_t), intent(inout) :: token
     character(:), allocatable, intent(inout) :: problem
     integer :: first, last, number
 
-    ! Without a blank between them.
+    ! There is no blank between them.
     last = end_of_run(token%first)
     do number = token%first, last
       if (scan(list%text(number:number), digits//'+-.') == 1) cycle
@@ -461,7 +462,7 @@ contains
     end subroutine accept
   end subroutine take_unit
 
-  !> Whether a name and `=`, or a name and a subscript, stand here.
+  !> Whether a name and `=`, or a name and a subscript, begin here.
   logical function next_key_follows(list)
     type(namelist_t), intent(inout) :: list
     integer :: position, line
@@ -491,7 +492,7 @@ contains
     end do
   end subroutine skip_stray
 
-  !> Past blanks, line ends and comments.
+  !> Move past blanks, line ends and comments.
   subroutine skip_blank(list)
     type(namelist_t), intent(inout) :: list
 
@@ -528,7 +529,7 @@ contains
   pure function rest_of_line(list) result(rest)
     type(namelist_t), intent(in) :: list
     character(:), allocatable :: rest
-    ! As much as a message shows, so that many faults in one long line cost no more than the line.
+    ! Only as much as messages show, so that many faults in one long line cost no more than the line.
     integer, parameter :: enough = 80
     integer :: last, width
 
@@ -566,7 +567,7 @@ contains
     at_end = list%position > len(list%text)
   end function at_end
 
-  !> The character here; one that no text has at the end.
+  !> The character here; at the end one that no text has.
   pure character function here(list)
     type(namelist_t), intent(in) :: list
 
@@ -574,7 +575,7 @@ contains
     if (.not. at_end(list)) here = list%text(list%position:list%position)
   end function here
 
-  !> Number of the last line that holds text.
+  !> Number of the last line that has text.
   pure integer function last_line(text)
     character(*), intent(in) :: text
     integer :: i
@@ -585,7 +586,7 @@ contains
     end do
   end function last_line
 
-  !> The characters of a token; doubled quotes of a string made single.
+  !> The characters of a token; doubled quotes of a string become single ones.
   pure function token_text(list, token) result(text)
     type(namelist_t), intent(in) :: list
     type(token_t), intent(in) :: token

@@ -18,8 +18,8 @@ module dst_parameters
 
 contains
 
-  !> Every key that the deck uses and that has a single value. Of output.interval = 'auto' it is the `interval` [s] that it stands
-  !> for; where there is none the key is left out.
+  !> Every key that the deck uses and that has a single value. For output.interval = 'auto' the value is the `interval` [s] that is
+  !> used; if there is none the key is omitted.
   subroutine parameters_of(deck, parameters, interval)
     type(deck_t), intent(in) :: deck
     type(parameter_t), allocatable, intent(out) :: parameters(:)

@@ -1,4 +1,4 @@
-!> A scene: what a deck asks for, typed. The deck has been checked; nothing is checked here.
+!> A scene: the content of a deck, as typed values. The deck has been checked; nothing is checked here.
 module dst_scene
   use dst_kinds, only: wp, int64
   use dst_schema, only: schema, key_count, longest_text, real_kind, integer_kind
@@ -14,23 +14,23 @@ module dst_scene
     character(:), allocatable :: model, law, contact, method
     character(:), allocatable :: cycle_map               !! 'auto' or 'off'
     character(:), allocatable :: form                    !! of Eq. (8)
-    character(:), allocatable :: quantities              !! for which model 'auto' is settled, with this accuracy:
+    character(:), allocatable :: quantities              !! for which model 'auto' is chosen, with this accuracy:
     real(wp) :: accuracy = 0.0_wp
     character(:), allocatable :: output_file             !! '' = after the deck's name
     real(wp) :: t_end = 0.0_wp                           !! s
-    real(wp) :: settle = 0.0_wp                          !! what two cycles agree to at the end of the run; 0 = not asked
-    real(wp) :: mass = 0.0_wp                            !! kg; 0 where the model has none
+    real(wp) :: settle = 0.0_wp                          !! permitted difference of two cycles at the end of the run; 0 = none
+    real(wp) :: mass = 0.0_wp                            !! kg; 0 if the model has none
     real(wp) :: stiffness_x = 0.0_wp                     !! N/m
-    real(wp) :: stiffness_y = 0.0_wp                     !! N/m; 0 where the model has none
+    real(wp) :: stiffness_y = 0.0_wp                     !! N/m; 0 if the model has none
     real(wp) :: damping_x = 0.0_wp                       !! N s/m
     real(wp) :: damping_y = 0.0_wp                       !! N s/m
     real(wp) :: misalignment_deg = 0.0_wp                !! deg
     real(wp) :: mu_0 = 0.0_wp                            !! friction coefficient at rest
-    real(wp) :: mu_inf = 0.0_wp                          !! at high slip velocity; mu_0 where there is none
+    real(wp) :: mu_inf = 0.0_wp                          !! at high slip velocity; mu_0 if there is none
     real(wp) :: v_f = 1.0_wp                             !! m/s; without effect for the constant law
     real(wp) :: exponent = 1.0_wp                        !! of the law stribeck
     real(wp) :: viscous = 0.0_wp                         !! s/m, of the law stribeck
-    real(wp) :: mu_static = 0.0_wp                       !! up to which rest holds; 0 = what the law is at v = 0
+    real(wp) :: mu_static = 0.0_wp                       !! up to which rest lasts; 0 = the value of the law at v = 0
     real(wp) :: normal_load = 0.0_wp                     !! N
     real(wp) :: v_smooth = 0.0_wp                        !! m/s
     real(wp) :: velocity_ratio = 0.0_wp                  !! X'(0)/V
@@ -41,7 +41,7 @@ module dst_scene
     real(wp) :: v_cut = 0.0_wp                           !! m/s
     real(wp) :: step_max = 0.0_wp                        !! s, 0 = no limit
     integer(int64) :: max_steps = 0_int64                !! 0 = no limit
-    real(wp) :: interval = 0.0_wp                        !! s, 0 = every accepted step, `automatic` = still to be settled
+    real(wp) :: interval = 0.0_wp                        !! s, 0 = every accepted step, `automatic` = not yet chosen
     logical :: interval_is_chosen = .false.              !! by the program, not by the deck
     real(wp) :: checkpoint_interval = 0.0_wp             !! s of wall time, 0 = none
     real(wp) :: wall_limit = 0.0_wp                      !! s of wall time, 0 = none
@@ -58,14 +58,14 @@ module dst_scene
 
 contains
 
-  !> Whether the model is known at any time, without a method.
+  !> Whether the model has a closed form at any time, without a method.
   pure logical function is_closed_form(self)
     class(scene_t), intent(in) :: self
 
     is_closed_form = self%model == 'creep' .or. self%model == 'creep_asymptotic'
   end function is_closed_form
 
-  !> The method, for the record.
+  !> The method, for the result file.
   pure function method_name(self) result(name)
     class(scene_t), intent(in) :: self
     character(:), allocatable :: name
@@ -97,7 +97,7 @@ contains
     allocate (scene%fields(size(fields)))
     scene%fields = fields(:)(:len(scene%fields))
     scene%output_file = deck%text_of('output', 'file')
-    ! Every key with one number. Of a physical one that is not used the scene keeps what switches it off.
+    ! Every key with one number. If a physical key is not used, the scene keeps the value that switches it off.
     do i = 1, key_count
       associate (key => schema(i))
         if (key%required .and. .not. deck%is_used(trim(key%group), trim(key%name))) cycle
@@ -111,7 +111,7 @@ contains
     end do
   end subroutine scene_from_deck
 
-  !> Set what the key `name` stands for, in its unit. Safe in threads: no text of deferred length is used.
+  !> Set the component of the key `name`, in its unit. Safe in threads: no text of deferred length is used.
   subroutine set_number(scene, name, value)
     type(scene_t), intent(inout) :: scene
     character(*), intent(in) :: name

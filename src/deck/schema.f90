@@ -1,7 +1,7 @@
-!> The one table of what a deck may contain.
+!> The one table of the keys of a deck.
 !>
-!> The reader, `check`, `template`, the attributes of the HDF5 file, the keywords of the Python package and the manual
-!> page come from it. A key is added by adding its entry here.
+!> The reader, `check`, `template`, the attributes of the HDF5 file, the keywords of the Python package and the manual page are made
+!> from it. A key is added by adding its entry here.
 module dst_schema
   use dst_kinds, only: wp, int64
   use dst_methods, only: method_names, adaptive_methods, explicit_methods, fixed_step_methods
@@ -21,10 +21,10 @@ module dst_schema
   !> Their names, in the order of these numbers.
   character(*), parameter :: kind_names = 'real integer text choice reals texts'
 
-  !> Bytes of the longest text value; numbers of the longest list.
+  !> Bytes of the longest text value; numbers in the longest list.
   integer, parameter :: longest_text = 256, most_values = 10000
 
-  !> The number that a real key holds in place of the word 'auto', which leaves it to the program: outside the key's range.
+  !> The number that a real key has in place of the word 'auto', which leaves the value to the program: outside the key's range.
   real(wp), parameter :: automatic = -1.0_wp
 
   !> An interval; an open end excludes the limit.
@@ -33,7 +33,7 @@ module dst_schema
     logical :: low_open = .false.
   end type range_t
 
-  !> That the key `on` has one of these choices, blank-separated.
+  !> The condition that the key `on` has one of these choices, blank-separated.
   type :: condition_t
     character(name_width) :: on = ''
     character(128) :: choices = ''
@@ -45,11 +45,11 @@ module dst_schema
     integer :: kind
     character(unit_width) :: unit
     type(range_t) :: range
-    logical :: required                 !! the user must give it when it is used
-    character(value_width) :: default   !! as in a deck, text without quotes; of a required key: tolerated when it is not used
+    logical :: required                 !! the user must give it if it is used
+    character(value_width) :: default   !! as in a deck, text without quotes; of a required key: permitted if it is not used
     character(value_width) :: sample    !! Fig. 3's value, for the template
-    character(256) :: choices           !! blank-separated; '' = free; of a real key the word that it also takes
-    type(condition_t) :: used_by(2)     !! all of them must hold
+    character(256) :: choices           !! blank-separated; '' = free; for a real key the word that it also accepts
+    type(condition_t) :: used_by(2)     !! all of them must be true
     character(meaning_width) :: meaning
   end type key_t
 
@@ -65,10 +65,10 @@ module dst_schema
   !> The group that turns a deck into many cases; a deck without it is one run.
   character(*), parameter :: sweep_group = 'sweep'
 
-  !> Models of the whole motion in the plane, and all.
+  !> Models of the whole motion in the plane, and all models.
   character(*), parameter :: plane_models = 'full'
   character(*), parameter :: models = plane_models//' low_frequency high_frequency creep creep_asymptotic auto'
-  !> Friction laws that have mu_inf and v_f, and all.
+  !> Friction laws that have mu_inf and v_f, and all laws.
   character(*), parameter :: weakening_laws = 'weakening stribeck'
   character(*), parameter :: laws = 'constant table '//weakening_laws
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
@@ -105,9 +105,9 @@ module dst_schema
     key_t('scene', 'model', choice_kind, '', any_real, may, 'full', '', models, always, &
           'the equations to integrate'), &
     key_t('scene', 'form', choice_kind, '', any_real, may, 'first_power', '', 'first_power printed third_order', asymptotic, &
-          'of Eq. (8): as derived from Eq. (7), as printed in the preprint, or with the next order'), &
+          'form of Eq. (8): derived from Eq. (7), printed in the preprint, or with the next order'), &
     key_t('scene', 'quantities', choice_kind, '', any_real, may, 'stick_slip', '', 'stick_slip creep high_frequency', &
-          undecided, 'what the model is chosen for'), &
+          undecided, 'quantities for which the model is chosen'), &
     key_t('scene', 'accuracy', real_kind, '1', range_t(low=1.0e-12_wp, high=1.0_wp), may, '1.0e-3', '', '', undecided, &
           'error against the full model that is allowed in these quantities'), &
     key_t('scene', 't_end', real_kind, 's', positive, must, '', '10.0', '', always, &
@@ -121,9 +121,9 @@ module dst_schema
     key_t('system', 'stiffness_y', real_kind, 'N/m', positive, must, '', '1.0e7', '', elastic, &
           'stiffness along the stiff principal axis'), &
     key_t('system', 'damping_x', real_kind, 'N s/m', non_negative, may, '0.0', '', '', soft_damped, &
-          'damping beside the spring along the soft axis'), &
+          'damping parallel to the spring along the soft axis'), &
     key_t('system', 'damping_y', real_kind, 'N s/m', non_negative, may, '0.0', '', '', transverse, &
-          'damping beside the spring along the stiff axis'), &
+          'damping parallel to the spring along the stiff axis'), &
     key_t('system', 'misalignment_deg', real_kind, 'deg', one_turn, must, '', '1.0', '', always, &
           'angle phi from the drive direction to the soft axis'), &
     key_t('friction', 'law', choice_kind, '', any_real, may, 'weakening', '', laws, dynamic, &
@@ -159,7 +159,7 @@ module dst_schema
     key_t('initial', 'velocity_ratio', real_kind, '1', any_real, may, '0.0', '1.0e-6', '', dynamic, &
           'initial velocity along the drive over the drive velocity, X''(0)/V'), &
     key_t('initial', 'elongation_x', real_kind, 'm', any_real, may, '0.0', '', '', dynamic, &
-          'initial elongation of the spring along the soft axis; high_frequency holds it'), &
+          'initial elongation of the spring along the soft axis; high_frequency keeps it constant'), &
     key_t('initial', 'elongation_y', real_kind, 'm', any_real, may, '0.0', '', '', transverse, &
           'initial elongation of the spring along the stiff axis'), &
     key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau13', '', method_names, dynamic, &
@@ -175,7 +175,7 @@ module dst_schema
     key_t('integrator', 'cycle_map', choice_kind, '', any_real, may, 'auto', '', 'auto off', leaping, &
           'full: whether fast cycles that repeat are leapt by their map where that is cheaper'), &
     key_t('integrator', 'max_steps', integer_kind, '1', non_negative, may, '0', '', '', dynamic, &
-          'most steps of a run; 0 = no limit'), &
+          'largest number of steps of a run; 0 = no limit'), &
     key_t('output', 'file', text_kind, '', any_real, may, '', '', '', always, &
           'file of the results; empty = the deck''s name with .h5, in the current directory'), &
     key_t('output', 'interval', real_kind, 's', non_negative, may, 'auto', '', 'auto', always, &
@@ -197,13 +197,13 @@ module dst_schema
     key_t('sweep', 'count', reals_kind, '1', range_t(low=1.0_wp, high=1.0e9_wp), may, '', '40', '', always, &
           'number of values of each parameter, a whole number each'), &
     key_t('sweep', 'spacing', texts_kind, '', any_real, may, 'linear', '', 'linear log', always, &
-          'distance of the values: one for all parameters, or one for each'), &
+          'spacing of the values: one for all parameters, or one for each'), &
     key_t('sweep', 'points', text_kind, '', any_real, may, '', '', '', always, &
           'CSV or HDF5 file, a column for each GROUP.KEY and a case a row, in place of the above'), &
     key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series cycles', always, &
           'what is kept of a case: its summary, or the time series too, or its last stick-slip cycles too'), &
     key_t('sweep', 'cycles', integer_kind, '1', range_t(low=1.0_wp, high=100.0_wp), may, '50', '', '', keeping_cycles, &
-          'most cycles kept of a case: the last of those that the means are over')]
+          'largest number of cycles kept of a case: the last of those that the means are over')]
 
   !> Number of keys.
   integer, parameter :: key_count = size(schema)
@@ -267,7 +267,7 @@ contains
     if (range%low_open) in_range = in_range .and. value > range%low
   end function in_range
 
-  !> Whether the key takes this word in place of a number.
+  !> Whether the key accepts this word in place of a number.
   pure logical function is_word_of(key, given)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
@@ -275,7 +275,7 @@ contains
     is_word_of = key%choices /= '' .and. .not. is_text(key) .and. has_word(key%choices, given)
   end function is_word_of
 
-  !> Whether this number of the key stands for the word 'auto'.
+  !> Whether this number of the key represents the word 'auto'.
   pure logical function is_automatic(key, value)
     type(key_t), intent(in) :: key
     real(wp), intent(in) :: value
@@ -283,7 +283,7 @@ contains
     is_automatic = is_word_of(key, 'auto') .and. .not. abs(value - automatic) > 0.0_wp
   end function is_automatic
 
-  !> '> 0.0', '>= 0', '>= a and <= b'; '' when every finite value will do.
+  !> '> 0.0', '>= 0', '>= a and <= b'; '' if every finite value is valid.
   function range_text(key) result(text)
     type(key_t), intent(in) :: key
     character(:), allocatable :: text
@@ -308,7 +308,7 @@ contains
     end if
   end function limit_text
 
-  !> '' when the key has this choice.
+  !> '' if the key has this choice.
   function choice_problem(key, given) result(problem)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given

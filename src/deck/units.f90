@@ -1,4 +1,4 @@
-!> Units that people write after the numbers of a deck, where none belong: to say what the number would be without.
+!> Units that people write after the numbers of a deck, where none belong: used to say what the number would be without its unit.
 module dst_units
   use dst_kinds, only: wp
   implicit none
@@ -6,7 +6,7 @@ module dst_units
 
   public :: is_unit, factor_of
 
-  !> A unit, and how much of the unit of a key it is.
+  !> A unit, and its value in the unit of a key.
   type :: unit_t
     character(8) :: name
     character(8) :: of_key
@@ -37,7 +37,7 @@ contains
     is_unit = len_trim(word) > 0 .and. len(word) <= len(units%name) .and. any(units%name == word)
   end function is_unit
 
-  !> What a number in `unit` is to be multiplied with to be in the unit of a key; 0 if it is a unit of something else.
+  !> The factor from `unit` to the unit of a key; 0 if it is a unit of another quantity.
   pure real(wp) function factor_of(unit, of_key)
     character(*), intent(in) :: unit, of_key
     integer :: i

@@ -1,8 +1,8 @@
-!> The file from which a run goes on: FILE.h5.checkpoint beside the result FILE.h5.
+!> The file from which a run is resumed: FILE.h5.checkpoint next to the result FILE.h5.
 !>
-!> Lines of text say what it is and to which run it belongs; then come the deck and the words of the state (dst_archive), 8 bytes
-!> each in the machine's order; the last line is the SHA-256 of all before it. It is replaced as a whole. Together with
-!> the numbers in the result file's columns it is all that is needed to go on.
+!> Lines of text say what the file is and to which run it belongs; then follow the deck and the words of the state (dst_archive), 8
+!> bytes each in the machine's order; the last line is the SHA-256 of everything before it. The file is always replaced as a whole.
+!> Together with the numbers in the result file's columns it is all that is needed to resume the run.
 module dst_checkpoint
   use dst_kinds, only: int64
   use dst_disk, only: read_bytes
@@ -14,18 +14,18 @@ module dst_checkpoint
 
   public :: provenance_t, checkpoint_t, checkpoint_name, is_checkpoint, encoded, read_checkpoint
 
-  !> Which run it is.
+  !> Identity of the run.
   type :: provenance_t
     character(:), allocatable :: version, git_revision, compiler   !! of the program that began the run
     character(:), allocatable :: created           !! when the run began: ISO 8601, UTC
     character(:), allocatable :: deck_text         !! the deck as read
-    character(:), allocatable :: deck_resolved     !! every key as used: --set makes another deck
+    character(:), allocatable :: deck_resolved     !! every key as used: --set makes a different deck
     character(:), allocatable :: deck_sha256       !! of the deck as read
   end type provenance_t
 
-  !> What a checkpoint holds: to which run it belongs, what stood in the result file then, the state.
+  !> Contents of a checkpoint: the run to which it belongs, the extent of the result file then, the state.
   type, extends(provenance_t) :: checkpoint_t
-    character(:), allocatable :: result_checksum   !! in the seal of a run that was stopped; '-' while it goes on
+    character(:), allocatable :: result_checksum   !! in the seal of a run that was stopped; '-' while it is running
     integer(int64), allocatable :: words(:)        !! the state
   end type checkpoint_t
 
@@ -55,13 +55,13 @@ contains
     if (.not. allocated(reason)) is_checkpoint = index(bytes, signature) == 1
   end function is_checkpoint
 
-  !> The bytes of a checkpoint's file.
+  !> The bytes of a checkpoint file.
   function encoded(checkpoint) result(bytes)
     type(checkpoint_t), intent(in) :: checkpoint
     character(:), allocatable :: bytes, state
     integer :: i
 
-    ! Word by word: the whole may be more than a stack holds.
+    ! Word by word: all words together may need more room than a stack has.
     allocate (character(word_bytes*size(checkpoint%words)) :: state)
     do i = 1, size(checkpoint%words)
       state(word_bytes*(i - 1) + 1:word_bytes*i) = transfer(checkpoint%words(i), repeat(' ', word_bytes))
@@ -73,9 +73,9 @@ contains
     bytes = bytes//'sha256 '//sha256(bytes)//n
   end function encoded
 
-  !> Read the checkpoint of `result_file`; one that is not whole, or of another format, is refused.
+  !> Read the checkpoint of `result_file`; an incomplete one, or one of another format, is refused.
   subroutine read_checkpoint(result_file, shown_name, checkpoint, error)
-    character(*), intent(in) :: result_file, shown_name   !! where it is; what it is called in messages
+    character(*), intent(in) :: result_file, shown_name   !! its path; its name in messages
     type(checkpoint_t), intent(out) :: checkpoint
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: bytes, reason
@@ -84,7 +84,7 @@ contains
     if (.not. allocated(reason)) call check_format(bytes, reason)
     if (.not. allocated(reason)) call check_digest(bytes, reason)
     if (.not. allocated(reason)) call take_apart(bytes, checkpoint, reason)
-    if (allocated(reason)) call raise(error, file_error, checkpoint_name(shown_name)//': no checkpoint to go on from: '// &
+    if (allocated(reason)) call raise(error, file_error, checkpoint_name(shown_name)//': no checkpoint to resume from: '// &
       reason//': run the deck again')
   end subroutine read_checkpoint
 
@@ -106,7 +106,7 @@ contains
     end if
   end subroutine check_format
 
-  !> The last line is the digest of what stands before it.
+  !> The last line is the digest of everything before it.
   pure subroutine check_digest(bytes, reason)
     character(*), intent(in) :: bytes
     character(:), allocatable, intent(out) :: reason
@@ -126,7 +126,7 @@ contains
     part = name//' '//integer_text(len(content, int64))//n//content//n
   end function part
 
-  !> Name every part. The digest has shown that they are as they were written.
+  !> Assign every part. The digest has shown that all parts are as they were written.
   subroutine take_apart(bytes, checkpoint, reason)
     character(*), intent(in) :: bytes
     type(checkpoint_t), intent(inout) :: checkpoint
@@ -151,7 +151,7 @@ contains
 
   contains
 
-    !> As many bytes as the next line says, which must begin with `name`.
+    !> As many bytes as the next line says; this line must begin with `name`.
     subroutine take_part(name, content)
       character(*), intent(in) :: name
       character(:), allocatable, intent(out) :: content

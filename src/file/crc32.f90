@@ -1,6 +1,6 @@
 !> CRC-32 as in gzip, PNG and Ethernet (ISO 3309; reflected polynomial EDB88320), by zlib.
 !>
-!> Any change within 32 successive bits changes it, and of other changes all but one in 2^32.
+!> Any change within 32 successive bits changes the checksum, and so do all other changes except one in 2^32.
 module dst_crc32
   use, intrinsic :: iso_c_binding, only: c_int, c_long, c_char, c_ptr, c_loc
   use dst_kinds, only: int64
@@ -9,7 +9,7 @@ module dst_crc32
 
   public :: crc32_t
 
-  !> A checksum of bytes that come piece by piece.
+  !> A checksum of bytes that are added piece by piece.
   type :: crc32_t
     private
     integer(c_long) :: value = 0
@@ -31,7 +31,7 @@ module dst_crc32
 
 contains
 
-  !> Of no bytes yet, or of those of which `before` is the text.
+  !> The checksum of no bytes, or of those whose checksum has the text `before`.
   pure subroutine start(self, before)
     class(crc32_t), intent(inout) :: self
     character(8), intent(in), optional :: before
@@ -43,7 +43,7 @@ contains
     if (io_status /= 0) self%value = 0
   end subroutine start
 
-  !> Take in 8 bytes a word, the lowest first, of at most 2^28 words.
+  !> Add words of 8 bytes each, the lowest byte first, at most 2^28 words.
   pure subroutine add_words(self, words)
     class(crc32_t), intent(inout) :: self
     integer(int64), intent(in), target, contiguous :: words(:)
@@ -51,7 +51,7 @@ contains
     if (size(words) > 0) self%value = zlib_crc32(self%value, c_loc(words), 8*size(words, kind=c_int))
   end subroutine add_words
 
-  !> Take in at most 2^31 bytes.
+  !> Add at most 2^31 bytes.
   pure subroutine add_bytes(self, bytes)
     class(crc32_t), intent(inout) :: self
     character(c_char), intent(in), target, contiguous :: bytes(:)

@@ -1,4 +1,4 @@
-!> What a result file says about the run that wrote it, and whether that run can be gone on with.
+!> Reads from a result file which run wrote it, and whether that run can be resumed.
 module dst_hdf5_origin
   use hdf5, only: hid_t, h5fclose_f, h5gopen_f, h5lexists_f
   use dst_checkpoint, only: provenance_t
@@ -16,28 +16,28 @@ module dst_hdf5_origin
 
   public :: origin_t, read_origin, check_is_result, is_hdf5, is_deck, sweep_state_t, state_of_sweep, describe_result
 
-  !> What the header of a result file says of the run.
+  !> The description of the run in the header of a result file.
   type, extends(provenance_t) :: origin_t
     integer :: complete = 0
     integer :: result_code = -1
     character(:), allocatable :: result_text
   end type origin_t
 
-  !> What the result file of a sweep says of it.
+  !> The description of a sweep in its result file.
   type :: sweep_state_t
-    character(24) :: identity = ''               !! of the sweep; '' of what is no such file
+    character(24) :: identity = ''               !! of the sweep; '' if the file is not the result of one
     integer :: complete = 0, done = 0, failed = 0
   end type sweep_state_t
 
-  !> What the attribute `program` of a result says.
+  !> The value of the attribute `program` of a result.
   character(*), parameter :: this_program = 'dynstiction'
 
 contains
 
-  !> Whether a file is a result of this program. HDF5 may meet anything in it, so a child process looks.
+  !> Whether a file is a result of this program. Damage may make HDF5 fail in any way, so a child process reads the file.
   subroutine check_is_result(file_name, may_be_damaged, reason)
     character(*), intent(in) :: file_name
-    logical, intent(in) :: may_be_damaged              !! one that HDF5 cannot read is a result all the same
+    logical, intent(in) :: may_be_damaged              !! then a file that HDF5 cannot read is accepted as a result
     character(:), allocatable, intent(out) :: reason   !! unallocated if it is
     character(*), parameter :: remedy = ': use another name or remove it'
     type(guard_t) :: guard
@@ -66,7 +66,7 @@ contains
     if (reason == '') deallocate (reason)
   end subroutine check_is_result
 
-  !> Whether a file begins like one of HDF5.
+  !> Whether a file begins as HDF5 files do.
   logical function is_hdf5(file_name)
     character(*), intent(in) :: file_name
     character(*), parameter :: signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
@@ -82,7 +82,7 @@ contains
     close (unit)
   end function is_hdf5
 
-  !> What a file says of its sweep. HDF5 may meet anything in it, so a child process looks.
+  !> The description of a sweep in its file. Damage may make HDF5 fail in any way, so a child process reads it.
   type(sweep_state_t) function state_of_sweep(file_name) result(state)
     character(*), intent(in) :: file_name
     type(guard_t) :: guard
@@ -111,7 +111,7 @@ contains
     if (io_status == 0) state = found
   end function state_of_sweep
 
-  !> What a result file is, in one line, and what it has found, in some more. A child process reads it.
+  !> A result file in one line, and its results in some more. A child process reads it.
   subroutine describe_result(file_name, text, reason)
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text
@@ -166,7 +166,7 @@ contains
     end if
   end function description
 
-  !> How long a run is, and its summary.
+  !> The length of a run, and its summary.
   function rows_of_run(file) result(text)
     integer(hid_t), intent(in) :: file
     character(:), allocatable :: text
@@ -197,7 +197,7 @@ contains
     if (h5%status < 0) text = ''
   end function rows_of_run
 
-  !> What a sweep varies, and the range of what it has found.
+  !> The parameters of a sweep, and the ranges of its results.
   function rows_of_sweep(file) result(text)
     integer(hid_t), intent(in) :: file
     character(:), allocatable :: text
@@ -210,7 +210,7 @@ contains
 
     text = ''
     call open_dataset(file, 'sweep/result_code', 1, codes, h5)
-    ! The values of more would take too long.
+    ! Reading the values of more cases would take too long.
     if (h5%status < 0 .or. codes%rows > 1000000) return
     text = row('cases', integer_text(int(codes%rows)), '')
     call h5gopen_f(file, 'sweep', group, ignored)
@@ -242,7 +242,7 @@ contains
     end function range_of
   end function rows_of_sweep
 
-  !> How many settings a comparison has measured.
+  !> The number of settings that a comparison has measured.
   function rows_of_trade(file) result(text)
     integer(hid_t), intent(in) :: file
     character(:), allocatable :: text
@@ -280,7 +280,7 @@ contains
     end if
   end function with_unit
 
-  !> Whether a file looks like a deck: text with a group, as no HDF5 file is.
+  !> Whether a file looks like a deck: it is text with a group, which no HDF5 file is.
   logical function is_deck(file_name)
     character(*), intent(in) :: file_name
     character(4096) :: beginning
@@ -306,7 +306,7 @@ contains
     call h5lexists_f(file, group, has, ignored)
   end function has
 
-  !> Read the header of the result of a run that is to go on, an HDF5 file of which `result_file` says that it is not empty.
+  !> Read the header of the result of a run that shall be resumed, an HDF5 file that `result_file` has found not to be empty.
   subroutine read_origin(file_name, shown_name, origin, error)
     character(*), intent(in) :: file_name, shown_name
     type(origin_t), intent(out) :: origin

@@ -1,8 +1,8 @@
-!> The few things this program asks of HDF5: attributes, described datasets, datasets that grow, dimension scales.
+!> The operations of HDF5 that this program needs: attributes, described datasets, datasets that grow, dimension scales.
 !>
-!> The last argument that every procedure needs is an `hdf5_t`, which knows whether a call has failed. After the first failure
-!> nothing more is asked of HDF5, so that a sequence of calls is checked once, at its end, and `failure_reason` then has the
-!> words of the first. Every statement is guarded by `if (h5%status >= 0)`; what a failure leaves open closes with the file.
+!> The last argument of every procedure is an `hdf5_t`, which records whether a call has failed. After the first failure HDF5 is not
+!> called any more, so that a sequence of calls is checked once, at its end, and `failure_reason` then gives the reason of the first
+!> failure. Every statement is guarded by `if (h5%status >= 0)`; objects that remain open after a failure are closed with the file.
 !> Text is variable-length UTF-8. Sources: HDF5 1.10 reference manual; HDF5 Dimension Scale Specification.
 module dst_hdf5_tools
   use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_char, c_null_char, c_null_ptr, c_loc, &
@@ -34,10 +34,10 @@ module dst_hdf5_tools
   public :: dataset_t, create_dataset, open_dataset, append, append_texts, cut, read_rows, make_scale, attach_scale
   public :: names_in, read_list, get_number
 
-  !> How a sequence of calls went.
+  !> The status of a sequence of calls.
   type :: hdf5_t
     integer :: status = 0                  !! negative after a failure
-    character(:), allocatable :: refusal   !! what was not read though HDF5 would read it, and why
+    character(:), allocatable :: refusal   !! an object that was refused although HDF5 could read it, and why
   contains
     procedure, private :: refuse
   end type hdf5_t
@@ -45,7 +45,7 @@ module dst_hdf5_tools
   !> Room [bytes] to convert one value.
   integer(hsize_t), parameter :: conversion_buffer = 64
 
-  !> A dataset that grows: numbers or texts, one a row, or rows of `row_length` numbers.
+  !> A dataset that grows: one number or text in each row, or rows of `row_length` numbers.
   type :: dataset_t
     integer(hid_t) :: id = -1
     integer(hsize_t) :: rows = 0
@@ -92,8 +92,8 @@ module dst_hdf5_tools
 
 contains
 
-  !> Make HDF5 ready: silent on errors, also on those of a limit of file sizes, and without its clean-up at exit, which loops
-  !> when the disk is full.
+  !> Initialise HDF5: no messages on errors, no signal at a limit of file sizes, and without its clean-up at exit, which loops
+  !> forever if the disk is full.
   subroutine start_hdf5(h5)
     type(hdf5_t), intent(out) :: h5
     integer :: ignored
@@ -104,7 +104,7 @@ contains
     if (h5%status >= 0) call h5eset_auto_f(0, h5%status)
   end subroutine start_hdf5
 
-  !> Create a file that is not there, or open one, whose objects close with it.
+  !> Create a file that does not exist, or open one; its objects are closed with it.
   subroutine open_file(file_name, mode, file, h5)
     character(*), intent(in) :: file_name
     integer, intent(in) :: mode
@@ -115,7 +115,7 @@ contains
     file = -1
     if (h5%status >= 0) call h5pcreate_f(h5p_file_access_f, access, h5%status)
     if (h5%status >= 0) call h5pset_fclose_degree_f(access, h5f_close_strong_f, h5%status)
-    ! The oldest format with checksums of what describes the data. A newer one would have to be freed by h5clear after a kill.
+    ! The oldest format with checksums of the metadata. A file of a newer one would have to be released with h5clear after a kill.
     if (h5%status >= 0) call h5pset_libver_bounds_f(access, h5f_libver_v18_f, h5f_libver_v18_f, h5%status)
     if (h5%status >= 0) then
       if (mode == h5f_acc_excl_f) then
@@ -127,7 +127,7 @@ contains
     call release([access], h5)
   end subroutine open_file
 
-  !> Open a file to read it. A run that was just killed may still be finishing a flush, and lock the file for that moment.
+  !> Open a file for reading. A run that was just killed may still be finishing a flush, and lock the file for that moment.
   subroutine open_existing(file_name, file, h5)
     character(*), intent(in) :: file_name
     integer(hid_t), intent(out) :: file
@@ -155,7 +155,7 @@ contains
     end do
   end subroutine release
 
-  !> Why the last HDF5 call failed: the operating system's words when it had any.
+  !> Why the last HDF5 call failed: the operating system's message if there is one.
   function failure_reason() result(reason)
     character(:), allocatable :: reason
     character(*), parameter :: system_words = "error message = '"
@@ -189,7 +189,7 @@ contains
     description = entry%description
   end function keep_first_description
 
-  !> Why a file that is there could not be read, and what to do; a refusal says more than HDF5.
+  !> Why an existing file could not be read, and what to do; a refusal says more than HDF5 does.
   function damage_reason(h5) result(reason)
     type(hdf5_t), intent(in) :: h5
     character(:), allocatable :: reason
@@ -202,7 +202,7 @@ contains
     if (reason == failure_reason()) reason = 'the file is damaged ('//reason//'): run the deck again'
   end function damage_reason
 
-  !> Treat an object of a file as damaged that HDF5 would read.
+  !> Treat an object of a file as damaged although HDF5 could read it.
   subroutine refuse(self, name, why)
     class(hdf5_t), intent(inout) :: self
     character(*), intent(in) :: name, why
@@ -251,7 +251,7 @@ contains
     call write_attribute(object, name, h5t_std_i32le, h5t_native_integer, c_loc(number), h5)
   end subroutine put_integer_attribute
 
-  !> Write an attribute's value, and create the attribute when it is not there.
+  !> Write an attribute's value, and create the attribute if it does not exist.
   subroutine write_attribute(object, name, stored_as, memory_type, value, h5)
     integer(hid_t), intent(in) :: object, stored_as, memory_type
     character(*), intent(in) :: name
@@ -273,7 +273,7 @@ contains
     call release([attribute], h5)
   end subroutine write_attribute
 
-  !> HDF5 allocates a text that is read, a few times a file: it is left to the process's end.
+  !> HDF5 allocates the text that is read, a few times for each file: it is freed at the end of the process.
   subroutine get_text_attribute(object, name, text, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
@@ -296,7 +296,7 @@ contains
     call read_attribute(object, name, h5t_integer_f, 'is no integer', c_loc(number), h5)
   end subroutine get_integer_attribute
 
-  !> Read an attribute that holds one value of a class of types: a text's address, or an integer.
+  !> Read an attribute that has one value of a class of types: the address of a text, or an integer.
   subroutine read_attribute(object, name, class, otherwise, value, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name, otherwise
@@ -315,7 +315,7 @@ contains
     call release([attribute, stored_as], h5)
   end subroutine read_attribute
 
-  !> Refuse what is not of a class of types, or of several values, for which there is no room. Texts must come as an address.
+  !> Refuse a value of another class of types, or several values, for which there is no room. Texts must be given by their address.
   subroutine check_single(name, space, stored_as, class, otherwise, h5)
     character(*), intent(in) :: name, otherwise
     integer(hid_t), intent(in) :: space, stored_as
@@ -376,7 +376,7 @@ contains
 
     if (h5%status >= 0) call h5screate_f(h5s_scalar_f, space, h5%status)
     if (h5%status >= 0) call h5dcreate_f(group, trim(quantity%name), stored_as, space, dataset, h5%status)
-    ! For the conversion of each value HDF5 would clear a buffer of 1 MB: a tenth of the work of a run of one second.
+    ! For the conversion of each value HDF5 would clear a buffer of 1 MB: this is a tenth of the work of a run of one second.
     if (h5%status >= 0) call h5pcreate_f(h5p_dataset_xfer_f, transfer, h5%status)
     if (h5%status >= 0) call h5pset_buffer_f(transfer, conversion_buffer, h5%status)
     if (h5%status >= 0) call h5dwrite_f(dataset, memory_type, value, h5%status, xfer_prp=transfer)
@@ -449,7 +449,7 @@ contains
     if (h5%status >= 0) call h5gcreate_f(parent, name, group, h5%status)
   end subroutine create_group
 
-  !> Remove a group or dataset, if it is there.
+  !> Remove a group or dataset, if it exists.
   subroutine delete_link(parent, name, h5)
     integer(hid_t), intent(in) :: parent
     character(*), intent(in) :: name
@@ -461,9 +461,9 @@ contains
     if (there) call h5ldelete_f(parent, name, h5%status)
   end subroutine delete_link
 
-  !> Create an empty dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`. Of columns of numbers the
-  !> cache has room for one chunk, or for none if `whole_chunks` are appended. Each chunk of numbers has a checksum, which finds
-  !> damage when it is read.
+  !> Create an empty dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`. For columns of numbers the
+  !> cache has room for one chunk, or for none if `whole_chunks` are appended. Each chunk of numbers has a checksum, by which damage
+  !> is found when the chunk is read.
   subroutine create_dataset(group, quantity, chunk_rows, dataset, h5, stored_as, row_length, whole_chunks)
     integer(hid_t), intent(in) :: group
     type(quantity_t), intent(in) :: quantity
@@ -502,7 +502,7 @@ contains
     call describe(dataset%id, quantity, h5)
   end subroutine create_dataset
 
-  !> The sides of so many rows of a dataset.
+  !> The dimensions of a dataset with this number of rows.
   pure function extent(dataset, rows) result(sides)
     type(dataset_t), intent(in) :: dataset
     integer(hsize_t), intent(in) :: rows
@@ -512,7 +512,7 @@ contains
     sides(size(sides)) = rows
   end function extent
 
-  !> How a dataset is opened: with room for so many rows in its cache; negative: as HDF5 would.
+  !> The properties with which a dataset is opened: its cache has room for this many rows; negative: HDF5's default.
   subroutine create_access(cached_rows, access, h5)
     integer, intent(in) :: cached_rows
     integer(hid_t), intent(out) :: access
@@ -524,7 +524,7 @@ contains
       call h5pset_chunk_cache_f(access, slots, int(8*cached_rows, size_t), 1.0, h5%status)
   end subroutine create_access
 
-  !> Open a column of numbers that is there already, with all its rows.
+  !> Open an existing column of numbers, with all its rows.
   subroutine open_dataset(group, name, chunk_rows, dataset, h5)
     integer(hid_t), intent(in) :: group
     character(*), intent(in) :: name
@@ -545,8 +545,8 @@ contains
     call release([access, space], h5)
   end subroutine open_dataset
 
-  !> Open a dataset whose data are in the file as they are: behind hard links only, in no other file, not put together from
-  !> others, not compressed.
+  !> Open a dataset whose data are directly in the file: reached by hard links only, not in another file, not composed of other
+  !> datasets, not compressed.
   subroutine open_own(object, name, dataset, h5, access)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
@@ -561,7 +561,7 @@ contains
     if (h5%status >= 0) call h5dopen_f(object, name, dataset, h5%status, access)
     if (h5%status >= 0) call h5dget_create_plist_f(dataset, creation, h5%status)
     if (h5%status >= 0) call h5pget_layout_f(creation, layout, h5%status)
-    ! To ask for the extent of a virtual dataset opens its sources.
+    ! A query of the extent of a virtual dataset would open its sources.
     if (h5%status >= 0 .and. layout == h5d_virtual_f) call h5%refuse(name, 'is made of other datasets')
     if (h5%status >= 0) call h5pget_external_count_f(creation, externals, h5%status)
     if (h5%status >= 0 .and. externals > 0) call h5%refuse(name, 'has its data in another file')
@@ -569,7 +569,7 @@ contains
     call release([creation], h5)
   end subroutine open_own
 
-  !> Refuse a path on which a link leads elsewhere.
+  !> Refuse a path that contains a link of another kind.
   subroutine check_links(object, name, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
@@ -589,7 +589,7 @@ contains
     end do
   end subroutine check_links
 
-  !> Refuse what is compressed: a few bytes could fill the memory, or a filter be code from a plugin.
+  !> Refuse a compressed dataset: a few bytes could fill the memory, or a filter could be code from a plugin.
   subroutine check_filters(name, creation, h5)
     character(*), intent(in) :: name
     integer(hid_t), intent(in) :: creation
@@ -609,11 +609,11 @@ contains
     end do
   end subroutine check_filters
 
-  !> Refuse a dataset that claims more values than it has, or more than the file.
+  !> Refuse a dataset that claims more values than it has, or more than fit into the file.
   subroutine check_size(name, dataset, points, h5)
     character(*), intent(in) :: name
     integer(hid_t), intent(in) :: dataset
-    integer(hsize_t), intent(in) :: points   !! that it claims
+    integer(hsize_t), intent(in) :: points   !! number of values claimed
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: file, stored_as
     integer(hsize_t) :: stored
@@ -631,7 +631,7 @@ contains
     if (points > min(stored, int(file_bytes, hsize_t))/value_bytes) call h5%refuse(name, 'claims more than it has')
   end subroutine check_size
 
-  !> Append so many rows of numbers, one behind the other in `values`.
+  !> Append rows of numbers, one after the other in `values`.
   subroutine append(dataset, rows, values, h5)
     type(dataset_t), intent(inout) :: dataset
     integer, intent(in) :: rows
@@ -641,7 +641,7 @@ contains
     if (rows > 0) call append_rows(dataset, rows, h5t_native_double, c_loc(values(1)), h5)
   end subroutine append
 
-  !> Append texts, one a row.
+  !> Append texts, one in each row.
   subroutine append_texts(dataset, texts, h5)
     type(dataset_t), intent(inout) :: dataset
     type(path_t), intent(in) :: texts(:)
@@ -665,7 +665,7 @@ contains
     call release([text_type], h5)
   end subroutine append_texts
 
-  !> Append so many rows that begin at `values`.
+  !> Append rows that begin at `values`.
   subroutine append_rows(dataset, rows, memory_type, values, h5)
     type(dataset_t), intent(inout) :: dataset
     integer, intent(in) :: rows
@@ -681,7 +681,7 @@ contains
     if (h5%status >= 0) dataset%rows = dataset%rows + rows
   end subroutine append_rows
 
-  !> The rows of a dataset behind its first `first` ones, in the file and in memory.
+  !> The rows of a dataset after its first `first` ones, in the file and in memory.
   subroutine select_rows(dataset, first, rows, rows_in_file, rows_in_memory, h5)
     type(dataset_t), intent(in) :: dataset
     integer(hsize_t), intent(in) :: first, rows
@@ -699,7 +699,7 @@ contains
     if (h5%status >= 0) call h5screate_simple_f(rank, extent(dataset, rows), rows_in_memory, h5%status)
   end subroutine select_rows
 
-  !> Read the numbers of a column behind its first `first` rows.
+  !> Read the numbers of a column after its first `first` rows.
   subroutine read_rows(dataset, first, values, h5)
     type(dataset_t), intent(in) :: dataset
     integer(hsize_t), intent(in) :: first
@@ -715,7 +715,7 @@ contains
     call release([rows_in_memory, rows_in_file], h5)
   end subroutine read_rows
 
-  !> Drop the rows of a column behind the first `rows`.
+  !> Drop the rows of a column after the first `rows`.
   subroutine cut(dataset, rows, h5)
     type(dataset_t), intent(inout) :: dataset
     integer(hsize_t), intent(in) :: rows
@@ -734,8 +734,8 @@ contains
     if (h5%status >= 0) call h5dsset_scale_f(dataset%id, h5%status, name)
   end subroutine make_scale
 
-  !> Let `scale` be the coordinate of a dataset along a side: 1, the one that grows, or 2, along the rows. HDF5 counts from
-  !> 1, but in C's order.
+  !> Make `scale` the coordinate of a dataset along a dimension: 1, the one that grows, or 2, along the rows. HDF5 counts from 1,
+  !> but in C's order.
   subroutine attach_scale(dataset, scale, side, h5)
     type(dataset_t), intent(in) :: dataset, scale
     integer, intent(in) :: side
@@ -744,7 +744,7 @@ contains
     if (h5%status >= 0) call h5dsattach_scale_f(dataset%id, scale%id, side, h5%status)
   end subroutine attach_scale
 
-  !> The names of all that a file or group holds, in alphabetical order; of many the first.
+  !> The names of all objects in a file or group, in alphabetical order; if there are many, the first ones.
   subroutine names_in(group, names, h5)
     integer(hid_t), intent(in) :: group
     type(path_t), allocatable, intent(out) :: names(:)
@@ -795,7 +795,7 @@ contains
     if (h5%status >= 0) call h5tset_cset_f(text_type, h5t_cset_utf8_f, h5%status)
   end subroutine create_text_type
 
-  !> Text as C keeps it.
+  !> Text in the form that C uses.
   pure function c_bytes(text) result(bytes)
     character(*), intent(in) :: text
     character(c_char) :: bytes(len(text) + 1)

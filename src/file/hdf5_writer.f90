@@ -1,13 +1,13 @@
 !> The result file of one run, in HDF5.
 !>
-!> Samples and events wait in memory for a chunk's worth of rows and are written at once, so that memory does not grow with
-!> the run. What is written becomes part of the file with a flush. In between, the file stays as it was at the last flush,
-!> since new rows go where nothing is; during the microseconds of a flush it would be torn, so a child process writes first,
-!> which survives when this one is killed. Before each write the disk space that it and the file's ending need is reserved:
-!> a full disk is met while the file is still sound, and what was written stays readable.
+!> Samples and events wait in memory for a chunk of rows and are written at once, so that the memory does not grow with the run.
+!> Written rows become part of the file with a flush. In between, the file stays as it was at the last flush, since new rows are
+!> written to unused space. During the microseconds of a flush it would be inconsistent, so a child process writes first, which
+!> survives if this one is killed. Before each write the disk space for it and for the file's ending is reserved: if the disk is
+!> full, this is detected while the file is still consistent, and the data stay readable.
 !>
-!> Columns are doubles. In a build with more digits /remainder holds, under the same names, what rounding left over as doubles
-!> too: the sum of both has 32 digits, and the rest of the file is what every reader knows.
+!> Columns are doubles. In a build with more digits /remainder contains, under the same names, the rounding errors as doubles: the
+!> sum of both has 32 digits, and every reader can use the other datasets.
 module dst_hdf5_writer
   use, intrinsic :: iso_c_binding, only: c_int
   use hdf5, only: hid_t, hsize_t, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5f_acc_excl_f, h5f_acc_rdwr_f, &
@@ -30,15 +30,15 @@ module dst_hdf5_writer
   public :: write_metadata, put_ending, hdf5_writer_t, run_metadata_t
   public :: bookmark_t, empty_bookmark, create_hdf5, rebuild_hdf5, reopen_hdf5
 
-  !> What a file says about its run before the run begins.
+  !> The description of a run that its file contains before the run begins.
   type, extends(provenance_t) :: run_metadata_t
     character(:), allocatable :: program
     character(:), allocatable :: model, method
-    character(:), allocatable :: model_choice    !! why 'auto' is this model; '' if it was not asked
+    character(:), allocatable :: model_choice    !! why 'auto' is this model; '' if the deck names the model
     character(:), allocatable :: build_flags     !! of the compiler
-    character(:), allocatable :: host, job       !! where it was written, and in which job of a scheduler; '' in none
+    character(:), allocatable :: host, job       !! machine that wrote it, and the job of its scheduler; '' if there is none
     character(:), allocatable :: mpi             !! the library; '' if the program has none
-    integer :: processes = 1, threads = 1        !! that shared the work; threads of each process
+    integer :: processes = 1, threads = 1        !! number of processes that shared the work; threads of each process
     type(parameter_t), allocatable :: parameters(:)
   end type run_metadata_t
 
@@ -51,7 +51,7 @@ module dst_hdf5_writer
   type :: column_t
     integer :: group = series                        !! or `events`
     integer :: place = 0                             !! in the rows of that group
-    integer :: part = 1                              !! 2: what the doubles lose
+    integer :: part = 1                              !! 2: rounding errors of the doubles
     type(quantity_t) :: quantity
     type(dataset_t) :: dataset
     type(crc32_t) :: checksum                        !! of all its rows
@@ -62,7 +62,7 @@ module dst_hdf5_writer
 
   !> Rows of a group that wait to be appended to its columns.
   type :: waiting_t
-    real(wp), allocatable :: values(:, :)            !! (row of a chunk, place)
+    real(wp), allocatable :: values(:, :)            !! (row in a chunk, place)
     integer :: count = 0
   end type waiting_t
 
@@ -77,15 +77,15 @@ module dst_hdf5_writer
   !> The result file of one run, open for writing.
   type, extends(writer_t) :: hdf5_writer_t
     private
-    character(:), allocatable :: shown_name       !! in messages
+    character(:), allocatable :: shown_name       !! name in messages
     integer(hid_t) :: file = -1
     integer(c_int) :: descriptor = -1
-    type(column_t), allocatable :: columns(:)     !! of the time series, of the events, then what the doubles of these lose
+    type(column_t), allocatable :: columns(:)     !! of the time series, of the events, then the rounding errors of these
     type(waiting_t) :: waiting(2)
     integer(int64) :: rows(2) = 0                 !! of samples and events in the file
     logical :: sound = .false.                    !! no write has failed half-way
-    integer(int64) :: reserved = 0                !! bytes, more than any header of the file has counted
-    type(error_t), allocatable :: failure         !! the first one; nothing more is appended after it
+    integer(int64) :: reserved = 0                !! bytes, more than the header of the file has ever counted
+    type(error_t), allocatable :: failure         !! the first one; after it nothing more is appended
   contains
     procedure :: write_samples
     procedure :: write_events
@@ -101,22 +101,22 @@ module dst_hdf5_writer
 
   integer, parameter :: smallest_chunk = 64, usual_chunk = 1024, largest_chunk = 4096   ! rows
   integer, parameter :: event_chunk = 1024                                              ! rows
-  !> Room kept for the file's ending: summary, statistics and attributes take some 60 kB.
+  !> Space that is kept for the file's ending: summary, statistics and attributes take some 60 kB.
   integer(int64), parameter :: ending_bytes = 131072
-  !> Room a column's index may take when one chunk is added.
+  !> Space that a column's index may take when one chunk is added.
   integer(int64), parameter :: index_bytes = 4096
 
 contains
 
-  !> Create the file of a run; a name that is taken is refused. After a failure it is to be discarded.
+  !> Create the file of a run; a name that is already used is refused. After a failure the file has to be discarded.
   subroutine create_hdf5(self, file_name, shown_name, metadata, columns, error, expected_rows)
     class(hdf5_writer_t), intent(out) :: self
-    character(*), intent(in) :: file_name             !! where it is created
-    character(*), intent(in) :: shown_name            !! what it is called in messages
+    character(*), intent(in) :: file_name             !! path at which it is created
+    character(*), intent(in) :: shown_name            !! its name in messages
     type(run_metadata_t), intent(in) :: metadata
     type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'. None: no series, no events
     type(error_t), allocatable, intent(out) :: error
-    integer, intent(in), optional :: expected_rows    !! samples of the whole run, when they are known
+    integer, intent(in), optional :: expected_rows    !! number of samples of the whole run, if it is known
     type(hdf5_t) :: h5
 
     call prepare(self, shown_name, columns, expected_rows)
@@ -138,7 +138,7 @@ contains
     if (allocated(self%failure)) error = self%failure
   end subroutine create_hdf5
 
-  !> What the file has in memory; without columns of samples it has none of events either.
+  !> The data that are kept in memory; without columns of samples there are none of events either.
   subroutine prepare(self, shown_name, quantities, expected_rows)
     class(hdf5_writer_t), intent(inout) :: self
     character(*), intent(in) :: shown_name
@@ -199,7 +199,7 @@ contains
     call release([groups], h5)
   end subroutine create_columns
 
-  !> Close a file that is not wanted.
+  !> Close a file that is not needed.
   subroutine discard(self)
     class(hdf5_writer_t), intent(inout) :: self
 
@@ -207,9 +207,9 @@ contains
     self%sound = .false.
   end subroutine discard
 
-  !> Write the file of a run that was killed anew as `new_name`: its header from `metadata`, its columns with what they held at
-  !> `bookmark`. Only numbers come from the old file, and all of them are checked; what is bent in its structure can spoil
-  !> nothing that follows. It can make HDF5 crash or run in circles: this is for a child process, which shows life to `guard`.
+  !> Write the file of a run that was killed again as `new_name`: its header from `metadata`, its columns with the numbers they had
+  !> at `bookmark`. Only numbers come from the old file, and all of them are checked; damage in its structure cannot affect the new
+  !> file. It can make HDF5 crash or loop: this procedure is for a child process, which reports its progress to `guard`.
   subroutine rebuild_hdf5(file_name, new_name, shown_name, bookmark, metadata, columns, guard, error, expected_rows)
     character(*), intent(in) :: file_name, new_name, shown_name
     type(bookmark_t), intent(in) :: bookmark
@@ -240,7 +240,7 @@ contains
     if (allocated(reason)) call raise(error, file_error, shown_name//': cannot resume: '//reason)
   end subroutine rebuild_hdf5
 
-  !> Copy what every column of `old` held at `bookmark` to the empty columns of `new`; `reason` says which does not hold it.
+  !> Copy the rows that every column of `old` had at `bookmark` to the empty columns of `new`; `reason` names a column without them.
   subroutine copy_columns(old, new, bookmark, guard, reason)
     type(hdf5_writer_t), intent(in) :: old
     type(hdf5_writer_t), intent(inout) :: new
@@ -248,7 +248,7 @@ contains
     type(guard_t), intent(in) :: guard
     character(:), allocatable, intent(out) :: reason
     integer(hsize_t), parameter :: most = 65536
-    integer(int64), parameter :: row_bytes = 10   !! with what HDF5 adds
+    integer(int64), parameter :: row_bytes = 10   !! including the overhead of HDF5
     real(real64), allocatable :: values(:)
     type(hdf5_t) :: h5
     integer(int64) :: left
@@ -278,8 +278,8 @@ contains
     end do
   end subroutine copy_columns
 
-  !> Open the file of an unfinished run to go on from `bookmark`; what the file has behind it is dropped. It must be as
-  !> this program left it.
+  !> Open the file of an unfinished run to continue it from `bookmark`; later rows of the file are dropped. It must be as this
+  !> program left it.
   subroutine reopen_hdf5(self, file_name, shown_name, bookmark, columns, error, expected_rows)
     class(hdf5_writer_t), intent(out) :: self
     character(*), intent(in) :: file_name, shown_name
@@ -318,7 +318,7 @@ contains
     end do
   end subroutine open_columns
 
-  !> Drop what was written after the bookmark, and how the run ended.
+  !> Drop the data after the bookmark, and the attributes of how the run ended.
   subroutine return_to(self, bookmark, h5)
     class(hdf5_writer_t), intent(inout) :: self
     type(bookmark_t), intent(in) :: bookmark
@@ -337,10 +337,10 @@ contains
     call flush_file(self, h5)
   end subroutine return_to
 
-  !> Write and flush all that waits, and tell how far the file then is.
+  !> Write and flush all waiting rows, and return how far the file then is.
   subroutine set_bookmark(self, durable, bookmark, error)
     class(hdf5_writer_t), intent(inout) :: self
-    logical, intent(in) :: durable                    !! see that all this survives a power failure
+    logical, intent(in) :: durable                    !! make sure that all this survives a power failure
     type(bookmark_t), intent(out) :: bookmark
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
@@ -361,7 +361,7 @@ contains
     end do
   end subroutine set_bookmark
 
-  !> A bookmark for a file with so many columns in its time series, to be loaded.
+  !> A bookmark for a file with this number of columns in its time series, to be loaded.
   type(bookmark_t) function empty_bookmark(columns) result(bookmark)
     integer, intent(in) :: columns
     integer, parameter :: event_columns = 2
@@ -407,7 +407,7 @@ contains
     end do
   end subroutine write_events
 
-  !> Let a row wait. A write ends where a chunk of the file ends, so that none is read back.
+  !> Add a row to those that wait. A write ends where a chunk of the file ends, so that no chunk is read back.
   subroutine write_row(self, group, row, error)
     class(hdf5_writer_t), intent(inout) :: self
     integer, intent(in) :: group
@@ -441,7 +441,7 @@ contains
     if (.not. self%sound .and. allocated(self%failure)) error = self%failure
   end subroutine finish
 
-  !> Append what waits, and flush when told to.
+  !> Append the waiting rows, and flush on request.
   subroutine write_waiting(self, flush_now, error)
     class(hdf5_writer_t), intent(inout) :: self
     logical, intent(in) :: flush_now
@@ -464,7 +464,7 @@ contains
     if (allocated(self%failure)) error = self%failure
   end subroutine write_waiting
 
-  !> A number as a double, or what that does not hold of it.
+  !> A number as a double, or its rounding error.
   elemental real(real64) function as_double(value, part)
     real(wp), intent(in) :: value
     integer, intent(in) :: part
@@ -482,7 +482,7 @@ contains
     call self%checksum%add_words(transfer(values, [0_int64]))
   end subroutine append_to_column
 
-  !> Where a column stands in the file; of `part`, if it is given.
+  !> The path of a column in the file; of `part`, if it is given.
   function path_of_column(self, part) result(path)
     class(column_t), intent(in) :: self
     integer, intent(in), optional :: part
@@ -493,7 +493,7 @@ contains
     if (self%part > 1) path = 'remainder/'//path
   end function path_of_column
 
-  !> See that the disk has room for one chunk of everything and for the file's ending.
+  !> Make sure that the disk has room for one chunk of everything and for the file's ending.
   subroutine reserve(self)
     class(hdf5_writer_t), intent(inout) :: self
     integer(hsize_t) :: present_size
@@ -512,8 +512,8 @@ contains
     if (allocated(reason)) call self%fail(reason, sound=.true.)
   end subroutine reserve
 
-  !> Remember the first failure, and whether the open file survived it. If not, HDF5 may have cut off what an older header on the
-  !> disk still counts, which no reader would open: the file gets its length back.
+  !> Keep the first failure, and whether the open file is still consistent. If not, HDF5 may have cut off data that an older header
+  !> on the disk still counts, and no reader would open the file: its length is restored.
   subroutine fail(self, reason, sound)
     class(hdf5_writer_t), intent(inout) :: self
     character(*), intent(in) :: reason
@@ -525,7 +525,7 @@ contains
     call raise(self%failure, file_error, self%shown_name//': cannot write: '//with_remedy(reason))
   end subroutine fail
 
-  !> How the run ended; `complete` comes after everything else has reached the file.
+  !> Write how the run ended; `complete` is written after everything else has reached the file.
   subroutine write_ending(self, outcome, error)
     class(hdf5_writer_t), intent(inout) :: self
     type(outcome_t), intent(in) :: outcome
@@ -550,7 +550,7 @@ contains
     if (h5%status < 0) call self%fail(failure_reason(), sound=.false.)
   end subroutine write_ending
 
-  !> A group of numbers of how the run ended; counters are stored as integers.
+  !> A group of numbers about how the run ended; counters are stored as integers.
   subroutine put_results(file, name, quantities, values, h5)
     integer(hid_t), intent(in) :: file
     character(*), intent(in) :: name
@@ -570,7 +570,7 @@ contains
     call release([group], h5)
   end subroutine put_results
 
-  !> What every result file says about its origin.
+  !> The description of its origin that every result file has.
   subroutine write_metadata(file, metadata, h5)
     integer(hid_t), intent(in) :: file
     type(run_metadata_t), intent(in) :: metadata
@@ -618,7 +618,7 @@ contains
     call release([group], h5)
   end subroutine write_metadata
 
-  !> How a run or sweep ended.
+  !> The attributes of how a run or sweep ended.
   subroutine put_ending(file, result_code, result_text, h5)
     integer(hid_t), intent(in) :: file
     integer, intent(in) :: result_code
@@ -629,7 +629,7 @@ contains
     call put_attribute(file, 'result_text', result_text, h5)
   end subroutine put_ending
 
-  !> Close the file and give back the disk space it did not need.
+  !> Close the file and free the disk space that it did not need.
   subroutine close_file(self)
     class(hdf5_writer_t), intent(inout) :: self
     integer(hsize_t) :: bytes
@@ -647,8 +647,8 @@ contains
     type(hdf5_t), intent(inout) :: h5
 
     if (h5%status < 0) return
-    ! What the child writes, this process writes again, so that a kill in between tears nothing. The child shares the
-    ! lock: without it, it does not keep a reader out of the file of a run that was killed.
+    ! The child's data are written by this process again, so that a kill in between does no harm. The child shares the lock: without
+    ! the lock, a reader could open the file of a run that was killed while the child writes.
     call unlock_file(self%descriptor)
     if (is_child()) then
       call h5fflush_f(self%file, h5f_scope_local_f, h5%status)

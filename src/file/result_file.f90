@@ -1,8 +1,9 @@
-!> The life of a result file FILE.h5: its name, its lock, the unfinished file it begins as, its checkpoint, its seal, its end.
+!> The stages of a result file FILE.h5: its name, its lock, the unfinished file with which it begins, its checkpoint, its seal, its
+!> end.
 !>
-!> docs/checkpoints.md has the table of states. The rules: nothing gets a name before it is whole; nothing is replaced, changed or
-!> removed that is not of this program, or that has become another file meanwhile; whoever does any of this holds the lock. What
-!> stands in the file is not known here.
+!> docs/checkpoints.md has the table of states. The rules: no file gets its name before it is complete; no file is replaced, changed
+!> or removed that does not belong to this program, or that has become another file meanwhile; a process that does any of this has
+!> the lock. This module does not depend on the contents of the file.
 module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_checkpoint, only: checkpoint_t, checkpoint_name, encoded, is_checkpoint, read_checkpoint
@@ -22,13 +23,13 @@ module dst_result_file
 
   !> A result file that this process writes.
   type :: result_file_t
-    character(:), allocatable :: name              !! as the user gave it
-    character(:), allocatable, private :: place    !! behind links
-    logical, private :: has_name = .false.         !! it is under its own name, not an unfinished one
+    character(:), allocatable :: name              !! as given by the user
+    character(:), allocatable, private :: place    !! the file that links lead to
+    logical, private :: has_name = .false.         !! it has its own name, not that of an unfinished file
     logical, private :: is_durable = .false.       !! file and checkpoint survive a power failure
     type(lock_t), private :: lock
-    type(identity_t), private :: replaced          !! what has the name that this one will get
-    ! Open all the time: so no other file can be mistaken for one of them.
+    type(identity_t), private :: replaced          !! the file that has the name which this one will get
+    ! Always open: so no other file can be mistaken for one of them.
     integer(c_int), private :: own = -1
     integer(c_int), private :: checkpoint = -1
   contains
@@ -50,12 +51,12 @@ module dst_result_file
 
 contains
 
-  !> Whether a result may get this name: it is free, or what has it is a result and to be replaced. `claim` asks again.
+  !> Whether a result may get this name: it is free, or belongs to a result that is to be replaced. `claim` checks again.
   subroutine check_target(name, overwrite, error, was_left_behind)
     character(*), intent(in) :: name
     logical, intent(in) :: overwrite
     type(error_t), allocatable, intent(out) :: error
-    logical, intent(in), optional :: was_left_behind   !! whoever wrote it was killed; else the lock beside it tells
+    logical, intent(in), optional :: was_left_behind   !! its writer was killed; else the lock next to it says so
     character(:), allocatable :: reason
     type(identity_t) :: there
     logical :: may_be_damaged
@@ -74,14 +75,15 @@ contains
       reason = 'it is a symbolic link to a file that does not exist: remove it, or name that file'
     else if (.not. overwrite) then
       reason = 'the file exists: use --overwrite or another name'
-      if (is_checkpoint(checkpoint_name(place_of(name)))) reason = 'the file exists, of a run that did not come to its end: '// &
-        'continue it with dynstiction resume '//printable(name)//', or begin anew with --overwrite'
+      if (is_checkpoint(checkpoint_name(place_of(name)))) reason = 'the file exists, of a run that did not reach its end: '// &
+        'continue it with dynstiction resume '//printable(name)//', or begin again with --overwrite'
     else if (.not. there%is_regular) then
       reason = 'it is not a regular file: use another name'
     else if (is_in_use(name, for_writing=.true.)) then
       reason = 'another process is writing this file'//holder_of(place_of(name))//': wait for it or use another name'
     else if (there%bytes > 0) then
-      ! A process that was killed may have left it in a state that HDF5 cannot read. A lock or a checkpoint tells that it was ours.
+      ! A process that was killed may have left a file that HDF5 cannot read. A lock or a checkpoint shows that it is of this
+      ! program.
       may_be_damaged = is_checkpoint(checkpoint_name(place_of(name)))
       if (present(was_left_behind)) then
         may_be_damaged = may_be_damaged .or. was_left_behind
@@ -93,7 +95,7 @@ contains
     if (allocated(reason)) call raise(error, file_error, name//': cannot create: '//reason)
   end subroutine check_target
 
-  !> Take the name for a new result. From now on no other process can have it.
+  !> Reserve the name for a new result. From now on no other process can have it.
   subroutine claim(self, name, overwrite, error)
     class(result_file_t), intent(out) :: self
     character(*), intent(in) :: name
@@ -107,7 +109,7 @@ contains
     if (.not. allocated(error)) self%replaced = identity_of(self%place)
   end subroutine claim
 
-  !> Take over the result of a run that did not come to its end, with its checkpoint. Without a checkpoint `missing` says why.
+  !> Take over the result of a run that did not reach its end, with its checkpoint. Without a checkpoint `missing` says why.
   subroutine claim_unfinished(self, name, checkpoint, missing, error)
     class(result_file_t), intent(out) :: self
     character(*), intent(in) :: name
@@ -149,7 +151,7 @@ contains
     call self%release()
   end subroutine claim_unfinished
 
-  !> HDF5 opens a file to write it when nobody reads it.
+  !> HDF5 opens a file for writing if no process reads it.
   subroutine wait_for_readers(file_name, reason)
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
@@ -175,7 +177,7 @@ contains
     if (allocated(reason)) call raise(error, file_error, name//': '//purpose//': '//reason)
   end subroutine take_lock
 
-  !> What has the checkpoint's name is replaced if it is a checkpoint: that of a run whose result is gone, or to be replaced.
+  !> A file with the checkpoint's name is replaced if it is a checkpoint: its result is gone, or will be replaced.
   subroutine check_checkpoint(self, error)
     type(result_file_t), intent(in) :: self
     type(error_t), allocatable, intent(out) :: error
@@ -184,11 +186,11 @@ contains
     there = identity_of(checkpoint_name(self%place))
     if (.not. there%exists) return
     if (is_checkpoint(checkpoint_name(self%place))) return
-    call raise(error, file_error, checkpoint_name(self%name)//': cannot write the checkpoint: what has this name is none of '// &
-      'this program: move it away')
+    call raise(error, file_error, checkpoint_name(self%name)//': cannot write the checkpoint: a file of this name does not '// &
+      'belong to this program: move it away')
   end subroutine check_checkpoint
 
-  !> Where the file is to be created, or is.
+  !> The path at which the file is to be created, or is.
   function path(self)
     class(result_file_t), intent(in) :: self
     character(:), allocatable :: path
@@ -206,7 +208,7 @@ contains
     call open_own_file(self%path(), identity_of(self%path()), self%own, ignored)
   end subroutine adopt
 
-  !> A new file is going to be created that will replace the own one.
+  !> A new file is going to be created that will replace the present one.
   subroutine replace_own(self)
     class(result_file_t), intent(inout) :: self
 
@@ -233,7 +235,7 @@ contains
     end if
   end subroutine put_in_place
 
-  !> Replace the checkpoint; until the new one is whole the old one is kept. `durable`: it survives a power failure.
+  !> Replace the checkpoint; the old one is kept until the new one is complete. `durable`: it survives a power failure.
   subroutine save_checkpoint(self, checkpoint, durable, error)
     class(result_file_t), intent(inout) :: self
     type(checkpoint_t), intent(in) :: checkpoint
@@ -264,7 +266,7 @@ contains
     if (durable) call make_name_durable(folder_of(place))
   end subroutine save_checkpoint
 
-  !> Whether every bit of the file is that of which the seal's `checksum` was taken.
+  !> Whether the file still has the seal's `checksum`.
   logical function is_as_it_was_left(self, checksum)
     class(result_file_t), intent(in) :: self
     character(*), intent(in) :: checksum
@@ -272,14 +274,14 @@ contains
     is_as_it_was_left = sound_seal(self%own) == checksum
   end function is_as_it_was_left
 
-  !> The file is going to be changed: it goes without a seal.
+  !> The file is going to be changed: its seal is removed.
   subroutine unseal(self)
     class(result_file_t), intent(in) :: self
 
     call break_seal(self%own)
   end subroutine unseal
 
-  !> Append the seal with its `checksum` to the file, which is closed but here. What was durable before stays so.
+  !> Append the seal with its `checksum` to the file, which is open only here. Data that were durable stay durable.
   subroutine seal_own(self, checksum, error)
     class(result_file_t), intent(in) :: self
     character(:), allocatable, intent(out) :: checksum
@@ -295,21 +297,21 @@ contains
     if (allocated(reason)) call raise(error, file_error, self%name//': cannot finish: '//reason)
   end subroutine seal_own
 
-  !> Nothing is left to go on with.
+  !> Remove the checkpoint: there is nothing left to resume.
   subroutine delete_checkpoint(self)
     class(result_file_t), intent(inout) :: self
 
     if (self%checkpoint >= 0) call delete_own_file(checkpoint_name(self%place), identity_of(self%checkpoint))
   end subroutine delete_checkpoint
 
-  !> Remove what has not got its name: a name with the tag of this process, so no other file can have it.
+  !> Remove an unfinished file: its name has the tag of this process, so it can be no other file.
   subroutine discard(self)
     class(result_file_t), intent(in) :: self
 
     if (.not. self%has_name) call delete_file(self%path())
   end subroutine discard
 
-  !> There is not going to be a result: remove what there is of it, and let others have the name.
+  !> There will be no result: remove its unfinished files, and release the name.
   subroutine abandon(self)
     class(result_file_t), intent(inout) :: self
 
@@ -318,7 +320,7 @@ contains
     call self%release()
   end subroutine abandon
 
-  !> Let others have the name.
+  !> Release the name for other processes.
   subroutine release(self)
     class(result_file_t), intent(inout) :: self
 

@@ -1,7 +1,7 @@
 !> The last line of a finished file: a checksum of all bytes before it.
 !>
-!> HDF5 passes over what stands behind its own end, and drops it when it changes the file: a file that was edited later has no
-!> seal, and is as good as one of a run that was killed.
+!> HDF5 ignores data after its own end, and drops them when it changes the file: a file that was edited later has no seal, and is
+!> treated like the file of a run that was killed.
 module dst_seal
   use, intrinsic :: iso_c_binding, only: c_int, c_char
   use dst_crc32, only: crc32_t
@@ -18,8 +18,8 @@ module dst_seal
 
 contains
 
-  !> Append the seal to an open file, which is read for that once. `checksum`: the one in the seal; '-' if that fails, which
-  !> leaves the file as it was.
+  !> Append the seal to an open file, which is read once for this. `checksum`: the one in the seal; '-' if that fails, which leaves
+  !> the file unchanged.
   subroutine seal(descriptor, checksum, reason)
     integer(c_int), intent(in) :: descriptor
     character(:), allocatable, intent(out) :: checksum
@@ -47,7 +47,7 @@ contains
     if (index(last_line(descriptor, file%bytes), mark) == 1) call set_file_size(descriptor, file%bytes - seal_bytes)
   end subroutine break_seal
 
-  !> The checksum in the seal of an open file that is as it was when it was sealed, '-' of any other.
+  !> The checksum in the seal of an open file that has not changed since it was sealed, '-' for any other file.
   function sound_seal(descriptor) result(checksum)
     integer(c_int), intent(in) :: descriptor
     character(:), allocatable :: checksum
@@ -58,7 +58,7 @@ contains
     if (last_line(descriptor, file%bytes) /= mark//checksum//achar(10)) checksum = none
   end function sound_seal
 
-  !> Whether a file is as it was when it was sealed.
+  !> Whether a file has not changed since it was sealed.
   logical function has_sound_seal(file_name)
     character(*), intent(in) :: file_name
     character(:), allocatable :: reason
@@ -71,7 +71,7 @@ contains
     call close_descriptor(descriptor)
   end function has_sound_seal
 
-  !> What stands where a file of so many bytes has its seal.
+  !> The text at the place of the seal in a file of this many bytes.
   function last_line(descriptor, bytes) result(line)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in) :: bytes
@@ -85,7 +85,7 @@ contains
     if (complete) line = transfer(ending, line)
   end function last_line
 
-  !> CRC-32 of the first `bytes` bytes of an open file as 8 hexadecimal digits; '-' if they are none, or cannot be read.
+  !> CRC-32 of the first `bytes` bytes of an open file as 8 hexadecimal digits; '-' if there are none, or if they cannot be read.
   function checksum_of(descriptor, bytes) result(checksum)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in) :: bytes

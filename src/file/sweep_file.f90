@@ -1,6 +1,7 @@
-!> The result file of a sweep: one row a case, in the order of the cases, from the shards.
+!> The result file of a sweep: one row for each case, in the order of the cases, from the shards.
 !>
-!> Rows are gathered block by block, so that memory does not grow with the number of cases. The file gets its name when it is whole.
+!> Rows are gathered block by block, so that the memory does not grow with the number of cases. The file gets its name when it is
+!> complete.
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use hdf5, only: hid_t, h5fclose_f, h5f_acc_excl_f, h5t_ieee_f64le, h5t_std_i32le
@@ -25,7 +26,7 @@ module dst_sweep_file
 
   public :: block_of, merge_shards, look_at_result, is_of_unfinished_sweep
 
-  !> Cases held in memory; values of their series or cycles held in memory.
+  !> Number of cases in memory; number of values of their series or cycles in memory.
   integer, parameter :: usual_block = 16384, most_table_values = 4000000
   !> result_code of a case that has not been run.
   integer, parameter :: not_run = -1
@@ -38,7 +39,7 @@ module dst_sweep_file
     type(dataset_t) :: failed, failure
   end type output_t
 
-  !> Some cases one after the other, as they are written.
+  !> Some cases in the order in which they are written.
   type :: block_t
     integer :: first = 0, count = 0
     real(real64), allocatable :: columns(:, :)   !! (case, column)
@@ -49,7 +50,7 @@ module dst_sweep_file
 
 contains
 
-  !> Whether a file is of a sweep that is not at its end: cases are missing, or shards are still beside it.
+  !> Whether a file is of an unfinished sweep: cases are missing, or there are still shards next to it.
   logical function is_of_unfinished_sweep(result_file)
     character(*), intent(in) :: result_file
     type(sweep_state_t) :: state
@@ -60,8 +61,8 @@ contains
     is_of_unfinished_sweep = state%identity /= '' .and. (state%complete == 0 .or. size(files) > 0)
   end function is_of_unfinished_sweep
 
-  !> Refuse to replace what has the name of the result, but for a partial result of this sweep. Of a whole one beside which there
-  !> are still shards `index` says that all is done; not so for one of several processes, which `is_shared`.
+  !> Refuse to replace the file with the name of the result, except a partial result of this sweep. If a complete one still has
+  !> shards next to it, `index` says that all cases are finished; but not for one of several processes, which `is_shared`.
   subroutine look_at_result(result_file, head, is_shared, files, index, error)
     character(*), intent(in) :: result_file
     type(head_t), intent(in) :: head
@@ -86,7 +87,7 @@ contains
     deallocate (error)
   end subroutine look_at_result
 
-  !> Write what the shards hold to `result_file`.
+  !> Write the cases of the shards to `result_file`.
   subroutine merge_shards(sweep, head, files, index, metadata, result_file, overwrite, error)
     type(sweep_t), intent(in) :: sweep
     type(head_t), intent(in) :: head
@@ -129,7 +130,7 @@ contains
     end if
   end subroutine merge_shards
 
-  !> Only a partial result of the same sweep is, and none that holds more cases. Nobody else writes it meanwhile.
+  !> Only a partial result of the same sweep may be replaced, and none that has more cases. No other process writes it meanwhile.
   subroutine check_replaceable(result_file, head, index, error)
     character(*), intent(in) :: result_file
     type(head_t), intent(in) :: head
@@ -154,7 +155,7 @@ contains
     if (.not. allocated(error)) call raise(error, file_error, result_file//': cannot write: '//with_remedy(failure_reason()))
   end subroutine raise_cannot_write
 
-  !> Cases taken in at once.
+  !> Number of cases that are read at once.
   integer function block_of(sweep)
     type(sweep_t), intent(in) :: sweep
 
@@ -223,7 +224,7 @@ contains
     call create_table(output, sweep, series, time, h5)
   end subroutine create_series
 
-  !> The cycles of a case in a row, the last one that was run in the last place that has one.
+  !> The cycles of a case in a row; the last one that was run is in the last place that has one.
   subroutine create_cycles(output, sweep, group, h5)
     type(output_t), intent(inout) :: output
     type(sweep_t), intent(in) :: sweep
@@ -246,7 +247,7 @@ contains
     call create_table(output, sweep, cycles, cycle, h5)
   end subroutine create_cycles
 
-  !> What is kept of each sample or cycle, a row a case.
+  !> The samples or cycles of the cases, a row for each case.
   subroutine create_table(output, sweep, group, scale, h5)
     type(output_t), intent(inout) :: output
     type(sweep_t), intent(in) :: sweep
@@ -300,14 +301,14 @@ contains
     allocate (block%table(sweep%table_rows(), length, size(output%table)), stat=no_memory)
     if (no_memory /= 0) then
       call raise(error, out_of_memory, 'no memory for the '//merge('cycles', 'series', sweep%keeps_cycles)//' of '// &
-        integer_text(length)//' cases: the shards keep what is done: merge them where there is more')
+        integer_text(length)//' cases: the shards keep all finished cases: merge them on a machine with more')
       return
     end if
     do first = 1, sweep%cases, length
       if (h5%status < 0) return
       if (is_told_to_end()) then
         call raise(error, stopped_early, stopped_by()//' while the result was written: the shards '// &
-          'keep what is done: start it again')
+          'keep all finished cases: start it again')
         return
       end if
       block%first = first
@@ -319,7 +320,7 @@ contains
     end do
   end subroutine copy_cases
 
-  !> As if no case had been run.
+  !> Reset a block to cases that have not been run.
   subroutine clear(block, sweep)
     type(block_t), intent(inout) :: block
     type(sweep_t), intent(in) :: sweep
@@ -338,8 +339,8 @@ contains
     block%columns(:, size(block%columns, 2)) = not_run
   end subroutine clear
 
-  !> What the shards hold of the block, shard by shard: there may be more of them than a process can have open. Of the records of a
-  !> case the first counts.
+  !> Read the records of a block, shard by shard: there may be more shards than a process can have open. If a case has several
+  !> records, the first counts.
   subroutine read_block(files, index, layout, block, error)
     type(path_t), intent(in) :: files(:)
     type(index_t), intent(in) :: index
@@ -419,7 +420,7 @@ contains
     call append_texts(output%failure, messages, h5)
   end subroutine write_block
 
-  !> What there is of the sweep.
+  !> How much of the sweep is finished.
   subroutine describe_sweep(output, sweep, head, index, h5)
     type(output_t), intent(in) :: output
     type(sweep_t), intent(in) :: sweep

@@ -17,7 +17,7 @@ module dst_sweep_list
 
 contains
 
-  !> Read the points that a deck names.
+  !> Read the points of the file that a deck names.
   subroutine read_points(deck, axes, error)
     type(deck_t), intent(in) :: deck
     type(axis_t), allocatable, intent(out) :: axes(:)
@@ -30,8 +30,8 @@ contains
     end if
   end subroutine read_points
 
-  !> One-dimensional datasets of one length at the root, each with the name of its key. A name without a dot is no key's: such
-  !> coordinates and indices, which other programs add, are passed over.
+  !> One-dimensional datasets of one length at the root, each with the name of its key. A name without a dot is not that of a key:
+  !> coordinates and indices with such names, which other programs add, are skipped.
   subroutine read_datasets(deck, path, axes, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: path

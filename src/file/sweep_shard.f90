@@ -1,13 +1,13 @@
-!> The finished cases of one process: a file of records, one a case, each appended with one call of the system.
+!> The finished cases of one process: a file of records, one for each case, each appended with one system call.
 !>
-!> A process that is killed leaves whole records and at most a part of one at the end, which its checksum tells; the next
-!> process that opens the shard cuts it off. A record is a row of 64-bit words in the order of this machine:
-!> case and result code, length and bytes of the message, the values, the message, the series or the cycles, the checksum.
-!> Anybody may have written a file of that name: it is emptied or removed only if it begins with the magic word, and what a
-!> record says of itself is believed only as far as this sweep allows.
+!> A process that is killed leaves complete records and at most a part of one at the end, which its checksum reveals; the next
+!> process that opens the shard cuts it off. A record is a row of 64-bit words in the order of this machine: case and result code,
+!> length and bytes of the message, the values, the message, the series or the cycles, the checksum. A file of that name may have
+!> been written by another program: it is emptied or removed only if it begins with the magic word, and the numbers in a record are
+!> used only if they are possible in this sweep.
 !>
-!> The head names the sweep, the build of the program, and the division of which this is a part. A process that finds its name
-!> taken by a shard of another build or division uses the name with .1, .2, ... behind it.
+!> The head identifies the sweep, the build of the program, and the division of which this is a part. If the name is used by a shard
+!> of another build or division, a process appends .1, .2, ... to it.
 module dst_sweep_shard
   use, intrinsic :: iso_c_binding, only: c_int, c_f_pointer, c_loc
   use, intrinsic :: iso_fortran_env, only: int8
@@ -27,13 +27,13 @@ module dst_sweep_shard
   public :: divisions_of, is_being_written
   public :: missing, is_done, without_concern, inspect_shard, check_sweep, scan_shard, open_records, read_record
 
-  !> A shard, open to be read or to append finished cases; a part of it is in memory. Words are counted from 0.
+  !> A shard, open for reading or for appending finished cases; a part of it is in memory. Words are counted from 0.
   type :: shard_t
     private
     character(:), allocatable :: file_name
     integer(c_int) :: descriptor = -1
     integer(int64) :: bytes = 0               !! of the file
-    integer(int64) :: first = 0, end = 0      !! words of the file: the first in `window`, and behind its last
+    integer(int64) :: first = 0, end = 0      !! words of the file: the first in `window`, and the one after its last
     integer(int64), allocatable :: window(:)  !! or the next record
   contains
     procedure :: append => append_case
@@ -41,45 +41,45 @@ module dst_sweep_shard
     procedure, private :: show
   end type shard_t
 
-  !> The samples or cycles that a record of a sweep may hold.
+  !> The samples or cycles in a record of a sweep.
   type :: layout_t
     integer :: columns = 0   !! 0 = none are kept
     integer :: rows = 0      !! at most
   end type layout_t
 
-  !> What a record says of itself.
+  !> The description of a record by its own numbers.
   type :: record_t
     logical :: is_possible = .false.          !! in this sweep
     integer :: case = 0, result_code = 0, message_bytes = 0, rows = 0
     integer(int64) :: length = 0              !! words
   end type record_t
 
-  !> Records that stand one after the other in a shard, of cases of one block.
+  !> Consecutive records in a shard, of cases of one block.
   type :: stretch_t
     integer :: shard = 0
     integer :: records = 0
-    integer(int64) :: first = 0, end = 0         !! words: of the first record, and behind the last
+    integer(int64) :: first = 0, end = 0         !! words: of the first record, and after the last
     integer :: next = 0                          !! stretch of the same block
   end type stretch_t
 
   !> Which cases there are, and where: for each block of cases, a list of stretches.
   type :: index_t
     integer(int8), allocatable :: state(:)       !! of each case: one of those below
-    integer :: block = 0                         !! cases of a block; 0: nobody asks where they are
+    integer :: block = 0                         !! cases of a block; 0: the places are not needed
     integer, allocatable :: first(:), last(:)    !! stretch of each block; 0: none
     type(stretch_t), allocatable :: stretches(:)
     integer :: count = 0                         !! of stretches
     integer :: done = 0
     integer :: failed = 0
-    integer :: of_other_builds = 0               !! shards that were passed over
-    logical :: is_in_result = .false.            !! all cases are in the result file, only shards are left to be removed
+    integer :: of_other_builds = 0               !! number of shards that were skipped
+    logical :: is_in_result = .false.            !! all cases are in the result file, and only shards have to be removed
     integer(int64) :: begun = 0, ended = 0       !! first head and last change of the shards [s since 1970]
   contains
     procedure :: allocate => allocate_index
     procedure, private :: note
   end type index_t
 
-  !> What the head of a shard says.
+  !> The contents of the head of a shard.
   type :: head_t
     character(24) :: identity = ''               !! of the sweep: deck as used, list
     character(16) :: build = ''                  !! of the program: version, revision
@@ -87,20 +87,20 @@ module dst_sweep_shard
     integer :: cases = 0
     integer(int64) :: begun = 0                  !! s since 1970
     type(division_t) :: division
-    logical :: is_whole = .true.                 !! false: of a process that was killed before it had written it, or has not yet
+    logical :: is_whole = .true.                 !! false: of a process that was killed before it had written it, or is writing it
   contains
     procedure :: is_of_build
     procedure, private :: is_part_of
   end type head_t
 
-  !> Of a case: in no shard; in one; not asked for.
+  !> States of a case: in no shard; in one; not needed.
   integer(int8), parameter :: missing = 0, is_done = 1, without_concern = 2
   integer(int64), parameter :: magic = int(z'445354534841524B', int64)
   integer, parameter :: word_bytes = 8
-  !> Of the header: magic word, identity of the sweep (3) and the build (2), values and columns, cases and time, I and N, first and
-  !> last index of the array, its step and the processes of a task, checksum.
+  !> Words of the header: magic word, identity of the sweep (3) and the build (2), values and columns, cases and time, I and N,
+  !> first and last index of the array, its step and the processes of a task, checksum.
   integer, parameter :: header_words = 12
-  !> Of a record without message, series and cycles.
+  !> Words of a record without message, series and cycles.
   integer, parameter :: shortest_record = 2 + value_count + 1
   integer, parameter :: longest_message = 4096  !! bytes
   integer(int64), parameter :: window_words = 8192   !! read at once
@@ -110,7 +110,7 @@ module dst_sweep_shard
 
 contains
 
-  !> The shard of worker `number` of the sweep into `result_file`; `others` that have this number came before.
+  !> The shard of worker `number` of the sweep with the result `result_file`; `others` of this number existed before.
   function shard_name(result_file, number, others) result(name)
     character(*), intent(in) :: result_file
     integer, intent(in) :: number, others
@@ -151,7 +151,7 @@ contains
     is_number = text(digits + 1:digits + 1) == '.' .and. len(text) > digits + 1 .and. verify(text(digits + 2:), figures) == 0
   end function is_number
 
-  !> What the records of a sweep may hold.
+  !> The limits of the records of a sweep.
   function layout_of(sweep) result(layout)
     type(sweep_t), intent(in) :: sweep
     type(layout_t) :: layout
@@ -159,8 +159,8 @@ contains
     layout = layout_t(size(table_quantities(sweep)), sweep%table_rows())
   end function layout_of
 
-  !> Open a shard of worker `number` to append; what a killed process left unfinished at its end is cut off. Shards of another
-  !> build or division that have the name are passed over.
+  !> Open a shard of worker `number` for appending; the unfinished part that a killed process left at its end is cut off. Shards of
+  !> another build or division with this name are skipped.
   subroutine open_shard(shard, result_file, number, head, layout, error)
     type(shard_t), intent(out), target :: shard
     character(*), intent(in) :: result_file
@@ -198,7 +198,7 @@ contains
     if (allocated(error)) call shard%close()
   end subroutine open_shard
 
-  !> Open and lock a shard. Who has it may be of another division, or have just created it.
+  !> Open and lock a shard. The process that has the lock may be of another division, or may have just created the shard.
   subroutine open_locked(file_name, head, shard, is_others, error)
     character(*), intent(in) :: file_name
     type(head_t), intent(in) :: head
@@ -226,8 +226,8 @@ contains
     if (allocated(reason)) call raise(error, file_error, file_name//': '//reason)
   end subroutine open_locked
 
-  !> Empty a shard of another sweep or build, unless a process is writing it. The file stays, since another process may be about to
-  !> open it. What is no shard is refused.
+  !> Empty a shard of another sweep or build, unless a process is writing it. The file is kept, since another process may be about
+  !> to open it. A file that is not a shard is refused.
   subroutine empty_shard(file_name, head, error)
     character(*), intent(in) :: file_name
     type(head_t), intent(in) :: head
@@ -239,7 +239,7 @@ contains
 
     call open_for_appending(file_name, shard%descriptor, shard%bytes, is_elsewhere, reason)
     if (is_elsewhere) then
-      ! Who has it may have emptied it, and begun.
+      ! The process that has the lock may have emptied the shard, and begun.
       call inspect_shard(file_name, found, error)
       if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
       if (.not. allocated(error) .and. found%is_of_build(head)) return
@@ -252,7 +252,7 @@ contains
     call read_head(shard, found, error)
     if (.not. allocated(error)) call check_sweep(file_name, found, head, error)
     if (allocated(error)) then
-      ! Not so if another process has done this meanwhile, and begun.
+      ! Not if another process has done this meanwhile, and begun.
       if (is_shard(shard)) then
         call set_file_size(shard%descriptor, 0_int64)
         deallocate (error)
@@ -263,11 +263,11 @@ contains
     call shard%close()
   end subroutine empty_shard
 
-  !> Remove a shard whose cases are in the result file. What another process has taken or removed meanwhile is its matter.
+  !> Remove a shard whose cases are in the result file. Shards that another process has taken or removed meanwhile are left to it.
   subroutine delete_shard(file_name, head, error)
     character(*), intent(in) :: file_name
     type(head_t), intent(in) :: head
-    type(error_t), allocatable, intent(out) :: error   !! it is still there
+    type(error_t), allocatable, intent(out) :: error   !! the shard still exists
     type(error_t), allocatable :: others
     type(shard_t) :: shard
     type(head_t) :: found
@@ -284,11 +284,11 @@ contains
     call shard%close()
     if (.not. (is_ours .or. allocated(error))) return
     if (allocated(error)) deallocate (error)
-    if (file_exists(file_name)) call raise(error, file_error, file_name//': the result is whole, but this shard could not be '// &
-      'removed: run the same again, or remove it')
+    if (file_exists(file_name)) call raise(error, file_error, file_name//': the result is complete, but this shard could '// &
+      'not be removed: run the same again, or remove it')
   end subroutine delete_shard
 
-  !> Whether a process has a shard open to append. Others may ask at the same time.
+  !> Whether a process has a shard open for appending. Other processes may check at the same time.
   logical function is_being_written(file_name)
     character(*), intent(in) :: file_name
     type(error_t), allocatable :: error
@@ -313,7 +313,7 @@ contains
     words(header_words) = checksum(words(:header_words - 1))
   end function words_of
 
-  !> The head in its words, if all its numbers are possible.
+  !> The head from its words, if all its numbers are possible.
   pure subroutine take_words(words, head, is_possible)
     integer(int64), intent(in) :: words(header_words)
     type(head_t), intent(out) :: head
@@ -333,7 +333,7 @@ contains
     is_possible = head%cases > 0 .and. head%division%is_possible()
   end subroutine take_words
 
-  !> Whether this is of the same build; a head that is not whole is of any.
+  !> Whether this is of the same build; an incomplete head counts as being of any build.
   pure logical function is_of_build(self, head)
     class(head_t), intent(in) :: self
     type(head_t), intent(in) :: head
@@ -341,7 +341,7 @@ contains
     is_of_build = self%build == head%build .or. .not. self%is_whole
   end function is_of_build
 
-  !> Whether a process with this head goes on with a shard of that one; of another sweep it does not pass it over either.
+  !> Whether a process with this head continues a shard with that one; a shard of another sweep is not skipped either.
   pure logical function is_part_of(self, head)
     class(head_t), intent(in) :: self
     type(head_t), intent(in) :: head
@@ -352,7 +352,7 @@ contains
 
   !> CRC-32 of words. Its 8 hexadecimal digits fill a word.
   pure integer(int64) function checksum(words)
-    integer(int64), intent(in), contiguous :: words(:)   ! else a copy of a long record on the stack
+    integer(int64), intent(in), contiguous :: words(:)   ! contiguous, as a copy of a long record would be on the stack
     type(crc32_t) :: crc
 
     call crc%start()
@@ -360,7 +360,7 @@ contains
     checksum = transfer(crc%text(), checksum)
   end function checksum
 
-  !> Append a finished case. A series may be longer than a thread's stack: it is copied to where it is written from.
+  !> Append a finished case. A series may be longer than a thread's stack: it is copied to the memory from which it is written.
   subroutine append_case(self, case, error)
     class(shard_t), intent(inout), target :: self
     type(case_t), intent(in) :: case
@@ -397,7 +397,7 @@ contains
     if (allocated(reason)) call raise(error, file_error, self%file_name//': '//reason)
   end subroutine append_case
 
-  !> Words that hold so many bytes.
+  !> Number of words for this many bytes.
   pure integer function words_for(bytes)
     integer, intent(in) :: bytes
 
@@ -422,7 +422,7 @@ contains
     if (allocated(reason)) call raise(error, file_error, file_name//': '//reason)
   end subroutine open_records
 
-  !> Some words of the file, until others are shown; what is not there is 0.
+  !> Some words of the file, valid until others are requested; words that do not exist are 0.
   subroutine show(self, place, count, words)
     class(shard_t), intent(inout), target :: self
     integer(int64), intent(in) :: place, count
@@ -438,7 +438,7 @@ contains
     words => self%window(place - self%first + 1:place - self%first + count)
   end subroutine show
 
-  !> Whether a file is empty or begins with the magic word, or with what a process wrote of it that was killed.
+  !> Whether a file is empty or begins with the magic word, or with the part of it that a killed process wrote.
   logical function is_shard(shard)
     type(shard_t), intent(in) :: shard
     integer(int64) :: first(1)
@@ -452,7 +452,7 @@ contains
     is_shard = beginning(:there) == expected(:there)
   end function is_shard
 
-  !> Read the head of a shard. What is none, or damaged, is refused.
+  !> Read the head of a shard. A file without a valid head is refused.
   subroutine inspect_shard(file_name, head, error)
     character(*), intent(in) :: file_name
     type(head_t), intent(out) :: head
@@ -464,7 +464,7 @@ contains
     call shard%close()
   end subroutine inspect_shard
 
-  !> Of thousands of shards nothing but the heads may be wanted: no more is read.
+  !> If there are thousands of shards, perhaps only the heads are needed: no more is read.
   subroutine read_head(shard, head, error)
     type(shard_t), intent(inout) :: shard
     type(head_t), intent(out) :: head
@@ -506,7 +506,7 @@ contains
     end if
   end subroutine read_head_once
 
-  !> The divisions that shards are of, the newest last; of one moment that with the longer name, which came later.
+  !> The divisions of the shards, the newest last; of two with the same time that with the longer name, which is newer.
   function divisions_of(heads, files) result(divisions)
     type(head_t), intent(in) :: heads(:)
     type(path_t), intent(in) :: files(:)
@@ -542,8 +542,8 @@ contains
       ': remove it, or use --overwrite')
   end subroutine check_sweep
 
-  !> Note in `index` the cases that shard `number` holds and no other before it; `records` of it are sound.
-  !> Cases beyond the index's size are passed over.
+  !> Note in `index` the cases that shard `number` has and no other one before it; its first `records` are valid. Cases beyond the
+  !> index's size are skipped.
   subroutine scan_shard(file_name, layout, number, index, records, error)
     character(*), intent(in) :: file_name
     type(layout_t), intent(in) :: layout
@@ -562,7 +562,7 @@ contains
     call shard%close()
   end subroutine scan_shard
 
-  !> The same of an open shard; `words` is the length of what is sound.
+  !> The same for an open shard; `words` is the length of the valid part.
   subroutine scan(shard, head, layout, number, index, words, records)
     type(shard_t), intent(inout), target :: shard
     type(head_t), intent(in) :: head
@@ -592,11 +592,11 @@ contains
     if (present(records)) records = count
   end subroutine scan
 
-  !> Make room for `cases`, of which blocks of so many are read at once; 0: none is.
+  !> Allocate room for `cases`, of which blocks of this size are read at once; 0: none is.
   subroutine allocate_index(self, cases, block, status)
     class(index_t), intent(inout) :: self
     integer, intent(in) :: cases, block
-    integer, intent(out) :: status        !! 0, or there is no memory
+    integer, intent(out) :: status        !! 0, or not enough memory
     integer :: blocks
 
     self%block = block
@@ -627,7 +627,7 @@ contains
 
   contains
 
-    !> What follows the last stretch of its block lengthens it.
+    !> A record that follows the last stretch of its block lengthens it.
     subroutine note_place(block)
       integer, intent(in) :: block
       type(stretch_t), allocatable :: longer(:)
@@ -656,7 +656,7 @@ contains
     end subroutine note_place
   end subroutine note
 
-  !> What the record at `place` says of itself, and whether this sweep can have written that.
+  !> The description of the record at `place`, and whether this sweep can have written it.
   function record_at(shard, place, layout) result(record)
     type(shard_t), intent(inout), target :: shard
     integer(int64), intent(in) :: place
@@ -682,8 +682,8 @@ contains
     record%is_possible = word_bytes*(place + record%length) <= shard%bytes
   end function record_at
 
-  !> The case whose record is at `place`, which becomes that of the next; `is_possible` is false if the file was changed since it
-  !> was scanned.
+  !> The case whose record is at `place`, which becomes that of the next one; `is_possible` is false if the file was changed since
+  !> it was scanned.
   subroutine read_record(shard, place, layout, case, is_possible)
     type(shard_t), intent(inout), target :: shard
     integer(int64), intent(inout) :: place

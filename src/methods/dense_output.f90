@@ -1,4 +1,4 @@
-!> The motion inside a step or a closed form: polynomials in the position tau in [0, 1].
+!> The motion inside a step or a closed form, as polynomials in the position tau in [0, 1].
 module dst_dense_output
   use dst_archive, only: archive_t
   use dst_interpolation, only: grid_t, max_degree
@@ -17,7 +17,7 @@ module dst_dense_output
   type :: dense_output_t
     type(grid_t) :: grid
     real(wp) :: step = 0.0_wp                                !! duration, s
-    !> Values at the nodes: u less the drive's displacement, y, X. Column by column polynomials.
+    !> Values at the nodes: u minus the drive's displacement, y, X. The columns are polynomials.
     real(wp) :: nodal(0:max_degree, n_columns) = 0.0_wp
   contains
     procedure :: values_at
@@ -42,7 +42,7 @@ contains
     end do
   end function values_at
 
-  !> Become the same as another one. Grids are many numbers, and there are few of them: the same one is not copied again.
+  !> Become a copy of another one. A grid has many numbers, and there are few grids: the same one is not copied again.
   pure subroutine take(self, other)
     class(dense_output_t), intent(inout) :: self
     class(dense_output_t), intent(in) :: other
@@ -60,7 +60,7 @@ contains
     call self%grid%bernstein_coefficients(self%nodal(:, column_y), coefficient)
   end subroutine speed_coefficients
 
-  !> First and second derivative with time [1/s, 1/s2] of the first slip unknown at the end.
+  !> First and second derivative with respect to time [1/s, 1/s2] of the first slip unknown at the end.
   pure subroutine end_slope(self, slope, curvature)
     class(dense_output_t), intent(in) :: self
     real(wp), intent(out) :: slope, curvature

@@ -1,24 +1,24 @@
 !> The Moreau-Jean scheme: fixed step, no events, for the full model with the exact contact.
 !>
-!> The friction is an impulse over the step and obeys the set-valued law at its end, so that rest is
-!> one of the solutions of a step and needs no event. With the elongation u, the slip velocity w
-!> (Cartesian), K = diag(k_x, k_y), D the drive's displacement over the step h, and theta = 1/2,
+!> Friction is an impulse over the step and obeys the set-valued law at its end, so that rest is one of the solutions of a step and
+!> needs no event. With the elongation u, the slip velocity w (Cartesian), K = diag(k_x, k_y), D the drive's displacement over the
+!> step h, and theta = 1/2,
 !>
 !>     u_1 = u_0 + D e - h w_h,                  w_h = theta w_1 + (1 - theta) w_0,
 !>     m (w_1 - w_0) = h K u_h - h f_1,          u_h = theta u_1 + (1 - theta) u_0,
 !>     f_1 = F(|w_1|) w_1/|w_1|  or, where w_1 = 0,  |f_1| <= F_0.
 !>
-!> An object that rests, or that turns back within the step, is held up to the static limit F_s >= F_0.
+!> An object that rests, or that turns back within the step, sticks up to the static limit F_s >= F_0.
 !>
 !> Eliminating u_1 leaves A w_1 + f_1 = b with the diagonal A = m/h + theta^2 h K and
 !> b = m w_0/h + K (u_0 + theta D e - theta (1 - theta) h w_0): either |b| <= F_0 and w_1 = 0, or
 !> w_1 = r b/(a r + F(r)) component by component, with the speed r = |w_1| from one scalar equation.
 !>
-!> Dampers C give the impulse C (u_1 - u_0) = h C (D e/h - w_h) more: A holds theta C too, b + C (D e/h - (1 - theta) w_0).
+!> Dampers C add the impulse C (u_1 - u_0) = h C (D e/h - w_h): A then contains theta C, and b contains C (D e/h - (1 - theta) w_0).
 !>
-!> theta = 1/2 damps no oscillation: without friction the scheme is of second order, with friction,
-!> which is taken at the end of the step, of first order; and the energy balance of a step,
-!> change = D e . K u_h - h f_1 . w_h, holds to roundoff; so it does with the power of the dampers.
+!> theta = 1/2 damps no oscillation: without friction the scheme is of second order, with friction, which is taken at the end of the
+!> step, of first order. The energy balance of a step, change = D e . K u_h - h f_1 . w_h, holds to roundoff; with dampers, too, if
+!> their power is included.
 !>
 !> Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Eng. 177 (1999)
 !> 235; V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), Ch. 10.
@@ -63,7 +63,7 @@ contains
     stepper%grid = new_grid([0.0_wp, 0.5_wp, 1.0_wp])
   end function new_moreau_jean
 
-  !> A step knows nothing of the ones before.
+  !> A step does not use the ones before.
   pure subroutine restart(self, rate, curvature)
     class(moreau_jean_t), intent(inout) :: self
     real(wp), intent(in) :: rate(:), curvature(:)
@@ -119,8 +119,8 @@ contains
     outcome = attempt_t(solved=.true., error=0.0_wp, factor=1.0_wp)
   end subroutine attempt
 
-  !> Whether static friction above the kinetic one holds the object: at rest it can bear more than as it slips, and an
-  !> object that turns back has been at rest.
+  !> Whether static friction above the kinetic one stops the object: at rest it balances more than in slip, and an object that turns
+  !> back has been at rest.
   pure logical function is_held(law, free_force, velocity)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: free_force(2), velocity(2)   !! b [N] and w_0 [m/s]
@@ -154,9 +154,9 @@ contains
   !>
   !>     e(r) = 1/|b/q| - 1,
   !>
-  !> the excess of resistance over the free force: negative, and the speed rises; positive, and it falls. In steps so
-  !> long that friction weakens faster than inertia grows, several speeds, rest among them, solve the step.
-  !> Taken is the one to which the speed rises or falls from the speed before, the continuation of the motion.
+  !> the excess of resistance over the free force: if it is negative the speed rises, if it is positive the speed falls. In steps so
+  !> long that friction weakens faster than inertia grows, several speeds, rest among them, solve the step. The solution used is the
+  !> one to which the speed rises or falls from the speed before: the continuation of the motion.
   pure subroutine speed_after(law, inertia, free_force, before, speed, iterations)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: inertia(2), free_force(2)   !! A [kg/s] and b [N]
@@ -172,7 +172,7 @@ contains
     iterations = 0
     can_rest = hypot(free_force(1), free_force(2)) <= law%kinetic_limit
     call law%evaluate(1, [0.0_wp], force, weakening)
-    ! Friction weakens most at rest. If inertia outweighs that, e never falls and the solution is the only one.
+    ! Friction weakens most at rest. If inertia outweighs that, e never falls and there is only one solution.
     pieces = merge(1, most_pieces, minval(inertia) + weakening(1) >= 0.0_wp)
     if (pieces == 1 .and. can_rest) return
     call excess(law, inertia, free_force, before, can_rest, value, slope)
@@ -181,7 +181,7 @@ contains
       low = 0.0_wp
       high = before
     else
-      ! Friction does not push: the speed is below this limit.
+      ! Friction does not accelerate the object: the speed is below this limit.
       low = before
       high = max(before, 2.0_wp*maxval(abs(free_force)/inertia))
     end if
@@ -189,8 +189,8 @@ contains
     if (high > 0.0_wp) call find_zero(law, inertia, free_force, can_rest, before, low, high, speed, iterations)
   end subroutine speed_after
 
-  !> Narrow the speeds between `low` and `high`, one of which is the speed before, to the piece next to it in
-  !> which e changes its sign; both become 0 if the object comes to rest.
+  !> Narrow the speeds between `low` and `high`, one of which is the speed before, to the interval next to it in which e changes its
+  !> sign; both become 0 if the object stops.
   pure subroutine narrow(law, inertia, free_force, can_rest, falls, pieces, low, high)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: inertia(2), free_force(2)
@@ -215,7 +215,7 @@ contains
     high = max(edge, next)
   end subroutine narrow
 
-  !> The zero of e between `low` and `high`: Newton's method, and halving where that leaves the interval or is slow.
+  !> The zero of e between `low` and `high`: Newton's method, and bisection if that leaves the interval or is slow.
   pure subroutine find_zero(law, inertia, free_force, can_rest, guess, low, high, speed, iterations)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: inertia(2), free_force(2), guess
@@ -242,7 +242,7 @@ contains
     end do
   end subroutine find_zero
 
-  !> e(r) and e'(r); at r = 0 only the sign counts, which is that of rest being possible.
+  !> e(r) and e'(r); at r = 0 only the sign counts, which says whether rest is possible.
   pure subroutine excess(law, inertia, free_force, speed, can_rest, value, slope)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: inertia(2), free_force(2), speed
@@ -288,7 +288,7 @@ contains
     call self%note_speed()
   end subroutine accept
 
-  !> Save or load: the slider is of the scene.
+  !> Save or load: the slider comes from the scene.
   subroutine serialise(self, archive)
     class(moreau_jean_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive

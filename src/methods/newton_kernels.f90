@@ -31,7 +31,8 @@ module dst_newton_kernels
   public :: solve_stages
 
   integer, parameter :: max_iterations = 10
-  !> Change of the slip velocity, relative to itself, from which Newton's method does not return. Twice: no change on Fig. 3.
+  !> Change of the slip velocity, relative to itself, beyond which Newton's method does not converge any more. Twice: no change on
+  !> Fig. 3.
   real(wp), parameter :: hopeless = 1.0e6_wp
   !> Assumed constant of the quadratic convergence before it is known. Twice: 0.6 % more iterations.
   real(wp), parameter :: first_convergence = 10.0_wp
@@ -39,7 +40,7 @@ module dst_newton_kernels
   real(wp), parameter :: diverging = 2.0_wp
   !> Roundoff of the slip velocity in an iteration. Twice: no change.
   real(wp), parameter :: velocity_roundoff = 4.0_wp*epsilon(1.0_wp)
-  !> Nothing that large is a step towards a solution, and its square would overflow.
+  !> No value this large is a step towards a solution, and its square would overflow.
   real(wp), parameter :: no_increment = 1.0e100_wp
 
 contains

@@ -8,11 +8,10 @@
 !>
 !>     B(y_i) sum_j (A^-1)_ij (y_j - y_0) = h g(u_i, y_i).
 !>
-!> The error estimate is the defect of the collocation polynomial in both equations, at the start of the
-!> step and at one point inside, passed through a one-stage stiff filter (Hairer & Wanner II, Sec. IV.8, in
-!> implicit form). It is of order s + 1 in h while the method's own error is of order 2 s; the tolerance of
-!> the estimate is chosen so that the true error follows rtol. The roundoff of the forces, which no step size
-!> reduces, passes the same filter and is allowed on top.
+!> The error estimate is the defect of the collocation polynomial in both equations, at the start of the step and at one point
+!> inside, passed through a one-stage stiff filter (Hairer & Wanner II, Sec. IV.8, in implicit form). It is of order s + 1 in h
+!> while the method's own error is of order 2 s; the tolerance of the estimate is chosen so that the true error follows rtol. The
+!> roundoff of the forces, which no step size reduces, passes the same filter and is permitted in addition.
 module dst_radau
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
@@ -33,40 +32,40 @@ module dst_radau
 
   public :: radau_t, new_radau
 
-  ! What "twice" does was measured on Fig. 3 (2.4 s, full model, rtol 1e-6 and 1e-8) and on the low-frequency motion at 1e-6.
+  ! The effects of "twice" were measured on Fig. 3 (2.4 s, full model, rtol 1e-6 and 1e-8) and on the low-frequency motion at 1e-6.
   !
-  !> Tolerance of the estimate, the smaller of two: samples_share rtol, for the polynomial that samples are read from errs by an
-  !> eighth of the estimate; and result_share rtol**((s + 1)/(2 s - 1)), for the result errs by order 2 s - 1 and the estimate is of
-  !> order s + 1. Fitted to 100 random scenes and tested on 100 others (bench/tolerance.py). Twice: 3 to 10 % less work, twice the
-  !> error of samples; 1 to 6 % less work and up to three times the error of the result at 1e-4 and looser.
+  !> Tolerance of the estimate, the smaller of two: samples_share rtol, because the error of the polynomial from which samples are
+  !> read is an eighth of the estimate; and result_share rtol**((s + 1)/(2 s - 1)), because the error of the result is of order 2 s
+  !> - 1 and the estimate of order s + 1. Fitted to 100 random scenes and tested on 100 others (bench/tolerance.py). Twice: 3 to 10
+  !> % less work, twice the error of samples; 1 to 6 % less work and up to three times the error of the result at 1e-4 and looser.
   real(wp), parameter :: samples_share = 10.0_wp, result_share = 0.15_wp
-  !> Its bounds. Above, longer steps need more Newton iterations, and cost as much: twice gives 0 to 10 % less work with 3 or 5
-  !> stages, 5 to 10 % more with 7, and twice the error. Below, the estimate is roundoff where a spring has a scale far below that
-  !> of the slip (tests/python/test_own_scale.py); half: too small there.
+  !> Its bounds. Above the upper one, longer steps need more Newton iterations, and cost as much: twice gives 0 to 10 % less work
+  !> with 3 or 5 stages, 5 to 10 % more with 7, and twice the error. Below the lower one, the estimate is roundoff if a spring has a
+  !> scale far below that of the slip (tests/python/test_own_scale.py); half: too small there.
   real(wp), parameter :: largest_tolerance = 5.0e-4_wp, least_tolerance = 2.0e4_wp*epsilon(1.0_wp)
-  !> Error of a step in exp(z) that does not matter to any growth. Convention; twice: no change.
+  !> Error of a step in exp(z) that affects no growth. Convention; twice: no change.
   real(wp), parameter :: harmless_error = 1.0e-6_wp
-  !> Roundoff of the slip velocity that counts as none. Convention; twice: 0.4 % fewer iterations, the same error.
+  !> Roundoff of the slip velocity that is ignored. Convention; twice: 0.4 % fewer iterations, the same error.
   real(wp), parameter :: velocity_roundoff = 8.0_wp*epsilon(1.0_wp)
-  !> Nothing grows that is slower than this many times what the roundoff of the forces does in the time of the growth; and under a
-  !> drive that changes its velocity nothing is seen below this many tolerances of the estimate. Conventions; they matter where
-  !> steady sliding is unstable (tests/python/test_unstable_sliding.py), not in Fig. 3.
+  !> Growth is ignored if it is slower than this many times the change that the roundoff of the forces makes in the time of the
+  !> growth; and with a drive that changes its velocity disturbances below this many tolerances of the estimate are not noticed.
+  !> Conventions; they matter if steady sliding is unstable (tests/python/test_unstable_sliding.py), not in Fig. 3.
   real(wp), parameter :: growing_noise = 10.0_wp, seen_on_ramp = 10.0_wp
-  !> Largest factor between steps; twice: 3 % more work for rejected steps, the same error. And where steady sliding is unstable,
-  !> but nothing of that is seen: a drive that begins to disturb it is met by steps not too long. Conventions.
+  !> Largest factor between steps; twice: 3 % more work for rejected steps, the same error. And the factor used if steady sliding is
+  !> unstable but no disturbance is visible: when a drive begins to disturb it, the steps are not too long. Conventions.
   real(wp), parameter :: largest_factor = 4.0_wp, largest_unseen_factor = 2.0_wp
-  !> Share of the slip speed that stretches a spring to the static limit from which on its axis is held to its own scale: the
-  !> estimate sees a tenth of an oscillation that a long step erases. Twice: the same steps, 2 to 3 times the error.
+  !> Share of the slip speed that stretches a spring to the static limit from which on its axis has its own scale: the estimate
+  !> contains a tenth of an oscillation that a long step erases. Twice: the same steps, 2 to 3 times the error.
   real(wp), parameter :: own_share = 0.1_wp
-  !> What a turn may cost, in units of rtol. Measured where friction peaks in a turn (tests/python/test_friction_peak.py); Fig. 3
-  !> has none.
+  !> Permitted error of a turn, in units of rtol. Measured where friction peaks in a turn (tests/python/test_friction_peak.py);
+  !> Fig. 3 has no such turn.
   real(wp), parameter :: turn_allowance = 5.0_wp
 
-  !> A point of the step at which the defect of the collocation polynomial is looked at. Beyond the nodes of the method its
-  !> weights are zero.
+  !> A point of the step at which the defect of the collocation polynomial is evaluated. Beyond the nodes of the method its weights
+  !> are zero.
   type :: probe_t
     real(wp) :: position = 0.0_wp
-    !> Refers the defect to the start, where the filter's gamma belongs.
+    !> Converts the defect to one at the start, where the filter's gamma is valid.
     real(wp) :: weight = 0.0_wp
     !> y' times the step from the values at all nodes; and u' - V e from the slip velocities at the stages, negative.
     real(wp) :: derivative(0:max_degree) = 0.0_wp
@@ -81,7 +80,7 @@ module dst_radau
     !> Relative tolerance of the slip velocity and the tolerance of the estimate that gives it.
     real(wp) :: rtol = 1.0e-8_wp
     real(wp) :: estimate_tolerance = 1.0e-6_wp
-    !> Leading relative error of exp(z) by the method, times z^(2 s); and |z| up to which it does not matter to any growth.
+    !> Leading relative error of exp(z) by the method, times z^(2 s); and the |z| up to which it affects no growth.
     real(wp) :: error_constant = 0.0_wp
     real(wp) :: harmless_phase = 0.0_wp
     !> Predictor: the last accepted step, or the given rate and curvature after a restart.
@@ -92,7 +91,7 @@ module dst_radau
     real(wp) :: rate(max_unknowns) = 0.0_wp
     real(wp) :: curvature(max_unknowns) = 0.0_wp
     type(step_control_t) :: control
-    !> Whether this attempt is a second one.
+    !> Whether this attempt repeats another one.
     logical :: repeated = .false.
     real(wp) :: last_nodal(0:max_degree, max_unknowns) = 0.0_wp
     type(slip_memory_t) :: memory_of_slips
@@ -105,7 +104,7 @@ module dst_radau
     real(wp) :: drive_velocity(max_stages) = 0.0_wp
     type(stage_terms_t) :: terms
     type(stage_terms_t) :: point_terms
-    !> Where the defect is looked at: the start, and one point inside.
+    !> Where the defect is evaluated: the start, and one point inside.
     type(probe_t) :: start, inside
   contains
     procedure :: restart
@@ -138,8 +137,8 @@ contains
     call set_probes(stepper)
   end function new_radau
 
-  !> Probe the defect at the start, and half way between the last two nodes, where a coming stop shows. The defect of
-  !> collocation varies like M(tau) = product (tau - c_i); the weight refers it to the start.
+  !> Probe the defect at the start, and half way between the last two nodes, where an approaching stop becomes visible. The defect
+  !> of collocation varies like M(tau) = product (tau - c_i); the weight converts it to the start.
   pure subroutine set_probes(stepper)
     type(radau_t), intent(inout) :: stepper
 
@@ -150,7 +149,7 @@ contains
     end associate
   end subroutine set_probes
 
-  !> A probe of the defect as it is there.
+  !> A probe of the defect without conversion.
   pure function probe_at(method, position) result(probe)
     type(collocation_t), intent(in) :: method
     real(wp), intent(in) :: position
@@ -234,7 +233,7 @@ contains
     call try(self, system, drive, from, .true., guess, to, outcome)
   end subroutine attempt_stop
 
-  !> A step of the given length or, to a stop, of one that is solved for with this guess.
+  !> A step of the given length or, for a step to a stop, of a length that is solved for with this guess.
   subroutine try(self, system, drive, from, to_stop, step, to, outcome)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -280,7 +279,7 @@ contains
   end subroutine count_work
 
   !> First guess of the stage values: from the last attempt if it began at the same point, else from the last slips if they are
-  !> alike, else from the last step, or from the start's rate and curvature.
+  !> alike, else from the last step, or from the rate and curvature at the start.
   pure subroutine predict(self, s, m, from, y)
     class(radau_t), intent(in) :: self
     integer, intent(in) :: s, m
@@ -380,9 +379,9 @@ contains
   end subroutine complete
 
   !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end relative to the largest slip speed
-  !> of the step or, along an axis, to the own speed of that axis if that is less: so the spring forces have the accuracy that
-  !> the slip velocity has, each in its own scale. The defect is probed at the start and at one point inside, where it also sees
-  !> what turns quickly while the start is at rest; and wherever the slip turns back (`error_of_turns`).
+  !> of the step or, along an axis, to the own speed of that axis if that is lower: so the spring forces are as accurate as the slip
+  !> velocity, each in its own scale. The defect is probed at the start and at one point inside, where it also shows directions that
+  !> turn quickly while the start is at rest; and wherever the slip turns back (`error_of_turns`).
   subroutine estimate_error(self, system, drive, s, n, m, from, own_speed, stage_velocity, outcome)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -403,9 +402,9 @@ contains
     call self%control%advise(self%step, self%repeated, outcome%error, outcome%factor)
   end subroutine estimate_error
 
-  !> A long implicit step damps what grows exponentially, and would stay on a motion that has become unstable: it may be no longer
-  !> than what follows the growth at the stage where it is fastest. If the motion is so close to steady sliding that no disturbance
-  !> is to be seen, there is nothing to follow.
+  !> A long implicit step damps exponential growth, and would stay on a motion that has become unstable: it may be no longer than a
+  !> step that follows the growth at the stage where it is fastest. If the motion is so close to steady sliding that no disturbance
+  !> is visible, there is nothing to follow.
   subroutine follow_growth(self, system, drive, s, n, m, from, y, outcome)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -420,7 +419,7 @@ contains
 
     self%unseen_growth = 0.0_wp
     self%emerged = .false.
-    ! Where friction falls most with the speed, and where the step ends.
+    ! At the point where friction falls most with the speed, and at the end of the step.
     steepest = self%terms%force_y(1:s, 1, 1)
     if (system%is_damped) steepest = steepest + self%terms%damping(1:s, 1, 1)
     point = [maxloc(steepest, dim=1), s]
@@ -436,7 +435,7 @@ contains
       growth = max(growth, rate)
     end do
     if (.not. growth > 0.0_wp) return
-    ! Nothing grows that is slower than what the roundoff of the forces does in the time of the growth.
+    ! Growth is ignored if it is slower than the change that the roundoff of the forces makes in the time of the growth.
     disturbed = self%speed_scale*growth > growing_noise*system%acceleration_noise
     if (disturbed) disturbed = self%is_disturbed(system, drive, from, 0.0_wp, seen_on_ramp*self%estimate_tolerance)
     call self%look_at_growth(drive, from, growth, disturbed)
@@ -452,7 +451,7 @@ contains
   !>
   !>     d_u = V e - w(y) - p_u',      d_y = g - B p_y',
   !>
-  !> and what the roundoff of the forces adds to it.
+  !> and the contribution of the roundoff of the forces.
   subroutine defect_error(self, system, drive, s, n, m, from, probe, stage_velocity, error, noise)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -510,8 +509,8 @@ contains
     if (singular) error = huge(error)
   end subroutine defect_error
 
-  !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy, of whose last
-  !> term only what damps is taken, and what couples with a state of friction.
+  !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy. Of the last
+  !> term only the damping part is used, and the coupling with a state of friction.
   pure subroutine set_filter(n, m, terms, filter_step, velocity_y, filter)
     integer, intent(in) :: n, m
     type(stage_terms_t), intent(in) :: terms
@@ -535,7 +534,7 @@ contains
     end do
   end subroutine set_filter
 
-  !> Take all that the dampers make of it in place of what damps: a damper holds back the slip along its own axis only.
+  !> Include the dampers completely instead of their damping part: a damper resists the slip along its own axis only.
   pure subroutine add_dampers(m, terms, filter_step, filter)
     integer, intent(in) :: m
     type(stage_terms_t), intent(in) :: terms
@@ -600,7 +599,7 @@ contains
     call self%note_growth()
   end subroutine accept
 
-  !> Save or load. Stage values and terms are scratch: each attempt makes them anew.
+  !> Save or load. Stage values and terms are scratch: each attempt computes them again.
   subroutine serialise(self, archive)
     class(radau_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive

@@ -1,16 +1,14 @@
 !> Explicit Runge-Kutta methods: dopri5 and dop853 (adaptive), rk4 (fixed step).
 !>
-!> Integrated are the elongation less the drive's displacement, U = u - D(t) e, and the slip unknowns:
+!> The unknowns are the elongation minus the drive's displacement, U = u - D(t) e, and the slip unknowns:
 !>
 !>     U' = -w(y),      y' = g(u, y)/B(y).
 !>
-!> Thus any piecewise-linear V(t) is exact for Hooke's springs. The two
-!> works are quadratures with the weights of the method.
+!> Thus any piecewise-linear V(t) is exact for Hooke's springs. The two works are quadratures with the weights of the method.
 !>
-!> With the displacement D(t), X' = advance_by_slip . w + advance_by_drive V. Elongations that a model holds do not change.
+!> With the displacement D(t), X' = advance_by_slip . w + advance_by_drive V. Elongations that a model keeps constant do not change.
 !>
-!> At rest in polar unknowns B vanishes. A stage that gets there makes the attempt fail; it is the
-!> trajectory that leads the motion past a rest.
+!> At rest in polar unknowns B vanishes. A stage at rest makes the attempt fail; the trajectory leads the motion past a rest.
 module dst_runge_kutta
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
@@ -30,34 +28,35 @@ module dst_runge_kutta
 
   !> Elongations and slip unknowns in one vector.
   integer, parameter :: n_values = max_components + max_unknowns, first_y = 1 + max_components
-  ! What "twice" does was measured with dop853 on Fig. 3 (1 s, rtol 1e-6).
+  ! The effects of "twice" were measured with dop853 on Fig. 3 (1 s, rtol 1e-6).
   !
-  !> Step times rate up to which rk4 is stable (2.785 for relaxation, 2.828 for oscillation).
+  !> Largest product of step and rate for which rk4 is stable (2.785 for relaxation, 2.828 for oscillation).
   real(wp), parameter :: stability_limit = 2.7_wp
-  !> A step beyond that is shortened to this share of it, by this factor at most. Conventions.
+  !> A longer step is shortened to this share of the limit, by this factor at most. Conventions.
   real(wp), parameter :: stability_margin = 0.9_wp, least_stable_factor = 0.1_wp
   !> Largest factor between steps, and the memory of their control. Hairer & Wanner's convention for the memory of DOPRI5. Twice the
   !> factor: the same; twice the memory: 16 % less work, the same error.
   real(wp), parameter :: largest_factor = 5.0_wp, memory = 0.04_wp
   !> Order of the dense output of DOP853.
   integer, parameter :: dense_order = 7
-  !> Tolerance of the estimate over rtol, with one estimate and with two: measured against converged motion, so that the slip
-  !> velocity is right to about rtol; and that of the series of a release. Twice: 3 % less work, the same error (release: 1.2 times
-  !> the error).
+  !> Tolerance of the estimate over rtol, with one estimate and with two: measured against converged motion, so that the relative
+  !> error of the slip velocity is about rtol; and the tolerance of the series of a release. Twice: 3 % less work, the same error
+  !> (release: 1.2 times the error).
   real(wp), parameter :: tolerance_of_one = 0.05_wp, tolerance_of_two = 1.0_wp, release_share = 0.1_wp
-  !> Share of the error of order 3 that DOP853 stretches that of order 5 with. Hairer & Wanner's convention. Twice: the same work
+  !> Share of the error of order 3 with which DOP853 stretches the error of order 5. Hairer & Wanner's convention. Twice: the same
+  !> work and error.
   !> and error.
   real(wp), parameter :: stretch_share = 0.1_wp
-  !> A disturbance below this many tolerances of the estimate is not seen. Convention.
+  !> A disturbance below this many tolerances of the estimate is not noticed. Convention.
   real(wp), parameter :: seen = 10.0_wp
   !> Factor after a turn that was missed. Convention.
   real(wp), parameter :: turn_factor = 0.5_wp
-  !> With dampers, which act in much less than the oscillations' time, a step far too long makes stages whose squares would
-  !> overflow. Nothing that large is a state.
+  !> With dampers, which act in a much shorter time than the oscillations, a step that is far too long makes stages whose squares
+  !> would overflow. No value this large belongs to a state.
   real(wp), parameter :: no_state = 1.0e70_wp
-  !> How much worse than the step's end its dense output may be. Twice: 5 % less work, the same error.
+  !> Permitted ratio of the error of the dense output to that of the step's end. Twice: 5 % less work, the same error.
   real(wp), parameter :: dense_allowance = 10.0_wp
-  !> The same for the defect of the dense output around a turn, which is of lower order still. Fig. 3 has none.
+  !> The same for the defect of the dense output around a turn, whose order is still lower. Fig. 3 has no such turn.
   real(wp), parameter :: turn_allowance = 30.0_wp
 
   !> An explicit method for one system, with its state between steps.
@@ -75,8 +74,8 @@ module dst_runge_kutta
     type(stage_terms_t) :: terms
     !> dw/dy at the stage evaluated last, (component, unknown).
     real(wp) :: velocity_y(max_components*max_unknowns) = 0.0_wp
-    !> The states (u, y, V) whose slopes are the first and the one at the end of the step: an attempt
-    !> starts where the last one did, if that was rejected, or where it ended.
+    !> The states (u, y, V) whose slopes are the first and the one at the end of the step: an attempt starts where the last one did,
+    !> if that was rejected, or where it ended.
     real(wp) :: start(n_values + 1) = 0.0_wp, end(n_values + 1) = 0.0_wp
     logical :: start_known = .false., end_known = .false.
     !> Whether this attempt repeats a rejected one; then the next step is not longer.
@@ -91,7 +90,7 @@ module dst_runge_kutta
 
 contains
 
-  !> The method called `method_name` for a system of so many components and slip unknowns. rtol has the meaning that it has
+  !> The method called `method_name` for a system with these numbers of components and slip unknowns. rtol has the same meaning as
   !> for Radau IIA; the fixed step of rk4 does not depend on it.
   function new_runge_kutta(method_name, components, unknowns, rtol) result(stepper)
     character(*), intent(in) :: method_name
@@ -104,7 +103,7 @@ contains
     stepper%release_tolerance = release_share*rtol
     stepper%method = tableau_named(method_name)
     stepper%estimate_tolerance = merge(tolerance_of_two, tolerance_of_one, stepper%method%errors > 1)*rtol
-    ! With a memory, because the step is mostly held back by stability: the friction direction relaxes quickly.
+    ! With a memory, because the step is mostly limited by stability: the friction direction relaxes quickly.
     stepper%control = new_step_control(stepper%method%order, largest_factor, memory=memory)
     degree = 3 + stepper%method%dense_terms
     stepper%grid = new_grid([(real(i, wp)/real(degree, wp), i=0, degree)])
@@ -115,7 +114,7 @@ contains
     stepper%terms = new_terms(1, components, unknowns)
   end function new_runge_kutta
 
-  !> An explicit method needs no first guess, so rate and curvature are of no use to it.
+  !> An explicit method needs no first guess, so it ignores rate and curvature.
   pure subroutine restart(self, rate, curvature)
     class(runge_kutta_t), intent(inout) :: self
     real(wp), intent(in) :: rate(:), curvature(:)
@@ -124,7 +123,7 @@ contains
     end associate
     self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
-    ! The equations may be others from now on.
+    ! The equations may be different from now on.
     self%start_known = .false.
     self%end_known = .false.
     call self%control%restart()
@@ -152,7 +151,7 @@ contains
     end if
   end subroutine attempt
 
-  !> Refuse the step if it has missed something where the slip turns back.
+  !> Refuse the step if it has missed a peak of friction where the slip turns back.
   subroutine judge_turns(self, system, drive, from, outcome)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -167,7 +166,7 @@ contains
     if (error > 1.0_wp) outcome%factor = min(outcome%factor, turn_factor)
   end subroutine judge_turns
 
-  !> Whether steady sliding is unstable and nothing to be seen of it: an explicit method sees nothing below its tolerance.
+  !> Whether steady sliding is unstable and no disturbance is visible: an explicit method cannot resolve any below its tolerance.
   subroutine look_for_growth(self, system, drive, from)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -189,7 +188,7 @@ contains
       self%is_disturbed(system, drive, from, self%noise_floor, self%noise_floor))
   end subroutine look_for_growth
 
-  !> The stages that make the step, its end and the slope there.
+  !> The stages of the step itself, its end and the slope there.
   subroutine step_stages(self, system, drive, from, to, outcome)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -222,7 +221,7 @@ contains
     end associate
   end subroutine step_stages
 
-  !> The first stage: taken over if the state is one whose slope is known.
+  !> The first stage: it is reused if the slope of this state is known.
   subroutine begin(self, system, drive, from, outcome)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -245,7 +244,7 @@ contains
     self%speed_scale = max(self%speed_scale, sqrt(sum(self%slope(1:max_components, 1)**2) &
       + (system%prescribed*state(n_values + 1))**2))
     self%start = state
-    ! The guard of the fixed step lies in the evaluation, so a failed one has to be repeated.
+    ! The limit of the fixed step is checked in the evaluation, so a failed evaluation has to be repeated.
     self%start_known = outcome%solved .and. self%method%errors > 0
     self%end_known = .false.
   end subroutine begin
@@ -276,8 +275,8 @@ contains
     state(first_y:) = from%y + state(first_y:)
   end subroutine stage_state
 
-  !> Slope and powers of stage i; not solved where the state is none, at rest, or where the step
-  !> is beyond the stability of a method that cannot notice it otherwise.
+  !> Slope and powers of stage i; not solved if the state is invalid, at rest, or if the step is beyond the stability limit of a
+  !> method that cannot detect it otherwise.
   subroutine evaluate(self, system, drive, from, i, state, outcome)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -315,7 +314,7 @@ contains
     end associate
   end subroutine evaluate
 
-  !> A bound of the fastest rate [1/s] of the linearised motion.
+  !> An upper bound of the fastest rate [1/s] of the linearised motion.
   pure real(wp) function fastest_rate(n, m, terms, velocity_y) result(rate)
     integer, intent(in) :: n, m
     type(stage_terms_t), intent(in) :: terms
@@ -362,8 +361,8 @@ contains
     tolerance = self%speed_scale*self%estimate_tolerance + self%step*system%acceleration_noise
   end function tolerance
 
-  !> An error estimate as a slip velocity [m/s]: that of y, and that of u times the frequency at
-  !> which the springs make velocity of it; magnified along an axis whose spring has a smaller scale than the slip speed.
+  !> An error estimate as a slip velocity [m/s]: the error of y, and that of u times the frequency with which the springs convert it
+  !> to velocity; magnified along an axis whose spring has a smaller scale than the slip speed.
   pure real(wp) function error_size(self, system, n, m, weight, velocity_y) result(size)
     class(runge_kutta_t), intent(in) :: self
     class(slip_system_t), intent(in) :: system
@@ -411,8 +410,8 @@ contains
     outcome%factor = factor
   end subroutine dense_stages
 
-  !> Refuse the step if its dense output is not good enough. A step at the edge of stability leaves a
-  !> rest of the quickly relaxing part, harmless at its end, that the extra stages of DOP853 magnify.
+  !> Refuse the step if its dense output is not accurate enough. A step at the limit of stability leaves a remainder of the quickly
+  !> relaxing part, which is harmless at its end, but is magnified by the extra stages of DOP853.
   pure subroutine judge_dense(self, system, outcome)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -456,7 +455,7 @@ contains
     call self%control%accept(self%step)
   end subroutine accept
 
-  !> Save or load. Terms and dw/dy are scratch: each attempt makes them anew.
+  !> Save or load. Terms and dw/dy are scratch: each attempt computes them again.
   subroutine serialise(self, archive)
     class(runge_kutta_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive

@@ -1,7 +1,7 @@
-!> The last slips, step by step: a first guess for the next one.
+!> The last slips, step by step: they give a first guess for the next one.
 !>
-!> In a creep each slip hardly differs from the one before, and the differences hardly differ at all. With the slip unknowns A(t)
-!> of the last slip and B(t) of the one before, t since the release, a step from t_0 is expected to give
+!> During creep each slip hardly differs from the one before, and the differences hardly change. With the slip unknowns A(t) of the
+!> last slip and B(t) of the one before, where t is the time since the release, the guess for a step from t_0 is
 !>
 !>     y(t) = y_0 + 2 (A(t) - A(t_0)) - (B(t) - B(t_0)).
 module dst_slip_memory
@@ -14,12 +14,12 @@ module dst_slip_memory
 
   public :: slip_memory_t
 
-  !> Steps of a slip that are kept; a longer slip is remembered as far as that. Convention; half: no change on Fig. 3.
+  !> Number of steps of a slip that are kept; of a longer slip only these are kept. Convention; half: no change on Fig. 3.
   integer, parameter :: max_steps = 32
-  !> Two slips are alike if their changes over a step differ by less than this share. Convention. Twice and half: 0.2 % fewer
-  !> iterations on Fig. 3 at most.
+  !> Two slips are alike if their changes over a step differ by less than this share. Convention. Twice and half: at most 0.2 %
+  !> fewer iterations on Fig. 3.
   real(wp), parameter :: alike = 0.2_wp
-  !> How far beyond its end a step is still a guess, in its length. Convention; twice: 0.1 % fewer iterations.
+  !> Distance beyond its end, relative to its length, up to which a step gives a guess. Convention; twice: 0.1 % fewer iterations.
   real(wp), parameter :: farthest = 1.5_wp
 
   !> The steps of one slip.
@@ -58,7 +58,7 @@ contains
     self%elapsed = 0.0_wp
   end subroutine begin
 
-  !> What follows is no slip from a release.
+  !> The motion that follows is not a slip from a release.
   pure subroutine forget(self)
     class(slip_memory_t), intent(inout) :: self
 

@@ -1,4 +1,4 @@
-!> What a motion by steps knows of its integrator: attempt a step, read the motion inside it, accept it.
+!> The interface of an integrator to a motion by steps: attempt a step, read the motion inside it, accept it.
 module dst_stepper
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
@@ -16,11 +16,11 @@ module dst_stepper
   public :: serialise_stepper
   public :: stepper_t, attempt_t, work_count_t
 
-  !> Remaining error of the solution of an implicit method over rtol: far below that of the method. Twice: 2 to 5 % fewer
+  !> Remaining error of the solution of an implicit method over rtol: far below the error of the method. Twice: 2 to 5 % fewer
   !> iterations on Fig. 3, the same error. Ten times: 7 to 20 % fewer, up to 15 times the error.
   real(wp), parameter :: usual_share = 0.001_wp
 
-  !> What came of an attempted step.
+  !> The result of an attempted step.
   type :: attempt_t
     logical :: solved = .false.
     !> Estimated error over tolerance; the step is good up to 1.
@@ -29,7 +29,7 @@ module dst_stepper
     real(wp) :: factor = unsolved_factor
   end type attempt_t
 
-  !> Counters of every kind of work.
+  !> Counters of all kinds of work.
   type :: work_count_t
     integer(int64) :: steps = 0
     integer(int64) :: rejected = 0
@@ -37,10 +37,10 @@ module dst_stepper
     integer(int64) :: jacobians = 0
     integer(int64) :: factorisations = 0
     integer(int64) :: newton = 0
-    !> Steps solved for their length, to end in a stop.
+    !> Number of steps whose length was solved for, so that they end in a stop.
     integer(int64) :: landings = 0
     integer(int64) :: events = 0
-    !> Of the cycle map: cycles leapt, cycles run for its tables, excursions taken from an earlier one; its relative error.
+    !> From the cycle map: cycles leapt, cycles run for its tables, excursions taken from an earlier one; its relative error.
     integer(int64) :: cycles_leapt = 0
     integer(int64) :: cycles_sampled = 0
     integer(int64) :: excursions_reused = 0
@@ -50,33 +50,33 @@ module dst_stepper
     procedure :: serialise => serialise_count
   end type work_count_t
 
-  !> A method, known by its last attempt: with its length and its polynomials, on nodes of its own.
+  !> A method with its last attempt: its length and its polynomials, on the nodes of the method.
   type, abstract, extends(dense_output_t) :: stepper_t
     type(work_count_t) :: count
-    !> Whether it evaluates y' = g/B and therefore cannot start or end at rest in polar unknowns.
-    !> It is then led through the start with series, to this relative accuracy.
+    !> Whether it evaluates y' = g/B and therefore cannot start or end at rest in polar unknowns. The start is then computed by
+    !> series, to this relative accuracy.
     logical :: explicit = .false.
     real(wp) :: release_tolerance = 0.0_wp
-    !> What an implicit method leaves of the error of its solution, over rtol.
+    !> Remaining error of the solution of an implicit method, over rtol.
     real(wp) :: newton_share = usual_share
-    !> Largest slip speed met in the attempt [m/s].
+    !> Largest slip speed in the attempt [m/s].
     real(wp) :: speed_scale = 0.0_wp
-    !> Largest slip speed since the restart [m/s], and of late: the latter is forgotten in the time `memory` [s].
+    !> Largest slip speed since the restart [m/s], and recently: the latter decays in the time `memory` [s].
     real(wp) :: start_speed = 0.0_wp
     real(wp) :: peak_speed = 0.0_wp
     real(wp) :: memory = huge(1.0_wp)
-    !> Growth [1/s] of a disturbance of steady sliding that this attempt cannot see, 0 where there is none; and what is less than
-    !> this share of the slip speed cannot be seen.
+    !> Growth rate [1/s] of a disturbance of steady sliding that is too small to be visible in this attempt, 0 if there is none; and
+    !> the share of the slip speed below which a disturbance is not visible.
     real(wp) :: unseen_growth = 0.0_wp
     real(wp) :: noise_floor = epsilon(1.0_wp)
-    !> Whether a disturbance has grown to be seen that came from nothing but roundoff.
+    !> Whether a visible disturbance has grown from roundoff alone.
     logical :: emerged = .false.
-    !> By which power of e a disturbance that is lost in roundoff would have grown in the present stretch of unstable motion.
+    !> The power of e by which a disturbance lost in roundoff would have grown in the present stretch of unstable motion.
     real(wp) :: unseen = 0.0_wp
     !> Terms of the equations at one point of a turn.
     type(stage_terms_t) :: turn_terms
   contains
-    !> Begin anew after a discontinuity: y starts with this rate and curvature.
+    !> Begin again after a discontinuity: y starts with this rate and curvature.
     procedure(restart), deferred :: restart
     !> The same at a release, from rest.
     procedure :: begin_slip
@@ -86,17 +86,17 @@ module dst_stepper
     procedure :: attempt_stop
     !> The last attempt has been accepted.
     procedure(accept), deferred :: accept
-    !> Save or load all that a later attempt depends on: `serialise_stepper` and the method's own.
+    !> Save or load everything on which a later attempt depends: `serialise_stepper` and the method's own data.
     procedure(serialise), deferred :: serialise
-    !> Take in the slip speed of the accepted step.
+    !> Process the slip speed of the accepted step.
     procedure :: note_speed
     !> What the last attempt may have missed where the slip turns back, over tolerance.
     procedure :: error_of_turns
     !> Whether the motion differs visibly from steady sliding.
     procedure :: is_disturbed
-    !> Note in an attempt how fast a disturbance grows, and whether it is seen.
+    !> Note in an attempt how fast a disturbance grows, and whether it is visible.
     procedure :: look_at_growth
-    !> Take in the growth of what the accepted step could not see.
+    !> Add the growth of disturbances that were not visible in the accepted step.
     procedure :: note_growth
     procedure :: is_undecided
   end type stepper_t
@@ -156,9 +156,9 @@ contains
     outcome = attempt_t()
   end subroutine attempt_stop
 
-  !> Where the slip turns back, its speed passes through a minimum and friction through its peak: in so short a time, perhaps, that
-  !> no stage sees it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of
-  !> the slip velocity of each component [m/s].
+  !> Where the slip turns back, its speed passes through a minimum and friction through its peak, perhaps in such a short time that
+  !> no stage is in it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of the
+  !> slip velocity of each component [m/s].
   real(wp) function error_of_turns(self, system, drive, from, allowed) result(error)
     class(stepper_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -166,8 +166,8 @@ contains
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: allowed(:)
     integer :: i
-    !> Share of its neighbour's from which on a velocity at an end of the step belongs to a turn. Convention; twice: no change in
-    !> Fig. 3.
+    !> Share of its neighbour's value from which on a velocity at an end of the step belongs to a turn. Convention; twice: no change
+    !> in Fig. 3.
     real(wp), parameter :: close = 0.2_wp
 
     error = 0.0_wp
@@ -184,12 +184,12 @@ contains
     end associate
   end function error_of_turns
 
-  !> Position between two others at which the slip of the last attempt has turned by a right angle since the first.
+  !> Position between two others at which the slip of the last attempt has turned by a right angle from the first one.
   real(wp) function turn_between(self, system, first, last) result(position)
     class(stepper_t), intent(in) :: self
     class(slip_system_t), intent(in) :: system
     real(wp), intent(in) :: first, last
-    !> 1e-12 of a step, in which a turn is a point.
+    !> 1e-12 of a step: a shorter turn is a point.
     integer, parameter :: halvings = 40
     type(bracket_t) :: bracket
     integer :: iteration
@@ -211,8 +211,9 @@ contains
     end function y_at
   end function turn_between
 
-  !> The defect of the polynomials, B y' - g, summed up at distances from a position that halve again and again: whatever its width,
-  !> some of them see a peak. Given as error over tolerance of the slip velocity, quickly relaxing components damped.
+  !> The defect of the polynomials, B y' - g, summed at distances from a position that are halved again and again: whatever the
+  !> width of a peak is, some of these points are in it. The result is an error over tolerance of the slip velocity, with quickly
+  !> relaxing components damped.
   real(wp) function defect_around(self, system, drive, from, middle, allowed) result(total)
     class(stepper_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -220,7 +221,7 @@ contains
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: middle, allowed(:)
     integer, parameter :: distances = 24
-    !> Share of the step in which a relaxing component forgets: gamma of Radau IIA, about. Twice: no change in Fig. 3.
+    !> Share of the step in which a relaxing component decays: about gamma of Radau IIA. Twice: no change in Fig. 3.
     real(wp), parameter :: relaxation = 0.2_wp
     real(wp), dimension(system%components) :: u, velocity
     real(wp), dimension(system%unknowns) :: y, rate, defect
@@ -265,7 +266,7 @@ contains
               defect(k) = defect(k)/max(weight, tiny(weight))
             end if
           end do
-          ! A damper holds back the slip along its axis only.
+          ! A damper resists the slip along its axis only.
           if (system%is_damped) then
             call solve_in_place(m, matrix, defect, singular)
             if (singular) cycle
@@ -279,17 +280,17 @@ contains
   end function defect_around
 
   !> Whether the motion at the start of the step differs from steady sliding by more than roundoff; under a drive that changes its
-  !> velocity, by more than the lag with which steady sliding follows and more than the step's own error. What is less is
-  !> of the numbers' making, and long steps do well to damp it. `least` of the slip speed is not seen at all, `least_on_ramp` not
-  !> under such a drive.
+  !> velocity, by more than the lag with which steady sliding follows and more than the step's own error. Smaller differences are
+  !> numerical, and long steps may damp them. Differences below `least` of the slip speed are never visible, those below
+  !> `least_on_ramp` not under such a drive.
   logical function is_disturbed(self, system, drive, from, least, least_on_ramp)
     class(stepper_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: least, least_on_ramp   !! relative to the slip speed
-    !> Multiples of roundoff, of the noise of the forces and of the lag behind a ramp that are no disturbance. Conventions, with
-    !> room for the sums of a long run; they matter where steady sliding is unstable.
+    !> Multiples of roundoff, of the noise of the forces and of the lag behind a ramp that are not disturbances. Conventions, with
+    !> room for the sums of a long run; they matter if steady sliding is unstable.
     real(wp), parameter :: roundoff = 200.0_wp*epsilon(1.0_wp), noises = 10.0_wp, lags = 3.0_wp
     real(wp) :: velocity(1, system%components), velocity_y(1, system%components, system%unknowns)
     real(wp) :: coefficient(0:system%components + system%unknowns), weakening, drive_velocity, change, allowed, floor
@@ -317,15 +318,16 @@ contains
     end associate
   end function is_disturbed
 
-  !> Note that disturbances grow at this rate [1/s], and whether one is seen. If one comes out of a long stretch in which nothing
-  !> was to be seen, while nothing changes the drive, roundoff has made it.
+  !> Note that disturbances grow at this rate [1/s], and whether one is visible. If one appears after a long stretch in which none
+  !> was visible, while nothing changes the drive, it has grown from roundoff.
   pure subroutine look_at_growth(self, drive, from, growth, disturbed)
     class(stepper_t), intent(inout) :: self
     type(drive_segment_t), intent(in) :: drive
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: growth
     logical, intent(in) :: disturbed
-    !> Growth, as power of e, within what counts as roundoff; an explicit method makes disturbances of its tolerance at any time.
+    !> Growth, as a power of e, that is within roundoff; an explicit method makes disturbances as large as its tolerance at any
+    !> time.
     real(wp), parameter :: roundoff_growth = 3.0_wp
     real(wp) :: long
 
@@ -352,15 +354,15 @@ contains
     self%emerged = .false.
   end subroutine note_growth
 
-  !> Whether what cannot be seen would have grown to the size of the motion by now: when the object leaves steady sliding hangs on
-  !> disturbances that no number here holds.
+  !> Whether an invisible disturbance would have grown to the size of the motion by now: then the time at which the object leaves
+  !> steady sliding depends on disturbances that are below the resolution of the numbers.
   pure logical function is_undecided(self)
     class(stepper_t), intent(in) :: self
 
     is_undecided = self%unseen > -log(self%noise_floor)
   end function is_undecided
 
-  !> Save or load what every method has.
+  !> Save or load the data that every method has.
   subroutine serialise_stepper(self, archive)
     class(stepper_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
@@ -372,7 +374,7 @@ contains
     call archive%serialise(self%unseen)
   end subroutine serialise_stepper
 
-  !> The work of both.
+  !> The sum of the work of both.
   pure type(work_count_t) function plus(self, other) result(sum)
     class(work_count_t), intent(in) :: self
     type(work_count_t), intent(in) :: other

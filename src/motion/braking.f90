@@ -1,4 +1,4 @@
-!> The end of slip in closed form: with the direction that it has, the slip speed is v + acceleration t + jerk t^2/2.
+!> The end of slip in closed form: with constant direction, the slip speed is v + acceleration t + jerk t^2/2.
 module dst_braking
   use dst_dense_output, only: dense_output_t, column_u, column_y, column_position
   use dst_kinds, only: wp
@@ -10,23 +10,23 @@ module dst_braking
 
   public :: braking_t, braking, default_cut_speed
 
-  !> How much friction may change until the stop, as far as it is linear in v and beyond, over the force that brakes.
+  !> Permitted change of friction until the stop, as far as it is linear in v and beyond that, over the force that brakes.
   !> Conventions; twice: no change on Fig. 3.
   real(wp), parameter :: linear_change = 0.1_wp, curved_change = 0.01_wp
   !> The cut-off of an explicit method at rtol = 1 over the speed, measured (bench/fig3.py): with dopri5 and dop853 on Fig. 3 twice
-  !> is 10 % less work and 7 times the error, half 10 % more and 0.7 times the error. Where the drive is faster than the slip, the
-  !> cut-off goes with this many times the largest slip speed at most (twice: 1 % less work, 1.2 times the error; half: 10 % more,
-  !> 0.7 times), and with this share of the drive velocity at least (convention; twice: no change).
+  !> is 10 % less work and 7 times the error, half 10 % more and 0.7 times the error. If the drive is faster than the slip, the
+  !> cut-off uses at most this many times the largest slip speed (twice: 1 % less work, 1.2 times the error; half: 10 % more, 0.7
+  !> times), and at least this share of the drive velocity (convention; twice: no change).
   real(wp), parameter :: cut_factor = 0.014_wp, largest_share = 30.0_wp, least_share = 1.0e-4_wp
 
-  !> How slip ends: v + acceleration t + jerk t^2/2 in the direction that it has.
+  !> The end of slip: v + acceleration t + jerk t^2/2 in a constant direction.
   type :: braking_t
     real(wp) :: acceleration = 0.0_wp  !! m/s2
     real(wp) :: jerk = 0.0_wp          !! m/s3
     !> Whether v falls to zero, and after what time [s].
     logical :: falls = .false.
     real(wp) :: delay = 0.0_wp
-    !> Whether friction changes little and evenly until then, compared with the force that brakes.
+    !> Whether friction changes little and smoothly until then, compared with the force that brakes.
     logical :: steady = .false.
     !> Highest v until then [m/s].
     real(wp) :: highest = 0.0_wp
@@ -39,7 +39,7 @@ module dst_braking
 
 contains
 
-  !> Acceleration and jerk of the slip speed with the direction held, and when it reaches zero.
+  !> Acceleration and jerk of the slip speed with constant direction, and when it reaches zero.
   pure function braking(slider, drive, from) result(stopping)
     type(slider_t), intent(in) :: slider
     type(drive_segment_t), intent(in) :: drive
@@ -77,7 +77,7 @@ contains
     end associate
   end function braking
 
-  !> Whether slip ends evenly within `time` [s], and is no faster than `cut` [m/s] until then.
+  !> Whether slip ends smoothly within `time` [s], and is no faster than `cut` [m/s] until then.
   pure logical function ends_within(self, time, cut)
     class(braking_t), intent(in) :: self
     real(wp), intent(in) :: time, cut
@@ -85,7 +85,7 @@ contains
     ends_within = self%falls .and. self%steady .and. self%highest <= cut .and. self%delay <= time
   end function ends_within
 
-  !> The state at the end of slip. Its works are those of u, F(v) and the dampers that vary in between.
+  !> The state at the end of slip. Its works follow from u, F(v) and the dampers, which vary until then.
   pure function end_of_slip(self, slider, drive, from) result(to)
     class(braking_t), intent(in) :: self
     type(slider_t), intent(in) :: slider
@@ -111,7 +111,7 @@ contains
     if (slider%is_damped()) call add_damper_works(self, slider, drive, from, direction, to)
   end function end_of_slip
 
-  !> Add what the drive does through the dampers, and what they take: of polynomials of degree 4 in time.
+  !> Add the work of the drive through the dampers, and the work of the dampers: of polynomials of degree 4 in time.
   pure subroutine add_damper_works(self, slider, drive, from, direction, to)
     class(braking_t), intent(in) :: self
     type(slider_t), intent(in) :: slider
@@ -147,7 +147,7 @@ contains
     slipped = time*(v + time*(0.5_wp*self%acceleration + time*self%jerk/6.0_wp))
   end function slipped
 
-  !> The motion on the way, at the nodes of `path`.
+  !> The motion before the stop, at the nodes of `path`.
   pure subroutine describe(self, slider, from, path)
     class(braking_t), intent(in) :: self
     type(slider_t), intent(in) :: slider
@@ -171,8 +171,8 @@ contains
   end subroutine describe
 
   !> Slip speed [m/s] below which an explicit method leaves the end of slip to `braking`, with the drive at this velocity and this
-  !> largest slip speed of late [m/s]. What that leaves out (the turning of the direction, the change of the jerk) has an effect on
-  !> the slip velocity of about the third power of this speed; the factor is measured on Fig. 3.
+  !> largest recent slip speed [m/s]. What that neglects (the turning of the direction, the change of the jerk) changes the slip
+  !> velocity by about the third power of this speed; the factor is measured on Fig. 3.
   pure real(wp) function default_cut_speed(rtol, drive_velocity, peak_speed)
     real(wp), intent(in) :: rtol, drive_velocity, peak_speed
 

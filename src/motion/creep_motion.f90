@@ -1,8 +1,8 @@
 !> Slow creep as the motion of a scene: Eq. (7) for a finite k_y, and Eq. (8), in closed form.
 !>
-!> Friction F_0 does not depend on the slip velocity and the object has no mass, so that the motion depends on
-!> the distance driven only, D(t)/l_x in the place of tau: any drive that never reverses will do, from
-!> unstretched springs. Other quadrants of the misalignment and a negative velocity are mirror images.
+!> Friction F_0 does not depend on the slip velocity and the object has no mass, so that the motion depends only on the displacement
+!> of the drive, with D(t)/l_x in place of tau: the drive may be any that never reverses, from unstretched springs. Other quadrants
+!> of the misalignment and a negative velocity are mirror images.
 !>
 !> Source: Nakano & Popov (2020), Eqs. (6)-(8); docs/theory.md.
 module dst_creep_motion
@@ -26,13 +26,13 @@ module dst_creep_motion
   type, extends(motion_t) :: creep_motion_t
     !> Form of Eq. (8); empty for the exact creep.
     character(12) :: form = ''
-    !> Misalignment in the first quadrant [rad], and the signs that lead back from there.
+    !> Misalignment in the first quadrant [rad], and the signs that convert the motion back from there.
     real(wp) :: phi = 0.0_wp
     real(wp) :: side(2) = 1.0_wp, drive_sign = 1.0_wp
     !> l_x = F_0/k_x [m].
     real(wp) :: length = 0.0_wp
     type(creep_path_t) :: path
-    !> End of the true stick at the start [s]; huge if that is beyond the motion.
+    !> End of the true stick at the start [s]; huge if it is after the motion.
     real(wp) :: stick_end = 0.0_wp
   contains
     procedure :: go_on
@@ -41,8 +41,8 @@ module dst_creep_motion
 
 contains
 
-  !> Creep of a slider up to t_end [s]; `form` is empty for the exact creep, else that of Eq. (8). It is an
-  !> error where the formula has no value up to then.
+  !> Creep of a slider up to t_end [s]; `form` is empty for the exact creep, else that of Eq. (8). It is an error if the formula has
+  !> no value up to then.
   subroutine new_creep_motion(slider, drive, form, t_end, motion, error)
     type(slider_t), intent(in) :: slider
     type(drive_t), intent(in) :: drive
@@ -70,7 +70,7 @@ contains
     motion%piece%event = stick_begins
   end subroutine new_creep_motion
 
-  !> Where the formulas hold.
+  !> Refuse scenes for which the formulas are not valid.
   subroutine check_range(motion, t_end, error)
     type(creep_motion_t), intent(in) :: motion
     real(wp), intent(in) :: t_end
@@ -130,7 +130,7 @@ contains
     end do
   end function stick_time
 
-  !> On to the end of the true stick or to where somebody looks.
+  !> Continue to the end of the true stick or to the next instant at which the motion is read.
   subroutine go_on(self, horizon, error)
     class(creep_motion_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -147,7 +147,7 @@ contains
     self%piece%event = slip_begins
   end subroutine go_on
 
-  !> The motion at a time [s]. Of Eq. (8) only the position and the velocity along the drive are known.
+  !> The motion at a time [s]. Eq. (8) gives only the position and the velocity along the drive.
   pure function instant(self, time)
     class(creep_motion_t), intent(in) :: self
     real(wp), intent(in) :: time

@@ -1,9 +1,9 @@
-!> The exact contact with fast cycles leapt: slip and stick that repeat from release to release are followed by a map.
+!> The exact contact, with leaps over fast cycles: a map follows slip and stick that repeat from release to release.
 !>
-!> At a release under a steady drive the whole state is one angle (dst_cycle_table). Where that pays, single cycles are run from
-!> Chebyshev points of an interval of angles, and all cycles in it follow by polynomials. What lies between two such intervals - an
-!> excursion: the last cycles before sticks end, the slip, and what follows it - is made step by step. It is a function of the angle
-!> as well: a stretch that begins where an earlier one began is the same. docs/cycle_map.md.
+!> At a release under a steady drive the whole state is one angle (dst_cycle_table). If it is cheaper, single cycles are run from
+!> Chebyshev points of an interval of angles, and all cycles in it follow by polynomials. The motion between two such intervals - an
+!> excursion: the last cycles before sticks end, the slip, and the cycles after it - is computed step by step. It is a function of
+!> the angle as well: a stretch that begins where an earlier one began is the same. docs/cycle_map.md.
 module dst_cycle_map
   use dst_archive, only: archive_t
   use dst_cycle_survey, only: cycle_survey_t
@@ -24,47 +24,47 @@ module dst_cycle_map
 
   public :: cycle_map_t, new_cycle_map, max_leaps
 
-  !> Two releases are the same if their angles differ by no more than this [rad]: some roundoffs. Where an excursion is known to
-  !> forget how it began, they may differ by so many times rtol, if of that no more than this share of rtol is left at its end.
-  !> Conventions; twice: no change on Fig. 3.
+  !> Two releases are the same if their angles differ by no more than this [rad]: some roundoffs. If an excursion is known to lose
+  !> the memory of its beginning, they may differ by this many times rtol, if no more than this share of rtol is left of the
+  !> difference at its end. Conventions; twice: no change on Fig. 3.
   real(wp), parameter :: same_angle = 1000.0_wp*epsilon(1.0_wp), near = 0.3_wp, left_over = 0.003_wp
-  !> A turn against that of the cycle before which is so many times larger is an excursion. Convention; twice: no change on
-  !> Fig. 3, 7 % more iterations with k_y = 1e6 N/m.
+  !> If the turn of a cycle is this many times larger than that of the cycle before, the cycle is an excursion. Convention; twice:
+  !> no change on Fig. 3, 7 % more iterations with k_y = 1e6 N/m.
   real(wp), parameter :: far_back = 5.0_wp
-  !> The excursions by which the growth of a small difference is measured begin this share of a turn apart. Ten times: the exponent
-  !> of Fig. 3 is higher by 0.02, as excursions depend on their beginning like a square root near a touch. Of their difference no
-  !> less than this share of rtol is seen, what Newton's method leaves. Conventions.
+  !> The excursions from which the growth of a small difference is measured begin this share of a turn apart. Ten times: the
+  !> exponent of Fig. 3 is higher by 0.02, as excursions depend on their beginning like a square root near a touch. A difference of
+  !> them below this share of rtol, the error of Newton's method, is not resolved. Conventions.
   real(wp), parameter :: push = 1.0e-4_wp, unseen = 1.0e-6_wp
-  !> They begin no nearer than this share of rtol, and have to end within so many times the time of the one that is measured.
+  !> They begin no nearer than this share of rtol, and have to end within this many times the duration of the one that is measured.
   !> Conventions.
   real(wp), parameter :: least_push = 0.1_wp, long = 2.0_wp
-  !> Most leaps that are remembered, excursions that can be made again, and pieces of one.
+  !> Largest numbers of leaps that are kept, of excursions that can be reused, and of pieces of one.
   integer, parameter :: max_leaps = 32, max_kept = 4, max_pieces = 8000
 
   !> A motion by steps and leaps.
   type, extends(motion_t) :: cycle_map_t
     class(slip_stick_t), allocatable :: steps
     type(cycle_survey_t) :: survey
-    !> Leaps that are remembered; their number so far, and the place of the last piece among them.
+    !> Leaps that are kept; their number so far, and the place of the last piece among them.
     type(leap_t), allocatable :: leaps(:)
     integer(int64) :: leap_count = 0
     integer :: current = 0
-    !> By what time the last piece is ahead of the leap that is remembered [s].
+    !> The time by which the last piece is ahead of the leap that is kept [s].
     real(wp) :: lead = 0.0_wp
-    !> How small differences grow from slow cycle to slow cycle; and the release at the end of the last excursion that led back.
+    !> Growth of small differences from slow cycle to slow cycle; and the release at the end of the last excursion that led back.
     type(divergence_t) :: divergence
     type(release_angle_t) :: returned_to
-    !> Whether excursions are made again from their recordings.
+    !> Whether excursions are reused from their recordings.
     logical :: reuses = .true.
-    !> Work beside that of the steps, and of the survey.
+    !> Work in addition to that of the steps, and of the survey.
     type(work_count_t), private :: own
-    !> Whether the last piece ended with a release; and the release before, if only one cycle lies between, with its time [s].
+    !> Whether the last piece ended with a release; and the release before, if only one cycle is between them, with its time [s].
     logical, private :: released = .false.
     logical, private :: has_before = .false.
     type(release_angle_t), private :: before
     real(wp), private :: before_time = 0.0_wp
-    !> Whether the last piece was a leap through a table; an excursion under way, whether its pieces are kept, where it began, and
-    !> when the one before came to its end [s].
+    !> Whether the last piece was a leap through a table; whether an excursion is in progress, whether its pieces are kept, where it
+    !> began, and when the one before ended [s].
     logical, private :: follows_leg = .false.
     logical, private :: recording = .false., keeping = .false.
     type(recording_t), private :: excursion
@@ -72,7 +72,7 @@ module dst_cycle_map
     integer, private :: excursion_releases = 0
     real(wp), private :: excursion_at = 0.0_wp     !! s
     real(wp), private :: last_return = -1.0_wp
-    !> Turn of a cycle that was no excursion.
+    !> Turn of a cycle that is not an excursion.
     real(wp), private :: usual_turn = 0.0_wp
   contains
     procedure :: go_on
@@ -92,7 +92,7 @@ module dst_cycle_map
 
 contains
 
-  !> The motion `steps`, which has been started and gives itself up, with its cycles leapt at this tolerance.
+  !> The motion `steps`, which has been started and is moved away, with leaps over its cycles at this tolerance.
   subroutine new_cycle_map(steps, rtol, map)
     class(slip_stick_t), allocatable, intent(inout) :: steps
     real(wp), intent(in) :: rtol
@@ -107,7 +107,7 @@ contains
     map%contact = map%steps%contact
   end subroutine new_cycle_map
 
-  !> Leaps that are remembered.
+  !> Leaps that are kept.
   pure integer function remembered(self)
     class(cycle_map_t), intent(in) :: self
 
@@ -121,7 +121,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: place
 
-    ! Just past a knot the release is one of another drive.
+    ! Just after a knot the release belongs to another drive velocity.
     if (self%released .and. self%segment == self%steps%segment) then
       call choose_leap(self, horizon, place)
       if (place > 0) then
@@ -142,7 +142,7 @@ contains
     call note_piece(self)
   end subroutine go_on
 
-  !> Begin anew at time 0 with a release under the first stretch of the drive. What is known of cycles is kept.
+  !> Begin again at time 0 with a release under the first stretch of the drive. Tables of cycles are kept.
   subroutine begin_at_release(self, from)
     class(cycle_map_t), intent(inout) :: self
     type(release_angle_t), intent(in) :: from
@@ -165,7 +165,7 @@ contains
     call self%divergence%begin()
   end subroutine begin_at_release
 
-  !> Whether the last piece by steps ended with a release under a steady drive; and what its cycle was like.
+  !> Whether the last piece by steps ended with a release under a steady drive; and the cycle before it.
   subroutine note_piece(self)
     class(cycle_map_t), intent(inout) :: self
     type(release_angle_t) :: here
@@ -193,7 +193,7 @@ contains
     end associate
   end subroutine note_piece
 
-  !> A turn far back is an excursion, after which the cycles begin anew: how long that takes.
+  !> A large turn back is an excursion, after which the cycles begin again: the time that this takes.
   pure subroutine note_return(self, turn)
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: turn
@@ -206,7 +206,7 @@ contains
     end if
   end subroutine note_return
 
-  !> What was known of the cycles holds no longer.
+  !> Data about the cycles are not valid any more.
   pure subroutine forget(self)
     class(cycle_map_t), intent(inout) :: self
 
@@ -216,7 +216,7 @@ contains
     self%recording = .false.
   end subroutine forget
 
-  !> The leap from the present release: its place among those that are remembered, 0 if there is none.
+  !> The leap from the present release: its place among those that are kept, 0 if there is none.
   subroutine choose_leap(self, horizon, place)
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -236,7 +236,7 @@ contains
         call self%survey%make_table(self%steps, self%piece%drive%velocity, here, longest, now%until(self%t_end), table)
       if (max(table, place) > 0 .and. self%recording) then
         call end_excursion(self)
-        ! It may have dropped the leap, or taken its place.
+        ! The leap may have been dropped, or its place reused.
         if (place > 0) place = known_leap(self, here, longest)
       end if
       if (place > 0) then
@@ -248,7 +248,7 @@ contains
       else if (.not. self%recording .and. self%follows_leg) then
         call self%excursion%clear()
         self%recording = .true.
-        ! The next one is about as far off as the last return.
+        ! The next one is about as far away as the last return.
         self%keeping = self%last_return >= 0.0_wp .and. longest > now%time - self%last_return
         self%excursion_from = here
         self%excursion_releases = 0
@@ -282,8 +282,8 @@ contains
     end do
   end function known_leap
 
-  !> By what time [s] the motion is ahead of a remembered excursion that begins at a slightly different angle: the cycles drift from
-  !> one to the other at a rate that goes on from that of the last two.
+  !> The time [s] by which the motion is ahead of an excursion that is kept and begins at a slightly different angle: the cycles
+  !> drift from one to the other at a rate that is extrapolated from that of the last two.
   pure real(wp) function lead_of(self, here, leap) result(lead)
     class(cycle_map_t), intent(in) :: self
     type(release_angle_t), intent(in) :: here
@@ -292,13 +292,13 @@ contains
     lead = 0.0_wp
     if (leap%table > 0 .or. .not. self%survey%before%known) return
     associate (last => self%survey%last, before => self%survey%before)
-      ! Slow cycles with one stick each are excursions themselves, and do not drift: where they repeat their turns are roundoff.
+      ! Slow cycles with one stick each are excursions themselves, and do not drift: if they repeat, their turns are roundoff.
       if (.not. max(last%duration, before%duration) < 0.5_wp*leap%duration) return
       lead = (here%angle - leap%from%angle)*(1.5_wp*last%duration/last%turn - 0.5_wp*before%duration/before%turn)
     end associate
   end function lead_of
 
-  !> Where the next leap is remembered.
+  !> The place where the next leap is kept.
   subroutine new_place(self, here, place)
     class(cycle_map_t), intent(inout) :: self
     type(release_angle_t), intent(in) :: here
@@ -321,7 +321,7 @@ contains
     end associate
   end subroutine new_place
 
-  !> The excursion under way has come to its end.
+  !> The present excursion has ended.
   subroutine end_excursion(self)
     class(cycle_map_t), intent(inout) :: self
     integer :: place, kept, i
@@ -335,7 +335,7 @@ contains
     call note_stretch(self, place)
     if (.not. self%keeping) return
     call self%leaps(place)%keep(self%excursion)
-    ! Of excursions that are not reused many would come together.
+    ! Otherwise excursions that are not reused would accumulate.
     kept = 0
     do i = remembered(self), 1, -1
       associate (leap => self%leaps(modulo(place + i - 1, max_leaps) + 1))
@@ -346,8 +346,8 @@ contains
     end do
   end subroutine end_excursion
 
-  !> How an excursion makes a small difference grow: by two others that begin on either side of it. Both are made by the survey's
-  !> scout, so that what they differ by is no error of the steps.
+  !> The growth of a small difference in an excursion: from two others that begin on either side of it. Both are computed by the
+  !> survey's scout, so that their difference is no error of the steps.
   subroutine measure_stretch(self, place)
     class(cycle_map_t), intent(inout) :: self
     integer, intent(in) :: place
@@ -372,8 +372,8 @@ contains
     end associate
   end subroutine measure_stretch
 
-  !> Take in how a leap, or an excursion that has been stepped, makes a small difference grow. A slow cycle ends with an excursion
-  !> that leads back.
+  !> Add the growth of a small difference in a leap, or in an excursion that has been computed by steps. A slow cycle ends with an
+  !> excursion that leads back.
   pure subroutine note_stretch(self, place)
     class(cycle_map_t), intent(inout) :: self
     integer, intent(in) :: place
@@ -391,20 +391,20 @@ contains
     end associate
   end subroutine note_stretch
 
-  !> A leap as the last piece.
+  !> Make a leap the last piece.
   subroutine make_leap(self, place)
     class(cycle_map_t), intent(inout) :: self
     integer, intent(in) :: place
     type(state_t) :: to
     real(wp) :: worked
 
-    ! One that is made again once may never be again.
+    ! An excursion that has been reused once may never be reused again.
     if (self%leaps(place)%uses > 0 .and. .not. self%leaps(place)%is_measured) call measure_stretch(self, place)
     self%leaps(place)%uses = self%leaps(place)%uses + 1
     call note_stretch(self, place)
     associate (leap => self%leaps(place), from => self%piece%from)
       self%lead = lead_of(self, release_at(from%y(2)), leap)
-      ! The drive's work until it is where the excursion began is that of the cycles, the rest of the energy friction's.
+      ! Up to the beginning of the excursion the drive's work is that of the cycles; the rest of the energy is friction's.
       worked = 0.0_wp
       if (abs(self%lead) > 0.0_wp) worked = -self%lead*drive_power(self)
       to = from
@@ -440,7 +440,7 @@ contains
     end associate
   end subroutine make_leap
 
-  !> Mean power of the drive [W] in the last cycle, if it was one of a table that is still remembered; else that of the release.
+  !> Mean power of the drive [W] in the last cycle, if it belongs to a table that is still kept; else the power at the release.
   pure real(wp) function drive_power(self)
     class(cycle_map_t), intent(in) :: self
     real(wp) :: measure(measures)
@@ -508,7 +508,7 @@ contains
     state%time = elapsed
   end subroutine state_in_leap
 
-  !> The same of an excursion.
+  !> The same for an excursion.
   pure subroutine state_in_recording(recording, elapsed, state, contact)
     type(recording_t), intent(in) :: recording
     real(wp), intent(in) :: elapsed            !! s
@@ -524,8 +524,8 @@ contains
     contact = piece%contact
   end subroutine state_in_recording
 
-  !> By what time the last piece is ahead of the leap that is remembered, some time after its beginning [s]. The fast oscillation
-  !> goes on from the beginning in the same time; the slip comes earlier, and all that follows it.
+  !> The time by which the last piece is ahead of the leap that is kept, some time after its beginning [s]. The fast oscillation
+  !> continues from the beginning at the same time; the slip, and everything after it, comes earlier.
   pure real(wp) function lead_after(self, elapsed) result(lead)
     class(cycle_map_t), intent(in) :: self
     real(wp), intent(in) :: elapsed
@@ -533,7 +533,7 @@ contains
     lead = merge(self%lead, 0.0_wp, elapsed > self%leaps(self%current)%slip_begins)
   end function lead_after
 
-  !> The end of a step in a leap that follows some time [s] after its beginning; in a cycle that of a panel of its table.
+  !> The end of the step in a leap that follows some time [s] after its beginning; in a cycle the end of a panel of its table.
   pure real(wp) function next_in_leap(self, leap, elapsed) result(next)
     class(cycle_map_t), intent(in) :: self
     type(leap_t), intent(in) :: leap
@@ -584,7 +584,7 @@ contains
     if (.not. self%leapt .or. .not. self%piece%to%time > time) return
     associate (from => self%piece%from, to => self%piece%to)
       next = from%until(time) + self%lead_after(from%until(time))
-      ! Rounded to a time, an end may be that of the step before.
+      ! After rounding, an end may be that of the step before.
       do
         former = next
         next = self%next_in_leap(self%leaps(self%current), former)

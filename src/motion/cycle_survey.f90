@@ -1,5 +1,5 @@
-!> Tables of fast cycles, made where they pay: how wide a table can be, how many points it takes, and the cycles that are run
-!> for it. docs/cycle_map.md.
+!> Tables of fast cycles, made if they save work: how wide a table can be, how many points it needs, and the cycles that are run for
+!> it. docs/cycle_map.md.
 module dst_cycle_survey
   use dst_archive, only: archive_t
   use dst_cycle_table, only: cycle_table_t, new_cycle_table, is_cycle, measures_of, duration, turn, slip_duration, measures
@@ -18,39 +18,39 @@ module dst_cycle_survey
 
   public :: cycle_survey_t, cycle_observer_t
 
-  ! What "twice" does was measured on Fig. 3 to 10 s (rtol 1e-6 and 1e-8) and with k_y = 1e6 N/m to 20 s, where excursions do not
-  ! repeat: Newton iterations of the whole run, and the error of w at its end. All are conventions.
+  ! The effects of "twice" were measured on Fig. 3 to 10 s (rtol 1e-6 and 1e-8) and with k_y = 1e6 N/m to 20 s, where excursions do
+  ! not repeat: Newton iterations of the whole run, and the error of w at its end. All are conventions.
   !
-  !> Points of a table at least and at most.
+  !> Smallest and largest number of points of a table.
   integer, parameter :: least_points = 5, most_points = 64
-  !> What the cycles left out of a table may differ by from its polynomials: so much of rtol, as a method errs by far less than rtol
-  !> in a cycle, and some roundoffs. Twice: 1 % fewer iterations, the same error; no change.
+  !> Permitted difference of the cycles left out of a table from its polynomials: this share of rtol, as the error of a method in a
+  !> cycle is far below rtol, plus some roundoffs. Twice: 1 % fewer iterations, the same error; no change.
   real(wp), parameter :: allowed_error = 0.003_wp, allowed_roundoff = 5000.0_wp*epsilon(1.0_wp)
-  !> Where more points do not make the error smaller, to this share, it is the method's own, which it makes in each cycle anyway:
-  !> that may be so much of rtol. Twice: no change (radau5 needs them).
+  !> If more points do not reduce the error to this share, it is the error of the method, which is made in each cycle anyway: it may
+  !> be this share of rtol. Twice: no change (radau5 needs them).
   real(wp), parameter :: noise_ratio = 0.3_wp, allowed_noise = 0.1_wp
-  !> Cycles for each one that is run for a table, from which on a table pays: while none has been made in vain, for the first one,
-  !> and by how much more after each one made in vain. Twice: 3 to 17 % more iterations; no change on Fig. 3, four times as many
+  !> Number of cycles, for each one that is run for a table, from which on a table saves work: as long as no table has failed, for
+  !> the first one, and the increase after each failure. Twice: 3 to 17 % more iterations; no change on Fig. 3, four times as many
   !> with k_y = 1e6 N/m; no change.
   real(wp), parameter :: profit = 1.5_wp, first_profit = 20.0_wp, disappointment = 2.0_wp
-  !> Points that a table takes more than expected, once one had too few, and at most; and how far it may have missed what is allowed
-  !> so that more points are sure to help. 1.1 for 1.05: 2 % more iterations; twice: no change.
+  !> Points of a table over the expected ones, after one had too few, and the largest ratio; and the ratio of its error to the
+  !> permitted one up to which more points are sure to help. 1.1 instead of 1.05: 2 % more iterations; twice: no change.
   real(wp), parameter :: margin = 1.05_wp, most_hardness = 2.5_wp, near_miss = 1000.0_wp
-  !> Width of a table: share of the way to the soft axis, and of that to where sticks are expected to end (half: 40 to 70 % more
-  !> iterations), and so many times what the run can reach (twice: no change); how it shrinks (0.75 for 0.5: 4 to 12 % more), and
-  !> the least share of the way (twice: no change).
+  !> Width of a table: share of the distance to the soft axis, and of that to where sticks are expected to end (half: 40 to 70 %
+  !> more iterations), and this many times the range of the run (twice: no change); how it shrinks (0.75 instead of 0.5: 4 to 12 %
+  !> more), and the smallest share of the distance (twice: no change).
   real(wp), parameter :: share_of_way = 0.7_wp, share_of_sticks = 0.62_wp, reach = 1.5_wp, shrink = 0.5_wp, least_share = 0.01_wp
-  !> By how much a table begins before the release [rad] if cycles seem to come to repeat themselves. Twice: no change.
+  !> Distance before the release at which a table begins [rad] if cycles seem to converge. Twice: no change.
   real(wp), parameter :: margin_behind = 0.05_wp
   integer, parameter :: max_trials = 6
-  !> What lies further than any angle [rad].
+  !> A distance larger than any angle [rad].
   real(wp), parameter :: far_away = 1.0e3_wp
-  !> What Newton's method leaves of its error in the cycles of a table, over rtol: it would be noise in the table. Convention;
-  !> twice: no change.
+  !> Remaining error of Newton's method in the cycles of a table, over rtol: it would be noise in the table. Convention; twice: no
+  !> change.
   real(wp), parameter :: exact_share = 1.0e-6_wp
-  !> Most tables, places where none could be made, and pieces of a cycle and of an excursion.
+  !> Largest numbers of tables, of places where none could be made, and of pieces of a cycle and of an excursion.
   integer, parameter :: max_tables = 64, max_refused = 64, max_pieces = 3000, most_pieces = 20000
-  !> A cycle that lasts so many times longer than the one before is none. Twice: 3 to 60 % more iterations.
+  !> A cycle that lasts this many times longer than the one before is not one of the fast cycles. Twice: 3 to 60 % more iterations.
   real(wp), parameter :: patience = 3.0_wp
 
   !> Angles at which no table could be made.
@@ -58,7 +58,7 @@ module dst_cycle_survey
     real(wp) :: velocity = 0.0_wp, side = 0.0_wp, first = 0.0_wp, last = 0.0_wp
   end type refusal_t
 
-  !> Who wants to know more of the cycles in a table than the map needs: some values of each, smooth in its angle.
+  !> An observer, which needs more of the cycles in a table than the map does: some values of each, smooth in its angle.
   type, abstract :: cycle_observer_t
     integer :: values = 0
   contains
@@ -76,7 +76,7 @@ module dst_cycle_survey
     end subroutine observe
   end interface
 
-  !> The tables, and what is known of the cycles before a release.
+  !> The tables, and data about the cycles before a release.
   type :: cycle_survey_t
     class(cycle_observer_t), allocatable :: observer
     real(wp) :: rtol = 0.0_wp
@@ -87,14 +87,14 @@ module dst_cycle_survey
     real(wp) :: slow_period = 0.0_wp
     !> Cycles that were run.
     integer :: sampled = 0
-    !> V [m/s] of the cycles that are looked at.
+    !> V [m/s] of the present cycles.
     real(wp), private :: velocity = 0.0_wp
-    !> What runs them, and the last of them.
+    !> The motion that runs them, and the last of them.
     class(slip_stick_t), allocatable, private :: scout
     type(recording_t), private :: sample
     type(refusal_t), private :: refused(max_refused)
     integer, private :: refusals = 0
-    !> What is asked of the next table, as `profit`; points that tables take over those expected.
+    !> The profit that the next table must have, as `profit`; points that tables need in addition to those expected.
     real(wp), private :: asked = first_profit, hardness = 1.0_wp
   contains
     procedure :: table_of
@@ -119,13 +119,13 @@ contains
     end do
   end function table_of
 
-  !> Make a table from a release on, if that pays; 0 if there is none.
+  !> Make a table that begins with a release, if it saves work; 0 if there is none.
   subroutine make_table(self, steps, velocity, here, longest, rest, table)
     class(cycle_survey_t), intent(inout) :: self
-    class(slip_stick_t), intent(in) :: steps  !! whose cycles they are
+    class(slip_stick_t), intent(in) :: steps  !! the motion with these cycles
     real(wp), intent(in) :: velocity          !! V, m/s
     type(release_angle_t), intent(in) :: here
-    real(wp), intent(in) :: longest, rest     !! time to where leaps have to end, and to the end of the run [s]
+    real(wp), intent(in) :: longest, rest     !! time up to which leaps have to end, and to the end of the run [s]
     integer, intent(out) :: table
     real(wp) :: width
 
@@ -139,7 +139,7 @@ contains
     call build_table(self, here, width, longest, table)
   end subroutine make_table
 
-  !> Make room for tables, and a scout: of many runs none is needed.
+  !> Allocate tables and a scout: many runs need none.
   subroutine prepare(self, steps)
     class(cycle_survey_t), intent(inout) :: self
     class(slip_stick_t), intent(in) :: steps
@@ -151,7 +151,7 @@ contains
     allocate (self%table(max_tables))
   end subroutine prepare
 
-  !> How far from a release a table may reach [rad], by what is known without running a cycle.
+  !> How far from a release a table may reach [rad], estimated without running a cycle.
   pure real(wp) function promising_width(self, here, rest) result(width)
     class(cycle_survey_t), intent(in) :: self
     type(release_angle_t), intent(in) :: here
@@ -161,7 +161,7 @@ contains
 
     associate (last => self%last, previous => self%before)
       width = min(share_of_way*way_to_axis(self, here), reach*abs(last%turn)*rest/last%duration)
-      ! Turns that shrink in equal ratios lead to a cycle that repeats itself.
+      ! Turns that decrease in equal ratios lead to a cycle that repeats itself.
       width = min(width, reach*way_to_repetition(self))
       width = max(width, least_share*way_to_axis(self, here))
       left = way_to_graze(last%from%angle - previous%from%angle, previous%stick_share, last%stick_share)
@@ -182,7 +182,7 @@ contains
     end associate
   end function promising_width
 
-  !> How far it is to a cycle that repeats itself [rad], if turns go on to shrink in equal ratios; far away if they do not.
+  !> The distance to a cycle that repeats itself [rad], if turns continue to decrease in equal ratios; far away if they do not.
   pure real(wp) function way_to_repetition(self) result(way)
     class(cycle_survey_t), intent(in) :: self
 
@@ -192,7 +192,7 @@ contains
     end associate
   end function way_to_repetition
 
-  !> How far it is to the soft axis [rad].
+  !> The distance to the soft axis [rad].
   pure real(wp) function way_to_axis(self, here) result(way)
     class(cycle_survey_t), intent(in) :: self
     type(release_angle_t), intent(in) :: here
@@ -200,8 +200,9 @@ contains
     way = merge(here%angle, pi - here%angle, self%last%turn < 0.0_wp)
   end function way_to_axis
 
-  !> Points of a table of some width that ends `left` [rad] before the functions in it cease to be smooth. Interpolation errs by
-  !> rho^-n, where rho is the sum of the half axes of the largest ellipse around [-1, 1] in which they are analytic.
+  !> Number of points of a table of some width that ends `left` [rad] before its functions cease to be smooth. The error of
+  !> interpolation is rho^-n, where rho is the sum of the half axes of the largest ellipse around [-1, 1] in which they are
+  !> analytic.
   pure integer function points_for(self, width, left) result(points)
     class(cycle_survey_t), intent(in) :: self
     real(wp), intent(in) :: width, left
@@ -212,14 +213,14 @@ contains
     points = max(least_points, min(most_points, ceiling(-self%hardness*log(allowed_by(self))/log(rho))))
   end function points_for
 
-  !> What a table may err by.
+  !> Permitted error of a table.
   pure real(wp) function allowed_by(self) result(error)
     class(cycle_survey_t), intent(in) :: self
 
     error = allowed_error*self%rtol + allowed_roundoff
   end function allowed_by
 
-  !> Towards the end of sticks their share goes to zero like a square root: how far it is from the later of two cycles [rad].
+  !> Towards the end of sticks their share goes to zero like a square root: the distance from the later of two cycles [rad].
   pure real(wp) function way_to_graze(way, share, later_share) result(left)
     real(wp), intent(in) :: way, share, later_share
 
@@ -227,7 +228,7 @@ contains
     if (later_share < share) left = abs(way)*later_share**2/(share**2 - later_share**2)
   end function way_to_graze
 
-  !> Whether the cycles in a table of this width are worth those that are run for it.
+  !> Whether the cycles in a table of this width save more than those that are run for it cost.
   pure logical function pays(self, here, width, left, longest)
     class(cycle_survey_t), intent(in) :: self
     type(release_angle_t), intent(in) :: here
@@ -238,7 +239,7 @@ contains
       pays = width > 0.0_wp
       if (.not. pays) return
       needed = self%asked*real(points_for(self, width, min(left, way_to_axis(self, here) - width)) + 4, wp)
-      ! A limit above what counts keeps the quotients finite where the angle comes to rest.
+      ! An upper limit above all relevant values keeps the quotients finite where the angle stops changing.
       cycles = 1.0e6_wp
       if (abs(last%turn)*cycles > width .and. way_to_repetition(self) > width) cycles = width/abs(last%turn)
       passes = 1.0_wp
@@ -247,7 +248,7 @@ contains
     end associate
   end function pays
 
-  !> Make a table from a release on. If it cannot be made, that is remembered.
+  !> Make a table that begins with a release. If that fails, the place is kept.
   subroutine build_table(self, here, widest, longest, table)
     class(cycle_survey_t), intent(inout) :: self
     type(release_angle_t), intent(in) :: here
@@ -286,7 +287,7 @@ contains
         self%asked = min(self%asked, profit)
         return
       end if
-      ! More points will do where little was amiss.
+      ! More points are enough if the error was slightly too large.
       if (error > near_miss*allowed_by(self)) self%asked = disappointment*self%asked
       if (error < 1.0_wp) self%hardness = max(self%hardness, min(most_hardness, &
         margin*self%hardness*log(allowed_by(self))/log(error)))
@@ -299,11 +300,11 @@ contains
       max(here%angle, here%angle + way*width))
   end subroutine build_table
 
-  !> Whether there are cycles at a release, and how far it is from there to where sticks end [rad].
+  !> Whether there are cycles at a release, and the distance from there to where sticks end [rad].
   subroutine look_ahead(self, from, way, left, found)
     class(cycle_survey_t), intent(inout) :: self
     type(release_angle_t), intent(in) :: from
-    real(wp), intent(in) :: way              !! +1 or -1
+    real(wp), intent(in) :: way              !! direction, +1 or -1
     real(wp), intent(out) :: left
     logical, intent(out) :: found
     real(wp) :: first(measures), second(measures)
@@ -312,7 +313,7 @@ contains
     call run_cycle(self, from, found)
     if (.not. found) return
     first = measures_of(self%sample, from%side, self%scout%slider)
-    ! Beyond a cycle that repeats itself they turn back: nothing is known then of where they end on this way.
+    ! Beyond a cycle that repeats itself they turn back: then it is not known where sticks end in this direction.
     if (.not. first(turn)*way > 0.0_wp) return
     call run_cycle(self, release_angle_t(from%angle + first(turn), from%side), found)
     if (.not. found) return
@@ -328,14 +329,14 @@ contains
     end function stick_share
   end subroutine look_ahead
 
-  !> Run the cycles at the points of a table that begins with a release, and some left out by which its error is known.
+  !> Run the cycles at the points of a table that begins with a release, and some between the points, from which its error follows.
   subroutine fill_table(self, here, way, points, table, error)
     class(cycle_survey_t), intent(inout) :: self
     type(release_angle_t), intent(in) :: here
-    real(wp), intent(in) :: way              !! to its other end, rad
+    real(wp), intent(in) :: way              !! distance to its other end, rad
     integer, intent(in) :: points
     type(cycle_table_t), intent(out) :: table
-    real(wp), intent(out) :: error           !! huge if a cycle is none
+    real(wp), intent(out) :: error           !! huge if one of them is not a cycle
     logical :: found
     real(wp), allocatable :: observed(:)
     real(wp) :: measure(measures), expected(measures), largest_turn, begin
@@ -359,7 +360,7 @@ contains
     end do
     call table%settle()
     do j = 1, 2
-      ! Where the polynomial that vanishes at the points is largest.
+      ! At the largest value of the polynomial that vanishes at the points.
       associate (angle => table%angle_at(sign(cos(pi/real(points, wp)), real(2*j - 3, wp))))
         call run_cycle(self, release_angle_t(angle, here%side), found)
         if (.not. found) return
@@ -376,14 +377,14 @@ contains
     error = table%error
   end subroutine fill_table
 
-  !> Where a table begins that leads on from a release: there, or at the end of the table before, if that is near.
+  !> The beginning of a table that continues from a release: there, or at the end of the table before, if that is near.
   pure real(wp) function begin_of_table(self, here, way) result(begin)
     class(cycle_survey_t), intent(in) :: self
     type(release_angle_t), intent(in) :: here
     real(wp), intent(in) :: way
     integer :: i
 
-    ! Cycles that repeat themselves may lie on either side of the release.
+    ! Cycles that repeat themselves may be on either side of the release.
     begin = here%angle
     if (abs(self%last%turn) < abs(self%before%turn)) begin = here%angle - margin_behind*way
     do i = 1, self%tables
@@ -419,13 +420,13 @@ contains
     found = is_cycle(self%sample)
   end subroutine run_cycle
 
-  !> Run the full model from a release under this drive velocity [m/s] to the release that comes so many after it.
+  !> Run the full model from a release under this drive velocity [m/s] to the release that is so many releases later.
   subroutine run_releases(self, velocity, from, releases, longest, to, found)
     class(cycle_survey_t), intent(inout) :: self
     real(wp), intent(in) :: velocity
     type(release_angle_t), intent(in) :: from
     integer, intent(in) :: releases
-    real(wp), intent(in) :: longest          !! time in which that has to come, s
+    real(wp), intent(in) :: longest          !! time in which that release has to occur, s
     type(release_angle_t), intent(out) :: to
     logical, intent(out) :: found
     type(error_t), allocatable :: error
@@ -464,7 +465,7 @@ contains
     end associate
   end subroutine place
 
-  !> What the cycles that were run have cost.
+  !> The cost of the cycles that were run.
   pure function work(self)
     class(cycle_survey_t), intent(in) :: self
     type(work_count_t) :: work
@@ -476,7 +477,7 @@ contains
     work%cycles_sampled = self%sampled
   end function work
 
-  !> Save or load; of a scout that is not there yet, `steps` is the model.
+  !> Save or load; for a scout that does not exist yet, `steps` is the model.
   subroutine serialise_survey(self, archive, steps)
     class(cycle_survey_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive

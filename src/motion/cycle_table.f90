@@ -1,8 +1,9 @@
-!> Fast cycles of a steadily driven object on an interval of angles. A cycle goes from one release over slip and stick to the next.
+!> Fast cycles of a steadily driven object on an interval of angles. A cycle goes from one release through slip and stick to the
+!> next.
 !>
-!> At a release the object rests under |K u| = F_0, so the angle of K u is the whole state, and what a cycle amounts to - how long
-!> it lasts, by how much the angle turns, its works, the motion inside - is a function of that angle. It is known at Chebyshev
-!> points, from cycles that were run, and in between by polynomials. docs/cycle_map.md derives this and tells where it ends.
+!> At a release the object rests under |K u| = F_0, so the angle of K u is the whole state, and the measures of a cycle - its
+!> length, the change of the angle, its works, the motion inside - are functions of that angle. They are computed at Chebyshev
+!> points, from cycles that were run, and interpolated by polynomials. docs/cycle_map.md derives this and explains where it ends.
 !>
 !> Angles count from the soft axis, positive on either side: K u = F_0 (cos angle, side sin angle).
 module dst_cycle_table
@@ -21,8 +22,8 @@ module dst_cycle_table
   public :: cycle_table_t, new_cycle_table, is_cycle, measures_of
   public :: duration, turn, slip_duration, drive_work, friction_work, exchanged, measures
 
-  !> What a cycle amounts to: its length [s], the change of the angle [rad], the length of its slip [s], the works and the sum of
-  !> their absolute values by steps [J].
+  !> The measures of a cycle: its length [s], the change of the angle [rad], the length of its slip [s], the works and the sum of
+  !> their absolute values in the steps [J].
   integer, parameter :: duration = 1, turn = 2, slip_duration = 3, drive_work = 4, friction_work = 5, exchanged = 6, measures = 6
   !> The motion inside slip: change of u since the release [m], v [m/s], change of theta [rad].
   integer, parameter :: slip_columns = 4
@@ -35,15 +36,15 @@ module dst_cycle_table
     real(wp) :: side = 1.0_wp                 !! sign of u_y
     real(wp) :: first = 0.0_wp, last = 0.0_wp !! rad
     integer :: points = 0
-    !> Coefficients of the measures (point, measure) in Chebyshev polynomials; and what they err by, relative to rtol = 1.
+    !> Coefficients of the measures (point, measure) in Chebyshev polynomials; and their errors, relative to rtol = 1.
     real(wp), allocatable :: coefficient(:, :)
     real(wp) :: error = 0.0_wp
-    !> What an observer made of the cycles at the points (point, value), and its coefficients.
+    !> The values of an observer for the cycles at the points (point, value), and their coefficients.
     real(wp), allocatable :: observed(:, :), observed_coefficient(:, :)
-    !> What the polynomials of these values err by in cycles that were left out.
+    !> The errors of the polynomials of these values in cycles between the points.
     real(wp), allocatable :: observed_error(:)
-    !> The slip of the cycles at the points: ends of its panels as shares of its length, and nodal values
-    !> (column, node, panel, point).
+    !> The slip of the cycles at the points: ends of its panels as shares of its length, and nodal values (column, node, panel,
+    !> point).
     real(wp), allocatable :: point(:)
     integer :: panels = 0
     real(wp), allocatable :: panel_end(:)
@@ -68,7 +69,7 @@ contains
   pure subroutine new_cycle_table(velocity, side, first, last, points, values, table)
     real(wp), intent(in) :: velocity, side, first, last
     integer, intent(in) :: points
-    integer, intent(in) :: values     !! of an observer
+    integer, intent(in) :: values     !! number of values of an observer
     type(cycle_table_t), intent(out) :: table
 
     table%velocity = velocity
@@ -119,8 +120,9 @@ contains
     end do
   end function is_cycle
 
-  !> Angle [rad] by which K u has turned, towards positive angles, when u has changed by `advance` [m] along the drive while |K u|
-  !> is the static limit again. The ends themselves give it to roundoff of the angle; the advance, which counts from 0, to its own.
+  !> Angle [rad] by which K u has turned, towards positive angles, after u has changed by `advance` [m] along the drive and |K u| is
+  !> again at the static limit. From the ends alone it has the roundoff of the angle; from the advance, which counts from 0, its
+  !> own.
   pure real(wp) function turn_of(side, slider, from, to, advance)
     real(wp), intent(in) :: side
     type(slider_t), intent(in) :: slider
@@ -146,7 +148,7 @@ contains
     turn_of = side*turn
   end function turn_of
 
-  !> What a recorded cycle amounts to.
+  !> The measures of a recorded cycle.
   pure function measures_of(recording, side, slider) result(measure)
     type(recording_t), intent(in) :: recording
     real(wp), intent(in) :: side
@@ -164,7 +166,7 @@ contains
     measure(exchanged) = recording%exchanged()
   end function measures_of
 
-  !> Take in the cycle at point `j`. The first one sets the panels.
+  !> Add the cycle at point `j`. The first one sets the panels.
   pure subroutine take(self, j, recording, observed, slider, grid)
     class(cycle_table_t), intent(inout) :: self
     integer, intent(in) :: j
@@ -203,7 +205,8 @@ contains
     self%inside(3, grid%degree, self%panels, j) = 0.0_wp
   end subroutine take
 
-  !> Panels as the pieces of the slip of a cycle; pieces in closed form are longer than their polynomials on the grid are good for.
+  !> Panels as the pieces of the slip of a cycle; pieces in closed form are divided, as they are too long for polynomials on the
+  !> grid.
   pure subroutine set_panels(self, recording, slip, grid)
     class(cycle_table_t), intent(inout) :: self
     type(recording_t), intent(in) :: recording
@@ -231,7 +234,7 @@ contains
     allocate (self%inside(slip_columns, 0:grid%degree, n, self%points))
   end subroutine set_panels
 
-  !> Turn the measures of the cycles into polynomials.
+  !> Convert the measures of the cycles to polynomials.
   pure subroutine settle(self)
     class(cycle_table_t), intent(inout) :: self
 
@@ -239,7 +242,7 @@ contains
     self%observed_coefficient = chebyshev_coefficients(self%observed)
   end subroutine settle
 
-  !> Take note of what the polynomials of observed values err by in a cycle that is none of the points.
+  !> Note the errors of the polynomials of observed values in a cycle between the points.
   pure subroutine check_observed(self, angle, observed)
     class(cycle_table_t), intent(inout) :: self
     real(wp), intent(in) :: angle, observed(:)
@@ -249,7 +252,7 @@ contains
     self%observed_error = max(self%observed_error, abs(matmul(polynomial, self%observed_coefficient) - observed))
   end subroutine check_observed
 
-  !> What the cycle from an angle [rad] amounts to.
+  !> The measures of the cycle that begins at an angle [rad].
   pure function measures_at(self, angle) result(measure)
     class(cycle_table_t), intent(in) :: self
     real(wp), intent(in) :: angle
@@ -274,8 +277,9 @@ contains
     end do
   end function log_stretch
 
-  !> Follow cycle after cycle from an angle, up to a number of cycles, for `longest` [s] at most, or out of the interval. Of cycle i
-  !> angle(i) and start(i) are its end; `total` is the sum of the polynomials at all cycles, for the sums of measures.
+  !> Follow cycle after cycle from an angle, up to a number of cycles, for `longest` [s] at most, or until the angle leaves the
+  !> interval. angle(i) and start(i) are the end of cycle i; `total` is the sum of the polynomials at all cycles, for the sums of
+  !> measures.
   pure subroutine follow(self, longest, angle, start, slip, cycles, total)
     class(cycle_table_t), intent(in) :: self
     real(wp), intent(in) :: longest

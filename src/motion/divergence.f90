@@ -1,9 +1,9 @@
-!> How fast two motions that differ by little part or come together: the Lyapunov exponent of a map, from the stretching along one
+!> How fast two motions with a small difference separate or converge: the Lyapunov exponent of a map, from the stretching along one
 !> orbit.
 !>
 !> With P the map from release to release, a small difference of the angle grows by P' in each cycle. The exponent for a slow cycle
-!> is the mean of the sum of ln|P'| over its cycles, here over the later half of the slow cycles: what the motion settles to. Above
-!> 0 the motion is chaotic: no tolerance fixes when its hundredth slip comes.
+!> is the mean of the sum of ln|P'| over its cycles, here over the later half of the slow cycles, in which the motion has settled.
+!> If it is positive the motion is chaotic: no tolerance determines when its hundredth slip occurs.
 module dst_divergence
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
@@ -12,34 +12,34 @@ module dst_divergence
 
   public :: divergence_t, regular, irregular, undecided
 
-  !> What a motion is.
+  !> Kinds of motion.
   integer, parameter :: regular = 1, undecided = 0, irregular = -1
-  !> Slow cycles at least, and standard errors that the exponent has to differ from 0. Conventions.
+  !> Smallest number of slow cycles, and number of standard errors by which the exponent has to differ from 0. Conventions.
   integer, parameter :: least_count = 3
   real(wp), parameter :: certain = 3.0_wp
-  !> Slow cycles that are remembered, and those that are measured one by one: of as many again every second group is, and so on, so
-  !> that a long run costs little more. Conventions.
+  !> Number of slow cycles that are kept, and of those that are measured one by one: of the next ones, as many again, every second
+  !> group is measured, and so on, so that a long run costs little more. Conventions.
   integer, parameter :: kept = 128
   integer(int64), parameter :: one_by_one = 64
-  !> Slow cycles before the first that is measured: what begins counts in a short run only. Convention; none: half as much work
-  !> again for Fig. 3, the same exponent.
+  !> Number of slow cycles before the first that is measured: the beginning of the motion matters in a short run only. Convention;
+  !> none: half as much work again for Fig. 3, the same exponent.
   integer(int64), parameter :: first_measured = 3
-  !> Batches for the standard error. Convention.
+  !> Number of batches for the standard error. Convention.
   integer, parameter :: most_batches = 8
-  !> Least standard error of a few values that are alike: of a motion that repeats itself they are all the same.
+  !> Smallest standard error of a few values that are alike: for a motion that repeats itself they are all the same.
   real(wp), parameter :: least_error = 0.01_wp
 
   !> The stretching along an orbit.
   type :: divergence_t
-    !> Slow cycles so far, and those of them that are known: their numbers and their logarithms, the last ones at places modulo
-    !> `kept`.
+    !> Number of slow cycles so far, and those of them that are measured: their numbers and their logarithms, the last ones at
+    !> places modulo `kept`.
     integer(int64) :: returns = 0
     integer(int64), private :: known_count = 0, number(kept) = 0
     real(wp), private :: logarithm(kept) = 0.0_wp
     !> The logarithm since the last return, and whether it is known.
     real(wp), private :: sum = 0.0_wp
     logical, private :: known = .false.
-    !> The same of the last slow cycle; and whether every one is of interest.
+    !> The same for the last slow cycle; and whether all slow cycles are measured.
     real(wp), private :: last_sum = 0.0_wp
     logical, private :: last_known = .false., of_interest = .false.
   contains
@@ -55,7 +55,7 @@ module dst_divergence
 
 contains
 
-  !> Begin with a slow cycle that is known from here on, and is of interest as those that follow are.
+  !> Begin with a slow cycle that is measured from here on, as those that follow.
   pure subroutine begin(self)
     class(divergence_t), intent(inout) :: self
 
@@ -74,11 +74,11 @@ contains
     is_known = self%last_known
   end subroutine last
 
-  !> Whether the slow cycle under way is one of those for which work is done.
+  !> Whether the present slow cycle is one of those that are measured.
   pure logical function is_worth_measuring(self)
     class(divergence_t), intent(in) :: self
     integer(int64) :: stride
-    !> Slow cycles are taken in groups, so that a motion which repeats after a few is seen in all its phases. Convention.
+    !> Slow cycles are measured in groups, so that a motion which repeats after a few has all its phases in a group. Convention.
     integer(int64), parameter :: group = 8
 
     stride = 1
@@ -89,7 +89,7 @@ contains
       .or. (self%returns >= first_measured .and. modulo(self%returns/group, stride) == 0))
   end function is_worth_measuring
 
-  !> Go on by a part of a slow cycle that stretches a difference by exp(log_stretch).
+  !> Continue by a part of a slow cycle that stretches a difference by exp(log_stretch).
   pure subroutine pass(self, log_stretch)
     class(divergence_t), intent(inout) :: self
     real(wp), intent(in) :: log_stretch
@@ -97,7 +97,7 @@ contains
     self%sum = self%sum + log_stretch
   end subroutine pass
 
-  !> Of the slow cycle under way the stretching is not known.
+  !> The stretching in the present slow cycle is not known.
   pure subroutine lose(self)
     class(divergence_t), intent(inout) :: self
 
@@ -122,8 +122,8 @@ contains
     self%known = .true.
   end subroutine come_back
 
-  !> The exponent for a slow cycle, its standard error, over how many slow cycles, and what the motion is. The error is that of the
-  !> means of some batches of successive slow cycles, so that a motion which repeats itself after several has none.
+  !> The exponent for a slow cycle, its standard error, the number of slow cycles, and the kind of motion. The error is that of the
+  !> means of some batches of successive slow cycles, so that it is zero for a motion which repeats itself after several.
   pure subroutine estimate(self, exponent, error, count, verdict)
     class(divergence_t), intent(in) :: self
     real(wp), intent(out) :: exponent, error

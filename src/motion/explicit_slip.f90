@@ -1,5 +1,5 @@
-!> Slip and stick by an explicit method. It evaluates y' = g/B, which has no value at rest: slip begins as a power series and
-!> ends in closed form, and in between the method is kept from v = 0.
+!> Slip and stick by an explicit method. It evaluates y' = g/B, which has no value at rest: slip begins as a power series and ends
+!> in closed form, and in between the method avoids v = 0.
 module dst_explicit_slip
   use dst_archive, only: archive_t
   use dst_bernstein, only: first_zero
@@ -20,15 +20,15 @@ module dst_explicit_slip
 
   public :: explicit_slip_t
 
-  !> A step in which v reaches zero is repeated up to this share of the way there, shortened by this factor at most.
-  !> Conventions. Fig. 3 and its like have no such step, as stops end in closed form; twice and half: no change.
+  !> A step in which v reaches zero is repeated up to this share of the time until then, shortened by this factor at most.
+  !> Conventions. Fig. 3 and similar scenes have no such step, as stops end in closed form; twice and half: no change.
   real(wp), parameter :: share_before_stop = 0.95_wp, least_factor = 0.1_wp
 
   !> Motion by an explicit method.
   type, extends(slip_stick_t) :: explicit_slip_t
     !> With cut_speed = 0 the cut-off is chosen from this tolerance.
     real(wp) :: cut_rtol = 0.0_wp
-    !> How slip starts [m/s2].
+    !> Initial acceleration of slip [m/s2].
     real(wp), private :: release_rate = 0.0_wp
   contains
     procedure :: go_on
@@ -57,9 +57,9 @@ contains
     end if
   end subroutine go_on
 
-  !> End slip that is slower than the cut-off in closed form. Slip against K u ends without a rest, in a turn: it is left to the
-  !> method until it is so slow that it does not matter how the direction changes; then it counts as none. So does slip that a knot
-  !> of the drive has caught just after its release.
+  !> End slip that is slower than the cut-off in closed form. Slip against K u ends without a rest, in a turn: the method continues
+  !> until the slip is so slow that the change of direction does not matter; then its speed counts as zero. The same holds for slip
+  !> in which a knot of the drive occurs just after its release.
   subroutine end_slow_slip(self, horizon, ended)
     class(explicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -73,7 +73,7 @@ contains
       cut = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
       if (.not. self%cut_speed > 0.0_wp) &
         cut = max(cut, default_cut_speed(self%cut_rtol, drive_velocity, self%stepper%peak_speed))
-      ! What is slow by the drive's measure, whatever the motion so far.
+      ! Slow compared with the drive, whatever the motion so far.
       slow = default_cut_speed(self%cut_rtol, drive_velocity, abs(drive_velocity))
       negligible = now%y(1) <= negligible_share*max(cut, slow)
       ended = now%y(1) <= cut .or. negligible
@@ -116,7 +116,7 @@ contains
     associate (from => self%piece%from, to => self%piece%to, drive => self%piece%drive)
       release = release_series(self%slider, drive, from, self%release_rate, self%stepper%release_tolerance)
       if (.not. release%moves .and. spring_force_size(self%slider, from%u, self%drive_velocity()) > 0.0_wp) then
-        ! As much force as friction, and no growth: it stays.
+        ! The force equals friction and does not grow: the object stays at rest.
         call self%come_to_rest()
         return
       end if

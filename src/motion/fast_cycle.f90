@@ -1,4 +1,4 @@
-!> Fast cycles of a steadily driven object: from one release over slip and stick to the next.
+!> Fast cycles of a steadily driven object: from one release through slip and stick to the next.
 module dst_fast_cycle
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
@@ -26,7 +26,7 @@ module dst_fast_cycle
 
 contains
 
-  !> The release in which friction points in a direction [rad].
+  !> The release at which friction has a direction [rad].
   pure type(release_angle_t) function release_at(theta) result(release)
     real(wp), intent(in) :: theta
 

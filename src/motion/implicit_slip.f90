@@ -19,20 +19,20 @@ module dst_implicit_slip
 
   public :: implicit_slip_t
 
-  ! What "twice" does was measured with radau9 on Fig. 3 (2.4 s, rtol 1e-6 and 1e-8) and on drives that reverse or stop.
+  ! The effects of "twice" were measured with radau9 on Fig. 3 (2.4 s, rtol 1e-6 and 1e-8) and on drives that reverse or stop.
   !
   !> Change of the slip speed at the lowest point, relative to the largest one in the step, that is roundoff (1e-14 in double
   !> precision, a few digits above it). Convention. Twice: no change.
   real(wp), parameter :: landed = 10.0_wp**(1 - precision(1.0_wp))
-  !> Lowest slip speed of a dip, relative to the largest one in the step: a shallow dip is decided at its lowest point, and so is
-  !> one that seems to stay just above zero. Conventions: what the dense output is worth. Twice: 0.1 % more iterations, the same
+  !> Lowest slip speed of a dip, relative to the largest one in the step: a shallow dip is evaluated at its lowest point, and so is
+  !> one that seems to stay just above zero. Conventions: the accuracy of the dense output. Twice: 0.1 % more iterations, the same
   !> error; no change.
   real(wp), parameter :: shallow = 0.01_wp, just_above = 1.0e-4_wp
-  !> Newton iterations on the length of a step that is to end at a lowest point, each a step of its own. Convention; one that takes
-  !> them all moves about in roundoff. Twice: 0.2 to 0.8 % more iterations, the same error.
+  !> Number of Newton iterations for the length of a step that shall end at a lowest point, each a step of its own. Convention; an
+  !> iteration that needs them all is limited by roundoff. Twice: 0.2 to 0.8 % more iterations, the same error.
   integer, parameter :: max_landings = 20
-  !> The least that one of these iterations leaves of a step. Convention. Twice, which forbids to shorten it: up to 11 % more
-  !> iterations in other scenes, no change in Fig. 3; half: no change.
+  !> The smallest share of a step that one of these iterations leaves. Convention. Twice, so that no iteration shortens the step: up
+  !> to 11 % more iterations in other scenes, no change in Fig. 3; half: no change.
   real(wp), parameter :: least_left = 0.5_wp
   !> Two slips take nearly the same time if it differs by less than this share. Convention. Twice: the same steps.
   real(wp), parameter :: alike = 0.1_wp
@@ -72,7 +72,7 @@ contains
   end subroutine go_on
 
   !> End slip that is slower than the cut-off in closed form, if it is about to stop and rests then. Slip against K u ends without a
-  !> rest, in a turn: it is left to the method until it is so slow that it does not matter how the direction changes.
+  !> rest, in a turn: the method continues until the slip is so slow that the change of direction does not matter.
   subroutine end_slow_slip(self, horizon, ended)
     class(implicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -105,7 +105,7 @@ contains
   end subroutine end_slow_slip
 
   !> Whether the springs hardly pull and friction hardly weakens. Then nothing turns the slip, and at its end it has no equation for
-  !> the direction; what the closed form neglects goes with the square of this share of the static limit.
+  !> the direction; the error of the closed form is proportional to the square of this share of the static limit.
   pure logical function is_unloaded(self, state)
     class(implicit_slip_t), intent(in) :: self
     type(state_t), intent(in) :: state
@@ -143,7 +143,7 @@ contains
     call settle_slip(self, stopped, truncated)
   end subroutine settle
 
-  !> Attempt a step: to the stop, if the last two slips were alike and let it expect within the length; else of that length,
+  !> Attempt a step: to the stop, if the last two slips were alike and predict the stop within the length; else of that length,
   !> shortened to the stop if v reaches zero in it.
   subroutine try(self, step, to, outcome, stopped)
     class(implicit_slip_t), intent(inout) :: self
@@ -166,8 +166,8 @@ contains
     if (outcome%solved) call examine(self, to, outcome, stopped)
   end subroutine try
 
-  !> Shorten a solved attempt in which v reaches zero so that it ends there. Whether a shallow dip reaches zero, the dense output
-  !> cannot tell: such an attempt is first shortened to the lowest point, for what is known at the end of a step decides.
+  !> Shorten a solved attempt in which v reaches zero so that it ends there. The dense output cannot decide whether a shallow dip
+  !> reaches zero: such an attempt is first shortened to the lowest point, since the solution at the end of a step decides.
   subroutine examine(self, to, outcome, stopped)
     class(implicit_slip_t), intent(inout) :: self
     type(state_t), intent(inout) :: to
@@ -200,7 +200,7 @@ contains
   end subroutine examine
 
   !> Where the slip speed of the last attempt first passes through zero and where, after that, it is lowest, as positions in the
-  !> attempt, 2 if nowhere; and how far below zero that is, relative to the largest speed.
+  !> attempt, 2 if nowhere; and how far below zero it is, relative to the largest speed.
   pure subroutine find_dip(self, zero, lowest, depth)
     class(implicit_slip_t), intent(in) :: self
     real(wp), intent(out) :: zero, lowest, depth
@@ -243,7 +243,7 @@ contains
     end do
   end subroutine settle_on_lowest
 
-  !> Make the step anew so that it ends in the stop that is near `guess` and at most `longest` [s] away: then the event has the
+  !> Repeat the step so that it ends in the stop that is near `guess` and at most `longest` [s] away: then the event has the
   !> accuracy of a step's end and not only that of the dense output.
   subroutine land(self, guess, longest, to, outcome, stopped)
     class(implicit_slip_t), intent(inout) :: self
@@ -260,7 +260,7 @@ contains
     outcome%factor = missed_factor
   end subroutine land
 
-  !> Whether the slip speed of the last attempt, which vanishes at its end, does so nowhere before: it falls there. v/(1 - tau) has
+  !> Whether the slip speed of the last attempt, which vanishes at its end, is positive before: it falls at the end. v/(1 - tau) has
   !> the Bernstein coefficients b_i s/(s - i), i = 0 ... s - 1.
   pure logical function is_first_stop(self)
     class(implicit_slip_t), intent(in) :: self
@@ -276,7 +276,7 @@ contains
     end associate
   end function is_first_stop
 
-  !> A dip that does not reach zero after all; but v may not have passed through it either.
+  !> A dip that does not reach zero after all; but v must not have passed through zero either.
   pure subroutine refuse_hidden_stop(self, outcome)
     class(implicit_slip_t), intent(in) :: self
     type(attempt_t), intent(inout) :: outcome
@@ -287,7 +287,7 @@ contains
     if (.not. outcome%solved) outcome%factor = missed_factor
   end subroutine refuse_hidden_stop
 
-  !> Bernstein coefficients of v in the last attempt. It rises from the lowest point of a dip; where the polynomial seems to fall
+  !> Bernstein coefficients of v in the last attempt. It rises from the lowest point of a dip; if the polynomial seems to fall
   !> there, within its accuracy, it does not.
   pure subroutine dip_coefficients(self, coefficient)
     class(implicit_slip_t), intent(in) :: self
@@ -302,9 +302,9 @@ contains
     end associate
   end subroutine dip_coefficients
 
-  !> Whether the first step after a release has v > 0 throughout, roundoff apart; a step that is too
-  !> long may have found the other branch. v begins with 0, so v/tau has the Bernstein coefficients b_i s/i, i = 1 ... s. It begins
-  !> with 0 as well, up to the accuracy of the polynomial: what seems negative there is none.
+  !> Whether the first step after a release has v > 0 throughout, except for roundoff; a step that is too long may have found the
+  !> other branch. v begins with 0, so v/tau has the Bernstein coefficients b_i s/i, i = 1 ... s. The first of these is also 0 up to
+  !> the accuracy of the polynomial: a negative value within that is ignored.
   pure logical function moves_off(self)
     class(implicit_slip_t), intent(in) :: self
     real(wp) :: coefficient(0:max_degree)

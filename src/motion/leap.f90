@@ -1,4 +1,4 @@
-!> A leap: many cycles at once, from release to release: those of a table, or an excursion that is made again.
+!> A leap: many cycles at once, from release to release: those of a table, or an excursion that is reused.
 module dst_leap
   use dst_archive, only: archive_t
   use dst_fast_cycle, only: release_angle_t, fast_cycle_t
@@ -12,10 +12,10 @@ module dst_leap
 
   public :: leap_t
 
-  !> Most cycles of a leap. Convention: it bounds the time between two looks at the clock.
+  !> Largest number of cycles of a leap. Convention: it limits the time between two readings of the clock.
   integer, parameter :: max_cycles = 4096
 
-  !> A leap that is remembered.
+  !> A leap that is kept.
   type :: leap_t
     integer(int64) :: number = 0               !! 0: there is none
     real(wp) :: velocity = 0.0_wp              !! V, m/s
@@ -25,14 +25,14 @@ module dst_leap
     !> Logarithm of the factor by which a small difference of the angle grows, if it is known, and whether that was tried.
     logical :: stretch_known = .false., is_measured = .false.
     real(wp) :: log_stretch = 0.0_wp
-    !> Of an excursion: its releases, and when the soft spring is longest [s].
+    !> For an excursion: its releases, and when the soft spring is longest [s].
     integer :: releases = 0
-    !> How often it has been made again.
+    !> Number of times it has been reused.
     integer :: uses = 0
     real(wp) :: slip_begins = 0.0_wp
     !> Cycles of a table, with angles and times [s] at their ends and the lengths of their slips [s].
     integer :: table = 0, cycles = 0
-    !> Whether it can be made again: the first excursion is only kept to see what the later ones forget.
+    !> Whether it can be reused: the first excursion is only kept to find out what the later ones forget.
     logical :: is_kept = .false.
     real(wp), allocatable :: angle(:), start(:), slip(:)
     !> Sum of the table's polynomials at all cycles.
@@ -81,7 +81,7 @@ contains
     self%log_stretch = table%log_stretch(angle(0:n - 1))
   end subroutine follow
 
-  !> Keep the recording of an excursion, which is handed over.
+  !> Keep the recording of an excursion, which is moved here.
   subroutine keep(self, excursion)
     class(leap_t), intent(inout) :: self
     type(recording_t), intent(inout) :: excursion
@@ -128,7 +128,7 @@ contains
     cycle%stick_share = 1.0_wp - self%slip(i)/cycle%duration
   end function cycle_of
 
-  !> Number of the cycle that holds the time `elapsed` [s].
+  !> Number of the cycle that contains the time `elapsed` [s].
   pure integer function cycle_at(self, elapsed) result(place)
     class(leap_t), intent(in) :: self
     real(wp), intent(in) :: elapsed

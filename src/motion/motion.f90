@@ -8,7 +8,7 @@
 !>     creep_motion_t         slow creep in closed form
 !>     cycle_map_t            a slip_stick_t with its fast cycles leapt
 !>
-!> Who reads a motion (columns, summary, samples, checkpoints) knows the last piece and the state at any time in it; a leap is a
+!> The readers of a motion (columns, summary, samples, checkpoints) use the last piece and the state at any time in it; a leap is a
 !> piece with many events.
 module dst_motion
   use dst_archive, only: archive_t
@@ -25,7 +25,7 @@ module dst_motion
 
   public :: motion_t, next_piece, change_over, serialise_motion, at_time
 
-  !> Events, and pieces, at one time after which the motion is given up. Conventions. Twice: no change.
+  !> Numbers of events, and of pieces, at one time after which the motion is given up. Conventions. Twice: no change.
   integer, parameter :: max_events_at_once = 100, max_pieces_at_once = 10000
 
   !> A motion in progress.
@@ -33,21 +33,21 @@ module dst_motion
     type(slider_t) :: slider
     type(drive_t) :: drive
     real(wp) :: t_end = 0.0_wp                !! s
-    !> The last piece; before the first one it only says where the motion begins.
+    !> The last piece; before the first one it only contains the beginning of the motion.
     type(piece_t) :: piece
     !> Whether the object slips, touches or sticks at the end of the piece.
     integer :: contact = slips
-    !> Stretch of the drive in which the last piece lies or the next one begins.
+    !> Stretch of the drive in which the last piece is or the next one begins.
     integer :: segment = 1
-    !> Whether it is known at any time in closed form; its pieces then end at `next_look` [s] at the latest, and have no works.
+    !> Whether it has a closed form at any time; its pieces then end at `next_look` [s] at the latest, and have no works.
     logical :: in_closed_form = .false.
     real(wp) :: next_look = huge(1.0_wp)
-    !> Whether it can rest while the drive does; while the drive moves, another takes over, a part of which the drive prescribes.
+    !> Whether it can rest while the drive does; while the drive moves, the other motion is used, which the drive partly prescribes.
     logical :: may_rest = .true.
     !> Whether the last piece is a leap over many slips and sticks (dst_cycle_map); and a time [s] that no leap passes.
     logical :: leapt = .false.
     real(wp) :: milestone = 0.0_wp
-    !> Events and pieces since the time last moved.
+    !> Numbers of events and pieces since the time last increased.
     integer :: events_at_once = 0
     integer :: pieces_at_once = 0
   contains
@@ -55,7 +55,7 @@ module dst_motion
     procedure(go_on), deferred :: go_on
     !> The state at a time [s] of the last piece in plain quantities.
     procedure(instant), deferred :: instant
-    ! What a closed form has no use for:
+    ! Procedures that a closed form does not need:
     procedure :: take_over
     procedure :: energy
     procedure :: work
@@ -87,7 +87,7 @@ module dst_motion
 
 contains
 
-  !> Go on from the state of another motion, which gives up its method.
+  !> Continue from the state of another motion, whose method is moved here.
   subroutine take_over(self, before)
     class(motion_t), intent(inout) :: self, before
 
@@ -105,7 +105,7 @@ contains
     energy = 0.0_wp
   end function energy
 
-  !> What it has cost.
+  !> The work done so far.
   pure function work(self)
     class(motion_t), intent(in) :: self
     type(work_count_t) :: work
@@ -115,7 +115,7 @@ contains
     work = work_count_t()
   end function work
 
-  !> Whether roundoff that nobody sees decides from now on; see dst_stepper.
+  !> Whether invisible roundoff determines the motion from now on; see dst_stepper.
   pure logical function is_undecided(self)
     class(motion_t), intent(in) :: self
 
@@ -145,7 +145,7 @@ contains
     kind = pack([self%piece%event], self%piece%event /= no_event)
   end subroutine events
 
-  !> The next time [s] after `time` that is sampled where no interval is given: the end of the last piece, or of a step in it.
+  !> The next time [s] after `time` that is sampled if no interval is given: the end of the last piece, or of a step in it.
   pure real(wp) function next_instant(self, time)
     class(motion_t), intent(in) :: self
     real(wp), intent(in) :: time
@@ -168,7 +168,7 @@ contains
     if (self%contact == slips) velocity = self%velocity(self%piece%to)
   end function velocity_now
 
-  !> The next piece of one of two motions that take turns at knots where the drive begins or ceases to rest; or of the only one.
+  !> The next piece of one of two motions that alternate at knots where the drive begins or ceases to rest; or of the only one.
   subroutine next_piece(motion, other, error)
     class(motion_t), allocatable, intent(inout) :: motion, other
     type(error_t), allocatable, intent(out) :: error
@@ -206,7 +206,7 @@ contains
     self%piece%drive = self%drive%segment(self%segment)
   end subroutine enter_segment
 
-  !> The other motion goes on. If that ends a rest, it is an event, and a piece of its own.
+  !> The other motion continues. If that ends a rest, it is an event, and a piece of its own.
   subroutine change_over(motion, other)
     class(motion_t), allocatable, intent(inout) :: motion, other
     class(motion_t), allocatable :: kept
@@ -225,8 +225,8 @@ contains
     call motion%take_over(other)
   end subroutine change_over
 
-  !> Steps shorter than the resolution of the time are legitimate where the mass is small, but not
-  !> without end; nor are events.
+  !> Steps shorter than the resolution of the time are legitimate if the mass is small, but only a limited number of them; the same
+  !> holds for events.
   subroutine watch_progress(motion, error)
     class(motion_t), intent(inout) :: motion
     type(error_t), allocatable, intent(inout) :: error
@@ -256,7 +256,7 @@ contains
     text = 't = '//trim(time)//' s (u = '//trim(u(1))//', '//trim(u(2))//' m, slip '//trim(y(1))//', '//trim(y(2))//')'
   end function at_time
 
-  !> Save or load what every motion has, to which a type adds its own; the rest follows from the scene.
+  !> Save or load the data of every motion, to which a type adds its own; the rest follows from the scene.
   subroutine serialise_motion(self, archive)
     class(motion_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive

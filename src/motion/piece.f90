@@ -11,21 +11,21 @@ module dst_piece
 
   public :: piece_t, no_event, stick_begins, slip_begins, slips, touches, sticks
 
-  !> What happened at the end of a piece.
+  !> The event at the end of a piece.
   integer, parameter :: no_event = 0, stick_begins = 1, slip_begins = 2
-  !> Whether the object moves or rests; a touch is a rest so short that it counts as no stick (dst_rest).
+  !> Whether the object moves or rests; a touch is a rest so short that it does not count as a stick (dst_rest).
   integer, parameter :: slips = 0, touches = 1, sticks = 2
 
   !> From one state to another.
   type :: piece_t
     type(state_t) :: from, to
-    integer :: contact = slips                         !! in between
+    integer :: contact = slips                         !! between its ends
     integer :: event = no_event                        !! at its end
     type(drive_segment_t) :: drive
-    !> Elongation per displacement of the drive, and the axis of which nothing changes, 0 if there is none.
+    !> Elongation per displacement of the drive, and the axis along which nothing changes, 0 if there is none.
     real(wp) :: drive_coupling(max_components) = 0.0_wp
     integer :: held = 0
-    !> Of slip.
+    !> The motion in slip.
     type(dense_output_t) :: path
   contains
     procedure :: at
@@ -57,7 +57,8 @@ contains
     state%time = time
   end function at
 
-  !> The state at position `tau` in [0, 1] of slip. The work integrals are not interpolated, nor is what the model holds.
+  !> The state at position `tau` in [0, 1] of slip. The work integrals are not interpolated, nor are quantities that the model keeps
+  !> constant.
   pure function inside(self, tau) result(state)
     class(piece_t), intent(in) :: self
     real(wp), intent(in) :: tau
@@ -75,7 +76,7 @@ contains
     state%y(max_components) = self%from%y(max_components)
   end function inside
 
-  !> From now on the pieces are those of this system.
+  !> From now on the pieces belong to this system.
   pure subroutine obey(self, system)
     class(piece_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system

@@ -1,4 +1,4 @@
-!> A stretch of a motion under a steady drive as it was made, piece by piece, to be read again later.
+!> A stretch of a motion under a steady drive, recorded piece by piece, to be read later.
 module dst_recording
   use dst_archive, only: archive_t
   use dst_dense_output, only: n_columns
@@ -11,7 +11,7 @@ module dst_recording
 
   public :: recording_t
 
-  !> A piece without what all pieces share.
+  !> A piece without the data that all pieces share.
   type :: kept_piece_t
     type(state_t) :: from, to
     integer :: contact = 0, event = no_event
@@ -20,12 +20,12 @@ module dst_recording
     real(wp) :: nodal(0:max_degree, n_columns) = 0.0_wp
   end type kept_piece_t
 
-  !> Pieces that follow each other.
+  !> Consecutive pieces.
   type :: recording_t
     integer :: count = 0
     type(kept_piece_t), allocatable, private :: kept(:)     !! valid up to `count`
-    !> What they share: drive and system are those of this piece, polynomials are on one of the grids: those of steps, and of what
-    !> is made in closed form.
+    !> The shared data: drive and system are those of this piece; polynomials are on one of the grids: that of steps, or that of
+    !> closed forms.
     type(piece_t), private :: like
     integer, private :: grids = 0
     type(grid_t), private :: grid(2)
@@ -56,7 +56,7 @@ contains
     self%count = 0
   end subroutine clear
 
-  !> Give up the pieces and their room.
+  !> Delete the pieces and free their memory.
   pure subroutine release(self)
     class(recording_t), intent(inout) :: self
 
@@ -99,7 +99,7 @@ contains
     end associate
   end subroutine append
 
-  !> Hand the pieces over to another recording, and take the room that it has.
+  !> Move the pieces to another recording, and take its memory.
   pure subroutine move_to(self, other)
     class(recording_t), intent(inout) :: self
     type(recording_t), intent(inout) :: other
@@ -180,7 +180,7 @@ contains
     velocity = self%like%drive%velocity
   end function velocity
 
-  !> Number of the piece that holds the time `elapsed` [s] after the beginning.
+  !> Number of the piece that contains the time `elapsed` [s] after the beginning.
   pure integer function place_of(self, elapsed) result(place)
     class(recording_t), intent(in) :: self
     real(wp), intent(in) :: elapsed
@@ -198,7 +198,7 @@ contains
     end do
   end function place_of
 
-  !> When a piece ends [s] after the beginning.
+  !> The end of a piece, as time [s] after the beginning.
   pure real(wp) function end_of(self, place)
     class(recording_t), intent(in) :: self
     integer, intent(in) :: place
@@ -224,7 +224,7 @@ contains
     end do
   end subroutine events
 
-  !> From beginning to end [s].
+  !> Duration [s].
   pure real(wp) function duration(self)
     class(recording_t), intent(in) :: self
 

@@ -11,21 +11,22 @@ module dst_release
 
   public :: release_t, series_order, release_series
 
-  ! What "twice" does was measured with dopri5 and dop853 on Fig. 3 (rtol 1e-6 and 1e-8) and on a drive that reverses.
+  ! The effects of "twice" were measured with dopri5 and dop853 on Fig. 3 (rtol 1e-6 and 1e-8) and on a drive that reverses.
   !
   !> Order of the power series of a release. Convention. Twice: the series reaches further, 16 % (dopri5) to 28 % (dop853) less work
   !> and 1.0 to 1.2 times the error, but a series itself costs four times as much.
   integer, parameter :: series_order = 10
-  !> Longest series, in units; and the most attempts at its length, with what is left of it in each: at least and at most, this
-  !> much of what the error asks for, which counts as no less than the last. Conventions. Twice: 1 % more work for the least and the
-  !> safety, no change for the others; half: 17 % more work for the most, 10 % for the safety. The error is the same.
+  !> Longest series, in units; and for its length the largest number of attempts, the smallest and the largest factor between them,
+  !> the safety by which the factor from the error is multiplied, and the smallest error in it. Conventions. Twice: 1 % more work
+  !> for the smallest factor and the safety, no change for the others; half: 17 % more work for the largest factor, 10 % for the
+  !> safety. The error is the same.
   real(wp), parameter :: longest = 2.0_wp
   integer, parameter :: max_lengths = 1000
   real(wp), parameter :: least_left = 0.5_wp, most_left = 0.9_wp, safety = 0.95_wp, least_excess = 1.0e-10_wp
-  !> Where the rise of v is looked at: so many equal parts of the series. Convention; twice: no change.
+  !> Number of equal parts of the series at which the rise of v is checked. Convention; twice: no change.
   integer, parameter :: looks = 8
-  !> Attempts at the range of v in which the law is a polynomial, and the share of the last one or of v in the next.
-  !> Conventions; twice: no change.
+  !> Attempts at the range of v in which the law is a polynomial, and the share of the last one or of v in the next. Conventions;
+  !> twice: no change.
   integer, parameter :: max_ranges = 40
   real(wp), parameter :: range_share = 0.25_wp
   !> Roundoff of a friction force, with a margin. Twice: no change.
@@ -35,7 +36,7 @@ module dst_release
   type :: release_t
     real(wp) :: unit = 0.0_wp                                !! s
     real(wp) :: tau_end = 0.0_wp
-    real(wp) :: slipped(0:series_order, 2) = 0.0_wp          !! way of the object, m
+    real(wp) :: slipped(0:series_order, 2) = 0.0_wp          !! distance slipped, m
     real(wp) :: v(0:series_order) = 0.0_wp                   !! m/s
     real(wp) :: theta(0:series_order) = 0.0_wp
     real(wp) :: drive_work(0:series_order) = 0.0_wp          !! J
@@ -85,8 +86,8 @@ contains
     end do
   end function release_series
 
-  !> The friction law on 0 <= v <= v_range as a polynomial in v/v_range through values and slopes at
-  !> 0, 1/2 and 1, and how far it is off [N] where it is worst.
+  !> The friction law on 0 <= v <= v_range as a polynomial in v/v_range through values and slopes at 0, 1/2 and 1, and its largest
+  !> error [N].
   pure subroutine fit_law(slider, v_range, law, discrepancy)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: v_range
@@ -96,7 +97,7 @@ contains
 
     call slider%law%evaluate(4, position*v_range, force, slope)
     slope = slope*v_range
-    ! What value and slope at 0 do not explain.
+    ! The part that value and slope at 0 do not determine.
     half = force(2) - force(1) - 0.5_wp*slope(1)
     half_slope = slope(2) - slope(1)
     full = force(3) - force(1) - slope(1)
@@ -108,14 +109,14 @@ contains
     law(4) = 16.0_wp*half - 40.0_wp*half_slope + 52.0_wp*full - 8.0_wp*full_slope
     law(5) = 16.0_wp*half_slope - 24.0_wp*full + 4.0_wp*full_slope
     discrepancy = abs(value(law, position(4)) - force(4))
-    ! Forces are not known better than this.
+    ! Forces are not more accurate than this.
     if (discrepancy <= force_roundoff*abs(force(1))) discrepancy = 0.0_wp
   end subroutine fit_law
 
   !> The coefficients, order by order. With n = (cos, sin) and t = (-sin, cos) of theta,
   !> f = K u and primes for d/dtau,
   !>     v' = unit (f . n - F(v))/m,    m v theta' = unit f . t,    slipped' = unit v n.
-  !> The second equation at order k gives theta_k, because v_0 = 0 and f . t holds -|f_0| theta_k. Dampers add C (V e - w) to f,
+  !> The second equation at order k gives theta_k, because v_0 = 0 and f . t contains -|f_0| theta_k. Dampers add C (V e - w) to f,
   !> w = v n, of which order k needs v_k but no theta_k.
   pure subroutine expand(slider, drive, from, rate, law, v_range, release)
     type(slider_t), intent(in) :: slider
@@ -254,7 +255,7 @@ contains
     end do
   end subroutine choose_end
 
-  !> Whether v > 0 and v' >= 0 on (0, x], judged at a few points.
+  !> Whether v > 0 and v' >= 0 on (0, x], checked at a few points.
   pure logical function rises(v, x)
     real(wp), intent(in) :: v(0:series_order), x
     real(wp) :: slope(0:series_order - 1)

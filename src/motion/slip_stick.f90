@@ -1,5 +1,5 @@
-!> Slip, rest and release of the exact contact, in the unknowns y = (v, theta). How slip is followed is the matter of
-!> implicit_slip_t and explicit_slip_t.
+!> Slip, rest and release of the exact contact, in the unknowns y = (v, theta). implicit_slip_t and explicit_slip_t integrate the
+!> slip.
 module dst_slip_stick
   use dst_archive, only: archive_t
   use dst_braking, only: braking_t
@@ -17,26 +17,26 @@ module dst_slip_stick
   private
 
   public :: slip_stick_t, negligible_share, noise_allowance
-  ! What the types that extend it call of their parent's.
+  ! Procedures of the parent that the extending types call.
   public :: set_off, settle, serialise_slip_stick
 
-  !> Slip slower than this share of what counts as slow does not matter, whatever its direction. Convention; twice: no change.
+  !> Slip slower than this share of a slow speed does not matter, whatever its direction. Convention; twice: no change.
   real(wp), parameter :: negligible_share = 1.0e-6_wp
 
-  !> How many times its own roundoff a load must have grown by before it moves anything. Convention; twice: no change.
+  !> The multiple of its own roundoff by which a load must have grown before it moves the object. Convention; twice: no change.
   real(wp), parameter :: noise_allowance = 10.0_wp
   !> Slip slower than this share of the speed with which it began is over: its square would soon underflow. Twice: no change.
   real(wp), parameter :: faded_share = epsilon(1.0_wp)**2
 
   !> Motion with rest.
   type, abstract, extends(stepping_t) :: slip_stick_t
-    !> A stop is finished in closed form below this slip speed [m/s] or this share of the largest slip speed of late.
+    !> A stop is finished in closed form below this slip speed [m/s] or this share of the largest recent slip speed.
     real(wp) :: cut_speed = 0.0_wp
     real(wp) :: cut_share = 0.0_wp
-    !> Step size that the first step after a release took last time [s].
+    !> Size of the first step after the last release [s].
     real(wp) :: release_step = 0.0_wp
     logical :: just_released = .false.
-    !> What is made in closed form, on nodes at which a polynomial is well known everywhere.
+    !> Motion in closed form, on nodes at which a polynomial is accurate everywhere.
     type(dense_output_t) :: closed_form
   contains
     procedure :: set_up
@@ -58,7 +58,7 @@ module dst_slip_stick
 
 contains
 
-  !> What moves, how it is driven, and up to when [s].
+  !> The system, its drive, and the end [s].
   subroutine set_up(self, slider, drive, t_end)
     class(slip_stick_t), intent(inout) :: self
     type(slider_t), intent(in) :: slider
@@ -95,7 +95,7 @@ contains
     call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
   end subroutine begin
 
-  !> Express the velocity along the axis, while the drive prescribed the motion across, as slip along a line.
+  !> Express the velocity along the axis, of the time in which the drive prescribed the motion across, as slip along a line.
   subroutine reread(self)
     class(slip_stick_t), intent(inout) :: self
 
@@ -109,7 +109,7 @@ contains
     first_step = self%piece%to%y(1)*self%slider%mass/max(self%slider%law%kinetic_limit, tiny(1.0_wp))
   end function first_step
 
-  !> At v = 0: rest, or go on in the direction of K u.
+  !> At v = 0: rest, or continue in the direction of K u.
   subroutine rest_or_set_off(self)
     class(slip_stick_t), intent(inout) :: self
 
@@ -122,8 +122,8 @@ contains
     end associate
   end subroutine rest_or_set_off
 
-  !> Where the drive jumps, dampers pull otherwise than just before: a slip that begins there begins with what they pull more than
-  !> friction holds, and one that was to begin after a stop may not.
+  !> Where the drive velocity jumps, the force of the dampers jumps: a slip that begins there is accelerated by the excess of their
+  !> force over friction, and one that would begin after a stop may not begin.
   subroutine look_at_jump(self)
     class(slip_stick_t), intent(inout) :: self
 
@@ -157,7 +157,7 @@ contains
     end associate
   end function is_touch
 
-  !> At rest until the spring force reaches the static limit or the horizon comes.
+  !> At rest until the spring force reaches the static limit or the horizon is reached.
   subroutine stay_stuck(self, horizon)
     class(slip_stick_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -185,7 +185,7 @@ contains
       end if
     end associate
     if (.not. released) then
-      ! What was thought to be a touch lasts.
+      ! A rest that was expected to be a touch lasts longer.
       if (self%contact == touches) call self%note_event(stick_begins)
       self%contact = sticks
       return
@@ -194,8 +194,8 @@ contains
     call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
   end subroutine stay_stuck
 
-  !> Whether the load grows beyond its own roundoff within `time` [s] of a release that is `delay` away. If it does not, nothing can
-  !> be said of the slip, and the object rests.
+  !> Whether the load grows beyond its own roundoff within `time` [s] of a release that is `delay` away. If it does not, the slip is
+  !> undetermined, and the object rests.
   pure logical function moves_within(self, delay, time)
     class(slip_stick_t), intent(in) :: self
     real(wp), intent(in) :: delay, time
@@ -217,7 +217,7 @@ contains
     self%contact = slips
     self%just_released = .true.
     self%next_step = self%release_step
-    ! The load has to grow beyond its own roundoff before it moves anything.
+    ! The load has to grow beyond its own roundoff before it moves the object.
     if (beginning%curvature(1) > 0.0_wp) self%next_step = max(self%release_step, &
       noise_allowance*self%system%acceleration_noise/beginning%curvature(1))
     self%piece%to%y(1:2) = beginning%y
@@ -225,7 +225,7 @@ contains
     call self%stepper%begin_slip(beginning%rate, beginning%curvature)
   end subroutine set_off
 
-  !> Place the object at a release with friction at the angle `theta` [rad]: with a steady drive that is the whole state, but for
+  !> Place the object at a release with friction at the angle `theta` [rad]: with a steady drive that is the whole state, except
   !> time, position and works, which are those of `at`.
   subroutine place_at_release(self, theta, at)
     class(slip_stick_t), intent(inout) :: self
@@ -238,7 +238,7 @@ contains
     call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
   end subroutine place_at_release
 
-  !> After a step that has ended in a stop, or not.
+  !> To be called after a step, which may have ended in a stop.
   subroutine settle(self, stopped, truncated)
     class(slip_stick_t), intent(inout) :: self
     logical, intent(in) :: stopped, truncated
@@ -249,8 +249,8 @@ contains
     if (fades(self)) call self%come_to_rest()
   end subroutine settle
 
-  !> Whether slip against a force that grows with the speed, which dies away without an end, is over by any measure: the
-  !> square of such a share of the largest slip speed would soon underflow.
+  !> Whether slip against a force that grows with the speed, which decays without an end, is negligible: the square of such a share
+  !> of the largest slip speed would soon underflow.
   pure logical function fades(self)
     class(slip_stick_t), intent(in) :: self
 
@@ -262,7 +262,7 @@ contains
     end associate
   end function fades
 
-  !> The end of slip in closed form as a piece, with its end state.
+  !> The end of slip in closed form as a piece, with its final state.
   subroutine finish(self, stopping, to)
     class(slip_stick_t), intent(inout) :: self
     type(braking_t), intent(in) :: stopping
@@ -288,7 +288,7 @@ contains
     end associate
   end subroutine friction_in
 
-  !> Save or load what every motion with rest has.
+  !> Save or load the data of every motion with rest.
   subroutine serialise_slip_stick(self, archive)
     class(slip_stick_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive

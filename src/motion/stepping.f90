@@ -1,4 +1,4 @@
-!> Motion by the steps of an integrator, without rest: the smoothed contact, and motion that the drive prescribes in part.
+!> Motion by the steps of an integrator, without rest: the smoothed contact, and motion that the drive partly prescribes.
 module dst_stepping
   use dst_archive, only: archive_t
   use dst_drive, only: drive_t
@@ -15,22 +15,23 @@ module dst_stepping
   private
 
   public :: stepping_t
-  ! What the types that extend it call of their parent's: by name, so that what these call in turn is the type's own.
+  ! Procedures of the parent that the extending types call: by name, so that the procedures that these call are the type's own.
   public :: start, slide, serialise_stepping
   public :: first_phase
 
-  ! What "twice" does was measured with radau9, dopri5 and dop853 on Fig. 3 (rtol 1e-6 and 1e-8) and on drives that reverse or stop.
+  ! The effects of "twice" were measured with radau9, dopri5 and dop853 on Fig. 3 (rtol 1e-6 and 1e-8) and on drives that reverse or
+  ! stop.
   !
   !> First step, as phase of the faster oscillation [rad]. Convention. Twice: the same work within 0.2 %, the same error.
   real(wp), parameter :: first_phase = 0.5_wp
   !> Rejections in a row after which the motion is given up: the step is then below 1e-31 of the first. Convention;
   !> twice: no change.
   integer, parameter :: max_rejections = 60
-  !> Factor after a rejection at most, and after this many in a row. Conventions. Twice: no change, as the estimate asks for less;
-  !> half: 4 to 23 % more work, about the same error. Fig. 3 has no such layer: twice and half no change.
+  !> Largest factor after a rejection, and after this many in a row. Conventions. Twice: no change, as the estimate gives a smaller
+  !> one; half: 4 to 23 % more work, about the same error. Fig. 3 has no such layer: twice and half no change.
   real(wp), parameter :: rejected_factor = 0.9_wp, timid_factor = 0.25_wp
   integer, parameter :: timid_rejections = 8
-  !> A step that would leave less than this share of itself up to the horizon ends there. Convention; twice: no change.
+  !> If less than this share of a step would remain up to the horizon, the step ends there. Convention; twice: no change.
   real(wp), parameter :: least_remnant = 1.0e-6_wp
 
   !> A motion by steps.
@@ -39,7 +40,7 @@ module dst_stepping
     class(stepper_t), allocatable :: stepper
     real(wp) :: step_max = 0.0_wp       !! s; 0 if there is none
     real(wp) :: fixed_step = 0.0_wp     !! of a method without error estimate, s; 0 for the others
-    real(wp) :: next_step = 0.0_wp      !! wanted next, s
+    real(wp) :: next_step = 0.0_wp      !! size of the next step, s
   contains
     procedure :: set_up
     procedure :: start
@@ -63,7 +64,7 @@ module dst_stepping
 
 contains
 
-  !> What moves, how it is driven, and up to when [s].
+  !> The system, its drive, and the end [s].
   subroutine set_up(self, slider, drive, t_end)
     class(stepping_t), intent(inout) :: self
     type(slider_t), intent(in) :: slider
@@ -90,14 +91,14 @@ contains
     call self%begin()
   end subroutine start
 
-  !> Begin with the present state, after a start or where the drive begins to prescribe the motion across.
+  !> Begin with the present state, after a start or when the drive begins to prescribe the motion across.
   subroutine begin(self)
     class(stepping_t), intent(inout) :: self
 
     call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
   end subroutine begin
 
-  !> Go on from the present state of another motion, with its method.
+  !> Continue from the present state of another motion, with its method.
   subroutine take_over(self, before)
     class(stepping_t), intent(inout) :: self
     class(motion_t), intent(inout) :: before
@@ -112,7 +113,8 @@ contains
     call self%begin()
   end subroutine take_over
 
-  !> Express the slip unknowns of the motion before in one's own: here those of straight slip as the velocity along its axis.
+  !> Express the slip unknowns of the previous motion in those of this one: here those of straight slip as the velocity along its
+  !> axis.
   subroutine reread(self)
     class(stepping_t), intent(inout) :: self
 
@@ -121,7 +123,7 @@ contains
     end associate
   end subroutine reread
 
-  !> One accepted step of the integrator; it ends at the horizon at the latest, or earlier where `try` shortens it.
+  !> One accepted step of the integrator; it ends at the horizon at the latest, or earlier if `try` shortens it.
   subroutine slide(self, horizon, error)
     class(stepping_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -142,7 +144,7 @@ contains
       call self%try(step, to, outcome, stopped)
       if (outcome%solved .and. outcome%error <= 1.0_wp) exit
       self%stepper%count%rejected = self%stepper%count%rejected + 1
-      ! An initial layer shows the same error until it is resolved: there the estimate's advice is too timid.
+      ! An initial layer shows the same error until it is resolved: there the estimate reduces the step too little.
       self%next_step = self%stepper%step*min(outcome%factor, merge(timid_factor, rejected_factor, rejections >= timid_rejections))
       longest = max(longest, step)
       if (underflows(self, longest)) exit
@@ -157,7 +159,7 @@ contains
     call self%piece%path%take(self%stepper)
     call self%stepper%accept()
     self%stepper%count%steps = self%stepper%count%steps + 1
-    ! A step cut short by the horizon may not shrink the one after it.
+    ! A step shortened by the horizon must not shrink the one after it.
     wanted = self%stepper%step*outcome%factor
     if (truncated) wanted = max(wanted, self%next_step)
     if (self%fixed_step > 0.0_wp) wanted = self%fixed_step
@@ -165,7 +167,7 @@ contains
     call self%settle(stopped, truncated)
   end subroutine slide
 
-  !> Attempt a step of this length; where slip can stop, a shorter one that ends in a stop, or none if an event spoils it.
+  !> Attempt a step of this length; if slip can stop, a shorter one that ends in a stop, or none if an event prevents it.
   subroutine try(self, step, to, outcome, stopped)
     class(stepping_t), intent(inout) :: self
     real(wp), intent(in) :: step
@@ -177,7 +179,7 @@ contains
     call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, step, to, outcome)
   end subroutine try
 
-  !> What follows from an accepted step, which has ended in a stop or was cut short by the horizon.
+  !> The consequences of an accepted step, which may have ended in a stop or may have been shortened by the horizon.
   subroutine settle(self, stopped, truncated)
     class(stepping_t), intent(inout) :: self
     logical, intent(in) :: stopped, truncated
@@ -186,8 +188,7 @@ contains
     end associate
   end subroutine settle
 
-  !> Whether the next step is so much shorter than the `longest` [s] that was tried that it is none, and does not move
-  !> the time either.
+  !> Whether the next step is negligible compared with the `longest` one [s] that was tried, and does not move the time either.
   pure logical function underflows(self, longest)
     class(stepping_t), intent(in) :: self
     real(wp), intent(in) :: longest
@@ -197,7 +198,7 @@ contains
     end associate
   end function underflows
 
-  !> No step was good enough, after so many rejections or down to a step that is none.
+  !> No step was accurate enough, after too many rejections or down to a negligible step.
   pure subroutine give_up(self, rejections, error)
     class(stepping_t), intent(in) :: self
     integer, intent(in) :: rejections
@@ -210,8 +211,8 @@ contains
         ': use a larger rtol or another method')
     else
       what = 'the step size fell to '//trim(short_text(self%next_step))//' s without success at'
-      call raise(error, step_underflow, trim(what)//' '//trim(at_time(self%piece%from))//': use another method, and see '// &
-        'whether the parameters are meant')
+      call raise(error, step_underflow, trim(what)//' '//trim(at_time(self%piece%from))//': use another method, and '// &
+        'check the values and units of the parameters')
     end if
   end subroutine give_up
 
@@ -271,14 +272,14 @@ contains
     end if
     instant%velocity = self%velocity(instant%state)
     call self%friction_in(instant)
-    ! A rigid spring has the force that the prescribed motion takes.
+    ! A rigid spring has the force that the prescribed motion needs.
     associate (prescribed => self%system%prescribed)
       if (abs(prescribed) > 0.0_wp) instant%spring_force(2) = instant%friction*sin(instant%theta) &
         + self%slider%mass*prescribed*self%piece%drive%acceleration
     end associate
   end function instant_of
 
-  !> Magnitude and direction of the friction on slip.
+  !> Magnitude and direction of friction in slip.
   pure subroutine friction_in(self, instant)
     class(stepping_t), intent(in) :: self
     type(instant_t), intent(inout) :: instant
@@ -292,7 +293,7 @@ contains
     instant%theta = direction_of(instant%velocity)
   end subroutine friction_in
 
-  !> Without that of the motion which the drive prescribes.
+  !> Without the motion that the drive prescribes.
   pure real(wp) function energy(self, velocity)
     class(stepping_t), intent(in) :: self
     real(wp), intent(in) :: velocity(2)
@@ -316,7 +317,7 @@ contains
     is_undecided = self%stepper%is_undecided()
   end function is_undecided
 
-  !> Save or load what every motion by steps has; the method only if it is not with the motion that takes turns with this one.
+  !> Save or load the data of every motion by steps; the method only if it is not with the motion that alternates with this one.
   subroutine serialise_stepping(self, archive)
     class(stepping_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive

@@ -31,8 +31,8 @@ contains
     call self%note_event(stick_begins)
   end subroutine begin
 
-  !> Whether the object is at rest now, as the method has found it, and the event that this is. A step that ends with w = 0
-  !> under more load than friction can hold is a turn.
+  !> Whether the object is at rest now, according to the method, and the event that this is. A step that ends with w = 0 under more
+  !> load than friction can balance is a turn.
   subroutine settle(self, stopped, truncated)
     class(time_stepping_t), intent(inout) :: self
     logical, intent(in) :: stopped, truncated

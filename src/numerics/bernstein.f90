@@ -1,8 +1,7 @@
 !> Zeros and minima of a polynomial on [0, 1] given by its Bernstein coefficients.
 !>
-!> The graph lies in the convex hull of the coefficients, so "no coefficient is negative" proves
-!> that there is no crossing, and de Casteljau's subdivision finds the first one if there is: a dip
-!> that begins and ends inside a step cannot be missed.
+!> The graph is in the convex hull of the coefficients, so "no coefficient is negative" proves that there is no crossing, and de
+!> Casteljau's subdivision finds the first one if there is any: a dip that begins and ends inside a step cannot be missed.
 module dst_bernstein
   use dst_kinds, only: wp
   use dst_roots, only: bracket_t
@@ -11,10 +10,9 @@ module dst_bernstein
 
   public :: first_zero, first_minimum, bernstein_value
 
-  !> Halvings of the interval at most: 60 in double precision, when it has no digits left. Twice and half: no change.
+  !> Most halvings of the interval: 60 in double precision, when it has no digits left. Twice and half: no change.
   integer, parameter :: max_depth = digits(1.0_wp) + 7
-  !> False positions at most, and the width of the bracket, relative to its place, that is roundoff. Twice: no change; the last
-  !> digit.
+  !> Most false positions, and the width of the bracket, relative to its place, that is roundoff. Twice: no change; the last digit.
   integer, parameter :: max_iterations = 200
   real(wp), parameter :: width_roundoff = 2.0_wp*epsilon(1.0_wp)
 
@@ -48,7 +46,7 @@ contains
 
   contains
 
-    !> Bernstein coefficients of the slope on [x, 1], but for a positive factor.
+    !> Bernstein coefficients of the slope on [x, 1], except a positive factor.
     pure function slope_from(x) result(difference)
       real(wp), intent(in) :: x
       real(wp) :: difference(0:ubound(coefficient, 1) - 1)

@@ -1,8 +1,7 @@
 !> Radau IIA collocation on [0, 1] with any odd number of stages, computed to working precision.
 !>
-!> Nodes: zeros of P_s - P_(s-1) (Legendre), the last one is 1. Weights and integration matrix
-!> follow from the discrete orthogonality of the Legendre polynomials on these nodes, so no
-!> coefficient is typed from a table and any precision is served.
+!> Nodes: zeros of P_s - P_(s-1) (Legendre), the last one is 1. Weights and integration matrix follow from the discrete
+!> orthogonality of the Legendre polynomials on these nodes, so no coefficient is typed from a table and any precision is possible.
 !>
 !> Source: Hairer & Wanner, Solving Ordinary Differential Equations II, Sec. IV.5 and IV.8.
 module dst_collocation
@@ -13,10 +12,10 @@ module dst_collocation
 
   public :: collocation_t, radau_iia, max_stages, max_rows
 
-  !> Stages of the largest method, and rows of its matrices: they are filled up with zeros to an even number, for loops by pairs.
+  !> Stages of the largest method, and rows of its matrices: these are padded with zeros to an even number, for loops by pairs.
   integer, parameter :: max_stages = max_degree, max_rows = 2*((max_stages + 1)/2)
-  !> Newton iterations at most; a change of the root, relative to it, that is roundoff; and where the search for the pole begins,
-  !> over the number of stages (a little above the pole). Twice: the last digit of gamma at most.
+  !> Most Newton iterations; the change of the root, relative to it, that is roundoff; and where the search for the pole begins,
+  !> over the number of stages (a little above the pole). Twice: at most the last digit of gamma.
   integer, parameter :: max_iterations = 200
   real(wp), parameter :: root_roundoff = 2.0_wp*epsilon(1.0_wp), pole_roundoff = 4.0_wp*epsilon(1.0_wp)
   real(wp), parameter :: pole_start = 1.3_wp

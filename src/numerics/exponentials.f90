@@ -1,5 +1,5 @@
-!> The exponential function in plain arithmetic, for loops that are compiled for several instruction sets: they include
-!> `exponentials.inc` themselves.
+!> The exponential function in plain arithmetic, for loops that are compiled for several instruction sets: these include
+!> `exponentials.inc` directly.
 module dst_exponentials
   use dst_kinds, only: wp, real64, int64
   implicit none

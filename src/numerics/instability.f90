@@ -1,11 +1,11 @@
-!> How long a step may be so that it follows a motion that has become unstable.
+!> How long a step may be if it has to follow a motion that has become unstable.
 !>
-!> A long implicit step damps what grows exponentially, and would stay on a motion that the object leaves. Near steady sliding a
+!> A long implicit step damps exponential growth, and would stay on a motion that the object leaves. Near steady sliding a
 !> disturbance grows or decays like exp(lambda t), where lambda are the roots of the model's characteristic polynomial
 !> (`decay_polynomial` of dst_slip_system).
 !>
 !> A method of order p multiplies a motion of rate lambda in a step h by R(h lambda) = exp(h lambda) (1 - E (h lambda)^(p+1) + ...).
-!> The growth Re(lambda) > 0 is followed to a share of it, if
+!> The relative error of the growth Re(lambda) > 0 is at most `share` if
 !>
 !>     E |h lambda|^(p+1) <= share h Re(lambda).
 !>
@@ -19,10 +19,10 @@ module dst_instability
 
   public :: follow_instability
 
-  !> Accuracy of the growth rate. Convention. Twice: no change on Fig. 3; 0.2 % more work and 2.6 times the error where steady
-  !> sliding at 5 degrees is left from a push of 1e-9.
+  !> Accuracy of the growth rate. Convention. Twice: no change on Fig. 3; 0.2 % more work and 2.6 times the error where the motion
+  !> leaves steady sliding at 5 degrees after a push of 1e-9.
   real(wp), parameter :: share = 1.0e-3_wp
-  !> Growth below this share of a root is the roundoff of finding it. Convention; twice: no change.
+  !> Growth below this share of a root is due to the roundoff of its computation. Convention; twice: no change.
   real(wp), parameter :: roundoff = 1.0e-12_wp
 
 contains
@@ -48,7 +48,7 @@ contains
     end do
   end subroutine follow_instability
 
-  !> Whether all roots are known to decay: the conditions of Routh and Hurwitz for degree 2 and 4; of others nothing is known.
+  !> Whether all roots certainly decay: the conditions of Routh and Hurwitz for degree 2 and 4; for other degrees the answer is no.
   pure logical function all_decay(c)
     real(wp), intent(in) :: c(0:)
 

@@ -1,5 +1,4 @@
-!> Polynomials on [0, 1] through values at given nodes: the form in which every integrator hands
-!> over its dense output.
+!> Polynomials on [0, 1] through values at given nodes: the form in which every integrator returns its dense output.
 module dst_interpolation
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
@@ -11,7 +10,7 @@ module dst_interpolation
   !> Degree of the largest polynomial.
   integer, parameter :: max_degree = 7
 
-  !> Nodes 0..degree in [0, 1] and what interpolation on them needs. node(0) = 0.
+  !> Nodes 0..degree in [0, 1] and the constants for interpolation on them. node(0) = 0.
   type :: grid_t
     integer :: degree = 0
     real(wp) :: node(0:max_degree) = 0.0_wp
@@ -49,9 +48,9 @@ contains
     end do
   end function new_grid
 
-  !> Values at n positions `tau` (which may lie outside [0, 1]), at most max_degree + 1, of the polynomial through `nodal`, in
-  !> Newton's form: for several positions the cheapest, and good enough for a first guess. All loops have the full length, known to
-  !> the compiler; what lies beyond the degree is zero.
+  !> Values at n positions `tau` (which may be outside [0, 1]), at most max_degree + 1, of the polynomial through `nodal`, in
+  !> Newton's form: for several positions the cheapest, and accurate enough for a first guess. All loops have the full
+  !> length, a constant for the compiler; terms beyond the degree are zero.
   pure subroutine values_at(self, nodal, n, tau, values)
     class(grid_t), intent(in) :: self
     real(wp), intent(in) :: nodal(0:max_degree)
@@ -76,7 +75,7 @@ contains
     values = value(0:n - 1)
   end subroutine values_at
 
-  !> Lagrange basis on the nodes 0..degree at position `tau` (which may lie outside [0, 1]).
+  !> Lagrange basis on the nodes 0..degree at position `tau` (which may be outside [0, 1]).
   pure subroutine lagrange(self, tau, basis)
     class(grid_t), intent(in) :: self
     real(wp), intent(in) :: tau

@@ -1,8 +1,7 @@
 !> Solution of one small dense linear system.
 !>
-!> LAPACK's dgesv does the same; for orders up to 14 its overhead costs more than the arithmetic
-!> (bench/linear_solve measures both). Newton's kernels include the body with the order fixed; here it stands
-!> for any order, to be tested and measured.
+!> LAPACK's dgesv does the same; for orders up to 14 its overhead costs more than the arithmetic (bench/linear_solve measures both).
+!> Newton's kernels include the body with the order fixed; this module has it for any order, for tests and measurements.
 module dst_linear_solve
   use dst_kinds, only: wp
   implicit none
@@ -12,8 +11,8 @@ module dst_linear_solve
 
 contains
 
-  !> Overwrite `b` with the solution of a x = b; `a` is destroyed. `zero_pivot` when a pivot is zero or
-  !> not a number; then b has no meaning.
+  !> Overwrite `b` with the solution of a x = b; `a` is destroyed. `zero_pivot` if a pivot is zero or not a number; then b has no
+  !> meaning.
   pure subroutine solve_in_place(order, a, b, zero_pivot)
     integer, intent(in) :: order
     real(wp), intent(inout) :: a(order, order), b(order)

@@ -1,10 +1,10 @@
 !> A function through points, as a piecewise cubic that is monotone wherever the points are.
 !>
-!> Between two points it is the cubic with their values and derivatives (Hermite). The derivative at a point is that of the
-!> parabola through it and its neighbours, limited to three times the smaller slope beside it, and 0 where the slopes beside it
-!> differ in sign: no overshoot, and an error of the third order in the spacing where the function is smooth and monotone, of the
-!> second at its turns. Below the first point it goes on by its tangent, above the last one it is constant: there the slope
-!> jumps, and at the last point itself it is 0.
+!> Between two points it is the cubic with their values and derivatives (Hermite). The derivative at a point is that of the parabola
+!> through it and its neighbours, limited to three times the smaller slope next to it, and 0 if the slopes on both sides differ in
+!> sign: there is no overshoot, and the error is of the third order in the spacing where the function is smooth and monotone, of the
+!> second at its turns. Below the first point the function continues by its tangent, above the last one it is constant: there the
+!> slope jumps, and at the last point itself it is 0.
 !>
 !> Source: F. N. Fritsch and R. E. Carlson, Monotone piecewise cubic interpolation, SIAM J. Numer. Anal. 17 (1980) 238.
 module dst_monotone_cubic
@@ -53,7 +53,7 @@ contains
     end_slope = secant + (secant - next_secant)*(width/(width + next_width))
   end function end_slope
 
-  !> A derivative with the sign of the slopes beside it, at most three times the smaller one.
+  !> A derivative with the sign of the slopes on both sides, at most three times the smaller one.
   pure real(wp) function limited(derivative, before, after)
     real(wp), intent(in) :: derivative, before, after
 
@@ -90,13 +90,13 @@ contains
       rest = (self%x(k + 1) - at(i))/width
       secant = (self%value(k + 1) - self%value(k))/width
       bend = self%slope(k) + self%slope(k + 1) - 2.0_wp*secant
-      ! The chord, and what vanishes at both ends.
+      ! The chord, and a part that vanishes at both ends.
       value(i) = self%value(k) + (at(i) - self%x(k))*(secant + rest*(self%slope(k) - secant - t*bend))
       slope(i) = self%slope(k) + t*(2.0_wp*(secant - self%slope(k)) - bend*(2.0_wp - 3.0_wp*t))
     end do
   end subroutine evaluate
 
-  !> The panel that holds a position between the first and the last point.
+  !> The panel that contains a position between the first and the last point.
   pure integer function panel_of(x, at) result(low)
     real(wp), intent(in) :: x(:), at
     integer :: high, middle

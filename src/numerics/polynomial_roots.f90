@@ -6,9 +6,9 @@ module dst_polynomial_roots
 
   public :: polynomial_roots
 
-  !> Convention: Laguerre's method converges in a few. Twice and half: no change.
+  !> Convention: Laguerre's method converges in a few iterations. Twice and half: no change.
   integer, parameter :: max_iterations = 80
-  !> Roundoff of a value over the bound on it that Horner's scheme gives, with a margin. Twice: no change.
+  !> Roundoff of a value over its bound from Horner's scheme, with a margin. Twice: no change.
   real(wp), parameter :: value_roundoff = 4.0_wp*epsilon(1.0_wp)
 
 contains
@@ -23,7 +23,7 @@ contains
     integer :: degree, k, n
 
     n = ubound(coefficient, 1)
-    ! In units in which the product of the roots is 1: their size neither overflows nor underflows.
+    ! In units in which the product of the roots is 1, so that their magnitude neither overflows nor underflows.
     unit = 1.0_wp
     if (abs(coefficient(0)) > 0.0_wp) unit = (abs(coefficient(0)/coefficient(n)))**(1.0_wp/real(n, wp))
     c = [(coefficient(k)/coefficient(n)*unit**(k - n), k=0, n)]
@@ -45,7 +45,7 @@ contains
     root = unit*root
   end subroutine polynomial_roots
 
-  !> Divide a polynomial by x^m + sum_k factor(k) x^(k - 1), m = size(factor), which it has as a factor.
+  !> Divide a polynomial by its factor x^m + sum_k factor(k) x^(k - 1), m = size(factor).
   pure subroutine divide(degree, c, factor)
     integer, intent(in) :: degree
     real(wp), intent(inout) :: c(0:degree)
@@ -105,7 +105,7 @@ contains
       if (abs(denominator) > 0.0_wp) then
         change = real(n, wp)/denominator
       else
-        ! Symmetric about x: turn aside.
+        ! The polynomial is symmetric about x: step aside.
         change = cmplx(1.0_wp + abs(x), real(iteration, wp), wp)
       end if
       x = x - change

@@ -4,7 +4,7 @@
 !>
 !> stiffly accurate: z_1 = z_0 + sum_j a_sj k_j + k_s with the last stage s, and k_s is the difference to the embedded solution.
 !>
-!> They are published to 16 digits, the last of which are rounded: the order holds to 1e-14 in any precision.
+!> The coefficients are published to 16 digits, the last of which are rounded: the order conditions hold to 1e-14 in any precision.
 !> Source: Steinebach (1995), Preprint 1741, TH Darmstadt; Hairer & Wanner II, Sec. IV.7.
 module dst_rodas4p
   use dst_kinds, only: wp

@@ -1,5 +1,5 @@
-!> A zero of a function between two points where it has opposite signs. The caller evaluates the function where a rule proposes, and
-!> narrows the bracket by what it finds:
+!> A zero of a function between two points where it has opposite signs. The caller evaluates the function at the proposed points,
+!> and narrows the bracket by the results:
 !>
 !>     do
 !>       x = bracket%false_position()
@@ -29,7 +29,7 @@ module dst_roots
 
 contains
 
-  !> Where a straight line through both ends has its zero; in floating point perhaps just outside.
+  !> The zero of the straight line through both ends; in floating point perhaps just outside the bracket.
   pure real(wp) function false_position(self) result(x)
     class(bracket_t), intent(in) :: self
 
@@ -52,8 +52,8 @@ contains
     if (.not. (next > self%x(1) .and. next < self%x(2))) next = self%middle()
   end function newton
 
-  !> Put x, where the function is f, in the place of the end with the same sign. If the other end stays for the second time, it
-  !> loses half its value (Illinois' rule), so that false positions come from both sides. A zero counts as the second end's sign.
+  !> Replace the end with the same sign as f by x, where the function is f. If the other end stays for the second time, its value is
+  !> halved (Illinois' rule), so that false positions come from both sides. A zero counts as having the second end's sign.
   pure subroutine narrow(self, x, f)
     class(bracket_t), intent(inout) :: self
     real(wp), intent(in) :: x, f

@@ -2,8 +2,8 @@
 !>
 !>     k_i = f(z_0 + h sum_{j<i} a_ij k_j),     z_1 = z_0 + h sum_i b_i k_i.
 !>
-!> The stage after the last one is the slope at the end of the step, a(stages + 1, :) = b: it is the
-!> first stage of the next step and serves the dense output, in Hairer's form with e = 1 - tau:
+!> The stage after the last one is the slope at the end of the step, a(stages + 1, :) = b: it is the first stage of the next step
+!> and is used by the dense output, in Hairer's form with e = 1 - tau:
 !>
 !>     z(tau) = z_0 + tau (r_1 + e (r_2 + tau (r_3 + e (r_4 + tau (r_5 + e (r_6 + tau r_7)))))),
 !>     r_1 = z_1 - z_0,  r_2 = h k_1 - r_1,  r_3 = r_1 - h k_end - r_2,  r_(3+l) = h sum_i dense_il k_i.
@@ -23,9 +23,9 @@ module dst_runge_kutta_tableaux
   !> An explicit method.
   type :: tableau_t
     integer :: order = 0
-    !> Stages that make the step, without the slope at its end.
+    !> Stages of the step itself, without the slope at its end.
     integer :: stages = 0
-    !> All stages, with the end's slope and those that only the dense output needs.
+    !> All stages, including the slope at the end and the stages that only the dense output needs.
     integer :: all_stages = 0
     !> Embedded error estimates: none (fixed step), one, or two (DOP853: fifth order, stretched by a third).
     integer :: errors = 0
@@ -36,7 +36,7 @@ module dst_runge_kutta_tableaux
     real(wp) :: c(max_stages) = 0.0_wp
     real(wp) :: error(max_stages, max_errors) = 0.0_wp
     real(wp) :: dense(max_stages, max_dense) = 0.0_wp
-    !> The last of these terms where it is largest: an estimate of the dense output's error.
+    !> The last of these terms at its maximum: an estimate of the dense output's error.
     real(wp) :: dense_error(max_stages) = 0.0_wp
   end type tableau_t
 

@@ -1,13 +1,13 @@
-!> The length of the next step of an adaptive method, from the estimated error of this one.
+!> The length of the next step of an adaptive method, from the estimated error of the present one.
 !>
-!> Where the estimate is of order k in the step h, the factor
+!> If the estimate is of order k in the step h, the factor
 !>
 !>     f = safety*error**(-1/k),      error over tolerance,
 !>
-!> brings it to the tolerance, but for a margin. How the error has changed since the last accepted step says more, and a method may
-!> use it in one of two ways:
+!> brings it to the tolerance, with a margin. The change of the error since the last accepted step gives more information, and a
+!> method may use it in one of two ways:
 !>
-!>     prediction (Gustafsson):     f (h/h_last) (error/error_last)**(-1/k) where that is less than f,
+!>     prediction (Gustafsson):     f (h/h_last) (error/error_last)**(-1/k) if that is smaller than f,
 !>     memory m (PI controller):    safety*error**(0.75 m - 1/k)*error_last**m in place of f.
 !>
 !> Source: Hairer & Wanner II, Sec. IV.2 (memory) and IV.8 (prediction).
@@ -19,18 +19,18 @@ module dst_step_control
   public :: step_control_t, new_step_control, factor_for, shortened, no_number, unsolved_factor
   public :: safety, least_factor, least_error
 
-  !> Margin to the tolerance, and the least factor. Hairer & Wanner's convention.
+  !> Margin to the tolerance, and the smallest factor. Hairer & Wanner's convention.
   real(wp), parameter :: safety = 0.9_wp, least_factor = 0.2_wp
-  !> Factor where an attempt gives no error at all. Convention.
+  !> Factor if an attempt gives no error at all. Convention.
   real(wp), parameter :: unsolved_factor = 0.25_wp
-  !> The error in place of one that is no number; any large one gives the least factor.
+  !> The error used instead of one that is not a number; any large one gives the smallest factor.
   real(wp), parameter :: no_number = 1.0e6_wp
-  !> No error counts as less: it gives the largest factor at any order in use.
+  !> Smallest error: it gives the largest factor at any order in use.
   real(wp), parameter :: least_error = 1.0e-10_wp
-  !> Nor is one remembered as less by a control with memory, or by prediction: an error that is all roundoff says nothing of the
-  !> next. Hairer & Wanner's conventions. Twice the latter: 0 to 2 % fewer iterations on Fig. 3.
+  !> Smallest error that a control with memory, or with prediction, keeps: an error that is all roundoff says nothing about the next
+  !> one. Hairer & Wanner's conventions. Twice the latter: 0 to 2 % fewer iterations on Fig. 3.
   real(wp), parameter :: least_remembered = 1.0e-4_wp, least_predicting = 1.0e-2_wp
-  !> What a memory takes from the exponent of the present error. Hairer & Wanner's convention.
+  !> The reduction of the exponent of the present error due to the memory. Hairer & Wanner's convention.
   real(wp), parameter :: memory_share = 0.75_wp
 
   !> The control of one method, with its state between steps.
@@ -64,8 +64,8 @@ contains
     control%exponent = memory_share*control%memory - 1.0_wp/real(order, wp)
   end function new_step_control
 
-  !> Factor for the step after an attempt of length `step` [s] with this error over tolerance, which becomes a number if it is
-  !> none. A step that repeats a rejected one is followed by no longer one.
+  !> Factor for the step after an attempt of length `step` [s] with this error over tolerance, which is replaced by a number if it
+  !> is not one. A step that repeats a rejected one is not followed by a longer one.
   pure subroutine advise(self, step, repeated, error, factor)
     class(step_control_t), intent(inout) :: self
     real(wp), intent(in) :: step
@@ -110,7 +110,7 @@ contains
     factor = max(least_factor, safety*max(error, least_error)**(-1.0_wp/real(order, wp)))
   end function factor_for
 
-  !> The factor that brings a step that has `actual` of something to what is allowed.
+  !> The factor that reduces a step with the quantity `actual` so that it has the permitted one.
   pure real(wp) function shortened(allowed, actual) result(factor)
     real(wp), intent(in) :: allowed, actual
 

@@ -5,15 +5,14 @@
 !>
 !>     (cos^2 alpha + kappa sin^2 alpha) d(alpha)/d(tau) = cos(alpha + phi)
 !>
-!> (kappa = 0 is Eq. 7). Before, up to tau_1 = kappa/sqrt(kappa^2 c^2 + s^2), it truly sticks, and
-!> sin(alpha_1) = tau_1 c. With the angles theta = pi/2 - alpha and psi = theta - phi of friction to the
+!> (kappa = 0 is Eq. 7). Before that, up to tau_1 = kappa/sqrt(kappa^2 c^2 + s^2), it is truly at rest, and
 !> soft axis and to the drive, and the path g = ln[tan(psi_1/2)/tan(psi/2)],
 !>
 !>     tau - tau_1 = (1 - kappa) [sin(alpha - phi) - sin(alpha_1 - phi) + g s^2] + kappa g.
 !>
-!> The unknown is g. tau rises with it and is concave: tau' = cos^2 alpha + kappa sin^2 alpha lies between 0 and 1
-!> and |tau''| <= 2 tau', so that iterations of high order converge from any start not far off, and Newton's
-!> from everywhere. What is small is computed as such (1 - exp(-g), psi, 1 - X'/V): nothing cancels for any phi.
+!> The unknown is g. tau rises with it and is concave: tau' = cos^2 alpha + kappa sin^2 alpha lies between 0 and 1 and |tau''| <= 2
+!> tau', so that iterations of high order converge from any start that is not far from the solution, and Newton's iteration from
+!> everywhere. Small quantities (1 - exp(-g), psi, 1 - X'/V) are computed directly: nothing cancels for any phi.
 !>
 !> Source: Nakano & Popov (2020), Eqs. (6)-(8); docs/theory.md derives the closed form.
 module dst_creep
@@ -28,7 +27,7 @@ module dst_creep
   !> The state of creep at one time; all ratios without unit.
   type :: creep_t
     real(wp) :: alpha = 0.0_wp       !! rad; sin(alpha) = k_x u_x/F_0
-    real(wp) :: psi = 0.0_wp         !! rad, friction to the drive; theta = phi + psi
+    real(wp) :: psi = 0.0_wp         !! rad, from the drive to friction; theta = phi + psi
     real(wp) :: speed = 0.0_wp       !! v/V
     real(wp) :: x_rate = 0.0_wp      !! X'/V
     real(wp) :: y_rate = 0.0_wp      !! Y'/V
@@ -36,7 +35,7 @@ module dst_creep
     real(wp) :: deficit = 0.0_wp     !! 1 - X'/V
   end type creep_t
 
-  !> What depends on the misalignment and the stiffnesses only.
+  !> Constants that depend on the misalignment and the stiffnesses only.
   type :: creep_path_t
     real(wp) :: phi = 0.0_wp                      !! rad
     real(wp) :: kappa = 0.0_wp                    !! k_x/k_y
@@ -45,9 +44,9 @@ module dst_creep
     real(wp) :: tau_1 = 0.0_wp, alpha_1 = 0.0_wp  !! where creep begins; alpha_1 in rad
     real(wp) :: anchor = 0.0_wp, head = 0.0_wp    !! tau - tau_1 = (tau - anchor) + head; anchor is 0 or 1
     real(wp) :: tail = 0.0_wp                     !! distance = (tau - 1) - phi + tail
-    real(wp) :: weight = 0.0_wp                   !! s^2 + kappa c^2, the least tau' of all
-    real(wp) :: turn = 1.0_wp                     !! up to here differences are taken from the start
-    real(wp) :: psi_1 = 0.5_wp*pi                 !! rad, the same for psi
+    real(wp) :: weight = 0.0_wp                   !! s^2 + kappa c^2, the smallest value of tau'
+    real(wp) :: turn = 1.0_wp                     !! up to this tau, differences are taken from the start
+    real(wp) :: psi_1 = 0.5_wp*pi                 !! rad, psi at tau_1
     real(wp) :: q_1 = 1.0_wp                      !! tan(psi_1/2)
     real(wp) :: sine_1 = 0.0_wp, cosine_1 = 1.0_wp  !! of alpha_1
     real(wp) :: beta_sine = 0.0_wp, beta_cosine = 1.0_wp  !! of alpha_1 + phi
@@ -63,30 +62,30 @@ module dst_creep
   end type point_t
 
   integer, parameter :: max_iterations = 200
-  ! What follows chooses between expressions that agree and between first guesses: it decides about roundoff and iterations, not
-  ! about the result. Chosen where two neighbours are equally good.
+  ! The constants below choose between expressions that agree and between first guesses: they affect roundoff and the number of
+  ! iterations, not the result. They are chosen where two neighbours are equally good.
   !
-  ! Below this elapsed tau alpha is small and differences are taken from the start, above it from tau = 1.
+  ! Below this elapsed tau, alpha is small and differences are taken from the start; above it they are taken from tau = 1.
   real(wp), parameter :: early = 0.3_wp
-  ! From this sin(phi) on the series in tau is near enough everywhere, and cheaper than an exponential and a logarithm.
+  ! From this sin(phi) on, the series in tau is near enough everywhere, and cheaper than an exponential and a logarithm.
   real(wp), parameter :: wide = 0.3_wp
-  ! Steps up to this length keep exp(-g) current by a rational function.
+  ! For steps up to this length, exp(-g) is updated by a rational function.
   real(wp), parameter :: longest_step = 0.4_wp
   ! A step of the fourth order leaves an error below its fourth power.
   real(wp), parameter :: last_step = 1.0e-4_wp
   real(wp), parameter :: roundoff = 4.0_wp*epsilon(1.0_wp)
-  ! From this g on exp(-g) is below all roundoff, in quadruple precision, too: friction is along the drive. Derived.
+  ! From this g on, exp(-g) is below all roundoff, also in quadruple precision: friction is along the drive. Derived.
   real(wp), parameter :: far = 1000.0_wp
-  ! First guesses: the level over s^2 from which on the one without the logarithm is nearer, and the coefficient that joins the
-  ! other one to it. Fitted.
+  ! First guesses: the value of level/s^2 from which on the guess without the logarithm is nearer, and the coefficient that joins
+  ! the other guess to it. Fitted.
   real(wp), parameter :: joint = 1.2_wp, bend = 0.6_wp
-  ! Up to here the first term that the series of position_printed leaves out is roundoff in double precision. Derived.
+  ! Up to here the first term that the series of position_printed omits is roundoff in double precision. Derived.
   real(wp), parameter :: small_tau = 0.1_wp
 
 contains
 
-  !> Exact creep at tau >= 0 for 0 < phi < pi/2 and 0 <= kappa < 1; for phi = 0 only before slip,
-  !> tau < 1 (the caller checks the ranges).
+  !> Exact creep at tau >= 0 for 0 < phi < pi/2 and 0 <= kappa < 1; for phi = 0 only before slip, tau < 1 (the caller checks the
+  !> ranges).
   elemental function creep_exact(phi, kappa, tau) result(creep)
     real(wp), intent(in) :: phi, kappa, tau
     type(creep_t) :: creep
@@ -115,8 +114,8 @@ contains
     if (path%s > 0.0_wp) path%log_ratio = log(path%q_1) - log(0.5_wp*path%s)
   end function new_creep_path
 
-  !> The stick before creep that a finite k_y makes. With r = sqrt(kappa^2 c^2 + s^2) all is a ratio to r, and
-  !> 1 - tau_1 and r - s are written as such: late in the motion tau counts in parts of kappa or s^2.
+  !> The stick before creep, which exists for a finite k_y. With r = sqrt(kappa^2 c^2 + s^2), all quantities are ratios to r, and
+  !> 1 - tau_1 and r - s are written as ratios, too: late in the motion the digits of tau that count are those of kappa or s^2.
   elemental subroutine delay(path)
     type(creep_path_t), intent(inout) :: path
     real(wp) :: r, excess
@@ -138,7 +137,7 @@ contains
       end if
       excess = kappa*c*(kappa*c/(r + s))  ! r - s
       path%tail = path%tail + (kappa - excess)
-      ! 1 - sin(alpha_1 - phi), which tau - tau_1 and the distance differ by
+      ! 1 - sin(alpha_1 - phi), the difference between tau - tau_1 and the distance
       path%turn = early*min(1.0_wp, 1.0_wp - (kappa*c*(c/r) - s*(s/r)))
     end associate
   end subroutine delay
@@ -172,7 +171,7 @@ contains
     ! tau - tau_1 - (1 - kappa) [1 - sin(alpha_1 - phi)] = tau - 1 - s + kappa - (r - s), without rounding s
     distance = ((tau - 1.0_wp) - path%phi) + path%tail
     if (distance > far*path%weight) then
-      ! exp(-g) is nothing: friction is along the drive.
+      ! exp(-g) is negligible: friction is along the drive.
       creep = creep_t(alpha=0.5_wp*pi - path%phi, speed=1.0_wp, x_rate=1.0_wp, &
         position=elapsed - path%c*(path%c - path%sine_1) - path%kappa*path%s*(path%s - path%cosine_1))
       return
@@ -180,7 +179,7 @@ contains
     point = point_at(path, elapsed, distance)
     associate (s => path%s, c => path%c, kappa => path%kappa, sine => point%sin_alpha, cosine => point%cos_alpha, &
         t => point%tangent)
-      ! One arctangent, of the angle that is the smaller part of psi_1 = psi + (alpha - alpha_1).
+      ! One arctangent: of the smaller of the two parts of psi_1 = psi + (alpha - alpha_1).
       half = 2.0_wp*atan(min(t, point%q))
       if (t < point%q) then
         creep%alpha = path%alpha_1 + half
@@ -194,14 +193,14 @@ contains
       creep%x_rate = creep%speed*point%cos_psi
       creep%y_rate = creep%speed*point%sin_psi
       creep%deficit = point%sin_psi*(cosine*c - kappa*sine*s)*denominator
-      ! X/l_x = (tau - tau_1) - c (sin alpha - sin alpha_1) - kappa s (cos alpha - cos alpha_1), with the solution
-      ! put in, so that nothing cancels for small phi.
+      ! X/l_x = (tau - tau_1) - c (sin alpha - sin alpha_1) - kappa s (cos alpha - cos alpha_1), with the solution inserted, so that
+      ! nothing cancels for small phi.
       creep%position = s*point%turn_sine*(path%sine_1 + path%cosine_1*t) + (1.0_wp - kappa)*s**2*point%g &
         + kappa*(point%g - c*point%turn_sine*(path%cosine_1 - path%sine_1*t))
     end associate
   end function creep_at
 
-  !> Solve for the path g at tau - tau_1 = elapsed, and `distance` past the end of the turning of friction.
+  !> Solve for the path g at tau - tau_1 = elapsed, which is `distance` after the end of the turning of friction.
   pure function point_at(path, elapsed, distance) result(point)
     type(creep_path_t), intent(in) :: path
     real(wp), intent(in) :: elapsed, distance
@@ -215,7 +214,7 @@ contains
     associate (s => path%s, c => path%c, q => point%q)
       do iteration = 1, max_iterations
         q = path%q_1*point%decay
-        ! Everything over 1 + q^2 at first, so that the two divisions need not wait for each other.
+        ! Everything is multiplied by 1 + q^2 at first, so that the two divisions need not wait for each other.
         cos_psi = (1.0_wp - q)*(1.0_wp + q)
         sin_psi = 2.0_wp*q
         cos_alpha = s*cos_psi + c*sin_psi
@@ -239,7 +238,7 @@ contains
         step = residual*inverse
         if (abs(step) > longest_step) then
           if (abs(step) <= roundoff*point%g) exit
-          ! Newton's step ends on the left of the solution, wherever it starts.
+          ! Newton's step ends to the left of the solution, wherever it starts.
           call set_path(max(point%g + step, elapsed), point)
           cycle
         end if
@@ -254,8 +253,8 @@ contains
     call complete(path, point)
   end function point_at
 
-  !> A first guess of g: its series where tau is small or phi wide; otherwise the root of the equation below without its
-  !> logarithm; and exponential decay towards psi = 0 beyond. With a = 2 tan(psi/2)/s and kappa = 0
+  !> A first guess of g: its series where tau is small or phi large; otherwise the root of the equation below without its logarithm;
+  !> and after that the exponential decay towards psi = 0. With a = 2 tan(psi/2)/s and kappa = 0
   !>
   !>     ln a + [2 c a + cos(2 phi) a^2/2]/(1 + s^2 a^2/4) = ln(2 q_1/s) - 2 - (tau - 1 - s)/s^2 = w.
   pure subroutine start(path, elapsed, distance, point)
@@ -286,7 +285,7 @@ contains
       point%decay = 0.5_wp*path%s*ratio/(root*path%q_1)
     end if
     point%turned = 1.0_wp - point%decay
-    ! The solution lies beyond `elapsed`, for tau' < 1.
+    ! The solution is beyond `elapsed`, since tau' < 1.
     if (point%g < elapsed) call set_path(elapsed, point)
   end subroutine start
 
@@ -305,7 +304,7 @@ contains
     end if
   end subroutine set_path
 
-  !> Add to g, up to about longest_step, and keep its exponentials current.
+  !> Add to g, at most about longest_step, and update its exponentials.
   pure subroutine move(x, point)
     real(wp), intent(in) :: x
     type(point_t), intent(inout) :: point
@@ -321,8 +320,8 @@ contains
     point%decay = point%decay - fall
   end subroutine move
 
-  !> 1 - exp(-x) for |x| <= longest_step to full relative precision: 2 T/(1 + T), T = tanh(x/2) as a
-  !> continued fraction cut where it errs by 3e-18.
+  !> 1 - exp(-x) for |x| <= longest_step to full relative precision: 2 T/(1 + T), with T = tanh(x/2) as a continued fraction that is
+  !> cut where its error is 3e-18.
   elemental real(wp) function rise(x)
     real(wp), intent(in) :: x
     real(wp) :: y2, above, below
@@ -362,7 +361,7 @@ contains
     x_rate = phi*(phi + tau/sqrt((1.0_wp - tau)*(1.0_wp + tau)))
   end function creep_first_power
 
-  !> Eq. (8) as the preprint prints it, with tau^2 in the numerator.
+  !> Eq. (8) as printed in the preprint, with tau^2 in the numerator.
   elemental real(wp) function creep_printed(phi, tau) result(x_rate)
     real(wp), intent(in) :: phi, tau
 

@@ -1,18 +1,20 @@
 !> Where slow creep ends in slip, and how far the fast oscillation has decayed by then.
 !>
-!> While an object creeps, friction points along theta and turns towards the soft axis, from pi/2 down. The stiff axis is as
-!> good as rigid, so that the mean slip speed is v = V sin(phi)/sin(theta), and k_x u_x = F(v) cos(theta). With weakening friction
-!> this load has a maximum, tan^2(theta) = -v F'(v)/F(v): there creep ends and slip begins, unless theta reaches phi before.
+!> While an object creeps, friction points along theta and turns towards the soft axis, from pi/2 down. The stiff axis is nearly
+!> rigid, so that the mean slip speed is v = V sin(phi)/sin(theta), and k_x u_x = F(v) cos(theta). With weakening friction this load
+!> has a maximum, tan^2(theta) = -v F'(v)/F(v): there creep ends and slip begins, unless theta reaches phi before.
 !>
-!> A small oscillation across grows at the rate sigma. Across the direction of friction the turn of the friction vector resists
-!> with F/v, so strongly that the motion there has no inertia; with b the speed along n = (cos theta, sin theta) left,
+!> A small oscillation along the stiff axis grows at the rate sigma. Normal to the direction of friction, the turning of the
+!> friction vector resists with F/v, so strongly that the motion there has no inertia; the speed b along
+!> n = (cos theta, sin theta) remains:
 !>
 !>     m b' = k_y u_y sin(theta) - F'(v) b,      u_y' = -b sin(theta) - (v k_y cos^2(theta)/F) u_y,
 !>
-!> an oscillation whose growth is half the trace, sigma = [-F'(v)/m - v k_y cos^2(theta)/F(v)]/2. It is fed while theta is large and
-!> damped near slip. From its zero to slip the oscillation decays by exp(-D), D = -(integral of sigma dt), with
-!> k_x u_x' = k_x V sin(theta - phi)/sin(theta) = d(F cos theta)/dt: an integral over theta, no motion is needed. Where D is large
-!> slip does not know of the fast oscillation; where it is small the oscillation sets off slip, and slow cycles need not repeat.
+!> an oscillation whose growth rate is half the trace, sigma = [-F'(v)/m - v k_y cos^2(theta)/F(v)]/2. It grows while theta is large
+!> and is damped near slip. From the zero of sigma to slip the oscillation decays by exp(-D), D = -(integral of sigma dt), with
+!> k_x u_x' = k_x V sin(theta - phi)/sin(theta) = d(F cos theta)/dt: this is an integral over theta, and no motion is computed. If D
+!> is large, slip is independent of the fast oscillation; if it is small, the oscillation triggers slip, and slow cycles need not
+!> repeat.
 !>
 !> Source: Nakano & Popov (2020), Eqs. (1)-(4), linearised about creep; docs/theory_stability.md, section 4. SI units.
 module dst_creep_end
@@ -26,14 +28,14 @@ module dst_creep_end
 
   !> How creep ends.
   type :: creep_end_t
-    !> Whether it ends in slip; nothing else has a value if not.
+    !> Whether it ends in slip; the other components have values only then.
     logical :: exists = .false.
-    real(wp) :: angle = 0.0_wp    !! of friction to the soft axis, rad
+    real(wp) :: angle = 0.0_wp    !! from the soft axis to friction, rad
     real(wp) :: speed = 0.0_wp    !! mean slip speed there, m/s
     real(wp) :: load = 0.0_wp     !! |k_x u_x| there, N
-    real(wp) :: decay = 0.0_wp    !! D, without unit; 0 where the oscillation still grows
-    !> How far the stiff spring is from rigid there, without unit: F'(v)^2/(m k_y sin(theta)^2), above 1 where the oscillation
-    !> grows, and k_x/(k_y sin(theta)^2).
+    real(wp) :: decay = 0.0_wp    !! D, without unit; 0 if the oscillation still grows
+    !> Ratios without unit that show how far the stiff spring is from rigid there: F'(v)^2/(m k_y sin(theta)^2), above 1 if the
+    !> oscillation grows, and k_x/(k_y sin(theta)^2).
     real(wp) :: feeding = 0.0_wp, softness = 0.0_wp
   end type creep_end_t
 
@@ -45,8 +47,8 @@ module dst_creep_end
     real(wp) :: feeding = 0.0_wp          !! F_0^2/(m k_x V^2)
   end type path_t
 
-  !> Panels, for the search and for the integral. D of random sliders is within 2e-6 of a fine midpoint rule. Twice: as well, so
-  !> that it changes by less than 4e-6.
+  !> Number of panels, for the search and for the integral. D of random sliders agrees with a fine midpoint rule to 2e-6. Twice: the
+  !> same, so that it changes by less than 4e-6.
   integer, parameter :: panels = 64
   !> Ratios beyond this power of two and its inverse are not multiplied. Convention: far from overflow, far from any rig.
   integer, parameter :: most_power = maxexponent(1.0_wp)/8
@@ -58,9 +60,9 @@ module dst_creep_end
 
 contains
 
-  !> The end of creep from unstretched springs under a constant drive velocity V [m/s], for both stiffnesses > 0. None for friction
-  !> that does not weaken from rest on, F'(0) >= 0, or has a static limit above F(0), without misalignment, where creep goes over
-  !> into steady sliding, and beyond ratios of 2^128.
+  !> The end of creep from unstretched springs under a constant drive velocity V [m/s], for both stiffnesses > 0. Creep has no such
+  !> end if friction does not weaken from rest on, F'(0) >= 0, if it has a static limit above F(0), without misalignment, if creep
+  !> turns into steady sliding, and beyond ratios of 2^128.
   pure function creep_end(slider, velocity) result(end)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity
@@ -93,7 +95,7 @@ contains
     rate = -0.5_wp*(slope(1)/slider%mass + speed*slider%stiffness(2)*cos(theta)**2/friction(1))
   end function fast_growth_rate
 
-  !> The path of creep, if there is one whose ratios can be multiplied.
+  !> The path of creep, if it exists and its ratios can be multiplied.
   pure subroutine new_path(slider, velocity, path, exists)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity
@@ -104,7 +106,7 @@ contains
 
     exists = slider%mass > 0.0_wp .and. minval(slider%stiffness) > 0.0_wp .and. minval(abs(slider%along)) > 0.0_wp &
       .and. abs(velocity) > 0.0_wp .and. slider%law%kinetic_limit > 0.0_wp
-    ! Where friction at rest is higher than in slip, the object jerks and does not creep.
+    ! If friction at rest is higher than in slip, the object jumps and does not creep.
     if (slider%law%static_limit > slider%law%kinetic_limit) exists = .false.
     if (.not. exists) return
     call slider%law%evaluate(1, [0.0_wp], friction, slope)
@@ -122,8 +124,8 @@ contains
     path%feeding = (slider%law%kinetic_limit/path%speed/slider%mass)*(slider%law%kinetic_limit/path%speed/slider%stiffness(1))
   end subroutine new_path
 
-  !> Along the path, at x = ln(theta): how the load rises as theta falls, -sin(theta) d(F cos theta)/d(theta) over F_0, and -2 sigma
-  !> over V/l_x.
+  !> Along the path, at x = ln(theta): the rate at which the load rises as theta falls, -sin(theta) d(F cos theta)/d(theta) over
+  !> F_0, and -2 sigma over V/l_x.
   pure subroutine look(slider, path, x, rise, decay)
     type(slider_t), intent(in) :: slider
     type(path_t), intent(in) :: path
@@ -141,7 +143,7 @@ contains
     decay = path%resistance*speed*cosine2/force + path%feeding*slope
   end subroutine look
 
-  !> The first maximum of the load, at ln(theta): from pi/2 down to phi.
+  !> The first maximum of the load, as ln(theta), searched from pi/2 down to phi.
   pure subroutine find_slip(slider, path, x, exists)
     type(slider_t), intent(in) :: slider
     type(path_t), intent(in) :: path
@@ -158,7 +160,7 @@ contains
     if (exists) x = zero_between(slider, path, knots([i, i - 1]), .true.)
   end subroutine find_slip
 
-  !> Where the load's rate, or sigma, is zero between two ln(theta) at which it has opposite signs.
+  !> The zero of the load's rate, or of sigma, between two values of ln(theta) at which it has opposite signs.
   pure real(wp) function zero_between(slider, path, ends, of_load) result(x)
     type(slider_t), intent(in) :: slider
     type(path_t), intent(in) :: path
@@ -179,7 +181,7 @@ contains
     end do
   end function zero_between
 
-  !> D: from where sigma is 0 to slip at ln(theta).
+  !> D: from the zero of sigma to slip at ln(theta).
   pure real(wp) function decay_until(slider, path, last) result(total)
     type(slider_t), intent(in) :: slider
     type(path_t), intent(in) :: path
@@ -194,7 +196,7 @@ contains
     if (.not. decay(0) > 0.0_wp) return
     i = findloc(decay > 0.0_wp, .false., dim=1) - 1
     if (i > 0) first = zero_between(slider, path, knots([i - 1, i]), .false.)
-    ! Near phi creep takes long, dt ~ dtheta/(theta - phi): even steps of ln(theta - phi).
+    ! Near phi creep takes long, dt ~ dtheta/(theta - phi): equal steps of ln(theta - phi).
     away = log(max(exp([last, first]) - path%phi, roundoff*path%phi))
     part = (away(2) - away(1))/real(panels, wp)
     half = 0.5_wp*part

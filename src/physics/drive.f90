@@ -15,7 +15,7 @@ module dst_drive
     real(wp) :: end = huge(1.0_wp)      !! s
     real(wp) :: velocity = 0.0_wp       !! V at start, m/s
     real(wp) :: acceleration = 0.0_wp   !! m/s2
-    logical :: rests = .false.          !! the drive is taken to rest (see with_rests)
+    logical :: rests = .false.          !! the drive is treated as at rest (see with_rests)
   contains
     procedure :: velocity_at
     procedure :: displacement
@@ -35,8 +35,8 @@ module dst_drive
 
 contains
 
-  !> From knots: times [s] (the first 0, never falling, two equal ones make a jump) and velocities
-  !> [m/s] there. After the last knot the last velocity holds. A knot on the line between its neighbours is none.
+  !> From knots: times [s] (the first is 0, they never decrease, two equal ones make a jump) and velocities [m/s] there. After the
+  !> last knot the velocity stays constant. A knot on the line between its neighbours is ignored.
   pure function new_drive(time, velocity) result(drive)
     real(wp), intent(in) :: time(:), velocity(:)
     type(drive_t) :: drive
@@ -94,8 +94,8 @@ contains
     velocity_square = duration*(first**2 + first*last + last**2)/3.0_wp
   end function velocity_square
 
-  !> The same motion with those stretches marked in which the drive is taken to rest: V = 0, and of a ramp
-  !> through zero what is slower than `share` of its fastest.
+  !> The same motion, with those parts marked in which the drive is treated as at rest: V = 0, and the part of a ramp through zero
+  !> in which |V| is below `share` of its largest value.
   pure function with_rests(self, share) result(marked)
     class(drive_t), intent(in) :: self
     real(wp), intent(in) :: share
@@ -125,7 +125,7 @@ contains
     end do
   end function with_rests
 
-  !> Whether V keeps its sign.
+  !> Whether V has the same sign at all times.
   pure logical function never_reverses(self)
     class(drive_t), intent(in) :: self
     real(wp) :: lowest, highest
@@ -145,7 +145,7 @@ contains
     never_reverses = .not. (lowest < 0.0_wp .and. highest > 0.0_wp)
   end function never_reverses
 
-  !> Whether the velocity is the same at all times up to one [s], however many knots say so.
+  !> Whether the velocity is the same at all times up to one [s], however many knots there are.
   pure logical function is_steady(self, until)
     class(drive_t), intent(in) :: self
     real(wp), intent(in) :: until

@@ -1,8 +1,8 @@
-!> Friction laws: magnitude of the friction force against the slip speed.
+!> Friction laws: magnitude of the friction force as a function of the slip speed.
 !>
-!> Two limits are told apart. The static limit F_s is what friction at rest can bear; the kinetic limit F_0 = F(0+) is what it
-!> falls to as slip begins. They are equal unless a scene has a `mu_static` above F_0/W. Rest, release and landing go by F_s,
-!> forces and slopes in slip by F.
+!> There are two limits. The static limit F_s is the largest force that friction balances at rest; the kinetic limit F_0 = F(0+) is
+!> the friction force as slip begins. They are equal unless a scene has a `mu_static` above F_0/W. Rest, release and landing depend
+!> on F_s, forces and slopes in slip on F.
 !>
 !> Adding a law: extend `friction_law_t` here and name it in `new_friction_law`; docs/howto/friction_law.md.
 !> Source: Nakano & Popov (2020), Eq. (3) (weakening) and its constant limit; docs/equations.md (stribeck, table).
@@ -16,14 +16,14 @@ module dst_friction
 
   !> A friction law, with its coefficients.
   type, abstract :: friction_law_t
-    !> The static limit F_s [N], up to which the object stays at rest; F(0), unless a scene sets it higher.
+    !> The static limit F_s [N], up to which the object stays at rest; F(0), unless the scene has a higher one.
     real(wp) :: static_limit = 0.0_wp
     !> The kinetic limit F_0 = F(0) [N].
     real(wp) :: kinetic_limit = 0.0_wp
   contains
     !> Force F(v) [N] and slope F'(v) [N s/m] at n slip speeds v [m/s].
     procedure(evaluate), deferred :: evaluate
-    !> The lowest speed above 0 [m/s] at which the law has no third derivative; huge where it is smooth.
+    !> The lowest speed above 0 [m/s] at which the law has no third derivative; huge if it is smooth.
     procedure :: first_knot
   end type friction_law_t
 
@@ -99,7 +99,7 @@ contains
         law = stribeck_friction_t(static_limit=mu_0*normal_load, limit=mu_inf*normal_load, &
           drop=(mu_0 - mu_inf)*normal_load, decay=1.0_wp/v_f, exponent=exponent, viscosity=viscous*normal_load)
       else
-        ! The same numbers, and its form is known to be exponential.
+        ! The same numbers, but the form is exponential.
         law = weakening_friction_t(static_limit=mu_0*normal_load, limit=mu_inf*normal_load, &
           drop=(mu_0 - mu_inf)*normal_load, decay=1.0_wp/v_f)
       end if
@@ -111,7 +111,7 @@ contains
     law%kinetic_limit = law%static_limit
   end subroutine new_friction_law
 
-  !> The law as F = limit + drop exp(-decay v), if it has this form: as numbers, many laws can be evaluated side by side.
+  !> The law as F = limit + drop exp(-decay v), if it has this form: with these numbers, many laws can be evaluated side by side.
   pure subroutine exponential_form(law, limit, drop, decay, is_exponential)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(out) :: limit, drop, decay       !! N, N, s/m
@@ -150,8 +150,8 @@ contains
     slope = 0.0_wp
   end subroutine evaluate_constant
 
-  !> Below v = 0, which only a stage beyond a stop can reach, the exponential is continued
-  !> analytically for one v_f and then by its tangent, so that it cannot overflow.
+  !> Below v = 0, which only a stage beyond a stop can reach, the exponential is continued analytically for one v_f and then by its
+  !> tangent, so that it cannot overflow.
   pure subroutine evaluate_weakening(self, n, speed, force, slope)
     class(weakening_friction_t), intent(in) :: self
     integer, intent(in) :: n
@@ -169,14 +169,14 @@ contains
     end do
   end subroutine evaluate_weakening
 
-  !> Below v = 0, which only a stage beyond a stop can reach, the power is continued as an odd one for one v_f, and the
-  !> force then by its tangent, so that it cannot overflow: with p = 1 what the weakening law does.
+  !> Below v = 0, which only a stage beyond a stop can reach, the power is continued as an odd function for one v_f, and the force
+  !> then by its tangent, so that it cannot overflow: for p = 1 as in the weakening law.
   pure subroutine evaluate_stribeck(self, n, speed, force, slope)
     class(stribeck_friction_t), intent(in) :: self
     integer, intent(in) :: n
     real(wp), intent(in) :: speed(n)
     real(wp), intent(out) :: force(n), slope(n)
-    !> From this v/v_f on the exponential is 0 for each p >= 1, and up to here its power is a number.
+    !> From this v/v_f on, the exponential is 0 for each p >= 1, and up to here its power does not overflow.
     real(wp), parameter :: far = -2.0_wp*real(minexponent(1.0_wp), wp)
     real(wp) :: x, y, power, part
     integer :: i

@@ -2,7 +2,7 @@
 !>
 !> Polar, for the exact contact: y = (v, theta), w = v (cos theta, sin theta),
 !>     v' = (K u . n - F(v))/m,    v theta' = K u . t/m,    n = (cos, sin), t = (-sin, cos).
-!> Smooth through v = 0 in this form. With dampers C beside the springs, K u stands for K u + C (V e - w) everywhere.
+!> Smooth through v = 0 in this form. With dampers C parallel to the springs, K u is replaced by K u + C (V e - w) everywhere.
 !>
 !> Cartesian, for the smoothed contact: y = w,
 !>     w' = (K u - F(|w|) w/sqrt(|w|^2 + v_s^2))/m.
@@ -55,7 +55,7 @@ contains
     model%relaxation = slider%relaxation()
   end function new_full_polar
 
-  !> With slider%smoothing > 0.
+  !> For slider%smoothing > 0.
   function new_full_smoothed(slider) result(model)
     type(slider_t), intent(in) :: slider
     type(full_smoothed_t) :: model
@@ -132,7 +132,7 @@ contains
     if (self%is_damped) call damp_polar(self, stages, drive_velocity, y, velocity_y, terms)
   end subroutine polar_dynamics
 
-  !> Add the dampers: their force turns with the direction of slip as that of the springs does.
+  !> Add the dampers: their force turns with the direction of slip as the force of the springs does.
   pure subroutine damp_polar(self, stages, drive_velocity, y, velocity_y, terms)
     class(full_polar_t), intent(in) :: self
     integer, intent(in) :: stages
@@ -176,7 +176,7 @@ contains
     class(full_polar_t), intent(in) :: self
     real(wp), intent(in) :: y(self%unknowns), drive_velocity
     real(wp), intent(out) :: coefficient(0:self%components + self%unknowns), weakening
-    !> A direction that relaxes so much faster than the springs oscillate follows at once: more makes no difference.
+    !> A direction that relaxes so much faster than the springs oscillate follows at once: a higher rate makes no difference.
     real(wp), parameter :: at_once = 1.0e8_wp
     real(wp) :: friction(1), slope(1), across
 
@@ -189,8 +189,8 @@ contains
     coefficient = plane_decay(self%slider, [cos(y(2)), sin(y(2))], slope(1), across)
   end subroutine polar_decay
 
-  !> By rising power, the determinant of m lambda^2 + D lambda + K over m^2, with D = F' n n^T + (F/v) t t^T + C: `along` is F' and
-  !> `across` F/v [N s/m], C the dampers.
+  !> Coefficients, by rising power, of the determinant of m lambda^2 + D lambda + K over m^2, with D = F' n n^T + (F/v) t t^T + C:
+  !> `along` is F' and `across` F/v [N s/m], C the dampers.
   pure function plane_decay(slider, n, along, across) result(coefficient)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: n(2), along, across

@@ -1,15 +1,15 @@
 !> The slow motion alone: the stiff spring is rigid (Eq. 4 of Nakano & Popov 2020 with u_y' = 0).
 !>
-!> Across the soft axis the object follows the drive, w_y = V s with s = sin(phi), so that the slip speed
-!> v = sqrt(w_x^2 + (V s)^2) never vanishes while the drive moves. One unknown, y = w_x:
+!> Normal to the soft axis the object follows the drive, w_y = V s with s = sin(phi), so that the slip speed v = sqrt(w_x^2 + (V
+!> s)^2) is never zero while the drive moves. One unknown, y = w_x:
 !>
 !>     u_x' = V c - w_x,      w_x' = (k_x u_x - F(v) w_x/v)/m.
 !>
-!> A damper beside the soft spring adds c_x u_x' to its force. The force of the rigid spring across is
-!> F(v) V s/v + m s V'. The drive's work against friction across
-!> the axis enters as `supply`; the inertia of the prescribed motion is in neither work nor energy.
+!> A damper parallel to the soft spring adds c_x u_x' to its force. The force of the rigid spring is F(v) V s/v + m s V'. The
+!> drive's work against friction along the stiff axis enters as `supply`; the inertia of the prescribed motion is in neither work
+!> nor energy.
 !>
-!> Where V s = 0 there is rest, and dst_straight_slip takes over.
+!> If V s = 0 the object can rest, and dst_straight_slip is used.
 module dst_low_frequency
   use dst_kinds, only: wp
   use dst_slider, only: slider_t

@@ -1,15 +1,15 @@
 !> Rest in the exact contact: set-valued Coulomb friction (NUMERICS: "rest is part of the model").
 !>
-!> Stuck while |K u| <= F_s, the static limit; u then follows the drive, u(t) = u_s + D(t) e. Released when
-!> |K u| = F_s, in the direction of K u, with the acceleration (F_s - F_0)/m: none, where F_s is the kinetic
-!> limit F_0 = F(0+). Coming to rest with |K u| >= F_s is no rest: the motion goes on in the direction of K u.
+!> The object sticks while |K u| <= F_s, the static limit; u then follows the drive, u(t) = u_s + D(t) e. It is released when
+!> |K u| = F_s, in the direction of K u, with the acceleration (F_s - F_0)/m; this is zero if F_s is the kinetic limit F_0 = F(0+).
+!> If the object stops with |K u| >= F_s, it does not rest: the motion continues in the direction of K u.
 !>
-!> With dampers C the force on the object at rest is K u + C V e, V the velocity of the drive, and takes the place of K u. Where V
-!> jumps it jumps too.
+!> With dampers C the force on the object at rest is K u + C V e, with the velocity V of the drive, instead of K u. It jumps where V
+!> jumps.
 !>
 !> A rest that lasts no longer than a thousandth of the time in which the stiffer spring oscillates by one radian, or in which the
-!> drive loads the springs from nothing to the static limit, is a touch: the object passes on, and neither a stick nor an event
-!> is counted. How many touches there are hangs on roundoff where the slip speed just reaches zero in each oscillation.
+!> drive loads the springs from zero to the static limit, is a touch: the object slips on, and neither a stick nor an event is
+!> counted. The number of touches depends on roundoff if the slip speed just reaches zero in each oscillation.
 module dst_rest
   use dst_bernstein, only: first_zero
   use dst_kinds, only: wp
@@ -20,11 +20,11 @@ module dst_rest
 
   public :: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, start_at_release, touch_time, limit_roundoff
 
-  !> Roundoff of the spring force at the static limit, relative to it: where it rests there, and where it has been moved there.
-  !> That of |K u|, with a margin. Twice: no change on Fig. 3 with radau9 and dopri5.
+  !> Roundoff of the spring force at the static limit, relative to it: of a force that rests there, and of one that has been moved
+  !> there. It is the roundoff of |K u|, with a margin. Twice: no change on Fig. 3 with radau9 and dopri5.
   real(wp), parameter :: limit_roundoff = 4.0_wp*epsilon(1.0_wp), excess_roundoff = 16.0_wp*epsilon(1.0_wp)
   !> A touch lasts no longer than this share of a radian of the faster oscillation, or of the loading of the springs. Convention.
-  !> Twice: no change on Fig. 3; one stick of 32 less where the slip speed just reaches zero in each oscillation.
+  !> Twice: no change on Fig. 3; 31 instead of 32 sticks where the slip speed just reaches zero in each oscillation.
   real(wp), parameter :: touch_share = 1.0e-3_wp
 
   !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
@@ -36,7 +36,7 @@ module dst_rest
 
 contains
 
-  !> Magnitude of the spring force |K u| [N]; with the drive at a velocity [m/s], of the force of springs and dampers at rest.
+  !> Magnitude of the spring force |K u| [N]; if a drive velocity [m/s] is given, of the force of springs and dampers at rest.
   pure real(wp) function spring_force_size(slider, u, drive_velocity)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2)
@@ -48,8 +48,8 @@ contains
     spring_force_size = hypot(force(1), force(2))
   end function spring_force_size
 
-  !> Whether an object at rest stays at rest. Exactly at the static limit that depends on whether the
-  !> drive [m/s, m/s2] pulls further out.
+  !> Whether an object at rest stays at rest. Exactly at the static limit this depends on whether the drive [m/s, m/s2] increases
+  !> the force.
   pure logical function holds(slider, u, drive_velocity, drive_acceleration)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity
@@ -64,7 +64,7 @@ contains
     if (.not. outward > 0.0_wp) holds = force <= slider%law%static_limit*(1.0_wp + limit_roundoff)
   end function holds
 
-  !> Time [s] from `time` until the stuck object is released, huge if it is not within the segment.
+  !> Time [s] from `time` until the stuck object is released, huge if it is not released within the segment.
   !> |K (u + D e) + C V e| = F_s is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.
   pure real(wp) function release_delay(slider, u, drive, time)
     type(slider_t), intent(in) :: slider
@@ -88,7 +88,7 @@ contains
     release_delay = huge(release_delay)
     if (.not. a > 0.0_wp) return
     b = dot_product(gain, force)
-    ! F_s^2 - |K u|^2 as a product keeps its digits close to the limit.
+    ! F_s^2 - |K u|^2 as a product has all digits close to the limit.
     associate (limit => slider%law%static_limit, size => hypot(force(1), force(2)))
       c = max(0.0_wp, (limit - size)*(limit + size))
     end associate
@@ -103,7 +103,7 @@ contains
     release_delay = min(time_to_travel(drive, time, forward, 1.0_wp), time_to_travel(drive, time, backward, -1.0_wp))
   end function release_delay
 
-  !> The same with dampers under a ramp: the force is a quadratic polynomial, its square one of degree 4.
+  !> The same with dampers under a ramp: the force is a quadratic polynomial in time, its square one of degree 4.
   pure real(wp) function damped_delay(slider, u, drive, time) result(delay)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), time
@@ -112,7 +112,7 @@ contains
     real(wp) :: force(2, 0:2), power(0:4), coefficient(0:4), here(2), there(2), length, size, slope, limit
     integer :: iteration
 
-    ! As a polynomial in the share of what is left of the ramp, in units of the static limit.
+    ! A polynomial in the share of the remaining ramp, in units of the static limit.
     delay = huge(delay)
     limit = slider%law%static_limit
     length = drive%end - time
@@ -144,7 +144,7 @@ contains
       delay = huge(delay)
       return
     end if
-    ! A long ramp has few digits where the release is near its beginning.
+    ! The release may be near the beginning of a long ramp, where this share has few digits.
     do iteration = 1, most_iterations
       here = force(:, 0) + delay*(force(:, 1) + delay*force(:, 2))
       there = force(:, 1) + 2.0_wp*delay*force(:, 2)
@@ -187,7 +187,7 @@ contains
     if (.not. delay <= huge(delay)) delay = huge(delay)
   end function time_to_travel
 
-  !> Longest rest [s] that is a touch only, with the drive at this velocity [m/s] and acceleration [m/s2].
+  !> Longest rest [s] that is only a touch, with the drive at this velocity [m/s] and acceleration [m/s2].
   pure real(wp) function touch_time(slider, drive_velocity, drive_acceleration)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: drive_velocity
@@ -201,7 +201,7 @@ contains
     touch_time = touch_share*touch_time
   end function touch_time
 
-  !> Start of slip from rest at elongation `u`, where |K u| >= F_0, with the acceleration that the excess gives.
+  !> Start of slip from rest at elongation `u`, where |K u| >= F_0, with the acceleration due to the excess of the force.
   pure function start_of_slip(slider, u, drive_velocity, drive_acceleration) result(begin)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity
@@ -217,7 +217,7 @@ contains
     associate (c => cos(begin%y(2)), s => sin(begin%y(2)), m => slider%mass)
       along = growth(1)*c + growth(2)*s
       across = growth(2)*c - growth(1)*s
-      ! An excess within roundoff is none.
+      ! An excess within roundoff is ignored.
       begin%rate(1) = 0.0_wp
       if (magnitude > slider%law%kinetic_limit*(1.0_wp + excess_roundoff)) begin%rate(1) = (magnitude - slider%law%kinetic_limit)/m
       ! The dampers oppose the slip that begins.
@@ -232,7 +232,7 @@ contains
     end associate
   end function start_of_slip
 
-  !> Start of slip at a release, where |K u| = F_s by definition: what exceeds the static limit is roundoff.
+  !> Start of slip at a release, where |K u| = F_s by definition: any excess over the static limit is roundoff.
   pure function start_at_release(slider, u, drive_velocity, drive_acceleration) result(begin)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity

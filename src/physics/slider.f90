@@ -16,14 +16,14 @@ module dst_slider
     real(wp) :: mass = 1.0_wp                              !! kg
     real(wp) :: stiffness(2) = 1.0_wp                      !! k_x, k_y, N/m
     real(wp) :: along(2) = [1.0_wp, 0.0_wp]                !! drive direction (cos phi, sin phi)
-    !> What a model holds: along a principal axis with `free` = 0 the elongation is constant, and slip
-    !> whose direction is not free keeps that in which it began.
+    !> What a model keeps constant: along a principal axis with `free` = 0 the elongation is constant, and slip whose direction is
+    !> not free keeps the direction in which it began.
     real(wp) :: free(2) = 1.0_wp
     logical :: direction_free = .true.
     class(friction_law_t), allocatable :: law
     !> Square of the smoothing velocity [m2/s2]; 0 = exact contact.
     real(wp) :: smoothing = 0.0_wp
-    !> c_x, c_y of the dampers beside the springs, N s/m.
+    !> c_x, c_y of the dampers parallel to the springs, N s/m.
     real(wp) :: damping(2) = 0.0_wp
   contains
     procedure :: is_damped
@@ -50,7 +50,7 @@ contains
     drive_coupling = self%free*self%along
   end function drive_coupling
 
-  !> Whether there is a damper beside a spring.
+  !> Whether there is a damper parallel to a spring.
   pure logical function is_damped(self)
     class(slider_t), intent(in) :: self
 
@@ -80,17 +80,17 @@ contains
       rate = rate + self%damping*self%drive_coupling()*drive_acceleration
   end function loading_rate
 
-  !> Times c/k [s] in which either damper lets its spring relax.
+  !> Times c/k [s] in which the dampers let their springs relax.
   pure function relaxation(self)
     class(slider_t), intent(in) :: self
     real(wp) :: relaxation(2)
 
     relaxation = 0.0_wp
-    ! A model without the spring has no damper beside it.
+    ! A model without this spring has no damper parallel to it.
     where (self%damping > 0.0_wp) relaxation = self%free*self%damping/self%stiffness
   end function relaxation
 
-  !> The larger rate c/m [1/s] at which the dampers slow the mass down.
+  !> The larger of the rates c/m [1/s] at which the dampers slow the mass down.
   pure real(wp) function damping_rate(self)
     class(slider_t), intent(in) :: self
 
@@ -106,7 +106,7 @@ contains
     u = self%law%static_limit*[cos(theta), sin(theta)]/self%stiffness
   end function elongation_at_limit
 
-  !> Force of the held springs [N] at elongation `u` [m].
+  !> Force of the springs of constant elongation [N] at elongation `u` [m].
   pure function held_force(self, u) result(force)
     class(slider_t), intent(in) :: self
     real(wp), intent(in) :: u(2)
@@ -115,7 +115,8 @@ contains
     force = (1.0_wp - self%free)*self%stiffness*u
   end function held_force
 
-  !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced, and those of dampers at a velocity of this size [m/s].
+  !> Roundoff of the acceleration [m/s2]: it is a difference of forces of size F_0, and of those of dampers at a velocity of this
+  !> size [m/s].
   pure real(wp) function acceleration_noise(self, velocity)
     class(slider_t), intent(in) :: self
     real(wp), intent(in), optional :: velocity
@@ -139,8 +140,8 @@ contains
     radian_time = sqrt(self%mass/maxval(self%stiffness))
   end function radian_time
 
-  !> Slip speeds F_0/sqrt(m k) that stretch either spring to the static limit [m/s]; huge where there is no friction or no spring,
-  !> which set no scale then.
+  !> Slip speeds F_0/sqrt(m k) that stretch either spring to the static limit [m/s]; huge if there is no friction or no spring,
+  !> which then set no scale.
   pure function static_speed(self)
     class(slider_t), intent(in) :: self
     real(wp) :: static_speed(2)
@@ -170,7 +171,7 @@ contains
     case default
       direction = [s, -c]
     end select
-    ! No negative zeros: they would turn angles of pi into -pi.
+    ! No negative zeros: they would change angles of pi to -pi.
     direction = direction + 0.0_wp
   end function cos_sin_degrees
 

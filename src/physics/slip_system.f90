@@ -1,15 +1,15 @@
-!> What an integrator knows of a model.
+!> The interface of a model to an integrator.
 !>
-!> A model has n spring elongations u (n = 1 or 2) and m slip unknowns y (m = n in the paper's models; m > n where friction has a
-!> state of its own). With the slip velocity w(y), the drive velocity V(t) and its direction e,
+!> A model has n spring elongations u (n = 1 or 2) and m slip unknowns y (m = n in the paper's models; m > n if friction has a state
+!> of its own). With the slip velocity w(y), the drive velocity V(t) and its direction e,
 !>
 !>     u' = V(t) e - w(y),      B(y) y' = g(u, y, V),      B diagonal.
 !>
 !> The second equation is kept in its implicit form, because B may vanish (polar slip velocity at
 !> rest). All stages of a step are evaluated in one call: arrays are (stage, component) or (stage, unknown).
 !>
-!> A model of one component follows one principal axis. The elongation along the other is held, and
-!> the slip velocity along it is a function of y and V.
+!> A model with one component follows one principal axis. The elongation along the other axis is constant, and the slip velocity
+!> along it is a function of y and V.
 module dst_slip_system
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
@@ -18,33 +18,33 @@ module dst_slip_system
 
   public :: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
 
-  !> Components (elongations) and slip unknowns of the largest model.
+  !> Numbers of components (elongations) and of slip unknowns of the largest model.
   integer, parameter :: max_components = 2, max_unknowns = 3
 
-  !> g and what belongs to it at `stages` points, arrays (stage, unknown[, with respect to]).
+  !> g and its derivatives at `stages` points, arrays (stage, unknown[, derivative with respect to]).
   type :: stage_terms_t
     real(wp), allocatable :: force(:, :)         !! g
     real(wp), allocatable :: force_u(:, :, :)    !! dg/du
     real(wp), allocatable :: force_y(:, :, :)    !! dg/dy
     real(wp), allocatable :: inertia(:, :)       !! diagonal of B
     real(wp), allocatable :: inertia_y(:, :, :)  !! dB/dy
-    !> The dampers' part of -dg/dy, but for the turning of the direction of slip.
+    !> The dampers' part of -dg/dy, except the turning of the direction of slip.
     real(wp), allocatable :: damping(:, :, :)
     real(wp), allocatable :: dissipation(:)      !! power of the friction force, W
     real(wp), allocatable :: dissipation_y(:, :) !! its derivative
-    !> Power that enters other than through the springs that the drive stretches, W.
+    !> Power that does not enter through the springs that the drive stretches, W.
     real(wp), allocatable :: supply(:)
     real(wp), allocatable :: supply_y(:, :)      !! its derivative
   end type stage_terms_t
 
-  !> A model as an integrator sees it: u' = V e - w(y), B(y) y' = g(u, y).
+  !> A model as an integrator uses it: u' = V e - w(y), B(y) y' = g(u, y).
   type, abstract :: slip_system_t
     !> Number of components n, and of slip unknowns m >= n.
     integer :: components = max_components
     integer :: unknowns = max_components
     !> Principal axis of the first component.
     integer :: axis = 1
-    !> Elongations per displacement of the drive: its direction in the principal axes, but 0 for a held one.
+    !> Elongations per displacement of the drive: its direction in the principal axes, but 0 for a constant elongation.
     real(wp) :: drive_coupling(max_components) = 0.0_wp
     !> The drive's power through the springs that it stretches [W] is V `drive_stiffness . u`.
     real(wp) :: drive_stiffness(max_components) = 0.0_wp
@@ -53,9 +53,9 @@ module dst_slip_system
     real(wp) :: advance_by_drive = 0.0_wp
     !> Whether a component of the slip velocity itself is an unknown, and may pass through zero without a rest.
     logical :: turns_back = .false.
-    !> w_y/V where the drive prescribes the motion across, which is no component then.
+    !> w_y/V if the drive prescribes the motion along y, which then is not a component.
     real(wp) :: prescribed = 0.0_wp
-    !> Roundoff of the acceleration [m/s2]: forces of size F_0 are differenced.
+    !> Roundoff of the acceleration [m/s2]: it is a difference of forces of size F_0.
     real(wp) :: acceleration_noise = 0.0_wp
     !> Along each principal axis: frequency of the mass on the spring [rad/s], and the slip speed F_0/sqrt(m k) [m/s] that
     !> stretches the spring to the static limit.
@@ -72,21 +72,21 @@ module dst_slip_system
     procedure(dynamics), deferred :: dynamics
     !> Slip velocity (w_x, w_y) [m/s] at one point.
     procedure(slip_velocity), deferred :: slip_velocity
-    !> How disturbances of steady sliding would grow or decay, with these slip unknowns.
+    !> Growth or decay of disturbances of steady sliding, with these slip unknowns.
     procedure(decay_polynomial), deferred :: decay_polynomial
     !> Add the force of the dampers to the terms of the springs.
     procedure :: add_dampers
-    !> Powers of drive and dampers that the dampers make.
+    !> Powers of drive and dampers due to the dampers.
     procedure :: damper_powers
     !> Whether the slip has turned by more than a right angle from one point to another.
     procedure :: has_turned
-    !> Slip speed that counts as large along each axis, for its spring.
+    !> Slip speed that is large along each axis, compared with its spring.
     procedure :: spring_speed
-    !> Friction [N] where it is no function of the slip speed.
+    !> Friction [N] if it is not a function of the slip speed.
     procedure :: own_friction
     !> Slip begins, with friction at this angle to the x-axis [rad].
     procedure :: set_slip_direction
-    !> Save or load what `set_slip_direction` sets.
+    !> Save or load the values that `set_slip_direction` sets.
     procedure :: serialise
   end type slip_system_t
 
@@ -117,8 +117,8 @@ module dst_slip_system
       real(wp) :: velocity(2)
     end function slip_velocity
 
-    !> Characteristic polynomial, by rising power: its n + m roots are the rates lambda [1/s] of exp(lambda t);
-    !> and -F'(v)/m [1/s], by which friction that falls with the speed feeds them.
+    !> Characteristic polynomial, by rising power: its n + m roots are the rates lambda [1/s] of exp(lambda t); and -F'(v)/m [1/s],
+    !> the rate at which friction that decreases with the speed feeds disturbances.
     pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)
       import :: slip_system_t, wp
       class(slip_system_t), intent(in) :: self
@@ -129,7 +129,7 @@ module dst_slip_system
 
 contains
 
-  !> Terms with room for a number of stages.
+  !> Allocate terms for a number of stages.
   pure function new_terms(stages, components, unknowns) result(terms)
     integer, intent(in) :: stages, components, unknowns
     type(stage_terms_t) :: terms
@@ -143,7 +143,7 @@ contains
   end function new_terms
 
   !> Dampers act as longer springs: with the times r = c/k, k u becomes k (u + r u'), u' = V e - w. To be called last in `dynamics`,
-  !> with dg/du there for the springs, in which w = `velocity`.
+  !> with dg/du of the springs, where w = `velocity`.
   pure subroutine add_dampers(self, stages, drive_velocity, velocity, velocity_y, terms)
     class(slip_system_t), intent(in) :: self
     integer, intent(in) :: stages
@@ -183,7 +183,7 @@ contains
     end associate
   end subroutine damper_powers
 
-  !> For unknowns y of which the first are the slip velocity itself, or its size along a fixed direction.
+  !> For unknowns y of which the first are the slip velocity itself, or its magnitude along a fixed direction.
   pure logical function has_turned(self, before, after)
     class(slip_system_t), intent(in) :: self
     real(wp), intent(in) :: before(:), after(:)
@@ -193,8 +193,8 @@ contains
     end associate
   end function has_turned
 
-  !> Slip speed [m/s] along each axis that stretches its spring by as much as it is stretched now (`u` [m]), or at the static limit.
-  !> An error of the slip velocity is an error of the spring force relative to this.
+  !> Slip speed [m/s] along each axis that stretches its spring by as much as it is stretched now (`u` [m]), or to the static limit.
+  !> Relative to this, an error of the slip velocity is an error of the spring force.
   pure function spring_speed(self, u) result(speed)
     class(slip_system_t), intent(in) :: self
     real(wp), intent(in) :: u(max_components)
@@ -203,7 +203,7 @@ contains
     speed = max(self%static_speed, self%frequency*abs(u))
   end function spring_speed
 
-  !> Set the magnitude of friction [N] at the slip unknowns y; as most models have no state in it, it stays what the law says.
+  !> Set the magnitude of friction [N] at the slip unknowns y; most models have no state for it, and leave the value of the law.
   pure subroutine own_friction(self, y, friction)
     class(slip_system_t), intent(in) :: self
     real(wp), intent(in) :: y(max_unknowns)

@@ -4,11 +4,10 @@
 !>
 !>     m u'' + D u' + K u = 0,     D = alpha s s^T + beta n n^T,     alpha = F'(V),  beta = F(V)/V,
 !>
-!> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact); dampers C beside the springs add to D.
-!> Without these, of its characteristic polynomial only one
-!> coefficient depends on phi, and linearly in sin^2(phi): the critical angles have a closed form, derived in
-!> docs/theory_stability.md. The damping ratio of the slow motion at any direction of friction is Eq. (10) of
-!> Nakano & Popov (2020). SI units, angles in radians.
+!> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact); dampers C parallel to the springs add to D. Without dampers,
+!> only one coefficient of the characteristic polynomial depends on phi, and linearly in sin^2(phi): the critical angles have a
+!> closed form, derived in docs/theory_stability.md. The damping ratio of the slow motion at any direction of friction is Eq. (10)
+!> of Nakano & Popov (2020). SI units, angles in radians.
 module dst_stability
   use dst_kinds, only: wp, real64, pi
   use dst_errors, only: error_t, raise, usage_error, not_finite
@@ -25,20 +24,20 @@ module dst_stability
   !> Branches of the critical angle: the slow mode, and the fast one.
   integer, parameter :: low_branch = 1, fast_branch = 2
 
-  !> Where in 0 < phi < pi/2 the largest real part of the eigenvalues crosses zero. There are two such
+  !> The angles in 0 < phi < pi/2 at which the largest real part of the eigenvalues crosses zero. There are two such
   !> angles, one for each branch, or none; with dampers there may be one.
   type :: critical_t
     logical :: exists = .false.
-    !> Whether each branch has one: with dampers one may, and the other not.
+    !> Whether each branch has an angle: with dampers one branch may have one and the other none.
     logical :: has(2) = .false.
     real(wp) :: angle(2) = 0.0_wp        !! of the low-frequency and of the fast branch, rad
     real(wp) :: frequency(2) = 0.0_wp    !! of the oscillation there, rad/s
-    !> Steady sliding is stable between these angles [rad]; equal when it is stable at none.
+    !> Steady sliding is stable between these angles [rad]; they are equal if it is stable at none.
     real(wp) :: window(2) = 0.0_wp
   end type critical_t
 
-  !> A slider and its friction in units that are powers of two: about 1 for the mass and the stiffer spring. They change no
-  !> digit of a result, but keep squares and products within the numbers where the results are.
+  !> A slider and its friction in units that are powers of two: the mass and the stiffer spring are about 1. The units change no
+  !> digit of a result, but keep squares and products in the range of the numbers if the results are in it.
   type :: own_units_t
     real(wp) :: mass, stiffness(2)
     real(wp) :: alpha, beta, damping(2)
@@ -49,7 +48,7 @@ module dst_stability
   character(*), parameter :: beyond = 'beyond the range of the numbers: bring the mass, the stiffnesses, the friction and the '// &
     'velocity nearer to each other'
 
-  !> Exponents that are free above a number's, for the sums and products in which it takes part.
+  !> Range of exponents that is kept free above a number, for the sums and products of which it is a part.
   integer, parameter :: room = 16
 
   interface
@@ -93,7 +92,7 @@ contains
       matrix(i + 2, i + 2) = matrix(i + 2, i + 2) - own%damping(i)/own%mass
     end do
     double_matrix = real(matrix, real64)
-    ! LAPACK stops the program over a number that is not finite.
+    ! LAPACK stops the program if a number is not finite.
     info = 1
     if (all(abs(double_matrix) <= huge(1.0_real64))) &
       call dgeev('N', 'N', 4, double_matrix, 4, real_part, imaginary_part, left, 1, right, 1, work, size(work), info)
@@ -112,9 +111,9 @@ contains
     end do
   end subroutine steady_sliding_eigenvalues
 
-  !> The critical angles for this slider, whatever its own misalignment. With p = m omega^2 they are
-  !> the solutions of (p - k_x)(p - k_y) = alpha beta p/m and
-  !> sin^2(phi) = [alpha (p - k_y) + beta (p - k_x)]/[(beta - alpha)(k_y - k_x)], written without cancellation.
+  !> The critical angles for this slider; its own misalignment is ignored. With p = m omega^2 they are the solutions of (p - k_x)(p
+  !> - k_y) = alpha beta p/m and sin^2(phi) = [alpha (p - k_y) + beta (p - k_x)]/[(beta - alpha)(k_y - k_x)], written without
+  !> cancellation.
   subroutine critical_misalignment(slider, velocity, critical, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
@@ -136,7 +135,7 @@ contains
     call to_own_units(slider, velocity, own, error)
     if (allocated(error)) return
     associate (soft_stiffness => minval(own%stiffness), stiff_stiffness => maxval(own%stiffness))
-      ! p has two real positive values if gap > 0: the sum of the roots is beyond twice the root of their product.
+      ! p has two real positive values if gap > 0: the sum of the roots is larger than twice the root of their product.
       if (power_of(own%alpha) + power_of(own%beta) > room) return
       coupling = -own%alpha*own%beta/own%mass
       root_sum = sqrt(soft_stiffness) + sqrt(stiff_stiffness)
@@ -155,7 +154,7 @@ contains
     critical%exists = .true.
     critical%has = .true.
     critical%frequency = frequency
-    ! Squares of the sine and the cosine of the angle to the soft axis, but for a common factor.
+    ! Squares of the sine and the cosine of the angle to the soft axis, except a common factor.
     share = -alpha/beta
     soft = share*above + below
     stiff = share*below + above
@@ -185,7 +184,7 @@ contains
     if (allocated(error)) return
     edge(1) = 0.0_wp
     edges = 1
-    ! Angles up to 45 degrees from sin^2, the others from cos^2: each has its digits.
+    ! Angles up to 45 degrees from sin^2, the others from cos^2: so each has all its digits.
     do side = 1, 2
       associate (zeros => zeros_of_stability(own, side))
         do i = 1, 2
@@ -215,7 +214,7 @@ contains
     end if
     edges = edges + 1
     edge(edges) = 0.5_wp*pi
-    ! The stable part, the widest if there were several.
+    ! The stable part; the widest if there are several.
     do i = 2, edges
       if (.not. is_damped_stable(own, 0.5_wp*(edge(i - 1) + edge(i)))) cycle
       if (edge(i) - edge(i - 1) > critical%window(2) - critical%window(1)) critical%window = edge(i - 1:i)
@@ -292,7 +291,7 @@ contains
   end function is_damped_stable
 
   !> The critical angle [rad] in the limit of a rigid stiff axis, tan^2(phi) = -(F' + c_x)/(F/V + c_x); stable above it.
-  !> 0 when friction weakens no more than the damper takes.
+  !> 0 if friction weakens no more than the damper takes.
   subroutine low_frequency_limit(slider, velocity, angle, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
@@ -308,8 +307,8 @@ contains
     if (alpha < 0.0_wp .and. beta >= 0.0_wp) angle = atan2(sqrt(-alpha), sqrt(beta))
   end subroutine low_frequency_limit
 
-  !> Whether all eigenvalues have negative real parts, decided without computing them: a real part far below
-  !> the largest eigenvalue has no sign in working precision.
+  !> Whether all eigenvalues have negative real parts, decided without computing them: the sign of a real part far below the largest
+  !> eigenvalue is lost in working precision.
   subroutine is_stable(slider, velocity, stable, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
@@ -329,7 +328,7 @@ contains
     if (.not. allocated(error)) call critical_misalignment(slider, velocity, critical, error)
     if (allocated(error)) return
     angle = atan2(abs(slider%along(2)), abs(slider%along(1)))
-    ! Strengthening friction damps along the axes too.
+    ! Strengthening friction also damps along the axes.
     stable = alpha > 0.0_wp .or. (angle > critical%window(1) .and. angle < critical%window(2))
   end subroutine is_stable
 
@@ -354,14 +353,14 @@ contains
     if (.not. allocated(error)) lambda = values(1)
   end subroutine damping_scale
 
-  !> sqrt(m k_x) [N s/m], half the damping from which on the slow motion creeps.
+  !> sqrt(m k_x) [N s/m], half the damping above which the slow motion is overdamped.
   pure real(wp) function impedance(slider)
     type(slider_t), intent(in) :: slider
 
     impedance = sqrt(slider%mass)*sqrt(slider%stiffness(1))
   end function impedance
 
-  !> theta* = asin(Lambda^(-1/3)) [rad]: from there up to pi - theta* the slow motion is overdamped.
+  !> theta* = asin(Lambda^(-1/3)) [rad]: from this angle up to pi - theta* the slow motion is overdamped.
   subroutine overdamped_angle(lambda, angle, error)
     real(wp), intent(in) :: lambda
     real(wp), intent(out) :: angle
@@ -384,15 +383,15 @@ contains
     damping_ratio = lambda*abs(sin(theta))**3
   end function damping_ratio
 
-  !> The same with the slider's own law: [F'(v) cos^2(theta) + F(v) |sin(theta)|^3/(V sin(phi))]/(2 sqrt(m k_x)) at
-  !> the slip speed v = V sin(phi)/sin(theta) that the direction of friction stands for.
+  !> The same with the slider's own law: [F'(v) cos^2(theta) + F(v) |sin(theta)|^3/(V sin(phi))]/(2 sqrt(m k_x)) at the slip speed
+  !> v = V sin(phi)/sin(theta) that belongs to the direction of friction.
   subroutine weakening_damping_ratio(slider, velocity, theta, zeta, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity                     !! of the drive, m/s
     real(wp), intent(in) :: theta                        !! from the soft axis to the friction, rad
     real(wp), intent(out) :: zeta
     type(error_t), allocatable, intent(out) :: error
-    !> Below this sine the damping is 0 to working precision, and v no number.
+    !> Below this sine the damping is 0 to working precision, and v may overflow.
     real(wp), parameter :: smallest_sine = 1.0e-100_wp
     real(wp) :: drift, sine, force, slope, damping, lambda, along(1), across(1)
 
@@ -444,7 +443,7 @@ contains
     alpha = slope*(speed/smoothed) + beta*(smoothing/smoothed)**2
   end subroutine resistance
 
-  !> F [N] and F' [N s/m] of a law that has been checked. Beyond the limit of the speed its exponential is 0.
+  !> F [N] and F' [N s/m] of a law that has been checked. Beyond the largest speed its exponential is 0.
   subroutine friction_at(law, speed, force, slope)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: speed                        !! m/s
@@ -455,7 +454,7 @@ contains
     within = speed
     call exponential_form(law, limit, drop, decay, is_exponential)
     if (power_of(speed) + power_of(decay) > room) within = 2.0_wp**room/decay
-    ! Viscous friction grows with the speed, without a limit.
+    ! Viscous friction grows with the speed without limit.
     if (.not. is_exponential) within = min(speed, 2.0_wp**(maxexponent(speed)/2))
     call law%evaluate(1, [within], forces, slopes)
     force = forces(1)
@@ -492,14 +491,14 @@ contains
     own%rate = (stiffness - mass)/2
   end subroutine to_own_units
 
-  !> Exponent of a number: of 0 one that is below all others.
+  !> Exponent of a number; for 0 an exponent that is below all others.
   elemental integer function power_of(number)
     real(wp), intent(in) :: number
 
     power_of = merge(exponent(number), -10*maxexponent(number), abs(number) > 0.0_wp)
   end function power_of
 
-  !> Multiply by 2**power, where the results are numbers with room for a sum.
+  !> Multiply by 2**power, if the results are numbers with room for a sum.
   subroutine to_si(name, values, power, error)
     character(*), intent(in) :: name
     real(wp), intent(inout) :: values(:)
@@ -515,7 +514,7 @@ contains
     call raise(error, usage_error, name//' is '//beyond)
   end subroutine to_si
 
-  !> Decks are checked when they are read; other callers may bring anything.
+  !> Decks are checked when they are read; other callers may pass anything.
   subroutine check_slider(slider, error)
     type(slider_t), intent(in) :: slider
     type(error_t), allocatable, intent(out) :: error
@@ -535,7 +534,7 @@ contains
       return
     end if
     call exponential_form(slider%law, limit, drop, decay, is_exponential)
-    ! Not with `min` and `max`, which pass over a NaN.
+    ! Not with `min` and `max`, which ignore a NaN.
     values = [slider%law%static_limit, limit, decay, slider%smoothing]
     if (.not. all(values >= 0.0_wp .and. values <= huge(values))) then
       call raise(error, usage_error, 'the friction is negative or not a number: mu_0, mu_inf and normal_load '// &
@@ -556,8 +555,8 @@ contains
     end subroutine check
   end subroutine check_slider
 
-  !> A number as a message shows it, finite or not. Of fixed length, because several threads may be here: gfortran keeps the
-  !> length of an allocatable text that a function returns in static storage.
+  !> A number as messages show it, finite or not. Of fixed length, because several threads may be here: gfortran keeps the length of
+  !> an allocatable text that a function returns in static storage.
   pure character(short_length) function shown(value) result(text)
     real(wp), intent(in) :: value
 

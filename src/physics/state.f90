@@ -1,4 +1,4 @@
-!> The state of the object at one instant: as the models have it, and in plain quantities.
+!> The state of the object at one instant: in the unknowns of the models, and in plain quantities.
 module dst_state
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
@@ -11,7 +11,7 @@ module dst_state
   !> State in the unknowns of a model.
   type :: state_t
     real(wp) :: time = 0.0_wp                        !! s
-    !> What rounding took from `time` [s]: a sum of 1e8 steps loses nothing (Kahan).
+    !> What rounding took from `time` [s]: so a sum of 1e8 steps is exact (Kahan).
     real(wp) :: time_rest = 0.0_wp
     real(wp) :: u(max_components) = 0.0_wp           !! spring elongation, m
     real(wp) :: y(max_unknowns) = 0.0_wp             !! slip unknowns of the model

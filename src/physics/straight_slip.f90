@@ -1,15 +1,15 @@
-!> Slip that keeps the direction n = (cos theta, sin theta) in which it began, with one elongation that
-!> follows it. One unknown, y = v >= 0; along the axis i of that elongation
+!> Slip that keeps the direction n = (cos theta, sin theta) in which it began, with one elongation that follows it. One unknown,
+!> y = v >= 0; along the axis i of that elongation
 !>
 !>     u_i' = V e_i - v n_i,      v' = (K u . n - F(v))/m,
 !>
-!> the other elongation is constant. A damper beside the spring that follows adds c_i u_i' to its
-!> force. Rest and release are those of the exact contact.
+!> the other elongation is constant. A damper parallel to the spring that follows adds c_i u_i' to its force. Rest and release are
+!> those of the exact contact.
 !>
-!> It is two models. `high_frequency` (Eq. 9 of Nakano & Popov 2020; i = 2): the longitudinal load
-!> k_x u_x = F_0 cos theta is given, and the object oscillates on the stiff spring with the mass m/sin^2 theta
-!> that friction in this direction gives it. `low_frequency` where the drive prescribes nothing across,
-!> V sin(phi) = 0 (i = 1): u_y = 0, theta = 0 or pi.
+!> These are two models. `high_frequency` (Eq. 9 of Nakano & Popov 2020; i = 2): the longitudinal load k_x u_x = F_0 cos theta is
+!> given, and the object oscillates on the stiff spring with the mass m/sin^2 theta, since friction keeps it on a line in this
+!> direction. `low_frequency` if the drive prescribes no motion normal to the soft axis, V sin(phi) = 0 (i = 1): u_y = 0, theta = 0
+!> or pi.
 module dst_straight_slip
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, pi
@@ -23,10 +23,10 @@ module dst_straight_slip
   !> Slip of a slider along a fixed line, in the unknown y = v.
   type, extends(slip_system_t) :: straight_slip_t
     type(slider_t) :: slider
-    !> Direction n of the slip, and the force of the held spring in that direction [N].
+    !> Direction n of the slip, and the force of the spring of constant elongation in that direction [N].
     real(wp) :: direction(2) = [1.0_wp, 0.0_wp]
     real(wp) :: held_force = 0.0_wp
-    !> Elongations of which the held one counts [m].
+    !> Elongations, of which only the constant one is used [m].
     real(wp) :: held(2) = 0.0_wp
   contains
     procedure :: kinematics
@@ -39,8 +39,8 @@ module dst_straight_slip
 
 contains
 
-  !> The model that follows principal axis `axis`, the elongation along the other being held at its value
-  !> in `held` [m]; slider%free and slider%direction_free say the same to the contact.
+  !> The model that follows principal axis `axis`; the elongation along the other axis keeps its value in `held` [m]. slider%free
+  !> and slider%direction_free say the same to the contact.
   function new_straight_slip(slider, axis, held) result(model)
     type(slider_t), intent(in) :: slider
     integer, intent(in) :: axis
@@ -132,7 +132,7 @@ contains
 
     associate (unused => drive_velocity)
     end associate
-    ! In the direction that the motion had there: the slip may have turned since.
+    ! In the direction of the motion there: the slip may have turned since.
     velocity = y(1)*[cos(y(2)), sin(y(2))]
     if (self%axis == 1) velocity = [sign(y(1), cos(y(2))), 0.0_wp]
   end function slip_velocity

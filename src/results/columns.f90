@@ -1,4 +1,4 @@
-!> Output columns: what can be said of the motion at one instant.
+!> Output columns: the quantities of the motion at one instant.
 !>
 !> Adding a column: its number, one line in `columns` and one case in `value_of`; docs/howto/output_column.md.
 !> Source of the formulas: Nakano & Popov (2020), Eqs. (4)-(6) and (10).
@@ -20,7 +20,7 @@ module dst_columns
   integer, parameter :: c_friction = 12, c_theta = 13, c_psi = 14, c_sticking = 15, c_zeta = 16
   integer, parameter :: c_pull_force = 17, c_theta_deg = 18
 
-  !> Columns that are written only where they are asked for by name: they follow from the others.
+  !> Columns that are written only if they are requested by name: they follow from the others.
   character(*), parameter :: columns_on_request = 'pull_force theta_deg'
 
   !> The table of columns: name, unit, meaning.
@@ -53,14 +53,14 @@ contains
     find_column = find_quantity(columns, name)
   end function find_column
 
-  !> Whether a column belongs to those that 'default' stands for.
+  !> Whether a column is one of those that 'default' means.
   elemental logical function is_default(name)
     character(*), intent(in) :: name
 
     is_default = .not. has_word(columns_on_request, trim(name))
   end function is_default
 
-  !> The columns that 'default' stands for: all but those on request, the damping ratio only where it exists.
+  !> The columns that 'default' means: all except those on request, and the damping ratio only if it exists.
   pure function default_columns(slider, drive) result(selected)
     type(slider_t), intent(in) :: slider
     type(drive_t), intent(in) :: drive
@@ -71,7 +71,7 @@ contains
     if (.not. damping_ratio_exists(slider, drive)) selected = pack(selected, columns(selected)%name /= 'zeta')
   end function default_columns
 
-  !> Eq. (10) divides by V sin(phi): it has a value if neither vanishes at any time.
+  !> Eq. (10) divides by V sin(phi): it has a value if neither factor vanishes at any time.
   pure logical function damping_ratio_exists(slider, drive) result(exists)
     type(slider_t), intent(in) :: slider
     type(drive_t), intent(in) :: drive

@@ -1,12 +1,13 @@
-!> Stick-slip cycles, and what they are once the motion has settled. The bookkeeping is of fixed size, whatever the run's length.
+!> Stick-slip cycles, and their measures once the motion has settled. The storage has a fixed size, whatever the length of the run.
 !>
-!> The load is the spring force k_x u_x, positive in the direction in which the drive pulls the soft spring, that of V cos(phi).
-!> A cycle goes from a peak of the load over a valley to the next peak, each an extremum that the load leaves by more than
-!> `threshold` of the limit F_0: the 1 kHz ripple of dynamic stiction stays far below it. A drive that stands still or reverses
-!> breaks off the cycle under way, and so does a long steady slide.
+!> The load is the spring force k_x u_x, positive in the direction in which the drive pulls the soft spring, that of V cos(phi). A
+!> cycle goes from a peak of the load over a valley to the next peak. An extremum counts if the load leaves it by more than
+!> `threshold` of the limit F_0: the 1 kHz ripple of dynamic stiction stays far below this. If the drive stops or reverses, the
+!> present cycle is discarded; a long steady slide also ends it.
 !>
-!> Means and scatters are over the later half of the complete cycles: at least two of them if there are two, and at most the last
-!> `kept`. A motion that rings down has none: its swing only shrinks from cycle to cycle, or its last extremum is long past.
+!> Means and scatters are over the later half of the complete cycles: over at least two of them if there are two, and at most over
+!> the last `kept`. A motion that rings down has no means: its amplitude decreases from cycle to cycle, or its last extremum is long
+!> past.
 module dst_cycles
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64, pi
@@ -17,29 +18,30 @@ module dst_cycles
   public :: cycles_t, extremum_t, threshold
   public :: period, peak, valley, stick_time, slip_time, slip_length, measures, cycle_quantities, most_cycles
 
-  ! What "twice" does was measured on 21 motions: those of tests/python/test_settled.py, stick-slip of 3 to 30 s, driven unsteadily.
+  ! The effects of "twice" were measured on 21 motions: those of tests/python/test_settled.py, stick-slip of 3 to 30 s, driven
+  ! unsteadily.
   !
-  !> What an extremum stands out by, over F_0. Convention. Twice: 10 to 75 % of the cycles of motions that ring down are not
-  !> seen, and one of eight such has a period; where stick-slip lasts, no change.
+  !> The difference by which an extremum counts, over F_0. Convention. Twice: 10 to 75 % of the cycles of motions that ring down are
+  !> not counted, and one of eight such motions has a period; for lasting stick-slip, no change.
   real(wp), parameter :: threshold = 0.01_wp
-  !> Cycles that are remembered. Convention. Means are over half of the cycles: below 200 of them twice is no change.
+  !> Number of cycles that are kept. Convention. Means are over half of the cycles: with fewer than 200 cycles, twice is no change.
   integer, parameter :: kept = 100, most_cycles = kept
-  !> Swings that shrink to less than this share ring down; one cycle alone has to lose more. Conventions. Half: one of eight
-  !> motions that ring down has a period; no change. Twice is no shrinking at all: stick-slip that lasts has no period either.
+  !> A motion rings down if its amplitude decreases to less than this share; a single cycle has to lose more. Conventions. Half: one
+  !> of eight motions that ring down has a period; no change. Twice means any decrease: lasting stick-slip has no period either.
   real(wp), parameter :: ring_down = 0.9_wp, ring_down_of_one = 0.5_wp
-  !> Growth of a swing that is still taken for none: the ripple moves peaks and valleys a little. Convention; twice: no change.
+  !> Growth of an amplitude that is ignored: the ripple moves peaks and valleys a little. Convention; twice: no change.
   real(wp), parameter :: ripple = 0.01_wp
-  !> Cycles from which on shrinking swings are no chance, if there are as many. Convention; twice: no change.
+  !> Number of cycles from which on decreasing amplitudes are not random, if there are as many. Convention; twice: no change.
   integer, parameter :: telling = 4
-  !> Lengths of the longest cycle without an extremum after which the cycles are over. Convention; twice: no change.
+  !> Time without an extremum, in lengths of the longest cycle, after which the cycles have ended. Convention; twice: no change.
   real(wp), parameter :: patience = 3.0_wp
   !> A peak this many natural lengths and times, and lengths of the longest cycle, after the last one follows a steady slide.
   !> Convention; twice: no change.
   real(wp), parameter :: long = 10.0_wp
 
-  !> What is measured of a cycle: lengths in time [s], loads [N] and the advance in X in the direction of the drive [m].
+  !> The measures of a cycle: durations [s], loads [N] and the advance in X in the direction of the drive [m].
   integer, parameter :: period = 1, peak = 2, valley = 3, stick_time = 4, slip_time = 5, slip_length = 6, measures = 6
-  !> What a cycle is told by, in the order of these numbers.
+  !> The published measures of a cycle, in the order of these numbers.
   type(quantity_t), parameter :: cycle_quantities(measures) = [ &
     quantity_t('period', 's', 'time from peak to peak of the load'), &
     quantity_t('peak_force', 'N', 'peak of the load with which the cycle begins: k_x u_x, positive where the drive pulls'), &
@@ -47,7 +49,7 @@ module dst_cycles
     quantity_t('stick_duration', 's', 'time from valley to peak: dynamic stiction'), &
     quantity_t('slip_duration', 's', 'time from peak to valley'), &
     quantity_t('slip_length', 'm', 'advance in X from peak to valley, positive with the drive')]
-  !> And besides these the rise of the load to the next peak [N] and the advance in X from peak to peak [m].
+  !> Further measures: the rise of the load to the next peak [N] and the advance in X from peak to peak [m].
   integer, parameter :: rise = 7, travel = 8, remembered = 8
 
   !> A peak or a valley: the load k_x u_x [N], the time [s], and X [m].
@@ -66,24 +68,24 @@ module dst_cycles
     real(wp) :: first_peak = 0.0_wp
     !> Period of the free oscillation on the soft spring [s].
     real(wp) :: natural_time = 0.0_wp
-    !> Of the scene: cos(phi) where the soft spring is pulled; F_0 [N]; the advance that loads the spring up to F_0 [m].
+    !> Constants of the scene: cos(phi) if the soft spring is pulled; F_0 [N]; the advance that loads the spring up to F_0 [m].
     real(wp), private :: drive_coupling = 0.0_wp, static_limit = 0.0_wp, natural_length = 0.0_wp
-    !> Directions of the drive and of its pull, 0 while there is none.
+    !> Directions of the drive and of its pull, 0 as long as there is none.
     integer, private :: drive_side = 0, side = 0
-    !> Whether the load rises (1) or falls (-1) by more than the threshold; 0 while neither is known.
+    !> Whether the load rises (1) or falls (-1) by more than the threshold; 0 as long as neither is known.
     integer, private :: heading = 0
-    !> The highest load since it rises, or the lowest since it falls; while neither is known both.
+    !> The highest load since it began to rise, or the lowest since it began to fall; both as long as neither is known.
     type(extremum_t), private :: candidate = extremum_t(), other_candidate = extremum_t()
-    !> Turns of the cycle under way.
+    !> Extrema of the present cycle.
     logical, private :: has_peak = .false., has_valley = .false.
     type(extremum_t), private :: last_peak = extremum_t(), last_valley = extremum_t()
-    !> Where the object was at the last extremum, and is [m].
+    !> Position of the object at the last extremum, and now [m].
     real(wp), private :: extremum_position = 0.0_wp, position = 0.0_wp
-    !> Cycles since the last steady slide, and those of them without a break between; whether the next one follows a break.
+    !> Number of cycles since the last steady slide, and of those without a break between; whether the next one follows a break.
     integer(int64), private :: recent = 0, row = 0
     logical, private :: follows_break = .true.
     real(wp), private :: cycle(remembered, kept) = 0.0_wp
-    !> If asked for: where the load turned back in all that was considered, with its beginning and its end.
+    !> On request: the points at which the load turned back in the whole motion, with its beginning and its end.
     logical :: keeps_turns = .false.
     type(extremum_t), allocatable :: turns(:)    !! valid up to turn_count
     integer :: turn_count = 0
@@ -114,7 +116,7 @@ contains
     self%natural_time = 2.0_wp*pi*sqrt(mass/stiffness)
   end subroutine begin
 
-  !> The drive moves in the direction of V [m/s] from here on. Where that changes, a new row of cycles begins.
+  !> The drive moves in the direction of V [m/s] from here on. If that changes, a new row of cycles begins.
   pure subroutine pull(self, velocity, force, time, position)
     class(cycles_t), intent(inout) :: self
     real(wp), intent(in) :: velocity
@@ -143,7 +145,7 @@ contains
     if (value < 0.0_wp) sign_of = -1
   end function sign_of
 
-  !> Take in the longitudinal spring force [N] at a time [s] and position X [m].
+  !> Process the longitudinal spring force [N] at a time [s] and position X [m].
   pure subroutine consider(self, force, time, position)
     class(cycles_t), intent(inout) :: self
     real(wp), intent(in) :: force, time, position
@@ -170,7 +172,7 @@ contains
     self%candidate = extremum_t(real(self%side, wp)*force, time, position)
   end subroutine consider
 
-  !> Append a point to those where the load turned back; the last one is only where it has come to.
+  !> Append a point to those at which the load turned back; the last one is only the present one.
   pure subroutine keep_turn(self, here)
     class(cycles_t), intent(inout) :: self
     type(extremum_t), intent(in) :: here
@@ -191,7 +193,7 @@ contains
     end associate
   end subroutine keep_turn
 
-  !> Where a row begins there is no extremum: wait until the load has risen or fallen.
+  !> A row does not begin with an extremum: wait until the load has risen or fallen.
   pure subroutine find_heading(self, here)
     class(cycles_t), intent(inout) :: self
     type(extremum_t), intent(in) :: here
@@ -205,8 +207,8 @@ contains
     if (self%heading < 0) self%candidate = self%other_candidate
   end subroutine find_heading
 
-  !> Whether a force [N] between two instants, where it stops rising (or falling), may be a peak or a valley: it goes beyond the
-  !> candidate, or leaves it so far that it becomes one.
+  !> Whether a force [N] between two instants, at which it stops rising (or falling), may be a peak or a valley: it goes beyond the
+  !> candidate, or leaves it so far that the candidate becomes one.
   pure logical function may_be_extremum(self, rises, force)
     class(cycles_t), intent(in) :: self
     logical, intent(in) :: rises
@@ -250,7 +252,7 @@ contains
     self%last_valley = here
   end subroutine take_valley
 
-  !> Whether so long a time has passed since the last peak that the cycles before belong to another motion.
+  !> Whether so much time has passed since the last peak that the cycles before belong to another motion.
   pure logical function has_slid_steadily(self, here)
     class(cycles_t), intent(in) :: self
     type(extremum_t), intent(in) :: here
@@ -277,7 +279,7 @@ contains
     end associate
   end subroutine take_cycle
 
-  !> Where a cycle is kept, by its number since the last steady slide.
+  !> The place of a cycle, by its number since the last steady slide.
   pure integer function place(number)
     integer(int64), intent(in) :: number
 
@@ -307,7 +309,7 @@ contains
     longest = maxval(self%cycle(travel, last_places(self, settled(self))))
   end function longest
 
-  !> How many cycles count for the means, and are what the motion goes on with: none if there is no cycle, or if it rings down.
+  !> Number of cycles that count for the means and with which the motion continues: none if there is no cycle, or if it rings down.
   pure integer function lasting(self)
     class(cycles_t), intent(in) :: self
 
@@ -316,7 +318,7 @@ contains
     if (rings_down(self)) lasting = 0
   end function lasting
 
-  !> The measures of the last `n` cycles, (measure, cycle), the oldest first; there must be as many.
+  !> The measures of the last `n` cycles, (measure, cycle), the oldest first; at least `n` must exist.
   pure function last_cycles(self, n) result(cycles)
     class(cycles_t), intent(in) :: self
     integer, intent(in) :: n
@@ -325,8 +327,8 @@ contains
     cycles = self%cycle(:measures, last_places(self, n))
   end function last_cycles
 
-  !> Mean and scatter, the standard deviation (n - 1), of all measures, and over how many cycles: none if there is no cycle or the
-  !> motion rings down, and no scatter of one.
+  !> Mean and scatter, which is the standard deviation (n - 1), of all measures, and the number of cycles for it: none if there is
+  !> no cycle or the motion rings down, and no scatter of a single cycle.
   pure subroutine means(self, n, mean, scatter)
     class(cycles_t), intent(in) :: self
     integer, intent(out) :: n
@@ -365,7 +367,7 @@ contains
       .and. swing(2*n) < merge(ring_down_of_one, ring_down, n == 1)*swing(1)
   end function rings_down
 
-  !> Whether the last two cycles of a row are equal within a share of their lengths in time, of F_0, and of their slip length.
+  !> Whether the last two cycles of a row are equal within a share of their durations, of F_0, and of their slip length.
   pure logical function agree(self, tolerance)
     class(cycles_t), intent(in) :: self
     real(wp), intent(in) :: tolerance
@@ -381,14 +383,14 @@ contains
     end associate
   end function agree
 
-  !> Period of the last cycle [s], of which there must be one.
+  !> Period of the last cycle [s], which must exist.
   pure real(wp) function last_period(self)
     class(cycles_t), intent(in) :: self
 
     last_period = self%cycle(period, place(self%recent))
   end function last_period
 
-  !> Mean swing of the cycles that count [N], whether they last or not; 0 if there are none.
+  !> Mean amplitude (peak to peak) of the cycles that count [N], whether they last or not; 0 if there are none.
   pure real(wp) function mean_swing(self)
     class(cycles_t), intent(in) :: self
     integer :: n

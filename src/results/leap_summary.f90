@@ -1,4 +1,5 @@
-!> What the leaps of a cycle map add to a summary. Of the cycles in a table it is told by what was observed of those at its points.
+!> The contribution of the leaps of a cycle map to a summary. For the cycles of a table it follows from observations of the cycles
+!> at its points.
 module dst_leap_summary
   use dst_chebyshev, only: chebyshev_polynomials
   use dst_cycle_map, only: cycle_map_t, max_leaps
@@ -17,17 +18,18 @@ module dst_leap_summary
 
   public :: leap_summary_t, observe_cycles
 
-  !> What is observed of a cycle: the time in creep or at rest [s], the largest |X'| [m/s], highest and lowest load with time and X,
-  !> where in the cycle they lie, and whether slip begins in it.
+  !> The observations of a cycle: the time in creep or at rest [s], the largest |X'| [m/s], highest and lowest load with time and X,
+  !> where they are in the cycle, and whether slip begins in it.
   integer, parameter :: creep_time = 1, largest_rate = 2, highest = 3, lowest = 6, highest_place = 9, lowest_place = 10, &
     begins_to_slip = 11, values = 11
   real(wp), parameter :: at_begin = -1.0_wp, inside = 0.0_wp, at_end = 1.0_wp
-  !> Where a cycle at a point comes that close to the largest |X'| so far, those between may exceed it.
+  !> If a cycle at a point comes this close to the largest |X'| so far, the cycles between the points may exceed it.
   real(wp), parameter :: near_largest = 0.95_wp
-  !> What polynomials of the time in creep may err by, relative to a cycle, and how many cycles are looked at where they err more.
+  !> Permitted error of the polynomials of the time in creep, relative to a cycle, and how many cycles are evaluated if the error is
+  !> larger.
   real(wp), parameter :: smooth = 1.0e-7_wp
   integer, parameter :: most_looks = 64
-  !> A fall of the load within each cycle counts on its own from this share of `threshold` on.
+  !> A fall of the load within each cycle counts separately from this share of `threshold` on.
   real(wp), parameter :: large_ripple = 0.5_wp
 
   type, extends(cycle_observer_t) :: observer_t
@@ -35,13 +37,13 @@ module dst_leap_summary
     procedure :: observe
   end type observer_t
 
-  !> What a leap that is remembered adds.
+  !> The contribution of a leap that is kept.
   type :: known_passage_t
     integer(int64) :: number = 0
     type(passage_t) :: passage
   end type known_passage_t
 
-  !> What the leaps that a map remembers add, each looked at once.
+  !> The contributions of the leaps that a map keeps, each computed once.
   type :: leap_summary_t
     private
     type(known_passage_t), allocatable :: known(:)
@@ -49,7 +51,7 @@ module dst_leap_summary
     procedure :: follow
   end type leap_summary_t
 
-  !> Part of a leap as the summary looks at it; time and X count from its beginning.
+  !> Part of a leap in the form that the summary uses; time and X count from its beginning.
   type, extends(stretch_t) :: leap_view_t
     class(cycle_map_t), pointer :: map => null()
     type(leap_t), pointer :: leap => null()
@@ -67,7 +69,7 @@ contains
     if (.not. allocated(map%survey%observer)) allocate (map%survey%observer, source=observer_t(values=values))
   end subroutine observe_cycles
 
-  !> A cycle by its own summary.
+  !> A cycle, evaluated by its own summary.
   subroutine observe(self, steps, cycle, value)
     class(observer_t), intent(in) :: self
     class(motion_t), intent(in), target :: steps
@@ -137,7 +139,7 @@ contains
     summary%cycles%keeps_turns = .true.
   end subroutine begin_passage
 
-  !> Take in the last piece, a leap.
+  !> Add the last piece, a leap.
   subroutine follow(self, map, summary)
     class(leap_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(in), target :: map
@@ -158,7 +160,7 @@ contains
     end associate
   end subroutine follow
 
-  !> What an excursion adds.
+  !> The contribution of an excursion.
   subroutine know_excursion(map, leap, passage)
     class(cycle_map_t), intent(in) :: map
     type(leap_t), intent(in) :: leap
@@ -173,7 +175,7 @@ contains
     passage%turns%position = passage%turns%position - first%position
   end subroutine know_excursion
 
-  !> What the cycles of a leap add.
+  !> The contribution of the cycles of a leap.
   subroutine know_cycles(map, leap, largest_so_far, passage)
     class(cycle_map_t), intent(in), target :: map
     type(leap_t), intent(in), target :: leap
@@ -203,8 +205,8 @@ contains
     call find_turns(map, leap, passage%turns)
   end subroutine know_cycles
 
-  !> Time in creep [s] of all cycles of a leap where it is no smooth function of the angle: some cycles are looked at, and those
-  !> between have what lies between.
+  !> Time in creep [s] of all cycles of a leap if it is not a smooth function of the angle: some cycles are evaluated, and the
+  !> values of those between are interpolated.
   real(wp) function creep_of_some(map, leap) result(creep)
     class(cycle_map_t), intent(in), target :: map
     type(leap_t), intent(in), target :: leap
@@ -220,14 +222,14 @@ contains
       i = 1
       if (parts > 0) i = 1 + nint(real(k, wp)*real(leap%cycles - 1, wp)/real(parts, wp))
       call summarise_cycle(map, leap, i, cycle)
-      ! The cycles between two: the mean of both, each.
+      ! Each cycle between two evaluated ones has the mean of both.
       creep = creep + cycle%creep_time + 0.5_wp*real(max(0, i - before - 1), wp)*(former + cycle%creep_time)
       former = cycle%creep_time
       before = i
     end do
   end function creep_of_some
 
-  !> Where the load turns back in the cycles of a leap: in each of them if it falls far enough, else at the ends.
+  !> Points at which the load turns back in the cycles of a leap: in each of them if it falls far enough, else at the ends.
   subroutine find_turns(map, leap, turns)
     class(cycle_map_t), intent(in), target :: map
     type(leap_t), intent(in), target :: leap
@@ -243,7 +245,7 @@ contains
           call turns_of_cycle(i, turns(2*i - 1:2*i))
         end do
       else
-        ! The load is highest where the angle to the soft axis is least.
+        ! The load is highest where the angle to the soft axis is smallest.
         first = min(minloc(leap%angle(:leap%cycles), dim=1), maxloc(leap%angle(:leap%cycles), dim=1))
         last = max(minloc(leap%angle(:leap%cycles), dim=1), maxloc(leap%angle(:leap%cycles), dim=1))
         allocate (turns(5))
@@ -313,7 +315,7 @@ contains
     passage = summary%passage()
   end subroutine summarise_cycle
 
-  !> Look for the instant in which slip begins for the first time.
+  !> Find the instant in which slip begins for the first time.
   subroutine look_for_slip(map, leap, summary)
     class(cycle_map_t), intent(in), target :: map
     type(leap_t), intent(in), target :: leap

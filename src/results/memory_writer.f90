@@ -48,7 +48,7 @@ contains
     self%rows = self%rows + size(samples, 2)
   end subroutine write_samples
 
-  !> Double the room for `count` entries until there is some for `more`; 0 if that is beyond what can be counted.
+  !> Double the capacity for `count` entries until there is room for `more`; 0 if the new one is too large for its integer.
   pure subroutine enlarge(room, count, more)
     integer, intent(inout) :: room
     integer, intent(in) :: count, more
@@ -100,7 +100,7 @@ contains
     self%events = self%events + size(time)
   end subroutine write_events
 
-  !> Memory needs no flush.
+  !> Memory need not be flushed.
   subroutine flush(self, error)
     class(memory_writer_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error
@@ -109,7 +109,7 @@ contains
     end associate
   end subroutine flush
 
-  !> The reader asks for the outcome itself.
+  !> The caller reads the outcome directly.
   subroutine finish(self, outcome, error)
     class(memory_writer_t), intent(inout) :: self
     type(outcome_t), intent(in) :: outcome

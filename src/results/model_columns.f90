@@ -1,22 +1,22 @@
-!> What each reduced model says of each output column, beside the full model: the one table of it.
+!> How each reduced model treats each output column, compared with the full model: the one table of this.
 !>
-!> `auto` takes a model for a column that is asked for by name only if the model follows that column. A model that the
-!> deck names gives all but what is absent: u_y = 0 of a rigid spring is that model's answer. A column that is not in the
-!> table is given by all models but the asymptotics, and followed by the full one alone.
+!> `auto` chooses a model for a column that is requested by name only if the model follows that column. A model that the deck names
+!> provides all columns but the absent ones: u_y = 0 of a rigid spring is that model's answer. A column that is not in the table is
+!> provided by all models except the asymptotics, and followed by the full model alone.
 module dst_model_columns
   implicit none
   private
 
   public :: gives_column, follows_column, holds_column, column_obstacle
 
-  !> What a model may make of a column. Followed: as the full model has it, to the error of the model. Average: without
-  !> the fast oscillation, in which the full model's velocities pass between rest and twice their mean. Held: constant by
-  !> construction at a constant drive velocity. Absent: no value.
+  !> How a model may treat a column. Followed: as in the full model, within the error of the model. Average: without the fast
+  !> oscillation, in which the full model's velocities alternate between rest and twice their mean. Held: constant by construction
+  !> at a constant drive velocity. Absent: no value.
   character, parameter :: followed = 'f', average = 'a', held = 'h', absent = '-'
 
   character(*), parameter :: models(*) = [character(16) :: 'low_frequency', 'high_frequency', 'creep', 'creep_asymptotic']
 
-  !> A column and its standing in each of `models`.
+  !> A column and its treatment in each of `models`.
   type :: row_t
     character(24) :: column = ''
     character(size(models)) :: standing = ''
@@ -50,21 +50,21 @@ contains
     gives_column = standing(model, column) /= absent
   end function gives_column
 
-  !> Whether a column is that of the full model, to the error of `model`.
+  !> Whether a column equals that of the full model, within the error of `model`.
   elemental logical function follows_column(model, column)
     character(*), intent(in) :: model, column
 
     follows_column = standing(model, column) == followed
   end function follows_column
 
-  !> Whether `model` holds a column constant by construction.
+  !> Whether `model` keeps a column constant by construction.
   elemental logical function holds_column(model, column)
     character(*), intent(in) :: model, column
 
     holds_column = standing(model, column) == held
   end function holds_column
 
-  !> Why `model` cannot stand for the full one in a column: 'low_frequency holds u_y constant'; '' if it can.
+  !> Why `model` cannot replace the full one for a column: 'low_frequency holds u_y constant'; '' if it can.
   pure function column_obstacle(model, column) result(text)
     character(*), intent(in) :: model, column
     character(:), allocatable :: text

@@ -1,4 +1,4 @@
-!> The summary of a single run: what dst_summary looks at, read from the pieces of the motion.
+!> The summary of a single run: it passes the pieces of the motion to dst_summary.
 module dst_motion_summary
   use dst_archive, only: archive_t
   use dst_creep_end, only: creep_end_t, creep_end
@@ -17,7 +17,7 @@ module dst_motion_summary
 
   public :: motion_summary_t, statistics
 
-  !> The work done, in the order of `describe`.
+  !> The counters of the work done, in the order of `describe`.
   type(quantity_t), parameter :: statistics(*) = [ &
     quantity_t('steps', '1', 'accepted steps', .true.), &
     quantity_t('rejected', '1', 'rejected steps', .true.), &
@@ -33,7 +33,7 @@ module dst_motion_summary
     quantity_t('map_error', '1', 'largest relative error of the cycle map, in cycles that were left out'), &
     quantity_t('wall_time', 's', 'wall time of the run')]
 
-  !> What is known of a run so far.
+  !> The results of a run so far.
   type, extends(summary_t) :: motion_summary_t
     !> Slip velocity at the end of the last piece [m/s].
     real(wp), private :: velocity(2) = 0.0_wp
@@ -53,7 +53,7 @@ contains
   subroutine start(self, motion, settle)
     class(motion_summary_t), intent(inout) :: self
     class(motion_t), intent(inout) :: motion
-    real(wp), intent(in) :: settle    !! to what two cycles have to agree to end the run, 0 if they do not
+    real(wp), intent(in) :: settle    !! to what two cycles have to agree to end the run, 0 if they need not
     type(creep_end_t) :: end
 
     if (motion%piece%event == stick_begins) self%sticks = 1
@@ -77,7 +77,7 @@ contains
       settle)
   end subroutine start
 
-  !> Take in the last piece.
+  !> Process the last piece.
   subroutine follow(self, motion)
     class(motion_summary_t), intent(inout) :: self
     class(motion_t), intent(in), target :: motion
@@ -110,7 +110,7 @@ contains
     call self%take_in(view)
   end subroutine follow
 
-  !> Take in a sample of a motion in closed form, which has no steps to look at.
+  !> Process a sample of a motion in closed form, which has no steps.
   subroutine see(self, motion, instant)
     class(motion_summary_t), intent(inout) :: self
     class(motion_t), intent(in) :: motion
@@ -120,7 +120,7 @@ contains
       self%largest_rate = max(self%largest_rate, abs(dot_product(instant%velocity, motion%slider%along)))
   end subroutine see
 
-  !> The values of all `summary_quantities`, and which of them this run has.
+  !> The values of all `summary_quantities`, and whether this run has them.
   subroutine values(self, motion, value, given)
     class(motion_summary_t), intent(in) :: self
     class(motion_t), intent(in) :: motion
@@ -159,7 +159,7 @@ contains
     end subroutine put
   end subroutine values
 
-  !> Write summary and statistics into the outcome. A mean of nothing is left out, not invented.
+  !> Write summary and statistics into the outcome. Quantities without a value are omitted.
   subroutine describe(self, motion, wall_time, outcome)
     class(motion_summary_t), intent(in) :: self
     class(motion_t), intent(in) :: motion

@@ -1,4 +1,4 @@
-!> A piece of a motion as the summary looks at it.
+!> A piece of a motion in the form that the summary uses.
 module dst_piece_view
   use dst_kinds, only: wp
   use dst_motion, only: motion_t

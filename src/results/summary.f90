@@ -1,15 +1,15 @@
-!> What a run amounts to: stick-slip cycles (dst_cycles), largest velocity, rest, energy balance. Kept up to date
-!> advance by advance, so that it needs no stored series. Single runs and lanes share it: each shows an advance as a `stretch_t`.
+!> The summary of a run: stick-slip cycles (dst_cycles), largest velocity, rest, energy balance. It is updated after each advance,
+!> so that it needs no stored series. Single runs and lanes use it: each passes an advance as a `stretch_t`.
 !>
 !> The mirror images of a scene, V -> -V and phi -> -phi, 180 deg - phi, 180 deg + phi, have the same summary: loads count in the
 !> direction in which the drive pulls, lengths in that of the drive, velocities and angles by their size.
 !>
-!> What a motion settles to is told by its second half, from t_end/2 on: `swing` is 0 in steady sliding and the amplitude
-!> of a stick-slip that goes on, `creep_share` the share of it in which the object looks at rest. Where a run ends because it has
-!> settled, the last cycle tells these.
+!> The settled motion is described by its second half, from t_end/2 on: `swing` is 0 in steady sliding and the amplitude (peak to
+!> peak) of lasting stick-slip, `creep_share` the share of it in which the object seems to rest. If a run ends because it has
+!> settled, the last cycle is used instead of the second half.
 !>
-!> Slip begins when the spring pulls harder along the soft axis than friction can hold in any direction,
-!> |k_x u_x| > F(v); until then friction turns towards the soft axis and keeps the balance. `slip_angle` is how far it has come.
+!> Slip begins when the spring pulls harder along the soft axis than friction can balance in any direction, |k_x u_x| > F(v); until
+!> then friction turns towards the soft axis and keeps the balance. `slip_angle` is the angle that friction has then.
 module dst_summary
   use dst_archive, only: archive_t
   use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, stick_time, slip_time, slip_length, measures
@@ -23,26 +23,26 @@ module dst_summary
   public :: summary_quantities, summary_values
   public :: tiny_rate, short, creeping, worth_parts, near
 
-  !> An object that is slower than this share of the drive looks at rest.
+  !> An object that is slower than this share of the drive velocity seems to rest.
   real(wp), parameter :: tiny_rate = 0.1_wp
   integer, parameter :: most_parts = 8
-  !> X' and the load may turn unseen in an advance that is longer than this share of the soft spring's period, while the object is
-  !> faster than this share of the drive. Convention.
+  !> X' and the load may turn between the ends of an advance that is longer than this share of the soft spring's period, while the
+  !> object is faster than this share of the drive velocity. Convention.
   real(wp), parameter :: short = 0.25_wp, creeping = 0.5_wp
-  !> Where the largest |X'| is looked for: only where an end reaches the first share of the largest so far, and a part the second.
+  !> Where the largest |X'| is searched: only if an end reaches the first share of the largest so far, and a part the second.
   real(wp), parameter :: worth_parts = 0.9_wp, worth_refining = 0.99_wp
-  !> Slip is looked for where this share more of |k_x u_x| would exceed F(v). Convention.
+  !> Slip is searched if this share more of |k_x u_x| would exceed F(v). Convention.
   real(wp), parameter :: near = 0.5_wp
-  !> A zero is found to this share of the values at the ends, or of the advance's time. Far below what is told of it.
+  !> A zero is found to this share of the values at the ends, or of the advance's time: far below the digits of the results.
   real(wp), parameter :: close_to_zero = 1.0e-7_wp, close_in_time = 1.0e-8_wp
   integer, parameter :: most_iterations = 40
-  !> What a window may differ by from whole cycles, relative to it. Convention: its share of creep is then told to that.
+  !> Permitted difference of a window from whole cycles, relative to it. Convention: its share of creep has this accuracy.
   real(wp), parameter :: alike = 1.0e-3_wp
 
-  !> What may pass through zero inside a stretch, see `crossing_value`.
+  !> Quantities that may pass through zero inside a stretch, see `crossing_value`.
   integer, parameter :: elongation_rate = 1, excess_rate = 2, excess_force = 3, rate = 4
 
-  !> What `summary_values` gives, in its order.
+  !> The results of `summary_values`, in its order.
   type(quantity_t), parameter :: summary_quantities(*) = [ &
     quantity_t('cycles', '1', 'completed stick-slip cycles, peak to peak of the load'), &
     quantity_t('period', 's', 'mean time from peak to peak of the load, later half of the cycles'), &
@@ -63,7 +63,7 @@ module dst_summary
     quantity_t('sticking_time', 's', 'time at rest'), &
     quantity_t('drive_work', 'J', 'work of the drive on the spring'), &
     quantity_t('friction_work', 'J', 'work done against friction'), &
-    quantity_t('damper_work', 'J', 'work done on the dampers beside the springs; only with dampers'), &
+    quantity_t('damper_work', 'J', 'work done on the dampers parallel to the springs; only with dampers'), &
     quantity_t('energy_residual', '1', 'error of the energy balance, relative to the total energy exchanged'), &
     quantity_t('swing', 'N', 'peak-to-peak amplitude of k_x u_x in the second half of the run'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
@@ -75,7 +75,7 @@ module dst_summary
     quantity_t('lyapunov_error', '1', 'standard error of lyapunov_exponent'), &
     quantity_t('regularity', '1', '1 regular, -1 irregular, 0 undecided: the sign of lyapunov_exponent')]
 
-  !> A part of a run: the extremes of k_x u_x, its length so far, and of it at rest or in creep.
+  !> A part of a run: the extremes of k_x u_x, its length so far, and the length at rest or in creep.
   type :: window_t
     type(extremum_t) :: highest = extremum_t(load=-huge(1.0_wp)), lowest = extremum_t(load=huge(1.0_wp))
     real(wp) :: length = 0.0_wp, creep_time = 0.0_wp    !! s
@@ -84,30 +84,30 @@ module dst_summary
     procedure :: serialise => serialise_window
   end type window_t
 
-  !> What is known of the run so far.
+  !> The results of the run so far.
   type :: summary_t
     type(cycles_t) :: cycles = cycles_t()
     real(wp) :: largest_rate = 0.0_wp
     integer(int64) :: sticks = 0
     real(wp) :: sticking_time = 0.0_wp
     real(wp) :: first_energy = 0.0_wp
-    !> First energy and absolute works of all advances [J]. The net works may cancel out.
+    !> First energy and absolute works of all advances [J]. The net works may cancel.
     real(wp) :: exchanged = 0.0_wp
     !> The second half, which begins at `half` [s].
     real(wp) :: half = 0.0_wp
     type(window_t), private :: late = window_t()
-    !> To what two cycles have to agree that follow each other, so that the motion has settled; 0 if that is of no interest. When it
-    !> had [s]; negative if not. The cycle under way: then it stands for the second half.
+    !> Permitted difference of two consecutive cycles in settled motion; 0 if settling is ignored. The time at which it settled [s];
+    !> negative if it did not. The present cycle: if the motion settled it replaces the second half.
     real(wp), private :: settle = 0.0_wp
     real(wp) :: settled_at = -1.0_wp
     type(window_t), private :: this_cycle = window_t()
     integer(int64), private :: cycles_seen = 0
-    !> Whether slip has begun, and how friction pointed then [rad].
+    !> Whether slip has begun, and the angle of friction then [rad].
     logical :: has_slipped = .false.
     real(wp), private :: slip_angle = 0.0_wp
     !> D of dst_creep_end; negative if the scene has none.
     real(wp) :: fast_decay = -1.0_wp
-    !> From when on disturbances too small to be seen would have ended steady sliding [s]; negative if never.
+    !> Time after which disturbances too small to be visible would have ended steady sliding [s]; negative if there is none.
     real(wp) :: undecided_from = -1.0_wp
   contains
     procedure :: begin
@@ -120,8 +120,8 @@ module dst_summary
     procedure :: serialise
   end type summary_t
 
-  !> What a passage from rest to rest adds to a summary: a leap of the cycle map, or one of its cycles. Times and places count from
-  !> its beginning.
+  !> The contribution of a passage from rest to rest to a summary: a leap of the cycle map, or one of its cycles. Times and
+  !> positions count from its beginning.
   type :: passage_t
     real(wp) :: duration = 0.0_wp           !! s
     integer(int64) :: sticks = 0
@@ -130,11 +130,11 @@ module dst_summary
     real(wp) :: exchanged = 0.0_wp          !! J
     real(wp) :: largest_rate = 0.0_wp       !! of |X'|, m/s
     type(extremum_t) :: highest, lowest     !! of the load
-    !> Where the load turns back, with beginning and end.
+    !> Points at which the load turns back, with beginning and end.
     type(extremum_t), allocatable :: turns(:)
   end type passage_t
 
-  !> The motion at one instant, as far as the summary looks at it.
+  !> The motion at one instant, in the form that the summary uses.
   type :: moment_t
     real(wp) :: time = 0.0_wp               !! s
     real(wp) :: position = 0.0_wp           !! X, m
@@ -145,11 +145,11 @@ module dst_summary
     real(wp) :: drive_velocity = 0.0_wp     !! V, m/s
   end type moment_t
 
-  !> One advance of a motion: its ends, and what is between them.
+  !> One advance of a motion: its ends, and the motion between them.
   type, abstract :: stretch_t
     type(moment_t) :: first, last
     logical :: sticking = .false.
-    !> Parts in which X' and the load are looked at where they may turn unseen.
+    !> Number of parts in which X' and the load are evaluated if they may turn between the ends.
     integer :: parts = most_parts
   contains
     procedure(moment_inside), deferred :: at
@@ -173,15 +173,15 @@ module dst_summary
     end function friction_at
   end interface
 
-  !> Energies [J] that a motion began with, has now, and has exchanged.
+  !> Energies [J] at the beginning of a motion and now, and the energy exchanged.
   type :: energies_t
     real(wp) :: first = 0.0_wp, now = 0.0_wp, drive_work = 0.0_wp, friction_work = 0.0_wp
-    real(wp) :: damper_work = -1.0_wp           !! negative where there are no dampers
+    real(wp) :: damper_work = -1.0_wp           !! negative if there are no dampers
   end type energies_t
 
 contains
 
-  !> Begin with the motion at time 0, its energy [J], the end of the run [s], and to what two cycles have to agree to end it before.
+  !> Begin with the motion at time 0, its energy [J], the end of the run [s], and the difference of two cycles that ends it earlier.
   subroutine begin(self, moment, energy, t_end, settle)
     class(summary_t), intent(inout) :: self
     type(moment_t), intent(in) :: moment
@@ -196,7 +196,7 @@ contains
     call widen(self, extremum_of(moment))
   end subroutine begin
 
-  !> Take in an advance.
+  !> Process an advance.
   subroutine take_in(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
@@ -212,8 +212,8 @@ contains
     if (self%settle > 0.0_wp) call look_whether_settled(self, stretch%last%time)
   end subroutine take_in
 
-  !> Pass over advances of a slide under a steady drive in which nothing turned back and nothing began, to where they end. The
-  !> times [s], theirs and of it in creep, are of those that lie in the second half.
+  !> Skip advances of a slide under a steady drive in which nothing turned back and nothing began, up to their end. The times [s],
+  !> of these advances and of their creep, are those in the second half.
   subroutine pass_over(self, last, duration, creep_time)
     class(summary_t), intent(inout) :: self
     type(moment_t), intent(in) :: last
@@ -223,7 +223,7 @@ contains
     call lengthen(self%late, duration, creep_time)
   end subroutine pass_over
 
-  !> What has been taken in since the beginning, at time 0 and X = 0, as a passage.
+  !> Everything processed since the beginning, at time 0 and X = 0, as a passage.
   pure function passage(self)
     class(summary_t), intent(in) :: self
     type(passage_t) :: passage
@@ -239,7 +239,7 @@ contains
     if (allocated(self%cycles%turns)) passage%turns = self%cycles%turns(:self%cycles%turn_count)
   end function passage
 
-  !> Take in a passage that begins at a time [s] and a position X [m], and lies in one half of the run.
+  !> Add a passage that begins at a time [s] and a position X [m], and is in one half of the run.
   subroutine add(self, passage, time, position, end)
     class(summary_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
@@ -263,9 +263,9 @@ contains
     call look_whether_settled(self, end)
   end subroutine add
 
-  !> After each cycle: whether it agrees with the one before. Then the window since stands for the second half of the run, which
-  !> ends at this time [s]. It ends with a step, or a leap, in which the cycle was noticed: where that is not whole cycles after its
-  !> beginning, it takes in the next cycle too, of whose length the difference is a smaller part.
+  !> After each cycle: whether it agrees with the one before. Then the window since then replaces the second half of the run, which
+  !> ends at this time [s]. The window ends with the step, or the leap, in which the cycle was completed: if that is not whole
+  !> cycles after its beginning, the next cycle is added, too, so that the difference is a smaller part of the window.
   subroutine look_whether_settled(self, time)
     class(summary_t), intent(inout) :: self
     real(wp), intent(in) :: time
@@ -282,7 +282,7 @@ contains
     self%this_cycle = window_t()
   end subroutine look_whether_settled
 
-  !> What passes through zero: k_x u_x' [N/s], X' [m/s], |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N].
+  !> The quantity that passes through zero: k_x u_x' [N/s], X' [m/s], |X'| - V/10 [m/s] or |k_x u_x| - F(v) [N].
   real(wp) function crossing_value(which, stretch, moment)
     integer, intent(in) :: which
     class(stretch_t), intent(in) :: stretch
@@ -322,7 +322,7 @@ contains
     end do
   end function moment_at_zero
 
-  !> The extrema of the load. A step of a method of high order may hide two of them, unless the object creeps.
+  !> The extrema of the load. A step of a method of high order may contain two of them, unless the object creeps.
   subroutine follow_force(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
@@ -368,20 +368,20 @@ contains
     class(stretch_t), intent(in) :: stretch
     type(moment_t), intent(in) :: first, last
 
-    ! At one of the ends V may be zero, or roundoff of it.
+    ! At one of the ends V may be zero, or its roundoff.
     call self%cycles%pull(first%drive_velocity + last%drive_velocity, first%force, first%time, first%position)
     if (.not. stretch%sticking .and. first%force_rate*last%force_rate < 0.0_wp) call refine_extreme(self, stretch, first, last)
     call take_force(self, last)
   end subroutine follow_row
 
-  !> If k_x u_x passes between two instants through an extreme that may count, take it in at its own time.
+  !> If k_x u_x passes between two instants through an extreme that may count, process it at its own time.
   subroutine refine_extreme(self, stretch, first, last)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
     type(moment_t), intent(in) :: first, last
     real(wp) :: force_ahead
 
-    ! A load whose rise slows down stays below its tangent.
+    ! A load whose rise slows down is below its tangent.
     force_ahead = first%force + (last%time - first%time)*first%force_rate
     if (self%cycles%may_be_extremum(first%force_rate > 0.0_wp, force_ahead) .or. &
       (last%time >= self%half .and. (force_ahead > self%late%highest%load .or. force_ahead < self%late%lowest%load))) &
@@ -396,7 +396,7 @@ contains
     call widen(self, extremum_of(moment))
   end subroutine take_force
 
-  !> Take k_x u_x at one instant into its ranges.
+  !> Add k_x u_x at one instant to its ranges.
   pure subroutine widen(self, here)
     class(summary_t), intent(inout) :: self
     type(extremum_t), intent(in) :: here
@@ -413,7 +413,7 @@ contains
     if (here%load < self%lowest%load) self%lowest = here
   end subroutine widen_window
 
-  !> Time [s] that is added to a part of the run, and of it at rest or in creep.
+  !> Time [s] that is added to a part of the run, and the time at rest or in creep in it.
   pure subroutine lengthen(window, duration, creep_time)
     type(window_t), intent(inout) :: window
     real(wp), intent(in) :: duration, creep_time
@@ -428,11 +428,12 @@ contains
     extremum_of = extremum_t(moment%force, moment%time, moment%position)
   end function extremum_of
 
-  !> Note how friction points when slip begins for the first time.
+  !> Note the angle of friction when slip begins for the first time.
   subroutine follow_slip(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
-    !> Parts in which the force is looked at once it is near: the fast oscillation makes friction fall and rise within a step.
+    !> Number of parts in which the force is evaluated when it is near: the fast oscillation makes friction fall and rise within a
+    !> step.
     integer, parameter :: slip_parts = 8
     type(moment_t) :: before, after
     real(wp) :: ends(2)
@@ -464,7 +465,7 @@ contains
     end function inside
   end subroutine follow_slip
 
-  !> The time at rest or in creep, of the second half, with its first instant, and of the cycle under way.
+  !> The time at rest or in creep: of the second half, with its first instant, and of the present cycle.
   subroutine follow_creep(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
@@ -481,7 +482,7 @@ contains
     if (self%settle > 0.0_wp) call take_creep(stretch, stretch%first, self%this_cycle)
   end subroutine follow_creep
 
-  !> Lengthen a window by a stretch from an instant on.
+  !> Extend a window by a stretch that begins at an instant.
   subroutine take_creep(stretch, first, window)
     class(stretch_t), intent(in) :: stretch
     type(moment_t), intent(in) :: first
@@ -490,7 +491,7 @@ contains
     real(wp) :: ends(2), slowest, share, duration
 
     duration = stretch%last%time - first%time
-    ! Where the mass is tiny, steps may be shorter than the time can tell.
+    ! If the mass is tiny, steps may be shorter than the resolution of the time.
     if (.not. duration > 0.0_wp) return
     ends = 0.0_wp
     if (.not. stretch%sticking) &
@@ -511,7 +512,7 @@ contains
     call lengthen(window, duration, share*duration)
   end subroutine take_creep
 
-  !> Largest |X'|: inside advances only where it may be exceeded.
+  !> Largest |X'|: the interior of advances is searched only if it may exceed the largest one so far.
   subroutine follow_rate(self, stretch)
     class(summary_t), intent(inout) :: self
     class(stretch_t), intent(in) :: stretch
@@ -549,12 +550,12 @@ contains
     rate_at = abs(moment%rate)
   end function rate_at
 
-  !> Largest |X'| near position `middle` of a stretch, where a maximum lies no further than `distance` away, by parabolas
-  !> through three points. Near a maximum the value is known as the square of the position.
+  !> Largest |X'| near position `middle` of a stretch, if a maximum is no further than `distance` away, by parabolas through three
+  !> points. Near a maximum the value is as accurate as the square of the position.
   real(wp) function largest_near(stretch, middle, distance) result(largest)
     class(stretch_t), intent(in) :: stretch
     real(wp), intent(in) :: middle, distance
-    !> The distance of the points shrinks by this share down to the least, where the value is known to its square.
+    !> The distance of the points is reduced by this share down to the smallest one, at which the value is accurate to its square.
     real(wp), parameter :: shrink = 0.1_wp, least = 0.004_wp
     real(wp) :: x, d, left, top, right, curvature
 
@@ -576,8 +577,8 @@ contains
     largest = max(largest, rate_at(stretch, x))
   end function largest_near
 
-  !> The last cycles that count for the means, at most so many, (measure, cycle) as `cycle_quantities`, the oldest first. A motion
-  !> that was ended because it has settled goes on with its last cycle, and has no other.
+  !> The last cycles that count for the means, at most this many, (measure, cycle) as `cycle_quantities`, the oldest first. A motion
+  !> that was ended because it has settled continues with its last cycle, and has no other.
   pure function kept_cycles(self, most) result(cycles)
     class(summary_t), intent(in) :: self
     integer, intent(in) :: most
@@ -589,7 +590,7 @@ contains
     cycles = self%cycles%last_cycles(n)
   end function kept_cycles
 
-  !> The values of all `summary_quantities`, and which of them this motion has; the others are 0. A motion in closed form has no
+  !> The values of all `summary_quantities`, and whether this motion has them; the others are 0. A motion in closed form has no
   !> energies and no cycles.
   subroutine summary_values(self, value, given, energies)
     type(summary_t), intent(in) :: self
@@ -646,7 +647,7 @@ contains
       if (n > 1) call put(name//'_scatter', scatter(measure))
     end subroutine put_mean
 
-    !> By name; as a rule it is the next one.
+    !> Find a quantity by name; as a rule it is the next one.
     subroutine put(name, number)
       character(*), intent(in) :: name
       real(wp), intent(in) :: number

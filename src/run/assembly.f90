@@ -29,22 +29,22 @@ module dst_assembly
 
   public :: new_motion, slider_from_scene
 
-  ! What "twice" does was measured on Fig. 3 (rtol 1e-6 and 1e-8) and on drives that reverse.
+  ! The effects of "twice" were measured on Fig. 3 (rtol 1e-6 and 1e-8) and on drives that reverse.
   !
-  !> How long the largest slip speed is remembered, in radians of the faster oscillation. Convention: about one and a half
+  !> Time for which the largest slip speed is kept, in radians of the faster oscillation. Convention: about one and a half
   !> oscillations. Twice: 1 % less work of dopri5 and 1.2 times the error, no change with radau9.
   real(wp), parameter :: memory = 10.0_wp
-  !> Share of the peak speed over sqrt(rtol) below which a stop is finished in closed form: the distance left is below rtol of
-  !> what was slipped. Twice: 0.3 % fewer iterations of radau9, the same error.
+  !> Share of the peak speed over sqrt(rtol) below which a stop is finished in closed form: the remaining distance is below rtol of
+  !> the distance slipped. Twice: 0.3 % fewer iterations of radau9, the same error.
   real(wp), parameter :: cut_factor = 0.03_wp
-  !> Share of its largest velocity below which a ramp through zero is at rest (low frequency), over sqrt(rtol), and at least
-  !> (that is, below rtol 1e-9): the distance driven meanwhile goes with its square. Conventions. Twice: 3 % fewer steps, 1.1 times
-  !> the error; no change.
+  !> Share of its largest velocity below which a ramp through zero counts as rest (low frequency), over sqrt(rtol), and the smallest
+  !> share (which applies below rtol 1e-9): the drive displacement meanwhile is proportional to its square. Conventions. Twice: 3 %
+  !> fewer steps, 1.1 times the error; no change.
   real(wp), parameter :: rest_factor = 0.1_wp, least_rest = 3.0e-6_wp
 
 contains
 
-  !> The motion of a scene at time 0; `other`, if there is one, takes turns with it where the drive begins or ceases to rest.
+  !> The motion of a scene at time 0; `other`, if there is one, alternates with it where the drive begins or ceases to rest.
   subroutine new_motion(scene, motion, other, error)
     type(scene_t), intent(in) :: scene
     class(motion_t), allocatable, intent(out) :: motion, other
@@ -94,7 +94,7 @@ contains
 
   contains
 
-    !> Refuse equations that have no dampers; those that have them difference larger forces.
+    !> Refuse dampers in equations that have none; equations with dampers subtract larger forces.
     subroutine take_dampers(system)
       class(slip_system_t), intent(inout) :: system
 
@@ -104,7 +104,7 @@ contains
     end subroutine take_dampers
   end subroutine new_motion
 
-  !> The motion that has been started, with fast cycles leapt where the scene lets it.
+  !> The motion that has been started, with leaps over fast cycles if the scene permits.
   subroutine leap_cycles(scene, first, motion)
     type(scene_t), intent(in) :: scene
     class(stepping_t), allocatable, intent(inout) :: first
@@ -112,7 +112,7 @@ contains
     class(slip_stick_t), allocatable :: steps
     type(cycle_map_t), allocatable :: map
 
-    ! The map knows its cycles by the angle of friction at a release, where the load is K u.
+    ! The map identifies its cycles by the angle of friction at a release, where the load is K u.
     if (scene%cycle_map == 'auto' .and. scene%model == 'full' .and. .not. first%slider%is_damped()) then
       select type (first)
       class is (slip_stick_t)
@@ -204,7 +204,7 @@ contains
     if (scene%contact /= 'exact') slider%smoothing = scene%v_smooth**2
   end subroutine slider_from_scene
 
-  !> Friction at rest is no less than as slip begins.
+  !> The static limit is at least the friction as slip begins.
   subroutine check_static_friction(scene, error)
     type(scene_t), intent(in) :: scene
     type(error_t), allocatable, intent(out) :: error
@@ -215,7 +215,7 @@ contains
       'friction.mu_static')
   end subroutine check_static_friction
 
-  !> Methods that cannot follow this motion.
+  !> Refuse methods that cannot compute this motion.
   subroutine check_method(scene, drive, resting, sliding, error)
     type(scene_t), intent(in) :: scene
     type(drive_t), intent(in) :: drive
@@ -282,7 +282,7 @@ contains
     call move_alloc(system, motion%system)
   end subroutine new_resting
 
-  !> Motion that rests only as the scheme finds it, or not at all.
+  !> Motion whose rest the scheme finds itself, or that has no rest.
   subroutine new_sliding(scene, slider, drive, system, motion)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
@@ -323,8 +323,8 @@ contains
     call motion%start(u, y, -dot_product(u, motion%slider%along))
   end subroutine start_motion
 
-  !> (v, theta) of a slip that the longitudinal load faces, F_0 cos(theta) = k_x u_x, towards the side of u_y or
-  !> of the drive, as fast as the velocity w in that direction.
+  !> (v, theta) of a slip in the direction in which friction balances the longitudinal load, F_0 cos(theta) = k_x u_x, on the side
+  !> of u_y or of the drive, with the component of the velocity w in that direction.
   pure function straight_slip_from(slider, w, u) result(y)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: w(2), u(2)

@@ -1,11 +1,11 @@
-!> `model = 'auto'`: the cheapest model whose error against the full one stays below scene.accuracy.
+!> `model = 'auto'`: the cheapest model whose error compared with the full one stays below scene.accuracy.
 !>
-!> What a reduced model leaves out, the fast oscillation and the elasticity across, is bounded by formulas whose factors were fitted
-!> to some 6000 random scenes and tried on others (bench/model_choice.py, docs/models.md). Those of stick-slip rest on how creep
-!> ends (dst_creep_end): only where the fast oscillation has decayed before slip does the slow motion not know of it. What inertia
-!> does to the closed forms is read off the low-frequency motion, which costs below a millisecond and is run only where it can
-!> change the choice. Where the calibration does not reach, it is the full model.
-!> A column that is asked for by name counts like a quantity: it must be the full model's, to the same accuracy.
+!> The error of a reduced model, due to the fast oscillation and the elasticity of the stiff axis, is bounded by formulas whose
+!> factors were fitted to some 6000 random scenes and tested on others (bench/model_choice.py, docs/models.md). Those of stick-slip
+!> depend on how creep ends (dst_creep_end): only if the fast oscillation has decayed before slip is the slow motion independent of
+!> it. The effect of inertia on the closed forms follows from the low-frequency motion, which costs below a millisecond and is run
+!> only if it can change the choice. Outside the range of the calibration, the full model is chosen.
+!> A column that is requested by name counts like a quantity: it must be that of the full model, to the same accuracy.
 module dst_model_choice
   use dst_kinds, only: wp, int64
   use dst_creep, only: creep_t, creep_exact, position_third_order
@@ -28,7 +28,7 @@ module dst_model_choice
 
   public :: settle_model
 
-  !> Equal parts of a run at whose ends models are compared.
+  !> Number of equal parts of a run at whose ends models are compared.
   integer, parameter :: samples = 64
 
   !> The low-frequency motion of a scene: X and u_x [m] at equal times, and whether it slips.
@@ -41,7 +41,7 @@ module dst_model_choice
     real(wp) :: fastest = 0.0_wp   !! largest |X'|, m/s
     real(wp) :: load = 0.0_wp      !! largest |k_x u_x|, N
     real(wp) :: swing = 0.0_wp     !! mean fall of k_x u_x over the static limit
-    integer(int64) :: iterations = 0   !! of Newton, what it has cost
+    integer(int64) :: iterations = 0   !! Newton iterations, its cost
   end type slow_motion_t
 
   !> The advance X/l_x at equal times in two ways.
@@ -49,14 +49,14 @@ module dst_model_choice
     real(wp) :: tau(0:samples) = 0.0_wp
     real(wp) :: rigid(0:samples) = 0.0_wp      !! exact creep, rigid k_y
     real(wp) :: elastic(0:samples) = 0.0_wp    !! exact creep
-    real(wp) :: reached = 0.0_wp               !! the last of these
-    real(wp) :: elasticity = 0.0_wp            !! largest difference of the two, over that
+    real(wp) :: reached = 0.0_wp               !! the last value of these
+    real(wp) :: elasticity = 0.0_wp            !! largest difference of the two, over the last value
   end type advances_t
 
-  !> What is small where a reduced model holds. Without unit.
+  !> Quantities that are small if a reduced model is accurate. Without unit.
   type :: smallness_t
     logical :: weakens = .false.
-    logical :: will_slip = .false.             !! it has been driven far beyond where creep ends
+    logical :: will_slip = .false.             !! it has been driven far beyond the end of creep
     real(wp) :: softness = 0.0_wp              !! k_x/k_y
     real(wp) :: delay = 0.0_wp                 !! k_x/(k_y tan(phi)), about V t/l_x up to which the object truly sticks
     real(wp) :: ripple = 0.0_wp                !! V sin(phi) sqrt(m k_y)/F_0, force of the fast oscillation
@@ -64,7 +64,7 @@ module dst_model_choice
     real(wp) :: feeding = 0.0_wp               !! F'(0)^2/(m k_y)
     real(wp) :: drift = 0.0_wp                 !! fall of friction over F_0, up to the velocity V sin(phi)
     real(wp) :: weakening = 0.0_wp             !! -F'(0)/sqrt(m k_x)
-    real(wp) :: share = 0.0_wp                 !! tan(phi)^2 over its critical value, where friction weakens at V
+    real(wp) :: share = 0.0_wp                 !! tan(phi)^2 over its critical value, if friction weakens at V
     real(wp) :: speed = 0.0_wp                 !! V/v_f
     real(wp) :: length = 0.0_wp                !! V t_end/l_x
     real(wp) :: sine = 0.0_wp                  !! |sin(phi)|
@@ -72,39 +72,40 @@ module dst_model_choice
     type(advances_t) :: creep
   end type smallness_t
 
-  !> Most steps that the choice may cost.
+  !> Largest number of steps for the choice.
   integer, parameter :: affordable_steps = 100000
   real(wp), parameter :: excluded = huge(1.0_wp)
-  !> Accuracy of the low-frequency motion that the choice follows: far below any accuracy that is asked for. Convention.
+  !> Accuracy of the low-frequency motion that the choice uses: far below any accuracy that is requested. Convention.
   real(wp), parameter :: slow_rtol = 1.0e-8_wp
 
-  ! All below is fitted to some 6000 random scenes and tried on 4000 others of free lengths: the largest error is 0.8 of its
-  ! estimate (bench/model_choice.py draws others); docs/models.md gives the formulas. A larger margin reduces fewer scenes, and
-  ! changes no number of a chosen model. A wider range admits scenes that nobody has tried.
+  ! All constants below are fitted to some 6000 random scenes and tested on 4000 others of free lengths: the largest error is 0.8 of
+  ! its estimate (bench/model_choice.py draws others); docs/models.md gives the formulas. A larger margin reduces fewer scenes, and
+  ! changes no number of a chosen model. A wider range admits scenes that have not been tested.
   !
-  !> Over the errors that were met.
+  !> Margin over the errors that occurred.
   real(wp), parameter :: margin = 4.0_wp
-  !> Range of all estimates: least stiffness_y/stiffness_x, largest delay.
+  !> Range of all estimates: smallest stiffness_y/stiffness_x, largest delay.
   real(wp), parameter :: least_anisotropy = 300.0_wp, largest_delay = 1.0_wp/3.0_wp
-  !> Of creep: largest ripple, largest part that inertia has in it.
+  !> Range of creep: largest ripple, largest contribution of inertia to it.
   real(wp), parameter :: largest_ripple = 2.0_wp, largest_inertia = 0.3_wp
-  !> With weakening friction: largest ripple, largest feeding over sin(theta)^2 before slip, share of the load at which
-  !> creep ends up to which it is creep, least D, largest share of the critical tan(phi)^2.
+  !> With weakening friction: largest ripple, largest feeding over sin(theta)^2 before slip, share of the load at the end of creep
+  !> up to which the motion is creep, smallest D, largest share of the critical tan(phi)^2.
   real(wp), parameter :: largest_weak_ripple = 0.5_wp, largest_feeding = 0.3_wp, near_slip = 0.95_wp, least_decay = 1.0_wp, &
     largest_share = 0.6_wp
-  !> V t/l_x from which on an object whose creep ends has slipped; what lies between is looked at. Convention.
+  !> V t/l_x from which on an object whose creep ends has slipped; scenes between these limits are checked. Convention.
   real(wp), parameter :: surely_slipped = 2.0_wp
   !> Weakening over sqrt(m k_x) below which slip is gradual and cycles are sensitive, and by how much.
   real(wp), parameter :: gradual = 2.5_wp, sensitivity = 2.0_wp
-  !> Of stick-slip: weights of delay, inertia, feeding, drift, k_x/(k_y sin(theta)^2) and exp(-D).
+  !> For stick-slip: weights of delay, inertia, feeding, drift, k_x/(k_y sin(theta)^2) and exp(-D).
   real(wp), parameter :: delay_weight = 0.03_wp, inertia_weight = 0.2_wp, feeding_weight = 0.05_wp, drift_weight = 0.4_wp, &
     elastic_weight = 0.2_wp, decay_weight = 0.1_wp
-  !> Of creep: weights of what inertia does to a closed form, and to low_frequency with weakening; of the ripple beside 1; of a
-  !> finite k_y as it raises both, as it remains after slip, and in low_frequency; of k_x/k_y after slip.
+  !> For creep: weights of the effect of inertia on a closed form, and on low_frequency with weakening; of the ripple added to 1; of
+  !> a finite k_y: as it raises both, as it remains after slip, and in low_frequency; of k_x/k_y after slip.
   real(wp), parameter :: inertia_in_creep = 2.0_wp, inertia_in_slow = 1.0_wp, ripple_weight = 10.0_wp, elastic_gain = 50.0_wp, &
     elastic_remainder = 0.2_wp, elastic_in_slow = 1.5_wp, softness_in_slow = 3.0_wp
-  !> Of strong stick-slip, fitted to 2700 scenes: its own margin, the weight of k_x/k_y beside the feeding, and the swing over F_0
-  !> below which cycles are sensitive, with their power. Its range: largest feeding, largest k_x/k_y, least cycles, largest V/v_f.
+  !> For strong stick-slip, fitted to 2700 scenes: its own margin, the weight of k_x/k_y added to the feeding, and the amplitude
+  !> (peak to peak) over F_0 below which cycles are sensitive, with their power. Its range: largest feeding, largest k_x/k_y, fewest
+  !> cycles, largest V/v_f.
   real(wp), parameter :: strong_margin = 5.0_wp, softness_weight = 30.0_wp, small_swing = 0.45_wp, swing_power = 1.5_wp
   real(wp), parameter :: largest_strong_feeding = 0.03_wp, largest_softness = 1.0e-3_wp, least_cycles = 2.0_wp, &
     largest_speed = 0.5_wp
@@ -114,8 +115,8 @@ module dst_model_choice
 
 contains
 
-  !> Replace the model 'auto' by a model, and say why; other models are left alone, with no reason. If no column is asked
-  !> for by name, the output is left with those that the model does not hold constant.
+  !> Replace the model 'auto' by a model, and say why; other models are not changed, and need no reason. If no column is requested
+  !> by name, the output has only the columns that the model does not keep constant.
   subroutine settle_model(scene, reason)
     type(scene_t), intent(inout) :: scene
     character(:), allocatable, intent(out) :: reason
@@ -167,7 +168,7 @@ contains
         error = estimated_error(scene, slider, small, model, slow)
         accept = error <= scene%accuracy
         lack = model//' is not known to be that accurate here'
-        if (error < excluded) lack = model//' may err by '//formatted(short, error)
+        if (error < excluded) lack = model//' may have an error of '//formatted(short, error)
         lack = lack//', more than accuracy = '//formatted(short, scene%accuracy)
       end if
       if (.not. accept) then
@@ -177,14 +178,14 @@ contains
       end if
       scene%model = model
       if (scene%fields(1) == 'default') scene%fields = free_columns(model)
-      reason = model//': for '//trim(scene%quantities)//' it errs by at most '//formatted(short, error)// &
+      reason = model//': for '//trim(scene%quantities)//' its error is at most '//formatted(short, error)// &
         ' (estimated), accuracy = '//formatted(short, scene%accuracy)
       if (passed_over /= '') reason = reason//'; '//passed_over
     end function accept
   end subroutine settle_model
 
-  !> Largest error of a model in what is asked for. What is known beforehand comes first: where it exceeds the accuracy, or says
-  !> all, the low-frequency motion is not run.
+  !> Largest error of a model in the requested quantities. Estimates that need no motion come first: if they exceed the accuracy, or
+  !> are complete, the low-frequency motion is not run.
   real(wp) function estimated_error(scene, slider, small, model, slow) result(error)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
@@ -210,7 +211,7 @@ contains
     error = max(error, error_in_columns(scene, slider, small, slow, model, error))
   end function estimated_error
 
-  !> Why a model cannot stand for the full one in the columns asked for by name; '' if it can.
+  !> Why a model cannot replace the full one in the columns requested by name; '' if it can.
   function lack_of_columns(scene, model) result(text)
     type(scene_t), intent(in) :: scene
     character(*), intent(in) :: model
@@ -225,7 +226,7 @@ contains
     end do
   end function lack_of_columns
 
-  !> The columns that a model gives and does not hold constant.
+  !> The columns that a model provides and does not keep constant.
   pure function free_columns(model) result(names)
     character(*), intent(in) :: model
     character(len(columns%name)), allocatable :: names(:)
@@ -234,8 +235,8 @@ contains
       .and. .not. holds_column(model, columns%name))
   end function free_columns
 
-  !> Largest error of the columns asked for by name, each over its largest value, if the model errs by `error` in the
-  !> quantities that it is chosen for.
+  !> Largest error of the columns requested by name, each over its largest value, if the model has the error `error` in the
+  !> quantities for which it is chosen.
   pure real(wp) function error_in_columns(scene, slider, small, slow, model, error) result(worst)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
@@ -253,7 +254,7 @@ contains
       worst = excluded
       if (.not. (advance > 0.0_wp .and. stretch > 0.0_wp)) return
       if (scene%quantities == 'creep') then
-        ! X = D - u_x cos(phi) - u_y sin(phi): what X errs by, and the u_y that a rigid spring lacks, is in u_x.
+        ! X = D - u_x cos(phi) - u_y sin(phi): the error of X, and the u_y that a rigid spring lacks, are in u_x.
         of_position = error
         rigidity = merge(across*slider%law%static_limit/slider%stiffness(2), 0.0_wp, model == 'low_frequency')
         of_elongation = (error*advance + rigidity)/(along*stretch)
@@ -286,21 +287,21 @@ contains
     else if (has_word(fixed_step_methods, scene%method)) then
       text = 'the method has a fixed step, and so no error estimate'
     else if (size(scene%drive_velocity) > 1 .or. .not. abs(scene%drive_velocity(1)) > 0.0_wp) then
-      text = 'the errors of the reduced models are known for a constant drive velocity'
+      text = 'the errors of the reduced models are known only for a constant drive velocity'
     else if (abs(scene%elongation_x) + abs(scene%elongation_y) > 0.0_wp) then
-      text = 'the errors of the reduced models are known for unstretched springs at the start'
+      text = 'the errors of the reduced models are known only for unstretched springs at the start'
     else if (abs(scene%velocity_ratio) > 1.0_wp) then
-      text = 'the errors of the reduced models are known for a slow start'
+      text = 'the errors of the reduced models are known only for a slow start'
     else if (slider%is_damped()) then
-      text = 'the errors of the reduced models are known without dampers'
+      text = 'the errors of the reduced models are known only without dampers'
     else if (.not. falls_exponentially(slider%law)) then
-      text = "the errors of the reduced models are known for the laws 'constant' and 'weakening'"
+      text = "the errors of the reduced models are known only for the laws 'constant' and 'weakening'"
     else if (slider%law%static_limit > slider%law%kinetic_limit) then
-      text = 'the errors of the reduced models are known without a static limit of its own (mu_static)'
+      text = 'the errors of the reduced models are known only without a separate static limit (mu_static)'
     else if (.not. slider%law%static_limit > 0.0_wp) then
       text = 'without friction there is nothing to reduce'
     else if (.not. slider%along(1) > 0.0_wp .or. .not. abs(slider%along(2)) > 0.0_wp) then
-      text = 'the errors of the reduced models are known for 0 < |misalignment_deg| < 90'
+      text = 'the errors of the reduced models are known only for 0 < |misalignment_deg| < 90'
     else if (slider%stiffness(2) < least_anisotropy*slider%stiffness(1)) then
       text = 'stiffness_y is below 300 stiffness_x'
     else if (largest_delay*abs(slider%along(2)/slider%along(1)) < slider%stiffness(1)/slider%stiffness(2)) then
@@ -323,7 +324,7 @@ contains
     slow%tried = .true.
     sketch = scene
     sketch%model = 'low_frequency'
-    ! Driven backwards it is the mirror image.
+    ! If it is driven backwards it is the mirror image.
     sketch%drive_velocity = abs(scene%drive_velocity)
     sketch%method = 'radau9'
     sketch%rtol = slow_rtol
@@ -352,7 +353,7 @@ contains
     slow%has_slipped = simulation%summary%has_slipped
   end subroutine follow_slow_motion
 
-  !> The small numbers of a scene without obstacle.
+  !> The small numbers of a scene to which the estimates apply.
   function smallness_of(scene, slider) result(small)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
@@ -384,7 +385,7 @@ contains
     if (scene%quantities == 'creep' .or. scene%fields(1) /= 'default') small%creep = creep_in_two_ways(slider, small)
   end function smallness_of
 
-  !> Exact creep with the stiff spring as it is, and rigid.
+  !> Exact creep with the elastic and with a rigid stiff spring.
   pure function creep_in_two_ways(slider, small) result(advances)
     type(slider_t), intent(in) :: slider
     type(smallness_t), intent(in) :: small
@@ -403,8 +404,8 @@ contains
     if (advances%reached > 0.0_wp) advances%elasticity = maxval(abs(advances%elastic - advances%rigid))/advances%reached
   end function creep_in_two_ways
 
-  !> What the fast oscillation does to the advance, over it: the way of a radian of it, more where its force is large, and the
-  !> friction that it lacks, for as long as the oscillation is young.
+  !> The effect of the fast oscillation on the advance, relative to it: the displacement in a radian of it, more if its force is
+  !> large, and the missing friction as long as the oscillation is young.
   pure real(wp) function ripple_in_creep(small)
     type(smallness_t), intent(in) :: small
 
@@ -412,7 +413,7 @@ contains
       + drift_weight*small%drift/small%length
   end function ripple_in_creep
 
-  !> Least error of X(t) over X(t_end), whatever the low-frequency motion is.
+  !> Smallest error of X(t) over X(t_end), whatever the low-frequency motion is.
   pure real(wp) function least_error_in_creep(small, model) result(error)
     type(smallness_t), intent(in) :: small
     character(*), intent(in) :: model
@@ -430,8 +431,8 @@ contains
     end if
   end function least_error_in_creep
 
-  !> Largest error of X(t) over X(t_end): the fast oscillation, a finite k_y, and inertia with weakening, which is what the
-  !> low-frequency motion differs from exact creep where both have a rigid k_y.
+  !> Largest error of X(t) over X(t_end): from the fast oscillation, a finite k_y, and inertia with weakening, which is the
+  !> difference of the low-frequency motion from exact creep if both have a rigid k_y.
   pure real(wp) function error_in_creep(slider, small, slow, model) result(error)
     type(slider_t), intent(in) :: slider
     type(smallness_t), intent(in) :: small
@@ -467,7 +468,7 @@ contains
     end associate
   end function error_in_creep
 
-  !> What the asymptotics differ from exact creep.
+  !> The difference of the asymptotics from exact creep.
   pure real(wp) function expansion_error(small)
     type(smallness_t), intent(in) :: small
 
@@ -476,7 +477,7 @@ contains
     end associate
   end function expansion_error
 
-  !> F'(0)^2/(m k_y sin(theta)^2) where friction has turned furthest: above 1 weakening wins over the stiff spring.
+  !> F'(0)^2/(m k_y sin(theta)^2) where friction has turned furthest: above 1 weakening is stronger than the stiff spring.
   pure real(wp) function feeding_in_creep(slider, small, slow)
     type(slider_t), intent(in) :: slider
     type(smallness_t), intent(in) :: small
@@ -493,7 +494,7 @@ contains
     is_near_slip = small%end%exists .and. slow%load > near_slip*small%end%load
   end function is_near_slip
 
-  !> What a finite k_y and the fast oscillation at the start do to the force, without slip.
+  !> The effect of a finite k_y and of the fast oscillation at the start on the force, without slip.
   pure real(wp) function error_in_force(small) result(error)
     type(smallness_t), intent(in) :: small
 
@@ -501,7 +502,7 @@ contains
     if (small%weakens .and. small%ripple > largest_weak_ripple) error = excluded
   end function error_in_force
 
-  !> Least relative error of period, peak force and slip length, or of the force where there is no cycle, whether the low-frequency
+  !> Smallest relative error of period, peak force and slip length, or of the force if there is no cycle, whether the low-frequency
   !> motion slips or not.
   pure real(wp) function least_error_in_stick_slip(small) result(error)
     type(smallness_t), intent(in) :: small
@@ -513,7 +514,7 @@ contains
     error = min(error, error_in_cycles(small, huge(1.0_wp), huge(1.0_wp)))
   end function least_error_in_stick_slip
 
-  !> Largest relative error of period, peak force and slip length; of the force, over friction, where there is no cycle.
+  !> Largest relative error of period, peak force and slip length; of the force, over friction, if there is no cycle.
   pure real(wp) function error_in_stick_slip(slider, small, slow) result(error)
     type(slider_t), intent(in) :: slider
     type(smallness_t), intent(in) :: small
@@ -533,10 +534,10 @@ contains
     if (is_near_slip(small, slow) .or. feeding > largest_feeding) error = excluded
   end function error_in_stick_slip
 
-  !> The same for stick-slip by weakening, from its cycles and their mean fall of k_x u_x over F_0. What remains of the fast
-  !> oscillation at slip, exp(-D), and how far the stiff spring is from rigid there: F'^2/(m k_y sin(theta)^2) and
-  !> k_x/(k_y sin(theta)^2). Where D is small the fast oscillation sets off slip, and the cycles of the full model need not repeat.
-  !> Strong stick-slip has a bound that may be lower.
+  !> The same for stick-slip by weakening, from its cycles and their mean fall of k_x u_x over F_0. It includes the remainder of the
+  !> fast oscillation at slip, exp(-D), and how far the stiff spring is from rigid there: F'^2/(m k_y sin(theta)^2) and k_x/(k_y
+  !> sin(theta)^2). If D is small the fast oscillation triggers slip, and the cycles of the full model need not repeat. Strong
+  !> stick-slip has a bound that may be lower.
   pure real(wp) function error_in_cycles(small, cycles, swing) result(error)
     type(smallness_t), intent(in) :: small
     real(wp), intent(in) :: cycles, swing

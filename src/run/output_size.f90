@@ -1,4 +1,4 @@
-!> How much a run or a sweep will write, counted in real numbers before anything is computed: no count overflows.
+!> The number of values that a run or a sweep will write, counted as a real number before anything is computed: no count overflows.
 module dst_output_size
   use dst_kinds, only: wp
   use dst_scene, only: scene_t
@@ -7,15 +7,15 @@ module dst_output_size
 
   public :: sample_count, run_samples, most_samples, most_series_values
 
-  !> Samples beyond this have no times of their own in double precision: 2^53.
+  !> Beyond this number samples have no distinct times in double precision: 2^53.
   real(wp), parameter :: most_samples = 2.0_wp**53
-  !> Numbers of the series of one case, which is written as one piece of at most 2^31 words.
+  !> Largest number of values in the series of one case, which is written as one piece of at most 2^31 words.
   real(wp), parameter :: most_series_values = 2.0e9_wp
 
 contains
 
-  !> Samples from 0 to `t_end` [s] every `interval` > 0 [s], both ends included; a multiple of the interval within roundoff of the
-  !> end is the end. `huge` if they are more than `most_samples`.
+  !> Number of samples from 0 to `t_end` [s] every `interval` > 0 [s], both ends included; a multiple of the interval within
+  !> roundoff of the end is the end. `huge` if there are more than `most_samples`.
   elemental real(wp) function sample_count(t_end, interval)
     real(wp), intent(in) :: t_end, interval
 
@@ -25,7 +25,7 @@ contains
     if (sample_count - 2.0_wp >= t_end*(1.0_wp - 4.0_wp*epsilon(1.0_wp))/interval) sample_count = sample_count - 1.0_wp
   end function sample_count
 
-  !> Samples of a run; 0 where only the run will tell: a sample for each step of a method that chooses its steps.
+  !> Number of samples of a run; 0 if it is known only after the run: one for each step of a method that chooses its steps.
   pure real(wp) function run_samples(scene)
     type(scene_t), intent(in) :: scene
 

@@ -1,7 +1,8 @@
 !> The time between samples of output.interval = 'auto', and whether samples show the fast oscillation of a scene.
 !>
-!> The mass on the spring of the stiff axis oscillates with sqrt(k_y/m)/2 pi. Samples farther apart than half its period show
-!> a slower oscillation that does not exist. Nothing here changes what is computed, only when it is looked at.
+!> The mass on the spring of the stiff axis oscillates with sqrt(k_y/m)/2 pi. If the interval of the samples is more than half its
+!> period, they show a slower oscillation that does not exist. This module does not change what is computed, only when it is
+!> sampled.
 module dst_sampling
   use dst_assembly, only: slider_from_scene
   use dst_kinds, only: wp, pi
@@ -15,18 +16,18 @@ module dst_sampling
 
   public :: settle_interval, sampling_note, fast_frequency, most_automatic
 
-  !> Samples in a period of the fast oscillation, and of the slow one; samples of a run, and of the time in which the drive loads
-  !> the soft spring up to slip, at least. Conventions of pictures: with 10 in a period a curve through the samples misses the
-  !> peaks of a sine by up to 5 % of its amplitude.
+  !> Smallest number of samples in a period of the fast oscillation, and of the slow one; of samples of a run, and of samples in the
+  !> time in which the drive loads the soft spring up to slip. Conventions of pictures: with 10 in a period a curve through the
+  !> samples misses the peaks of a sine by up to 5 % of its amplitude.
   real(wp), parameter :: in_fast_period = 10.0_wp, in_slow_period = 100.0_wp, in_run = 1000.0_wp, in_loading = 500.0_wp
   !> Samples in a period of the fast oscillation below which a picture of them misleads.
   real(wp), parameter :: fewest_in_period = 4.0_wp
-  !> Samples of a run at most: about 120 MB of 16 columns.
+  !> Largest number of samples of a run: about 120 MB of 16 columns.
   real(wp), parameter :: most_automatic = 1.0e6_wp
 
 contains
 
-  !> Replace 'auto' by a time between samples [s]. The model must be settled.
+  !> Replace 'auto' by an interval between samples [s]. The model must have been chosen.
   subroutine settle_interval(scene)
     type(scene_t), intent(inout) :: scene
 
@@ -36,7 +37,7 @@ contains
     if (scene%interval < scene%t_end/most_automatic) scene%interval = rounded(scene%t_end/most_automatic, up=.true.)
   end subroutine settle_interval
 
-  !> The time between samples that shows all of the motion [s].
+  !> The interval between samples that shows all of the motion [s].
   real(wp) function fine_interval(scene) result(interval)
     type(scene_t), intent(in) :: scene
     type(slider_t) :: slider
@@ -53,7 +54,8 @@ contains
 
   contains
 
-    !> At most the product of the factors over that of the divisors, if it is a time. By logarithms, which do not overflow.
+    !> At most the product of the factors over that of the divisors, if that is a valid time. With logarithms, which do not
+    !> overflow.
     subroutine shorten(factors, divisors)
       real(wp), intent(in) :: factors(:), divisors(:)
       real(wp) :: logarithm
@@ -64,7 +66,7 @@ contains
     end subroutine shorten
   end function fine_interval
 
-  !> Angular frequency of the fast oscillation [rad/s]; 0 where the model has none, or nothing excites it.
+  !> Angular frequency of the fast oscillation [rad/s]; 0 if the model has none, or nothing excites it.
   real(wp) function fast_frequency(scene)
     type(scene_t), intent(in) :: scene
     type(slider_t) :: slider
@@ -73,12 +75,12 @@ contains
     if (scene%model /= 'full' .and. scene%model /= 'high_frequency') return
     call slider_from_scene(scene, slider)
     if (scene%model == 'full' .and. .not. abs(slider%along(2)) + abs(scene%elongation_y) > 0.0_wp) return
-    ! A damper may leave nothing that oscillates.
+    ! With a damper there may be no oscillation.
     if (scene%damping_y >= 2.0_wp*sqrt(scene%stiffness_y)*sqrt(scene%mass)) return
     fast_frequency = sqrt(scene%stiffness_y)/sqrt(scene%mass)
   end function fast_frequency
 
-  !> What the samples of a scene whose interval is settled will not show, and what to do; '' if they show all.
+  !> What the samples of a scene with its final interval will not show, and what to do; '' if they show everything.
   function sampling_note(scene) result(text)
     type(scene_t), intent(in) :: scene
     character(:), allocatable :: text
@@ -86,7 +88,7 @@ contains
     real(wp) :: in_period, needed
 
     text = ''
-    ! Every step, or none but the first and the last state.
+    ! Every step, or only the first and the last state.
     if (.not. scene%interval > 0.0_wp .or. scene%interval >= scene%t_end) return
     if (.not. fast_frequency(scene) > 0.0_wp) return
     in_period = 2.0_wp*pi/fast_frequency(scene)/scene%interval
@@ -104,7 +106,7 @@ contains
     end if
   end function sampling_note
 
-  !> A number of at most three digits that divides a power of ten, next to `time` above or below it.
+  !> A number of at most three digits that divides a power of ten, the next one to `time` above or below it.
   pure real(wp) function rounded(time, up)
     real(wp), intent(in) :: time
     logical, intent(in) :: up

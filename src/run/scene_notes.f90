@@ -1,4 +1,4 @@
-!> What a deck may ask for, but seldom means: notes for people, that refuse nothing.
+!> Settings that a deck may have, but that are seldom intended: notes for people, which refuse nothing.
 module dst_scene_notes
   use dst_deck_values, only: deck_t
   use dst_faults, only: faults_t
@@ -12,14 +12,14 @@ module dst_scene_notes
 
   public :: scene_notes
 
-  !> What is so many times larger is far larger. A convention: on Fig. 3 v_f is ten times V, and that is meant.
+  !> A ratio above which a quantity is far larger. A convention: on Fig. 3 v_f is ten times V, which is intended.
   real(wp), parameter :: far = 30.0_wp
-  !> Smoothing velocity over V sin(phi) from which on the smoothed contact is no longer near the exact one. A convention.
+  !> Smoothing velocity over V sin(phi) from which on the smoothed contact is not near the exact one. A convention.
   real(wp), parameter :: most_smoothing = 0.1_wp
 
 contains
 
-  !> The notes on a deck whose scene, with model and interval settled, is `scene`: a line each, as errors name their places.
+  !> The notes on a deck, where `scene` has its final model and interval: one in each line, with places named as in errors.
   subroutine scene_notes(deck, scene, text)
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(in) :: scene
@@ -54,16 +54,16 @@ contains
           ': friction rises with the slip velocity; stick-slip needs mu_inf < mu_0')
         return
       end if
-      ! A slip that the fall of friction drives, at its fastest.
+      ! The fastest slip that the fall of friction can drive.
       slip = fastest
       if (scene%mass > 0.0_wp) slip = max(slip, (scene%mu_0 - scene%mu_inf)*scene%normal_load/ &
         (sqrt(scene%stiffness_x)*sqrt(scene%mass)))
       if (scene%v_f > far*slip) then
         call note('friction', 'v_f', 'v_f = '//number_text(scene%v_f)//' m/s is far above the velocities of this scene, some '// &
-          number_text(slip)//' m/s: friction hardly falls; v_f is the velocity over which it does')
+          number_text(slip)//' m/s: friction hardly falls; v_f is the velocity over which it falls')
       else if (fastest > far*scene%v_f) then
         call note('drive', 'velocity', 'the drive velocity '//number_text(fastest)//' m/s is far above v_f = '// &
-          number_text(scene%v_f)//' m/s: friction has fallen before, and sliding is steady')
+          number_text(scene%v_f)//' m/s: friction has already fallen, and sliding is steady')
       end if
     end subroutine note_weakening
 

@@ -1,6 +1,6 @@
 !> A run: scene in, samples and events out to a writer, in slices of wall time.
 !>
-!> This is the one run routine; the executable and Python call it with different writers.
+!> This is the only run routine; the executable and Python call it with different writers.
 module dst_simulation
   use dst_archive, only: archive_t
   use dst_assembly, only: new_motion
@@ -23,31 +23,31 @@ module dst_simulation
 
   public :: simulation_t
 
-  !> Rows that are written together. Convention: 4 KiB a column; no number depends on it.
+  !> Number of rows that are written together. Convention: 4 KiB for each column; no number depends on it.
   integer, parameter :: buffer_rows = 512
-  !> The clock is read once every so many pieces. Convention: a piece takes some microseconds; no number depends on it.
+  !> The clock is read once after this many pieces. Convention: a piece takes some microseconds; no number depends on it.
   integer, parameter :: pieces_between_looks = 16
   !> Roundoff of a multiple of the interval, relative to it, with a margin. Twice: no change.
   real(wp), parameter :: time_roundoff = 4.0_wp*epsilon(1.0_wp)
 
-  !> One run: what is integrated, with what, and what is recorded.
+  !> One run: its motion, its method, and what is recorded.
   type :: simulation_t
     type(scene_t) :: scene
-    !> The motion, and one that takes turns with it where the drive begins or ceases to rest.
+    !> The motion, and one that alternates with it where the drive begins or ceases to rest.
     class(motion_t), allocatable :: motion, other
     type(motion_summary_t) :: summary
     !> Numbers of the output columns; the first is time.
     integer, allocatable :: selected(:)
     logical :: finished = .false.
-    !> Wall time spent so far [s], and what of it was spent before the last checkpoint that the run goes on from.
+    !> Wall time so far [s], and the part of it before the checkpoint from which the run was resumed.
     real(wp) :: elapsed = 0.0_wp
     real(wp) :: elapsed_before = 0.0_wp
     integer(int64) :: pieces = 0
-    !> Instants to sample [s], from 0 to t_end, where they shall not have equal distances.
+    !> Instants to sample [s], from 0 to t_end, if the samples are not at equal intervals.
     real(wp), allocatable :: instants(:)
-    !> Whether all samples and the event of the last piece have been taken.
+    !> Whether all samples and the event of the last piece have been recorded.
     logical :: recorded = .false.
-    !> Samples taken so far, and rows waiting for the writer.
+    !> Number of samples so far, and of rows waiting for the writer.
     integer(int64) :: samples = 0
     integer :: waiting = 0
     real(wp), allocatable :: rows(:, :)
@@ -64,7 +64,7 @@ module dst_simulation
 
 contains
 
-  !> Build the model and the method of the scene, whose model is settled, and place the object at time 0.
+  !> Build the model and the method of the scene, whose model has been chosen, and place the object at time 0.
   subroutine start(self, scene, error)
     class(simulation_t), intent(inout) :: self
     type(scene_t), intent(in) :: scene
@@ -75,13 +75,13 @@ contains
     call new_motion(self%scene, self%motion, self%other, error)
     if (.not. allocated(error)) call select_columns(self, error)
     if (allocated(error)) return
-    ! The summary looks at the second half, which no leap may straddle.
+    ! The summary uses the second half, so no leap may extend over its beginning.
     self%motion%milestone = 0.5_wp*scene%t_end
     call self%summary%start(self%motion, scene%settle)
     allocate (self%rows(size(self%selected), buffer_rows))
   end subroutine start
 
-  !> Which columns are written.
+  !> Select the columns that are written.
   subroutine select_columns(self, error)
     class(simulation_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error
@@ -119,8 +119,8 @@ contains
     descriptions = columns(self%selected)
   end function output_columns
 
-  !> Go on for at most `seconds` of wall time [s], or to the end, or until the time `until` [s] has been reached. An error of
-  !> the solver ends the run: it is then finished, and all up to the error has been written.
+  !> Continue for at most `seconds` of wall time [s], or to the end, or until the time `until` [s] has been reached. An error of the
+  !> solver ends the run: it is then finished, and everything up to the error has been written.
   subroutine proceed(self, seconds, writer, error, until)
     class(simulation_t), intent(inout) :: self
     real(wp), intent(in) :: seconds
@@ -161,14 +161,14 @@ contains
     at_end = self%recorded .and. is_over(self)
   end function at_end
 
-  !> Whether the motion is over: at t_end, or where it has settled.
+  !> Whether the motion has ended: at t_end, or because it has settled.
   pure logical function is_over(self)
     class(simulation_t), intent(in) :: self
 
     is_over = self%motion%finished() .or. self%summary%settled_at >= 0.0_wp
   end function is_over
 
-  !> Whether the motion is known up to `time` [s], and all samples up to it have been taken.
+  !> Whether the motion has been computed up to `time` [s], and all samples up to it have been recorded.
   pure logical function has_reached(self, time)
     class(simulation_t), intent(in) :: self
     real(wp), intent(in) :: time
@@ -176,7 +176,7 @@ contains
     has_reached = self%recorded .and. self%motion%piece%to%time >= time
   end function has_reached
 
-  !> The row of output at `time` [s], within the last piece or, in closed form, anywhere.
+  !> The row of output at `time` [s], within the last piece or, for a closed form, anywhere.
   subroutine state_at(self, time, row)
     class(simulation_t), intent(in) :: self
     real(wp), intent(in) :: time
@@ -199,7 +199,7 @@ contains
       .and. self%elapsed - self%elapsed_before + passed > self%scene%wall_limit
   end function over_time
 
-  !> One piece, checked and summed up. In closed form it ends where the next sample lies, or at the time `last` [s].
+  !> One piece, checked and added to the summary. For a closed form it ends at the next sample, or at the time `last` [s].
   subroutine advance(self, last, error)
     class(simulation_t), intent(inout) :: self
     real(wp), intent(in) :: last
@@ -239,7 +239,7 @@ contains
     end associate
   end subroutine check
 
-  !> Samples that fall into the last piece, and its event. Of many samples some are left for the next call.
+  !> Record the samples in the last piece, and its event. If there are many samples, some are left for the next call.
   subroutine record(self, writer, error)
     class(simulation_t), intent(inout) :: self
     class(writer_t), intent(inout) :: writer
@@ -281,7 +281,7 @@ contains
     end if
   end subroutine write_events
 
-  !> The samples due by now, up to a buffer full; `all_taken` tells whether these were all.
+  !> The samples due by now, up to a full buffer; `all_taken` says whether these were all.
   subroutine take_samples(self, writer, all_taken, error)
     class(simulation_t), intent(inout) :: self
     class(writer_t), intent(inout) :: writer
@@ -341,7 +341,7 @@ contains
     end associate
   end subroutine take_sample
 
-  !> Hand the waiting rows to the writer.
+  !> Pass the waiting rows to the writer.
   subroutine flush_rows(self, writer, error)
     class(simulation_t), intent(inout) :: self
     class(writer_t), intent(inout) :: writer
@@ -351,7 +351,7 @@ contains
     self%waiting = 0
   end subroutine flush_rows
 
-  !> How the run has ended; `error` is what `proceed` returned.
+  !> How the run ended; `error` is the one that `proceed` returned.
   subroutine outcome(self, error, result)
     class(simulation_t), intent(in) :: self
     type(error_t), allocatable, intent(in) :: error

@@ -1,8 +1,8 @@
-!> How the cases of a sweep are divided among processes that know nothing of each other, and what the environment says of them.
+!> How the cases of a sweep are divided among processes that do not communicate, and what the environment says about them.
 !>
-!> Of each N cases in a row every share has one, so that shares differ by at most one case, and neighbours, which mostly cost
-!> the same, are spread. Which one turns from row to row by the golden ratio, so that no grid is in step with N: the column of a
-!> grid that is expensive comes to all shares in turn (D. E. Knuth, The Art of Computer Programming 3, section 6.4, theorem S).
+!> Of each N cases in a row every share has one, so that shares differ by at most one case, and neighbours, which mostly cost the
+!> same, are spread. The shares are rotated from row to row by the golden ratio, so that no grid is in step with N: the expensive
+!> column of a grid comes to all shares in turn (D. E. Knuth, The Art of Computer Programming 3, section 6.4, theorem S).
 module dst_division
   use dst_errors, only: error_t, raise, usage_error
   use dst_kinds, only: int64
@@ -13,11 +13,11 @@ module dst_division
 
   public :: division_t, share_wish_t, take_share_wish, settle_division, processes_here
 
-  !> One process's part of a sweep. `shares` = 0: the cases are dealt out, not divided.
+  !> One process's part of a sweep. `shares` = 0: the cases are distributed by rank 0, not divided.
   type :: division_t
     integer :: share = 0, shares = 0           !! I of N
     integer :: first = 0, last = 0, step = 0   !! indices of the job array that began the division; step 0: none
-    integer :: inner = 1                       !! processes of each task of the array
+    integer :: inner = 1                       !! number of processes in each task of the array
   contains
     procedure :: is_possible
     procedure :: share_of
@@ -26,15 +26,15 @@ module dst_division
     procedure :: text => share_text
   end type division_t
 
-  !> What --shard asks for: I/N, I of the N that is kept, or what the environment says.
+  !> What --shard asks for: I/N, or I of the N of the existing shards, or the values of the environment.
   type :: share_wish_t
     logical :: is_given = .false.
     logical :: is_auto = .false.
-    logical :: redivide = .false.              !! of --redivide
-    integer :: share = 0, shares = 0           !! shares = 0: as kept
+    logical :: redivide = .false.              !! --redivide is given
+    integer :: share = 0, shares = 0           !! shares = 0: as in the existing shards
   end type share_wish_t
 
-  !> The job array that this process is of.
+  !> The job array to which this process belongs.
   type :: array_t
     logical :: is_there = .false.
     integer :: index = 0, first = 0, last = 0, step = 1, count = 0
@@ -43,13 +43,14 @@ module dst_division
   integer, parameter :: most_shares = 999999
   character(*), parameter :: usage = 'write --shard I/N with 1 <= I <= N, like --shard 3/16'
 
-  !> Of Open MPI, of MPICH and its kin, and of Slurm: how many processes there are, and which this one is, counted from 0.
+  !> Variables of Open MPI, of MPICH and related libraries, and of Slurm: the number of processes, and the number of this one,
+  !> counted from 0.
   character(20), parameter :: sizes(3) = [character(20) :: 'OMPI_COMM_WORLD_SIZE', 'PMI_SIZE', 'SLURM_STEP_NUM_TASKS']
   character(20), parameter :: numbers(3) = [character(20) :: 'OMPI_COMM_WORLD_RANK', 'PMI_RANK', 'SLURM_PROCID']
 
 contains
 
-  !> Whether this program could have made it.
+  !> Whether this program could have made the division.
   pure logical function is_possible(self)
     class(division_t), intent(in) :: self
 
@@ -67,7 +68,7 @@ contains
     share_of = modulo(case - 1 + turn(self%shares, (case - 1)/self%shares), self%shares) + 1
   end function share_of
 
-  !> Whether a case is of this share; all are if nothing is divided.
+  !> Whether a case belongs to this share; all cases do if nothing is divided.
   pure logical function has(self, case)
     class(division_t), intent(in) :: self
     integer, intent(in) :: case
@@ -76,7 +77,7 @@ contains
     if (self%shares > 0) has = self%share_of(case) == self%share
   end function has
 
-  !> Cases of this share.
+  !> Number of cases of this share.
   pure integer function share_size(self, cases)
     class(division_t), intent(in) :: self
     integer, intent(in) :: cases
@@ -97,7 +98,7 @@ contains
     text = integer_text(self%share)//'/'//integer_text(self%shares)
   end function share_text
 
-  !> By how many places the shares are turned in a row of cases, counted from 0: the fraction of row times golden ratio.
+  !> By how many places the shares are rotated in a row of cases, counted from 0: the fraction of row times golden ratio.
   pure integer function turn(shares, row)
     integer, intent(in) :: shares, row
     integer(int64), parameter :: whole = 2_int64**32, golden = 2654435769_int64   ! of `whole`
@@ -105,7 +106,7 @@ contains
     turn = int(modulo(row*golden, whole)*shares/whole)
   end function turn
 
-  !> Understand the value of --shard; whether there is such a share is asked when the shards have been looked at.
+  !> Parse the value of --shard; whether there is such a share is checked after the shards have been read.
   subroutine take_share_wish(value, wish, error)
     character(*), intent(in) :: value
     type(share_wish_t), intent(inout) :: wish
@@ -122,13 +123,13 @@ contains
     if (slash <= len(value)) then
       wish%shares = number_in(value(slash + 1:))
       is_understood = is_understood .and. wish%shares >= 0 .and. wish%shares <= most_shares
-      ! N = 0 is no share of any division, not the one that is kept.
+      ! N = 0 is no share of any division, and does not mean the existing one.
       if (wish%shares == 0) wish%shares = -1
     end if
     if (.not. is_understood) call raise(error, usage_error, "--shard '"//excerpt(value)//"': "//usage//', or --shard auto')
   end subroutine take_share_wish
 
-  !> Digits as a number; -1 if there are none, or something else, or too many.
+  !> Digits as a number; -1 if there are none, or other characters, or too many.
   pure integer function number_in(text)
     character(*), intent(in) :: text
     character(:), allocatable :: problem
@@ -140,7 +141,7 @@ contains
     if (problem == '' .and. number <= huge(number_in)) number_in = int(number)
   end function number_in
 
-  !> The share of this process. `kept`: the divisions of the shards that there are, the newest last; it is said once.
+  !> The share of this process. `kept`: the divisions of the existing shards, the newest last.
   subroutine settle_division(wish, kept, division, error)
     type(share_wish_t), intent(in) :: wish
     type(division_t), intent(in) :: kept(:)
@@ -150,9 +151,9 @@ contains
     integer :: i
 
     if (.not. wish%is_given) return
-    ! Who divides anew is not bound by what there is.
+    ! A new division does not depend on the existing one.
     do i = 1, merge(0, size(kept), wish%redivide)
-      ! A share that was named by hand knows of no array.
+      ! A share that was given explicitly does not depend on an array.
       if (kept(i)%step > 0 .or. kept(i)%shares /= last%shares) last = kept(i)
     end do
     if (wish%is_auto) then
@@ -175,11 +176,12 @@ contains
     if (wish%shares /= 0) given = given//'/'//integer_text(max(0, wish%shares))
     shares = integer_text(last%shares)
     if (division%shares == 0) then
-      call raise(error, usage_error, given//': of how many shards is not said yet: write --shard I/N, like --shard 3/16')
+      call raise(error, usage_error, given//': the number of shards is not known yet: write --shard I/N, like --shard 3/16')
     else if (last%shares > 0 .and. .not. any(kept%shares == division%shares)) then
       right = 'I/'//shares//' with 1 <= I <= '//shares
       if (wish%share >= 1 .and. wish%share <= last%shares) right = integer_text(wish%share)//'/'//shares
-      call raise(error, usage_error, given//': '//kept_text(last)//': write --shard '//right//', or divide it anew with --redivide')
+      call raise(error, usage_error, given//': '//kept_text(last)//': write --shard '//right// &
+        ', or divide it again with --redivide')
     else if (division%share < 1 .or. division%share > division%shares) then
       right = '1 <= I <= N, like --shard 3/16'
       if (last%shares > 0) right = '1 <= I <= '//integer_text(division%shares)
@@ -198,7 +200,7 @@ contains
     text = text//')'
   end function kept_text
 
-  !> An array's index, or the number of a process, or both: a task of an array may have several processes.
+  !> The index of an array, or the number of a process, or both: a task of an array may have several processes.
   subroutine divide_by_environment(kept, last, division, error)
     type(division_t), intent(in) :: kept(:), last
     type(division_t), intent(out) :: division
@@ -211,8 +213,8 @@ contains
     if (allocated(error)) return
     call processes_here(count, number, variable)
     if (number < 0) then
-      call raise(error, usage_error, '--shard auto: '//variable//' tells of '//integer_text(count)//' processes, but nothing '// &
-        'tells which this is: write --shard I/N')
+      call raise(error, usage_error, '--shard auto: '//variable//' gives '//integer_text(count)//' processes, but nothing '// &
+        'says which one this is: write --shard I/N')
     else if (array%is_there .and. last%step > 0) then
       call continue_array(array, max(1, count), last, division, error)
     else if (array%is_there) then
@@ -229,11 +231,11 @@ contains
       call raise(error, usage_error, '--shard auto: more than '//integer_text(most_shares)//' shares: start fewer processes')
     else if (last%shares > 0 .and. .not. any(kept%shares == division%shares)) then
       call raise(error, usage_error, '--shard auto is --shard '//division%text()//' here, but '//kept_text(last)// &
-        ': write --shard I/'//integer_text(last%shares)//', start as many tasks, or divide it anew with --redivide')
+        ': write --shard I/'//integer_text(last%shares)//', start as many tasks, or divide it again with --redivide')
     end if
   end subroutine divide_by_environment
 
-  !> A part of the array that began the division, or all of it again. `share`: before the first process of the task.
+  !> A part of the array that began the division, or all of it again. `share`: without the number of the process in the task.
   subroutine continue_array(array, processes, kept, division, error)
     type(array_t), intent(in) :: array
     integer, intent(in) :: processes
@@ -245,15 +247,15 @@ contains
     division%share = (array%index - kept%first)/kept%step*kept%inner
     if (processes /= kept%inner) then
       call raise(error, usage_error, '--shard auto: '//kept_text(kept)//', here a task has '//integer_text(processes)// &
-        ': start '//integer_text(kept%inner)//' in each, or divide it anew with --redivide')
+        ': start '//integer_text(kept%inner)//' in each, or divide it again with --redivide')
     else if (array%first < kept%first .or. array%last > kept%last .or. modulo(array%index - kept%first, kept%step) /= 0) then
       call raise(error, usage_error, '--shard auto: index '//integer_text(array%index)//' of '// &
         range_text(array%first, array%last, 1)//' is not of the array that began, '//kept_text(kept)// &
-        ': start indices of that, or divide it anew with --redivide')
+        ': start indices of that, or divide it again with --redivide')
     end if
   end subroutine continue_array
 
-  !> The array as it is begins the division, or is one of as many shares. `share`: before the first process of the task.
+  !> The array begins the division as it is, or is one with as many shares. `share`: without the number of the process in the task.
   subroutine begin_array(array, processes, kept, division, error)
     type(array_t), intent(in) :: array
     integer, intent(in) :: processes
@@ -287,7 +289,7 @@ contains
     if (step > 1) text = text//':'//integer_text(step)
   end function range_text
 
-  !> What Slurm says of a job array.
+  !> Slurm's description of a job array.
   subroutine read_array(array, error)
     type(array_t), intent(out) :: array
     type(error_t), allocatable, intent(out) :: error
@@ -304,8 +306,8 @@ contains
                  'or there is no SLURM_ARRAY_TASK_COUNT: write --shard I/N')
   end subroutine read_array
 
-  !> The processes that a launcher started together: how many, which of them this is, counted from 0 (-1: nobody says), and the
-  !> variable that says so; none: 0.
+  !> The processes that a launcher started together: their number, the number of this one, counted from 0 (-1: not known), and the
+  !> variable with these numbers; none: 0.
   subroutine processes_here(count, number, variable)
     integer, intent(out) :: count, number
     character(:), allocatable, intent(out) :: variable

@@ -1,4 +1,4 @@
-!> A step of several slow motions side by side, one in each lane of the processor's vectors; dst_simd_batch has their cases.
+!> A step of several slow motions side by side, one in each lane of the processor's vectors; dst_simd_batch manages their cases.
 !>
 !> The equations are those of dst_low_frequency for a steady drive, with v = sqrt(w^2 + (V s)^2),
 !>
@@ -9,7 +9,7 @@
 !>     (1/(gamma h) - J) k_i = f(z_0 + sum_j a_ij k_j) + sum_j c_ij k_j/h,      z_1 = z_0 + sum_i b_i k_i.
 !>
 !> It needs no iteration, so that every lane does the same at the same time, each with its own step. The elongation is eliminated by
-!> hand: what is solved is a division. Counts are reals, as vectors have numbers of one length.
+!> hand, so that a division solves the linear system. Counts are reals, as vectors have numbers of one length.
 !>
 !> The body, `lane_step.inc`, is compiled for several instruction sets (dst_instructions).
 !>
@@ -24,19 +24,19 @@ module dst_lane_step
 
   public :: lanes_t, lane_control_t, lane_account_t, lane_count, max_rejections, step_lanes_plain, step_lanes_v3
 
-  !> Cases side by side: each operation is one of several vectors, which do not wait for each other.
+  !> Number of cases side by side: each operation is one of several vectors, which do not wait for each other.
   integer, parameter :: lane_count = 16
 
-  !> Step times growth rate up to which the growth of unstable creep is followed, as in dst_radau.
+  !> Largest product of step and growth rate with which the growth of unstable creep is followed, as in dst_radau.
   real(wp), parameter :: longest_growth = 2.0_wp
-  !> An oscillation of frequency omega loses 1.8e-5 (h omega)**6 of itself in a step: a hundredth of its growth at most. Below
-  !> h omega = 0.5 that does not matter to any growth.
+  !> An oscillation of frequency omega loses the share 1.8e-5 (h omega)**6 of its amplitude in a step: at most a hundredth of its
+  !> growth. Below h omega = 0.5 no growth is affected.
   real(wp), parameter :: growth_accuracy = 1.0e-2_wp/1.8e-5_wp, small_angle = 0.5_wp
   !> Largest factor between steps. Convention.
   real(wp), parameter :: largest_factor = 6.0_wp
-  !> A step that would leave less than this share of itself to the end goes there. Convention.
+  !> If the remaining step to the end would be less than this share of a step, the step goes to the end. Convention.
   real(wp), parameter :: sliver = 1.0e-6_wp
-  !> Rejections of one step, and steps below the resolution of the time, after which a lane gives up.
+  !> Number of rejections of one step, and of steps below the resolution of the time, after which a lane gives up.
   real(wp), parameter :: max_rejections = 60.0_wp, max_standing = 10000.0_wp
 
   !> The scenes.
@@ -52,7 +52,7 @@ module dst_lane_step
     real(wp), dimension(lane_count) :: max_steps = huge(1.0_wp)
   end type lane_scene_t
 
-  !> A point of the motion and what is known there.
+  !> A point of the motion and the quantities computed there.
   type :: lane_point_t
     real(wp), dimension(lane_count) :: time = 0.0_wp, u = 0.0_wp, w = 1.0_wp
     !> u', w', w'' and dw'/dw.
@@ -66,24 +66,25 @@ module dst_lane_step
   !> The control of the steps, as in dst_step_control with prediction. Its roots are fourth roots of error over tolerance.
   type :: lane_control_t
     real(wp), dimension(lane_count) :: next_step = 1.0_wp, step = 1.0_wp
-    !> Of the last accepted step; the root is 0 if there is none.
+    !> Values of the last accepted step; the root is 0 if there is none.
     real(wp), dimension(lane_count) :: last_root = 0.0_wp, per_last_step = 1.0_wp
     real(wp), dimension(lane_count) :: steps = 0.0_wp, rejections = 0.0_wp, standing = 0.0_wp
     !> Whether the last attempt was accepted, and whether the lane gives up (1 or 0).
     real(wp), dimension(lane_count) :: moved = 0.0_wp, gives_up = 0.0_wp
   end type lane_control_t
 
-  !> What adds up, and what the summary has to see.
+  !> Sums, and the data for the summary.
   type :: lane_account_t
     !> Works and the sum of their absolute values [J].
     real(wp), dimension(lane_count) :: drive_work = 0.0_wp, friction_work = 0.0_wp, exchanged = 0.0_wp
-    !> What the summary knows: the middle of the run [s], the period on the soft spring [s], the largest |X'| so far [m/s], whether
-    !> slip has begun (1 or 0), whether it wants to see every step (1 or 0).
+    !> Data for the summary: the middle of the run [s], the period on the soft spring [s], the largest |X'| so far [m/s], whether
+    !> slip has begun (1 or 0), whether the summary needs every step (1 or 0).
     real(wp), dimension(lane_count) :: half = 0.0_wp, natural_time = 1.0_wp, largest_rate = 0.0_wp
     real(wp), dimension(lane_count) :: has_slipped = 0.0_wp, watched = 0.0_wp
-    !> Steps that it need not see: their time since it saw one, as far as it is in the second half, and of it in creep [s].
+    !> Steps that the summary need not see: the time since it saw one, as far as it is in the second half, and the part of it in
+    !> creep [s].
     real(wp), dimension(lane_count) :: quiet_time = 0.0_wp, quiet_creep = 0.0_wp
-    !> Reasons why it has to see the last step.
+    !> Reasons why the summary has to see the last step.
     real(wp), dimension(lane_count) :: notes = 0.0_wp
   end type lane_account_t
 
@@ -97,7 +98,7 @@ module dst_lane_step
   end type lanes_t
 
   interface
-    !> One attempted step in every lane; or, where a case has been put in, evaluate the points where the lanes are.
+    !> One attempted step in every lane; or, if a case has been put in, evaluate the present points of the lanes.
     pure module subroutine step_lanes_plain(lanes, attempts)
       type(lanes_t), intent(inout) :: lanes
       logical, intent(in) :: attempts

@@ -1,8 +1,8 @@
-!> Slow motion of several scenes side by side, one in each lane of the processor's vectors, as dst_lane_step follows it. It is made
-!> for loose tolerances, where a sweep wants many cases.
+!> Slow motion of several scenes side by side, one in each lane of the processor's vectors, integrated by dst_lane_step. It is made
+!> for loose tolerances, with which a sweep runs many cases.
 !>
-!> What happens inside a step is read from the polynomials of degree 5 that have the values and two derivatives of both ends. Most
-!> steps have nothing inside: the summary is spared these.
+!> Events inside a step are found on the polynomials of degree 5 that have the values and two derivatives of both ends. Most steps
+!> contain no event: the summary does not see these.
 !> A lane's result does not depend on its neighbours.
 module dst_simd_batch
   use dst_kinds, only: wp, int64
@@ -20,16 +20,16 @@ module dst_simd_batch
 
   public :: simd_batch_t, lane_count
 
-  !> Step times relaxation rate up to which a step resolves the relaxation.
+  !> Largest product of step and relaxation rate for which a step resolves the relaxation.
   real(wp), parameter :: longest_relaxation = 10.0_wp
-  !> First step over the time scale of the soft spring: the control finds its own within a few. Convention.
+  !> First step over the time scale of the soft spring: the step control finds its own within a few steps. Convention.
   real(wp), parameter :: first_step = 0.01_wp
 
-  !> The cases side by side: `begin` once, then `put_case` puts one in a lane, `advance` goes on with all, `values` takes out what
-  !> is `done`.
+  !> The cases side by side: call `begin` once, then `put_case` puts a case into a lane, `advance` continues all cases, and `values`
+  !> takes out a case that is `done`.
   type :: simd_batch_t
     private
-    !> Which lanes are done, and which of these the method cannot follow; whether a lane's case is new.
+    !> Which lanes are done, and which of these the method cannot handle; whether a lane's case is new.
     logical, public :: done(lane_count) = .false.
     logical :: refused(lane_count) = .false.
     logical :: is_new = .false.
@@ -45,7 +45,7 @@ module dst_simd_batch
     procedure :: kept_cycles
   end type simd_batch_t
 
-  !> The last step of a lane, as the summary sees it: u [m] and w [m/s] as polynomials in its share.
+  !> The last step of a lane, for the summary: u [m] and w [m/s] as polynomials in the share of the step.
   type, extends(stretch_t) :: lane_step_t
     class(simd_batch_t), pointer :: batch => null()
     integer :: lane = 1
@@ -57,14 +57,14 @@ module dst_simd_batch
 
 contains
 
-  !> Choose what runs.
+  !> Choose the instruction set.
   subroutine begin(self)
     class(simd_batch_t), intent(inout) :: self
 
     self%by_v3 = runs_v3()
   end subroutine begin
 
-  !> Put a scene into a free lane. What does not slide all the time is done at once.
+  !> Put a scene into a free lane. A motion that does not slide all the time is done at once.
   subroutine put_case(self, lane, scene)
     class(simd_batch_t), intent(inout) :: self
     integer, intent(in) :: lane
@@ -156,7 +156,7 @@ contains
     end associate
   end function rate_along
 
-  !> X, from what the drive moved and the spring did not follow.
+  !> X, from the displacement of the drive minus the elongation.
   pure real(wp) function position_of(self, lane, time, u)
     class(simd_batch_t), intent(in) :: self
     integer, intent(in) :: lane
@@ -204,7 +204,7 @@ contains
     end if
   end subroutine step_lanes
 
-  !> What the summary has to see of the last step of a lane, after what it has been spared.
+  !> Add the last step of a lane to the summary, after the steps that were left out.
   subroutine take_in(self, lane)
     class(simd_batch_t), intent(inout), target :: self
     integer, intent(in) :: lane
@@ -220,7 +220,7 @@ contains
     end associate
   end subroutine take_in
 
-  !> What the summary has been spared, up to a moment.
+  !> Add the steps that were left out to the summary, up to a moment.
   subroutine catch_up(self, lane, moment)
     class(simd_batch_t), intent(inout) :: self
     integer, intent(in) :: lane
@@ -234,7 +234,7 @@ contains
     end associate
   end subroutine catch_up
 
-  !> Where a lane is at one of the two points.
+  !> The state of a lane at one of the two points.
   pure type(moment_t) function moment_of(self, i, point) result(moment)
     class(simd_batch_t), intent(in) :: self
     integer, intent(in) :: i, point
@@ -246,8 +246,8 @@ contains
     end associate
   end function moment_of
 
-  !> The last step of a lane. Where it passes over the relaxation of the slip velocity, the rates at the ends say nothing of what is
-  !> between them.
+  !> The last step of a lane. If it steps over the relaxation of the slip velocity, the rates at the ends say nothing about the
+  !> motion between them.
   subroutine last_step(self, lane, step)
     class(simd_batch_t), intent(in), target :: self
     integer, intent(in) :: lane
@@ -334,8 +334,8 @@ contains
     slope_of = p(1) + tau*(2.0_wp*p(2) + tau*(3.0_wp*p(3) + tau*(4.0_wp*p(4) + tau*5.0_wp*p(5))))
   end function slope_of
 
-  !> What a lane that is done came to, which is free then: the summary's values, whether they exist, u_x, u_y, X and X' at
-  !> the end, and the number of steps; or why it did not get there.
+  !> The result of a lane that is done, and is free then: the summary's values, whether they exist, u_x, u_y, X and X' at the end,
+  !> and the number of steps; or why it did not reach the end.
   subroutine values(self, lane, summary, given, final, steps, error)
     class(simd_batch_t), intent(inout) :: self
     integer, intent(in) :: lane
@@ -359,7 +359,8 @@ contains
     self%done(lane) = .false.
   end subroutine values
 
-  !> The last cycles that count for the means of a lane that was taken out last, at most so many, as `summary_t%kept_cycles`.
+  !> The last of the cycles that count for the means of the lane that was taken out last, at most this many, as
+  !> `summary_t%kept_cycles`.
   pure function kept_cycles(self, lane, most) result(cycles)
     class(simd_batch_t), intent(in) :: self
     integer, intent(in) :: lane, most

@@ -1,7 +1,7 @@
-!> A sweep: many cases of one deck that differ in a few numbers. Here is what a case is and how it is run; no file is touched.
+!> A sweep: many cases of one deck that differ in a few numbers. This module defines and runs a case; it uses no file.
 !>
-!> Cases are numbered from 1; of a grid the last parameter varies fastest. A case depends on its number alone, so that its
-!> result is the same whichever thread, process or machine computes it.
+!> Cases are numbered from 1; in a grid the last parameter varies fastest. A case depends on its number alone, so that its result is
+!> the same whichever thread, process or machine computes it.
 module dst_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
@@ -29,10 +29,10 @@ module dst_sweep
   public :: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once
   public :: value_count, value_quantities, wall_time_value, table_quantities, series_interval
 
-  !> A parameter and its values: along one side of a grid, or of each case of a list.
+  !> A parameter and its values: along one side of a grid, or for each case of a list.
   type :: axis_t
     character(40) :: name = ''            !! 'system.misalignment_deg'
-    integer :: key = 0                    !! in the schema
+    integer :: key = 0                    !! its number in the schema
     real(wp), allocatable :: values(:)    !! in the deck's unit
   end type axis_t
 
@@ -41,9 +41,9 @@ module dst_sweep
     type(deck_t) :: deck
     type(axis_t), allocatable :: axes(:)
     logical :: is_list = .false.          !! the axes are columns of a list of cases, not sides of a grid
-    !> What a case keeps beside its values: its time series, or its last stick-slip cycles.
+    !> What a case keeps besides its values: its time series, or its last stick-slip cycles.
     logical :: keeps_series = .false., keeps_cycles = .false.
-    real(wp) :: interval = 0.0_wp         !! between the samples of a series, that of the deck as it stands [s]
+    real(wp) :: interval = 0.0_wp         !! between the samples of a series, that of the deck itself [s]
     integer :: cases = 0
   contains
     procedure :: coordinates
@@ -53,7 +53,7 @@ module dst_sweep
     procedure :: table_values
   end type sweep_t
 
-  !> What a case came to.
+  !> The result of a case.
   type :: case_t
     integer :: number = 0
     integer :: result_code = 0
@@ -62,7 +62,7 @@ module dst_sweep
     real(wp), allocatable :: table(:, :)              !! (column, row): samples or cycles; not allocated if none are kept
   end type case_t
 
-  !> Who decides whether a case under way goes on; asked every `slice`.
+  !> Decides whether a case in progress continues; called every `slice`.
   type, abstract :: watch_t
   contains
     procedure(asked_to_stop), deferred :: asked_to_stop
@@ -75,16 +75,16 @@ module dst_sweep
     end function asked_to_stop
   end interface
 
-  !> What a thread needs to run cases, one after the other or, with method 'rodas4p', some side by side.
+  !> The data that a thread needs to run cases, one after the other or, with method 'rodas4p', several side by side.
   type :: worker_t
     private
     type(scene_t) :: scene
-    !> Cases under way, 0 where there is room for one; and when they began, by the wall clock [s].
+    !> Cases in progress, 0 if there is room for one; and the wall time at which they began [s].
     integer, allocatable :: number(:)
     real(wp), allocatable :: begun(:)
     type(simd_batch_t), allocatable :: lanes
-    integer :: kept = 0                   !! columns of the series beside time; the others are for the last state
-    integer :: most_cycles = 0            !! cycles that are kept
+    integer :: kept = 0                   !! columns of the series besides time; the others are for the last state
+    integer :: most_cycles = 0            !! number of cycles that are kept
   contains
     procedure :: has_room
     procedure :: is_idle
@@ -92,8 +92,8 @@ module dst_sweep
     procedure :: next_result
   end type worker_t
 
-  !> Wall time between two looks at the watch [s]; steps of all lanes between two. A process that has many cases to deal out
-  !> answers that late.
+  !> Wall time between two calls of the watch [s]; number of steps of all lanes between two calls. A process that distributes cases
+  !> answers with this delay.
   real(wp), parameter :: slice = 1.0e-3_wp
   integer, parameter :: steps_between_looks = 500
 
@@ -123,7 +123,7 @@ contains
     quantities(wall_time_value) = quantity_t('wall_time', 's', 'wall time of the case')
   end function value_quantities
 
-  !> The sweep of a deck that has been checked. `axes` stands for the list of points or the grid that the deck does not hold.
+  !> The sweep of a deck that has been checked. `axes` replaces the list of points or the grid if the deck has neither.
   subroutine new_sweep(deck, sweep, error, axes, is_list)
     type(deck_t), intent(in) :: deck
     type(sweep_t), intent(out) :: sweep
@@ -164,7 +164,7 @@ contains
     end if
   end subroutine new_sweep
 
-  !> Time between the samples that all cases of a deck with keep = 'series' take [s].
+  !> Interval of the samples of all cases of a deck with keep = 'series' [s].
   real(wp) function series_interval(deck)
     type(deck_t), intent(in) :: deck
     type(scene_t) :: scene
@@ -174,7 +174,7 @@ contains
     series_interval = scene%interval
   end function series_interval
 
-  !> Names and values that did not come with the deck.
+  !> Check names and values that did not come with the deck.
   subroutine check_axes(sweep, error)
     type(sweep_t), intent(inout) :: sweep
     type(error_t), allocatable, intent(out) :: error
@@ -242,7 +242,7 @@ contains
       call raise(error, out_of_memory, 'no memory for '//integer_text(count)//' values of a parameter: use a smaller count')
       return
     end if
-    ! The ratio or the difference of the limits may be no number.
+    ! The ratio or the difference of the limits may overflow.
     wide = max(abs(first), abs(last)) > sqrt(huge(first))
     if (spacing == 'log') wide = wide .or. min(abs(first), abs(last)) < sqrt(tiny(first))
     do i = 1, count
@@ -292,7 +292,7 @@ contains
     end do
   end function coordinates
 
-  !> Samples of a case, or the cycles that it has at most; 0 if neither are kept.
+  !> Number of samples of a case, or of the cycles that it has at most; 0 if neither are kept.
   pure integer function table_rows(self)
     class(sweep_t), intent(in) :: self
 
@@ -322,7 +322,7 @@ contains
     table_values = self%table_rows()*size(table_quantities(self))
   end function table_values
 
-  !> What is kept of each sample, but time, which is the same in all cases, or of each cycle; nothing if neither are kept.
+  !> What is kept of each sample, except time, which is the same in all cases, or of each cycle; nothing if neither are kept.
   function table_quantities(sweep) result(quantities)
     type(sweep_t), intent(in) :: sweep
     type(quantity_t), allocatable :: quantities(:)
@@ -356,7 +356,7 @@ contains
     worker%number = 0
   end subroutine new_worker
 
-  !> Cases that a worker has under way.
+  !> Number of cases that a worker has in progress.
   integer function cases_at_once(sweep)
     type(sweep_t), intent(in) :: sweep
 
@@ -375,7 +375,7 @@ contains
     is_idle = all(self%number == 0)
   end function is_idle
 
-  !> Take in case `number`, where there is room.
+  !> Start case `number`, if there is room.
   subroutine begin_case(self, sweep, number)
     class(worker_t), intent(inout) :: self
     type(sweep_t), intent(in) :: sweep
@@ -393,7 +393,7 @@ contains
     if (allocated(self%lanes)) call self%lanes%put_case(place, self%scene)
   end subroutine begin_case
 
-  !> Go on until a case is done. If the watch asks to stop first, `done` is false and nothing of the cases remains.
+  !> Continue until a case is done. If the watch asks to stop first, `done` is false and all cases in progress are discarded.
   subroutine next_result(self, watch, result, done)
     class(worker_t), intent(inout) :: self
     class(watch_t), intent(inout) :: watch
@@ -423,7 +423,7 @@ contains
     self%number(place) = 0
   end subroutine next_result
 
-  !> Go on in all lanes until one is done; `place` is the first of these.
+  !> Continue all lanes until one is done; `place` is the first of these.
   subroutine run_lanes(lanes, watch, place, done)
     type(simd_batch_t), intent(inout) :: lanes
     class(watch_t), intent(inout) :: watch
@@ -442,7 +442,7 @@ contains
     end do
   end subroutine run_lanes
 
-  !> What the case in a lane came to.
+  !> The result of the case in a lane.
   subroutine take_lane(lanes, place, most_cycles, result, error)
     type(simd_batch_t), intent(inout) :: lanes
     integer, intent(in) :: place, most_cycles
@@ -465,7 +465,7 @@ contains
   subroutine run_case(scene, kept, most_cycles, watch, result, done, error)
     type(scene_t), intent(inout) :: scene
     integer, intent(in) :: kept           !! columns of the series
-    integer, intent(in) :: most_cycles    !! that are kept
+    integer, intent(in) :: most_cycles    !! number of cycles that are kept
     class(watch_t), intent(inout) :: watch
     type(case_t), intent(inout) :: result
     logical, intent(out) :: done
@@ -481,7 +481,7 @@ contains
     done = allocated(error)
     do while (.not. done)
       call simulation%proceed(slice, writer, error)
-      ! What a case keeps of its events is in the summary.
+      ! The events that a case keeps are in the summary.
       writer%events = 0
       done = simulation%finished .or. allocated(error)
       if (done) exit
@@ -507,13 +507,13 @@ contains
     if (most_cycles > 0) result%table = simulation%summary%kept_cycles(most_cycles)
   end subroutine run_case
 
-  !> What stands for a value that a case does not have.
+  !> The value that replaces one that a case does not have.
   pure real(wp) function not_there()
     not_there = ieee_value(1.0_wp, ieee_quiet_nan)
   end function not_there
 
-  !> The last state is among the columns, and the limit is that of the sweep. A summary needs no series; only the largest
-  !> velocity of slow creep, which is known in closed form, is looked for among its samples.
+  !> The columns contain the last state, and the limit is that of the sweep. A summary needs no series, except for the largest
+  !> velocity of slow creep: creep is known in closed form, and its samples are searched for this velocity.
   subroutine adapt_output(scene, keeps_series, kept)
     type(scene_t), intent(inout) :: scene
     logical, intent(in) :: keeps_series
@@ -525,7 +525,7 @@ contains
       deallocate (scene%fields)
       allocate (scene%fields(0))
     else if (scene%fields(1) == 'default') then
-      ! The damping ratio does not exist in every case; it follows from theta.
+      ! The damping ratio does not exist in every case; it can be computed from theta.
       scene%fields = pack(columns%name, columns%name /= 'time' .and. columns%name /= 'zeta' .and. is_default(columns%name) &
         .and. gives_column(scene%model, columns%name))
     end if

@@ -1,6 +1,6 @@
-!> A list of points for a sweep, from a CSV file: names of keys in the first line, a case in each other line.
+!> A list of points for a sweep, from a CSV file: names of keys in the first line, one case in each other line.
 !>
-!> Lines and fields as dst_csv divides them; blank lines are passed over. A fault is reported with its line.
+!> Lines and fields are divided by dst_csv; blank lines are skipped. A fault is reported with its line.
 module dst_sweep_points
   use dst_csv, only: blanks, find_fields, find_line, first_byte, line_end_of, separator_of
   use dst_deck, only: deck_t
@@ -22,7 +22,7 @@ module dst_sweep_points
 
 contains
 
-  !> The file that `sweep.points` names; a relative name is looked for beside the deck.
+  !> The file that `sweep.points` names; a relative name is relative to the deck's folder.
   function path_of_points(deck) result(path)
     type(deck_t), intent(in) :: deck
     character(:), allocatable :: path
@@ -78,7 +78,7 @@ contains
     end do
   end subroutine read_csv
 
-  !> Let the axes have room for so many values.
+  !> Give the axes room for this many values.
   subroutine make_room(axes, most, path, error)
     type(axis_t), intent(inout) :: axes(:)
     integer, intent(in) :: most
@@ -94,7 +94,7 @@ contains
     end do
   end subroutine make_room
 
-  !> Lines of a text, the last of which need not have an end.
+  !> Number of lines of a text, the last of which need not have a line end.
   pure integer function line_count(text, line_end)
     character(*), intent(in) :: text
     character, intent(in) :: line_end
@@ -124,7 +124,7 @@ contains
     end do
   end subroutine read_names
 
-  !> Let axis `i` be of the key `name`, which no axis before it has; `place` is where the name stands.
+  !> Make axis `i` that of the key `name`, which no earlier axis may have; `place` is the position of the name.
   subroutine name_axis(deck, name, place, axes, i, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: name, place

@@ -15,7 +15,7 @@ contains
     utc_now = utc_at(seconds_now())
   end function utc_now
 
-  !> The same of a moment in seconds since 1970; '*' where the year has more than four digits.
+  !> The same for a moment in seconds since 1970; '*' if the year has more than four digits.
   character(20) function utc_at(seconds)
     integer(int64), intent(in) :: seconds
     character(21) :: text
@@ -24,7 +24,7 @@ contains
     if (c_utc(seconds, text) == 1) utc_at = text(:20)
   end function utc_at
 
-  !> Do nothing for a while.
+  !> Wait for some time.
   subroutine wait_seconds(seconds)
     real(wp), intent(in) :: seconds
 

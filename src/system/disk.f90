@@ -1,6 +1,7 @@
-!> What a result file asks of the operating system: may it be created, is there room for it, put it in its place.
+!> What a result file needs from the operating system: whether it may be created, whether there is room for it, and its rename into
+!> place.
 !>
-!> Reasons come back as the words a user can act upon. Nothing here knows the file's format.
+!> Failures are returned as reasons on which a user can act. Nothing here depends on the format of the file.
 module dst_disk
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_char, c_f_pointer, c_loc, nul => c_null_char
   use dst_clock, only: utc_now, utc_at, seconds_now, wait_seconds
@@ -19,49 +20,49 @@ module dst_disk
   public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
   public :: open_for_appending, open_for_reading, append_words, read_words, close_descriptor
   public :: system_reason, locked_by_a_reader, with_remedy
-  ! Of other modules.
+  ! From other modules.
   public :: set_file_size
   public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
   public :: lock_attempt, locked, held, without_locks, lock_file, unlock_file, is_in_use, is_locked_elsewhere, process_with_lock
   public :: utc_now, utc_at, seconds_now, wait_seconds
 
-  !> HDF5's lock is not to be had.
+  !> HDF5's lock cannot be taken.
   character(*), parameter :: locked_by_a_reader = &
     'locked by another process, or the file system has no locks: close the other program, or use a disk that has locks'
 
-  !> In place of a place in a file.
+  !> Used instead of a position in a file.
   integer(int64), parameter :: where_it_stands = -1
   integer, parameter :: word_bytes = 8
 
-  !> Which file it is, whatever its name.
+  !> Identity of a file, whatever its name is.
   type :: identity_t
     logical :: exists = .false.
-    logical :: is_regular = .false.       !! not a folder, a link, a device, a pipe
+    logical :: is_regular = .false.       !! neither a folder, a link, a device nor a pipe
     integer(int64) :: bytes = 0
-    integer(int64) :: changed = 0         !! its bytes, last time [s since 1970]
+    integer(int64) :: changed = 0         !! time of the last change of its bytes [s since 1970]
     integer(int64), private :: inode = 0, device = 0
   end type identity_t
 
-  !> Two names, or two moments, of one file.
+  !> Whether two names, or two moments, refer to one file.
   interface operator(==)
     module procedure same_file
   end interface operator(==)
 
-  !> Of an open file, or of what has a name.
+  !> Identity of an open file, or of the file with a name.
   interface identity_of
     module procedure identity_of_descriptor, identity_of_name
   end interface identity_of
 
 contains
 
-  !> The file that is open.
+  !> Identity of the open file.
   type(identity_t) function identity_of_descriptor(descriptor) result(identity)
     integer(c_int), intent(in) :: descriptor
 
     identity = looked_up(descriptor, '')
   end function identity_of_descriptor
 
-  !> What has this name; a symbolic link is not followed.
+  !> Identity of the file with this name; a symbolic link is not followed.
   type(identity_t) function identity_of_name(file_name) result(identity)
     character(*), intent(in) :: file_name
 
@@ -83,8 +84,8 @@ contains
     same_file = a%exists .and. b%exists .and. a%inode == b%inode .and. a%device == b%device
   end function same_file
 
-  !> See that the open file can grow from `present` to `length` bytes. Where the file system cannot reserve, zeros are written
-  !> behind the file's end, once.
+  !> Make sure that the open file can grow from `present` to `length` bytes. If the file system cannot reserve space, zeros are
+  !> written once after the end of the file.
   subroutine reserve_space(descriptor, present, length, reason)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in) :: present, length
@@ -93,7 +94,7 @@ contains
     if (c_reserve(descriptor, present, length) /= 0) reason = system_reason()
   end subroutine reserve_space
 
-  !> Bytes that may still be written in a folder; `huge` if the file system does not tell. Quotas are not known.
+  !> Number of bytes that may still be written in a folder; `huge` if the file system does not report it. Quotas are not considered.
   real(wp) function free_space(folder)
     character(*), intent(in) :: folder
 
@@ -109,7 +110,7 @@ contains
     moved = c_rename(from//nul, to//nul) == 0
   end subroutine move_file
 
-  !> Give a new file its name unless a file of that name has come to be meanwhile.
+  !> Give a new file its name, unless a file with that name was created meanwhile.
   subroutine place_file(from, to, placed)
     character(*), intent(in) :: from, to
     logical, intent(out) :: placed
@@ -118,12 +119,12 @@ contains
     if (placed) then
       call delete_file(from)
     else if (.not. file_exists(to)) then
-      ! A file system without hard links.
+      ! For a file system without hard links.
       call move_file(from, to, placed)
     end if
   end subroutine place_file
 
-  !> Create a file that was not there, open for reading and writing; a name that is taken, also by a link, is refused.
+  !> Create a file that did not exist, open for reading and writing; a name that is already used, also by a link, is refused.
   subroutine create_file(file_name, descriptor, reason)
     character(*), intent(in) :: file_name
     integer(c_int), intent(out) :: descriptor
@@ -133,7 +134,7 @@ contains
     if (descriptor < 0) reason = system_reason()
   end subroutine create_file
 
-  !> Open the file `identity` for reading and writing, if this still is its name.
+  !> Open the file `identity` for reading and writing, if it still has this name.
   subroutine open_own_file(file_name, identity, descriptor, reason)
     character(*), intent(in) :: file_name
     type(identity_t), intent(in) :: identity
@@ -151,7 +152,7 @@ contains
     reason = 'the file or its folder was removed, renamed or replaced'
   end subroutine open_own_file
 
-  !> Write all of `text`, from byte `place` of a file on, counted from 0, or where the descriptor stands.
+  !> Write all of `text`, from byte `place` of a file (counted from 0), or from the position of the descriptor.
   subroutine write_bytes(descriptor, text, reason, place)
     integer(c_int), intent(in) :: descriptor
     character(*), intent(in) :: text
@@ -164,17 +165,18 @@ contains
     if (c_write(descriptor, text, len(text, int64), from) /= 0) reason = system_reason()
   end subroutine write_bytes
 
-  !> Read an open file from byte `place` (0 is the first); `complete`: so many bytes are there.
+  !> Read an open file from byte `place` (0 is the first); `complete`: as many bytes as requested are there.
   subroutine read_at(descriptor, place, bytes, complete)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in) :: place
-    character(c_char), intent(inout), contiguous :: bytes(:)   !! behind the end of the file as they were
+    character(c_char), intent(inout), contiguous :: bytes(:)   !! bytes after the end of the file are unchanged
     logical, intent(out) :: complete
 
     complete = c_read(descriptor, bytes, size(bytes, kind=int64), place) == size(bytes, kind=int64)
   end subroutine read_at
 
-  !> Open a regular file, created if need be, to append to it and nothing else; another process that has it open so is refused.
+  !> Open a regular file, which is created if necessary, for appending only; the call fails if another process has it open in this
+  !> way.
   subroutine open_for_appending(file_name, descriptor, bytes, is_elsewhere, reason)
     character(*), intent(in) :: file_name
     integer(c_int), intent(out) :: descriptor
@@ -192,13 +194,13 @@ contains
         call close_descriptor(descriptor)
         return
       end if
-      ! Who had it may have removed it before it was locked here.
+      ! The process that had the lock may have removed the file before it was locked here.
       if (identity_of(file_name) == identity_of(descriptor)) return
       call close_descriptor(descriptor)
     end do
   end subroutine open_for_appending
 
-  !> Open a regular file to read it.
+  !> Open a regular file for reading.
   subroutine open_for_reading(file_name, descriptor, bytes, reason)
     character(*), intent(in) :: file_name
     integer(c_int), intent(out) :: descriptor
@@ -208,7 +210,7 @@ contains
     call open_regular(file_name, dst_o_rdonly, descriptor, bytes, reason)
   end subroutine open_for_reading
 
-  !> Open what has this name itself, never what a link there leads to, if it is a regular file.
+  !> Open the file with this name itself, never the target of a link, if it is a regular file.
   subroutine open_regular(file_name, mode, descriptor, bytes, reason)
     character(*), intent(in) :: file_name
     integer(c_int), intent(in) :: mode
@@ -217,7 +219,7 @@ contains
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     type(identity_t) :: file
 
-    ! O_NONBLOCK, since a pipe would wait for its other end.
+    ! O_NONBLOCK, since opening a pipe would wait for its other end.
     descriptor = c_open(file_name//nul, mode + dst_o_nonblock + dst_o_nofollow)
     if (descriptor >= 0) file = identity_of(descriptor)
     bytes = file%bytes
@@ -225,7 +227,7 @@ contains
     if (descriptor >= 0) then
       reason = 'it is not a regular file: remove it, or use another name'
     else if (c_errno() == dst_enoent) then
-      reason = 'it was removed meanwhile, or its folder was: see who else uses it, and start again'
+      reason = 'it was removed meanwhile, or its folder was: find out which program uses it, and start again'
     else if (c_errno() == dst_eloop) then
       reason = 'it is a symbolic link: remove it, or use another name'
     else
@@ -234,7 +236,7 @@ contains
     call close_descriptor(descriptor)
   end subroutine open_regular
 
-  !> The words of a file from word `first` (from 0) on; behind its end 0.
+  !> The words of a file from word `first` (counted from 0) on; after its end 0.
   subroutine read_words(descriptor, first, words)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in) :: first
@@ -247,8 +249,8 @@ contains
     call read_at(descriptor, word_bytes*first, bytes, ignored)
   end subroutine read_words
 
-  !> Append 64-bit words in one call of the system, more only if that writes a part: what is killed in between has written
-  !> all, nothing, or a part at the end.
+  !> Append 64-bit words in one system call; more calls are made only if that one writes a part. A process that is killed has
+  !> written all words, none, or a part at the end.
   subroutine append_words(descriptor, words, reason)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in), target, contiguous :: words(:)
@@ -259,7 +261,7 @@ contains
     if (c_write(descriptor, bytes, size(bytes, kind=int64), where_it_stands) /= 0) reason = system_reason()
   end subroutine append_words
 
-  !> Close a file; the descriptor is -1 afterwards. `reason`: why what was written may be lost, unless it has one already.
+  !> Close a file; the descriptor is -1 afterwards. `reason` says why written data may be lost, unless it already has a value.
   subroutine close_descriptor(descriptor, reason)
     integer(c_int), intent(inout) :: descriptor
     character(:), allocatable, intent(inout), optional :: reason
@@ -272,7 +274,7 @@ contains
     if (.not. allocated(reason)) reason = system_reason()
   end subroutine close_descriptor
 
-  !> Let a closed file, or the entries of a folder, survive a power failure, where the system can do that.
+  !> Make a closed file, or the entries of a folder, survive a power failure, if the system can do that.
   subroutine make_name_durable(name)
     character(*), intent(in) :: name
     integer(c_int) :: descriptor, ignored
@@ -283,7 +285,7 @@ contains
     call close_descriptor(descriptor)
   end subroutine make_name_durable
 
-  !> Let what was written to the open file survive a power failure.
+  !> Make the data written to the open file survive a power failure.
   subroutine make_durable(descriptor, reason)
     integer(c_int), intent(in) :: descriptor
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
@@ -326,14 +328,14 @@ contains
     call close_descriptor(descriptor)
   end subroutine read_bytes
 
-  !> Why the last call of the system failed, and what to do.
+  !> Why the last system call failed, and what to do.
   function system_reason() result(reason)
     character(:), allocatable :: reason
 
     reason = with_remedy(fortran_text(c_reason()))
   end function system_reason
 
-  !> Remove a file, if it is there.
+  !> Remove a file, if it exists.
   subroutine delete_file(file_name)
     character(*), intent(in) :: file_name
     integer(c_int) :: ignored
@@ -341,7 +343,7 @@ contains
     ignored = c_unlink(file_name//nul)
   end subroutine delete_file
 
-  !> Remove the file `identity`, if this still is its name.
+  !> Remove the file `identity`, if it still has this name.
   subroutine delete_own_file(file_name, identity)
     character(*), intent(in) :: file_name
     type(identity_t), intent(in) :: identity
@@ -349,7 +351,7 @@ contains
     if (identity_of(file_name) == identity) call delete_file(file_name)
   end subroutine delete_own_file
 
-  !> A system's reason, followed by what the user can do about it.
+  !> A reason from the system, followed by what the user can do about it.
   pure function with_remedy(system_reason) result(reason)
     character(*), intent(in) :: system_reason
     character(:), allocatable :: reason

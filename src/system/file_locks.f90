@@ -1,4 +1,4 @@
-!> Locks of open files (flock): those of shards, and HDF5's. A process that ends gives its locks up.
+!> Locks of open files (flock): those of shards, and HDF5's. The locks of a process end with it.
 module dst_file_locks
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, nul => c_null_char
   use dst_clock, only: wait_seconds
@@ -11,15 +11,15 @@ module dst_file_locks
   public :: lock_attempt, locked, held, without_locks, is_locked_elsewhere, process_with_lock
   public :: lock_file, unlock_file, is_in_use
 
-  !> What became of an attempt to lock.
+  !> Outcomes of an attempt to lock.
   integer, parameter :: locked = 0, held = 1, without_locks = 2
 
 contains
 
-  !> Lock a file; `held` by another process, or `without_locks` if its file system has none.
+  !> Lock a file; the outcome is `held` if another process has the lock, or `without_locks` if the file system has no locks.
   integer function lock_attempt(descriptor, shared) result(outcome)
     integer(c_int), intent(in) :: descriptor
-    logical, intent(in), optional :: shared            !! with others that lock it so
+    logical, intent(in), optional :: shared            !! with other processes that lock it as shared
     integer(c_int) :: operation
 
     operation = dst_lock_ex
@@ -28,8 +28,8 @@ contains
     if (c_flock(descriptor, operation + dst_lock_nb) /= 0) outcome = merge(held, without_locks, c_errno() == dst_ewouldblock)
   end function lock_attempt
 
-  !> Lock an open file until it is closed; true if another process has the lock, and not only for a moment to look whether
-  !> anybody has. A file system without locks is trusted.
+  !> Lock an open file until it is closed; true if another process has the lock, and not only for the moment in which it checks
+  !> whether the file is locked. A file system without locks is trusted.
   logical function is_locked_elsewhere(descriptor)
     integer(c_int), intent(in) :: descriptor
     integer, parameter :: most_tries = 5
@@ -42,7 +42,7 @@ contains
     end do
   end function is_locked_elsewhere
 
-  !> The process of this machine that has locked a file, as Linux lists them; 0 if it lists none.
+  !> The process of this machine that has locked a file, from the list that Linux keeps; 0 if there is none in it.
   integer function process_with_lock(file_name) result(process)
     character(*), intent(in) :: file_name
     character(160) :: line
@@ -68,7 +68,7 @@ contains
     close (unit)
   end function process_with_lock
 
-  !> Take HDF5's lock again; if a reader has come in between, go on without it.
+  !> Take HDF5's lock again; if a reader took it in between, continue without it.
   subroutine lock_file(descriptor)
     integer(c_int), intent(in) :: descriptor
     integer :: ignored
@@ -84,7 +84,7 @@ contains
     if (are_files_locked()) ignored = c_flock(descriptor, dst_lock_un)
   end subroutine unlock_file
 
-  !> Whether another process has HDF5's lock of a file: for writing, or at all.
+  !> Whether another process has HDF5's lock of a file: for writing, or of any kind.
   logical function is_in_use(file_name, for_writing)
     character(*), intent(in) :: file_name
     logical, intent(in) :: for_writing
@@ -98,7 +98,7 @@ contains
     ignored = c_close(descriptor)
   end function is_in_use
 
-  !> Whether HDF5 locks files, as its environment variable says.
+  !> Whether HDF5 locks files, according to its environment variable.
   logical function are_files_locked()
     character(16) :: value
 

@@ -1,8 +1,9 @@
-!> The lock of a result file: the file FILE.h5.lock beside it, as long as a process writes it or prepares to.
+!> The lock of a result file: the file FILE.h5.lock next to it, while a process writes it or prepares to write it.
 !>
-!> The operating system holds the lock (flock) while the process lives, or a child that is still writing. The file's text is for
-!> messages, and for the names of what a killed process left unfinished. A lock that nobody holds is stale, and is taken over.
-!> Where a file system has no locks the text decides: the process it names must be of this machine and have ended.
+!> The operating system keeps the lock (flock) while the process lives, or a child of it that is still writing. The text of the file
+!> is for messages, and for the names of files that a killed process left unfinished. A lock that no process has is stale, and is
+!> taken over. If a file system has no locks, the text decides: the process that it names must be of this machine and must have
+!> ended.
 module dst_lock
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_kinds, only: wp, int64
@@ -20,10 +21,10 @@ module dst_lock
   !> The right to write a file.
   type :: lock_t
     private
-    character(:), allocatable :: file_name   !! of the lock
+    character(:), allocatable :: file_name   !! of the lock file
     integer(c_int) :: descriptor = -1
-    character(10) :: tag = ''                !! a part of the names of what is unfinished
-    logical, public :: was_left_behind = .false.   !! by a process that was killed while it wrote the file
+    character(10) :: tag = ''                !! a part of the names of unfinished files
+    logical, public :: was_left_behind = .false.   !! the lock, by a process that was killed while it wrote the file
   contains
     procedure :: take
     procedure :: scratch_name
@@ -32,7 +33,7 @@ module dst_lock
     procedure, private :: write_text
   end type lock_t
 
-  !> Who has a lock, as its text says.
+  !> The process that has a lock, as the text of the lock says.
   type :: holder_t
     integer :: process = 0
     character(:), allocatable :: host, tag
@@ -44,12 +45,12 @@ module dst_lock
 
 contains
 
-  !> Take the lock of `file_name`, or say who has it. What a killed process left unfinished is removed.
+  !> Take the lock of `file_name`, or say which process has it. Unfinished files of a killed process are removed.
   subroutine take(self, file_name, reason)
     class(lock_t), intent(out) :: self
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    ! So long a child of a killed process may still be writing.
+    ! For this long a child of a killed process may still be writing.
     integer, parameter :: most_tries = 100
     real(wp), parameter :: pause = 0.02_wp
     type(holder_t) :: before
@@ -70,7 +71,7 @@ contains
     if (allocated(reason)) call self%release()
   end subroutine take
 
-  !> The name under which `file_name` is written until it is whole.
+  !> The name under which `file_name` is written until it is complete.
   pure function scratch_name(self, file_name) result(name)
     class(lock_t), intent(in) :: self
     character(*), intent(in) :: file_name
@@ -79,7 +80,7 @@ contains
     name = file_name//'.'//self%tag//unfinished
   end function scratch_name
 
-  !> Let others write the file.
+  !> Let other processes write the file.
   subroutine release(self)
     class(lock_t), intent(inout) :: self
 
@@ -88,10 +89,10 @@ contains
     call close_descriptor(self%descriptor)
   end subroutine release
 
-  !> Try once. `again`: what stands in the way may be gone in a moment.
+  !> Try once. `again`: the obstacle may be gone in a moment.
   subroutine try(self, before, again, reason)
     class(lock_t), intent(inout) :: self
-    type(holder_t), intent(out) :: before              !! who had the lock, and has ended
+    type(holder_t), intent(out) :: before              !! the process that had the lock, and has ended
     logical, intent(out) :: again
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     type(identity_t) :: identity
@@ -113,7 +114,7 @@ contains
       call read_holder(self%file_name, identity, before, reason)
       if (allocated(reason)) return
       call open_own_file(self%file_name, identity, self%descriptor, reason)
-      ! Who had it may have removed it meanwhile.
+      ! The process that had the lock may have removed it meanwhile.
       if (allocated(reason)) again = .not. identity_of(self%file_name) == identity
       if (allocated(reason)) return
     end if
@@ -122,21 +123,21 @@ contains
       again = .not. identity_of(self%file_name) == identity
       if (again) reason = 'the lock changes hands: try again'
     case (held)
-      ! A child of a process that has ended, or one that has not written its name yet.
+      ! The lock belongs to a child of a process that has ended, or to a process that has not written its name yet.
       again = has_ended(before) .or. before%process == 0
       reason = 'locked: another process is writing this file'//named(before)//': wait until it ends, or use another name'
     case (without_locks)
       if (.not. is_new) then
         again = has_ended(before)
         if (again) call delete_own_file(self%file_name, identity)
-        reason = 'locked: another process is writing this file'//named(before)//', and this file system cannot tell whether '// &
+        reason = 'locked: another process is writing this file'//named(before)//', and this file system cannot say whether '// &
           'it still does: if it has ended, remove '//self%file_name
       end if
     end select
     if (allocated(reason)) call close_descriptor(self%descriptor)
   end subroutine try
 
-  !> Who the text of a lock names. What is no lock is refused.
+  !> The process that the text of a lock names. A file that is not a lock is refused.
   subroutine read_holder(file_name, identity, holder, reason)
     character(*), intent(in) :: file_name
     type(identity_t), intent(in) :: identity
@@ -147,13 +148,14 @@ contains
     text = ''
     if (identity%is_regular .and. identity%bytes > 0) call read_bytes(file_name, longest_text, text, ignored)
     holder = holder_in(text)
-    ! A lock without a text was made this moment, or its maker was killed in it. One that is gone is no hindrance.
+    ! A lock without text was created a moment ago, or its process was killed while it created the lock. A lock that is gone is no
+    ! obstacle.
     if (.not. identity%exists .or. (identity%is_regular .and. identity%bytes == 0)) return
     if (index(text, signature//n) == 1) return
     if (identity_of(file_name) == identity) reason = file_name//' is no lock of this program: move it away'
   end subroutine read_holder
 
-  !> Lines of a name and a value.
+  !> Lines with a name and a value.
   pure type(holder_t) function holder_in(text) result(holder)
     character(*), intent(in) :: text
     character(:), allocatable :: process
@@ -166,7 +168,7 @@ contains
     holder%tag = value_in(text, 'tag')
   end function holder_in
 
-  !> What is unfinished has the tag of its process in its name.
+  !> An unfinished file has the tag of its process in its name.
   subroutine remove_unfinished(file_name, holder)
     character(*), intent(in) :: file_name
     type(holder_t), intent(in) :: holder
@@ -193,7 +195,7 @@ contains
       n//'tag '//self%tag//n, reason, 0_int64)
   end subroutine write_text
 
-  !> Whether the process surely has ended.
+  !> Whether the process has certainly ended.
   logical function has_ended(holder)
     type(holder_t), intent(in) :: holder
 
@@ -203,7 +205,7 @@ contains
     if (c_kill(int(holder%process, c_int), 0_c_int) /= 0) has_ended = c_errno() == dst_esrch
   end function has_ended
 
-  !> Whether a process had the lock of a file and was killed: then the file is of this program, in whatever state.
+  !> Whether a process had the lock of a file and was killed: then the file was written by this program, in whatever state it is.
   logical function is_left_behind(file_name)
     character(*), intent(in) :: file_name
     character(:), allocatable :: reason
@@ -213,7 +215,7 @@ contains
     is_left_behind = .not. allocated(reason) .and. holder%process > 0
   end function is_left_behind
 
-  !> The other process that has the lock of a file: ' (process 123 on node7)'; '' if that is not known.
+  !> The other process that has the lock of a file: ' (process 123 on node7)'; '' if it is not known.
   function holder_of(file_name) result(text)
     character(*), intent(in) :: file_name
     character(:), allocatable :: text, reason

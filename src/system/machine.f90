@@ -1,4 +1,4 @@
-!> The machine that this process runs on, the job of a scheduler that it is of, and its environment.
+!> The machine on which this process runs, the scheduler's job to which it belongs, and its environment.
 module dst_machine
   use, intrinsic :: iso_c_binding, only: c_size_t, nul => c_null_char
   use dst_posix, only: c_gethostname
@@ -18,7 +18,8 @@ contains
     if (c_gethostname(text, len(text, c_size_t)) == 0) name = text(:index(text//nul, nul) - 1)
   end function host_name
 
-  !> What the scheduler calls the job: of Slurm '1234', or '1234_5' of an array; of PBS and LSF their names; '' without a scheduler.
+  !> The scheduler's name of the job: with Slurm '1234', or '1234_5' of an array; with PBS and LSF their names; '' without a
+  !> scheduler.
   function job_name() result(name)
     character(:), allocatable :: name
 
@@ -29,7 +30,7 @@ contains
     if (name == '') name = environment('LSB_JOBID')
   end function job_name
 
-  !> A variable of the environment, '' if there is none.
+  !> An environment variable; '' if it is not set.
   function environment(name) result(value)
     character(*), intent(in) :: name
     character(:), allocatable :: value

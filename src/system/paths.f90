@@ -1,4 +1,4 @@
-!> Names of files: what they lead to, and what has them.
+!> Names of files: where they lead, and what has these names.
 module dst_paths
   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_f_pointer, nul => c_null_char
   use dst_kinds, only: int64
@@ -23,21 +23,21 @@ contains
     inquire (file=file_name, exist=file_exists)
   end function file_exists
 
-  !> Bytes of a regular file, without opening it; 0 or less for what is none: opening a pipe could wait for ever.
+  !> Size of a regular file in bytes, without opening it; 0 or less if it is not a regular file: opening a pipe could wait forever.
   integer(int64) function file_size(file_name)
     character(*), intent(in) :: file_name
 
     inquire (file=file_name, size=file_size)
   end function file_size
 
-  !> Whether the name is that of a folder.
+  !> Whether a folder has this name.
   logical function is_folder(file_name)
     character(*), intent(in) :: file_name
 
     inquire (file=file_name//'/.', exist=is_folder)
   end function is_folder
 
-  !> The folder in which a file stands; '.' when its name has none.
+  !> The folder that contains a file; '.' if its name contains no folder.
   pure function folder_of(file_name) result(folder)
     character(*), intent(in) :: file_name
     character(:), allocatable :: folder
@@ -60,7 +60,7 @@ contains
     call c_free(resolved)
   end function true_path
 
-  !> The same text for all names of one place, whether a file is there or not: its folder and the file behind links.
+  !> The same text for all names of one place, whether a file is there or not: its folder, and the file that links lead to.
   function place_of(file_name) result(place)
     character(*), intent(in) :: file_name
     character(:), allocatable :: place, folder
@@ -91,7 +91,7 @@ contains
     call c_forget_matches(found)
   end subroutine matching_files
 
-  !> A word that nobody else hits upon: lower-case letters and digits.
+  !> A random word that no other process chooses: lower-case letters and digits.
   function unique_word() result(word)
     character(10) :: word
     character(64) :: digest

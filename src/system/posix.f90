@@ -1,13 +1,13 @@
-!> What is asked of the operating system: the functions of posix.c, and those of the C library whose arguments are plain numbers and
-!> texts. Texts end with NUL. The only module that knows C names of the system; what the calls mean to this program is said where
-!> they are used.
+!> Calls of the operating system: the functions of posix.c, and those of the C library whose arguments are plain numbers and texts.
+!> Texts end with NUL. This is the only module that uses the system's C names; the meaning of the calls for this program is
+!> explained where they are used.
 module dst_posix
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_size_t, c_double, c_bool, c_char, c_ptr, c_funptr, &
     c_associated, c_f_pointer, c_null_char
   implicit none
   public
 
-  !> Constants of the system, by their names there.
+  !> Constants of the system, with the system's names.
   integer(c_int), protected, bind(c) :: dst_o_rdonly, dst_o_rdwr, dst_o_creat, dst_o_excl, dst_o_append, dst_o_nonblock, &
     dst_o_nofollow, dst_lock_sh, dst_lock_ex, dst_lock_nb, dst_lock_un, dst_eexist, dst_eloop, dst_enoent, dst_esrch, &
     dst_ewouldblock, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
@@ -245,7 +245,7 @@ module dst_posix
 
 contains
 
-  !> A text of C; '' if there is none.
+  !> A text from C; '' if there is none.
   function fortran_text(address) result(text)
     type(c_ptr), intent(in) :: address
     character(:), allocatable :: text

@@ -1,4 +1,4 @@
-!> Child processes: what must be done as a whole even if this process is killed, and what may crash or never end.
+!> Child processes: for work that must be completed even if this process is killed, and for work that may crash or never end.
 module dst_process
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
   use dst_disk, only: close_descriptor, write_bytes
@@ -8,8 +8,8 @@ module dst_process
 
   public :: is_child, end_child, guard_t
 
-  !> Work in a child process, out of which nothing comes but an answer: neither a crash nor an endless loop reaches the parent.
-  !> The child ends with `reply`; the parent waits for it in `await`.
+  !> Work in a child process. Only an answer comes back from it: neither a crash nor an endless loop affects the parent. The child
+  !> ends with `reply`; the parent waits for it in `await`.
   type :: guard_t
     logical :: in_child = .false.
     integer(c_int), private :: process = -1
@@ -21,13 +21,13 @@ module dst_process
     procedure :: await
   end type guard_t
 
-  !> Processor time that a child may spend between two signs of life [s]. Waiting for a slow disk does not count.
+  !> Processor time that a child may use between two signs of life [s]. Waiting for a slow disk does not count.
   integer, parameter :: patience = 1
   character, parameter :: reply_mark = achar(0)
 
 contains
 
-  !> Divide into parent and child; `in_child` tells which. If there can be no child, `await` says so.
+  !> Divide into parent and child; `in_child` says which one this is. If a child cannot be created, `await` says so.
   subroutine begin(self)
     class(guard_t), intent(out) :: self
 
@@ -36,14 +36,14 @@ contains
     call self%show_life()
   end subroutine begin
 
-  !> The child is getting on: it may spend `patience` once more.
+  !> The child has made progress: it may use `patience` once more.
   subroutine show_life(self)
     class(guard_t), intent(in) :: self
 
     if (self%in_child) call c_allow_seconds(int(patience, c_int))
   end subroutine show_life
 
-  !> End the child with an answer; '' means that all is well. It ends as programs do, so that tools that count lines see it.
+  !> End the child with an answer; '' means success. The child ends as programs do, so that coverage tools count its lines.
   subroutine reply(self, text)
     class(guard_t), intent(in) :: self
     character(*), intent(in) :: text
@@ -54,7 +54,7 @@ contains
     call c_exit(0_c_int)
   end subroutine reply
 
-  !> The child's answer; unallocated if it crashed or did not get on. That there could be no child is an answer too.
+  !> The child's answer; unallocated if it crashed or made no progress. If no child could be created, the answer says so.
   subroutine await(self, answer)
     class(guard_t), intent(inout) :: self
     character(:), allocatable, intent(out) :: answer

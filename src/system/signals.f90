@@ -1,7 +1,7 @@
 !> The signals that ask a run to stop: it then writes a checkpoint and ends.
 !>
-!> A handler can do nothing but set a variable, which stands in posix.c. The run loop of the executable reads it; nothing that
-!> Python uses does.
+!> A handler can do nothing but set a variable, which is in posix.c. The run loop of the executable reads it; nothing that Python
+!> uses does.
 module dst_signals
   use dst_posix, only: c_listen, c_stop_listening, stop_signal, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
   implicit none
@@ -9,12 +9,12 @@ module dst_signals
 
   public :: listen_to_requests, listen_to_signals, stop_listening, stop_signal, is_told_to_end, stopped_by, no_signal
 
-  !> No signal has come.
+  !> No signal has arrived.
   integer, parameter :: no_signal = 0
 
 contains
 
-  !> From now on SIGUSR1, which asks to stop and nothing else, is remembered: a scheduler may send it before there is a run.
+  !> From now on SIGUSR1 is remembered. It only asks to stop, and a scheduler may send it before there is a run.
   subroutine listen_to_requests()
     call c_listen(dst_sigusr1)
   end subroutine listen_to_requests
@@ -26,14 +26,14 @@ contains
     call c_listen(dst_sigterm)
   end subroutine listen_to_signals
 
-  !> From now on signals that end a program have their usual effect. What is done need not be asked to stop.
+  !> From now on signals that end a program have their usual effect. A run that is complete need not be asked to stop.
   subroutine stop_listening()
     call c_stop_listening(dst_sighup)
     call c_stop_listening(dst_sigint)
     call c_stop_listening(dst_sigterm)
   end subroutine stop_listening
 
-  !> Whether a signal says to end now. SIGUSR1 only asks to begin nothing new.
+  !> Whether a signal asks to end now. SIGUSR1 only asks not to begin anything new.
   logical function is_told_to_end()
     integer :: signal
 
@@ -41,7 +41,7 @@ contains
     is_told_to_end = signal /= no_signal .and. signal /= dst_sigusr1
   end function is_told_to_end
 
-  !> 'stopped by SIGTERM': by the signal that has come, or by `number`.
+  !> 'stopped by SIGTERM': by the signal that has arrived, or by `number`.
   function stopped_by(number) result(text)
     integer, intent(in), optional :: number
     character(:), allocatable :: text

@@ -1,5 +1,5 @@
-!> Standard output and standard error, byte by byte: what could not be written is known, which Fortran's own output does not tell
-!> of a full disk.
+!> Standard output and standard error, byte by byte: failures to write are detected, which Fortran's own output does not report if a
+!> disk is full.
 module dst_standard_streams
   use, intrinsic :: iso_c_binding, only: c_int64_t
   use dst_posix, only: c_put_error, c_put_output, occupy_descriptors
@@ -10,8 +10,8 @@ module dst_standard_streams
 
 contains
 
-  !> Write to standard output; `failed` if not all of it arrived. A reader that has gone ends the program by SIGPIPE, unless that
-  !> is ignored.
+  !> Write to standard output; `failed` if some of it was not written. If the reader has ended, SIGPIPE ends the program, unless the
+  !> signal is ignored.
   subroutine put_output(text, failed)
     character(*), intent(in) :: text
     logical, intent(out) :: failed
@@ -19,7 +19,7 @@ contains
     failed = c_put_output(text, len(text, c_int64_t)) /= 0
   end subroutine put_output
 
-  !> Write to standard error. Nobody is left to be told if that fails, and nothing is lost by it: a run goes on.
+  !> Write to standard error. If this fails, there is nowhere to report it, and nothing is lost: a run continues.
   subroutine put_error(text)
     character(*), intent(in) :: text
 

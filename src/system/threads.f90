@@ -1,7 +1,7 @@
-!> Threads with stacks of a known size, as many as the system gives.
+!> Threads with stacks of a known size, as many as the system allows.
 !>
-!> The threads of OpenMP have the stacks of OMP_STACKSIZE or `ulimit -s`, whose end is a segmentation fault, and one thread too many
-!> for the system ends the program. OpenMP's locks and atomic operations hold between these threads too.
+!> The threads of OpenMP have stacks of OMP_STACKSIZE or `ulimit -s`; a stack overflow is a segmentation fault, and one thread too
+!> many for the system ends the program. OpenMP's locks and atomic operations also work between the threads of this module.
 module dst_threads
   use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_int64_t, c_ptr, c_loc, c_funloc, c_associated, c_f_pointer, c_null_ptr
   use dst_posix, only: c_allowed_cores, c_begin_thread, c_join_thread, c_stack_limit
@@ -10,7 +10,7 @@ module dst_threads
 
   public :: task_t, run_in_threads, run_with_room, allowed_cores, most_cores
 
-  !> What threads do together.
+  !> A task that threads do together.
   type, abstract :: task_t
   contains
     procedure(work), deferred :: work
@@ -28,17 +28,17 @@ module dst_threads
   type :: member_t
     class(task_t), pointer :: task => null()
     integer :: number = 0
-    type(c_ptr) :: thread = c_null_ptr   !! null if it has not begun
+    type(c_ptr) :: thread = c_null_ptr   !! null if it has not started
   end type member_t
 
-  !> Bytes of a stack: what Linux gives a program unasked, and what suffices.
+  !> Bytes of a stack: the default of Linux for a program, and the size that suffices.
   integer(c_int64_t), parameter :: stack_bytes = 8*1024**2, least_stack_bytes = 1024**2
-  !> That a machine can have here.
+  !> The most threads that a machine can have here.
   integer, parameter :: most_cores = 1024
 
 contains
 
-  !> Do a task with this thread and up to `wanted - 1` others, as many as the system gives, and wait for all.
+  !> Do a task with this thread and up to `wanted - 1` others, as many as the system allows, and wait for all.
   subroutine run_in_threads(task, wanted)
     class(task_t), intent(inout), target :: task
     integer, intent(in) :: wanted
@@ -56,8 +56,8 @@ contains
     end do
   end subroutine run_in_threads
 
-  !> Do a task where there is room on the stack: in this thread, or, if its stack is limited to less, in another. `done` is false
-  !> if there can be no other and the room here would not do.
+  !> Do a task where the stack is large enough: in this thread, or, if its stack is limited to less, in another one. `done` is false
+  !> if no other thread can be created and the stack of this one is too small.
   subroutine run_with_room(task, done)
     class(task_t), intent(inout), target :: task
     logical, intent(out) :: done
@@ -99,7 +99,7 @@ contains
     allowed = are_allowed
   end function allowed_cores
 
-  !> Where a thread begins.
+  !> The procedure in which a thread begins.
   type(c_ptr) function follow(argument) bind(c)
     type(c_ptr), value :: argument
     type(member_t), pointer :: member

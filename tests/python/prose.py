@@ -77,7 +77,7 @@ def fortran_prose(source: str) -> str:
     return "\n".join(" ".join(part.strip("'!<>") for part in parts) for parts in found)
 
 
-READERS = {".py": python_prose, ".f90": fortran_prose, ".in": fortran_prose}
+READERS = {".py": python_prose, ".f90": fortran_prose, ".inc": fortran_prose, ".in": fortran_prose}
 
 
 def faults_in(text: str, name: str) -> list[str]:

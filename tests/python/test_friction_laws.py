@@ -317,7 +317,7 @@ def test_slope_of_stribeck_is_that_of_its_force() -> None:
     first = next(i for i, line in enumerate(lines) if line.startswith("eigenvalue")) + 1
     found = np.array([float(line.split()[1]) for line in lines[first : first + 4]])
     assert found == pytest.approx(expected, rel=1e-8)
-    assert "no value: the ends of stick-slip are known for the laws 'constant' and 'weakening'" in report
+    assert "no value: ends of stick-slip are found only with the laws 'constant' and 'weakening'" in report
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -347,9 +347,9 @@ def test_what_knows_only_two_laws_says_so(name: str) -> None:
     deck = changed(LOW, law)
     with pytest.raises(ds.DeckError, match="rodas4p"):
         ds.sweep(TEXT, {"drive.velocity": [1e-3, 2e-3]}, **changed(deck, {"integrator": {"method": "rodas4p"}}))
-    with pytest.raises(ds.DeckError, match="known for the laws 'constant' and 'weakening'"):
+    with pytest.raises(ds.DeckError, match="found only with the laws 'constant' and 'weakening'"):
         ds.cycles(ds.Scene(TEXT, **deck))
-    with pytest.raises(ds.DeckError, match="known for the laws 'constant' and 'weakening'"):
+    with pytest.raises(ds.DeckError, match="found only with the laws 'constant' and 'weakening'"):
         ds.stick_slip_ends(ds.Scene(TEXT, **deck))
 
 
@@ -517,7 +517,7 @@ def test_static_limit_in_the_plane(method: str, mu_static: float) -> None:
 def test_static_limit_where_it_means_nothing_is_refused() -> None:
     for model in ("low_frequency", "high_frequency", "creep", "creep_asymptotic"):
         assert f"'mu_static' is not used with model {model}" in refusal({"scene": {"model": model}}, friction(mu_static=0.3))
-    with pytest.raises(ds.DeckError, match="known without a static limit of its own: remove mu_static"):
+    with pytest.raises(ds.DeckError, match="found only without a separate static limit: remove mu_static"):
         ds.cycles(ds.Scene(TEXT, **friction(mu_static=0.3)))
     result = run({"scene": {"model": "auto", "t_end": 0.05}}, friction(mu_static=0.3))
     assert result.attributes["model"] == "full"

@@ -142,7 +142,7 @@ def test_tasks_of_an_array_may_have_several_processes(sweep, tmp_path):
 FOUR = [("--shard", "2/4")]
 BEGUN = [array(index, range(4)) for index in (0, 1)]
 REFUSED = {
-    "of no division": ([], ("--shard", "3"), {}, "of how many shards is not said yet: write --shard I/N"),
+    "of no division": ([], ("--shard", "3"), {}, "the number of shards is not known yet: write --shard I/N"),
     "nothing around": ([], ("--shard", "auto"), {}, "there is no job array"),
     "share beyond": ([], ("--shard", "3/1"), {}, "no such shard: write --shard I/N with 1 <= I <= N"),
     "share 0": ([], ("--shard", "0/4"), {}, "no such shard"),

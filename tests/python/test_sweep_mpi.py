@@ -124,7 +124,7 @@ def test_progress_is_of_rank_0_only_and_of_all_ranks(launched):
 
 
 def test_shards_are_not_for_ranks(launched):
-    assert "--shard is for processes that know nothing of each other" in launched.run("m.h5", "--shard", "1/2", status=1).stderr
+    assert "--shard is for processes that do not communicate" in launched.run("m.h5", "--shard", "1/2", status=1).stderr
 
 
 class Ended:
@@ -338,7 +338,7 @@ def test_a_signal_stops_what_rank_0_does(launched, decks, tmp_path, command, num
 
 @pytest.fixture
 def strangers(launched, request):
-    """A program without MPI, or with another MPI, under mpirun: copies that know nothing of each other."""
+    """A program without MPI, or with another MPI, under mpirun: copies that do not communicate."""
     launched.exe = executable()
     if request.param != "serial":
         launched.exe = skip_without(next(flavour for flavour in MPI if flavour != launched.flavour))
@@ -355,7 +355,7 @@ def test_copies_that_know_nothing_of_each_other_are_refused(strangers, decks, tm
     ended = Ended(strangers, *command.split())
     assert ended.statuses == [1, 1] and not ended.output
     assert len(ended.messages) == 1 and "this is one of 2 copies" in ended.messages[0]
-    assert ("is for one process" if command in FOR_ONE else "they know nothing of each other") in ended.messages[0]
+    assert ("is for one process" if command in FOR_ONE else "they do not communicate") in ended.messages[0]
     assert not results(tmp_path)
 
 

@@ -41,7 +41,7 @@ COMMANDS: list[tuple[str, int, tuple[str, ...]]] = [
     ("merge own.nml -o m.h5", USAGE, ("has no &sweep", "nothing to merge")),
     ("template ful", USAGE, ("unknown model 'ful'", "the nearest is 'full'")),
     ("sweep own.nml", USAGE, ("varies nothing", "--vary system.misalignment_deg=0.5:20:40")),
-    ("sweep own.nml --vary system.mass=1:2", USAGE, ("has not the parts FIRST:LAST:COUNT", "--vary GROUP.KEY=FIRST:LAST:COUNT")),
+    ("sweep own.nml --vary system.mass=1:2", USAGE, ("does not have the parts FIRST:LAST:COUNT", "--vary GROUP.KEY=FIRST:LAST:COUNT")),
     ("sweep own.nml --vary system.mass", USAGE, ("has no '='", "--vary GROUP.KEY=FIRST:LAST:COUNT")),
     ("sweep own.nml --vary system.mass=a:2:3", USAGE, ("'a' is not a real number", "FIRST:LAST:COUNT")),
     ("sweep own.nml --vary system.mass=1:2:3:lgo", USAGE, ("unknown spacing 'lgo'", ":log")),

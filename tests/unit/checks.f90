@@ -1,4 +1,4 @@
-!> What the unit tests share: counting checks, comparing numbers, ending with a verdict.
+!> Shared by the unit tests: counting checks, comparing numbers, ending with a verdict.
 module checks
   use, intrinsic :: iso_fortran_env, only: error_unit
   use dst_kinds, only: wp
@@ -11,7 +11,7 @@ module checks
 
 contains
 
-  !> One thing that must hold.
+  !> A condition that must be true.
   subroutine check(name, holds)
     character(*), intent(in) :: name
     logical, intent(in) :: holds
@@ -24,7 +24,7 @@ contains
     end if
   end subroutine check
 
-  !> A number that must lie within `tolerance` of what is expected.
+  !> A number that must be within `tolerance` of the expected value.
   subroutine check_close(name, actual, expected, tolerance)
     character(*), intent(in) :: name
     real(wp), intent(in) :: actual, expected, tolerance

@@ -27,7 +27,7 @@ contains
     numbers = low + (high - low)*numbers
   end function uniform
 
-  !> A number whose logarithm lies evenly between those of `low` and `high`.
+  !> A number whose logarithm is uniformly distributed between those of `low` and `high`.
   real(wp) function log_uniform(low, high)
     real(wp), intent(in) :: low, high
 

@@ -83,7 +83,7 @@ contains
     if (allocated(error)) error stop 'a test scene is refused'
   end subroutine begin
 
-  !> Go on until a piece reaches past `time` [s], or to the end; `sound` is false if the solver gives up.
+  !> Continue until a piece ends after `time` [s], or to the end; `sound` is false if the solver gives up.
   subroutine go_to(simulation, time, sound)
     type(simulation_t), intent(inout) :: simulation
     real(wp), intent(in) :: time

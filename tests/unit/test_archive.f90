@@ -1,4 +1,4 @@
-!> What is saved is given back, bit for bit; what is not there, or is something else, changes nothing.
+!> Saved items are given back, bit for bit; a request for an item that does not exist, or is of another kind, changes nothing.
 program test_archive
   use checks, only: check, finish
   use dst_kinds, only: wp, int64

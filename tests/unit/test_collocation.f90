@@ -1,4 +1,4 @@
-!> Radau IIA against closed forms and its defining conditions; interpolation and zeros of polynomials.
+!> Radau IIA, compared with closed forms and its defining conditions; interpolation and zeros of polynomials.
 !>
 !> Source of the closed forms and of the conditions B, C, D: Hairer & Wanner, Solving Ordinary Differential Equations II,
 !> Sec. IV.5 (Table 5.6) and IV.8 (real eigenvalue of the inverse of A for three stages).
@@ -108,7 +108,7 @@ contains
     call check_close('real pole', method%gamma, real_ones(1), 20.0_wp*eps)
   end subroutine test_real_pole
 
-  !> A polynomial of full degree is reproduced, with its derivative at the nodes, in and out of [0, 1].
+  !> A polynomial of full degree is reproduced, with its derivative at the nodes, inside and outside [0, 1].
   subroutine test_interpolation(method)
     type(collocation_t), intent(in) :: method
     real(wp) :: monomial(0:method%stages), values(0:method%stages), basis(0:method%stages), bernstein(0:method%stages)
@@ -129,7 +129,7 @@ contains
         call grid%lagrange(tau, basis)
         agrees = agrees .and. near(dot_product(basis, values), polynomial(monomial, tau), sum(abs(basis)))
         unit_sum = unit_sum .and. near(sum(basis), 1.0_wp, sum(abs(basis)))
-        ! In Newton's form, several places at once.
+        ! In Newton's form, at several places at once.
         nodal = 0.0_wp
         nodal(:s) = values
         places = [tau, 0.5_wp, 1.5_wp]
@@ -181,7 +181,7 @@ contains
     derivative = polynomial([(real(i, wp)*monomial(i), i=1, ubound(monomial, 1)), 0.0_wp], x)
   end function derivative
 
-  !> Bernstein coefficients of sign*product(x - zeros), as the integrators make them: through nodal values.
+  !> Bernstein coefficients of sign*product(x - zeros), computed as in the integrators: from nodal values.
   pure function with_zeros(stages, zeros, sign) result(coefficient)
     integer, intent(in) :: stages
     real(wp), intent(in) :: zeros(:), sign
@@ -218,7 +218,7 @@ contains
       0.2_wp, 1.0e-9_wp)
   end subroutine test_known_zeros
 
-  !> A dip that just reaches below zero is found, one that just fails to is none.
+  !> A dip that just reaches below zero is found, and none is found that just does not.
   subroutine test_tangents()
     real(wp), parameter :: depth(4) = [1.0e-3_wp, 1.0e-6_wp, 1.0e-9_wp, 1.0e-13_wp]
     real(wp), parameter :: bottom(5) = [0.03_wp, 0.25_wp, 0.5_wp, 0.7123_wp, 0.97_wp]
@@ -237,14 +237,14 @@ contains
           coefficient(0:s) = coefficient(0:s) + 2.0_wp*depth(i)
           call check_close('a dip just above zero', first_zero(coefficient(0:s)), none, 0.0_wp)
         end do
-        ! Roundoff decides whether it touches; it must end, and not lie elsewhere.
+        ! Roundoff decides whether it touches; the search must end, and not return another place.
         found = first_zero(with_zeros(s, [bottom(j), bottom(j)], 1.0_wp))
         call check('a dip to zero', found > 1.0_wp .or. abs(found - bottom(j)) <= 1.0e-7_wp)
       end do
     end do
   end subroutine test_tangents
 
-  !> Cases made of coefficients directly, where roundoff has no say.
+  !> Cases made of coefficients directly, without roundoff.
   subroutine test_zeros_of_coefficients()
     call check_close('zero at the end', first_zero([1.0_wp, 0.5_wp, 0.0_wp]), 1.0_wp, 0.0_wp)
     call check_close('zero at the end, touching', first_zero([1.0_wp, 0.0_wp, 0.0_wp]), 1.0_wp, 1.0e-7_wp)
@@ -259,7 +259,7 @@ contains
     call check_close('huge values', first_zero(1.0e200_wp*[0.25_wp, -0.75_wp]), 0.25_wp, eps)
   end subroutine test_zeros_of_coefficients
 
-  !> Against dense sampling: nothing below zero before the zero, and the zero is one.
+  !> Compared with dense sampling: nothing is below zero before the zero, and the zero is one.
   subroutine test_random_polynomials()
     integer, parameter :: trials = 4000, samples = 400
     real(wp) :: coefficient(0:7), found, x
@@ -273,7 +273,7 @@ contains
       s = 3 + 2*modulo(trial, 3)
       coefficient(0:s) = uniform(s + 1, -1.0_wp, 1.0_wp)
       coefficient(0) = abs(coefficient(0))
-      ! Every other one is lifted so that it is near touching.
+      ! Every other one is lifted so that it nearly touches.
       if (modulo(trial, 2) == 0) coefficient(0:s) = coefficient(0:s) - minimum(s, coefficient(0:s), samples) &
         + 1.0e-4_wp*sum(uniform(1, -1.0_wp, 1.0_wp))
       if (coefficient(0) <= 0.0_wp) cycle
@@ -295,7 +295,7 @@ contains
     call check('random polynomials: none means none', none_invented)
   end subroutine test_random_polynomials
 
-  !> Least value at equidistant points.
+  !> Smallest value at equidistant points.
   pure real(wp) function minimum(s, coefficient, samples)
     integer, intent(in) :: s, samples
     real(wp), intent(in) :: coefficient(0:s)

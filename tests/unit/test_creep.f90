@@ -1,5 +1,5 @@
-!> Slow creep: the table of Eq. (8)'s errors, the closed form against integrations of Eq. (7) and against itself in
-!> quadruple precision, limits.
+!> Slow creep: the table of Eq. (8)'s errors, the closed form compared with integrations of Eq. (7) and with itself in quadruple
+!> precision, limits.
 !>
 !> Source: Nakano & Popov (2020), Eqs. (6)-(8); the table's values were computed in quadruple precision.
 program test_creep
@@ -23,7 +23,7 @@ program test_creep
 
 contains
 
-  !> Errors of the three forms at tau = 0.5, to every digit known.
+  !> Errors of the three forms at tau = 0.5, to every known digit.
   subroutine test_table()
     real(wp), parameter :: phi(6) = [4.0_wp, 2.0_wp, 1.0_wp, 0.5_wp, 0.25_wp, 0.125_wp]*degree
     real(wp), parameter :: first_power(6) = &
@@ -68,8 +68,8 @@ contains
     end do
   end subroutine test_orders
 
-  !> The integrals of the three forms over tau to the last digits, against quadruple precision: small tau included, where the
-  !> terms cancel, and both sides of where a series takes over.
+  !> The integrals of the three forms over tau to the last digits, compared with quadruple precision: including small tau, where the
+  !> terms cancel, and both sides of the point at which a series is used.
   subroutine test_positions_of_the_forms()
     real(wp), parameter :: phi(3) = [1.0e-8_wp, 1.0e-3_wp, 0.1_wp]
     real(wp), parameter :: tau(9) = [1.0e-9_wp, 1.0e-4_wp, 1.0e-2_wp, 0.05_wp, 0.0999_wp, 0.1001_wp, 0.3_wp, 0.7_wp, 0.99_wp]
@@ -99,8 +99,8 @@ contains
     call check_close('X/l_x as printed', worst(4), 0.0_wp, 200.0_wp*eps)
   end subroutine test_positions_of_the_forms
 
-  !> Eq. (7) and dX/d(tau) integrated with order 20 in quadruple precision, against the closed form: from 1e-6 to 89
-  !> degrees, from release to where 1 - X'/V = 1e-12.
+  !> Eq. (7) and dX/d(tau) integrated with order 20 in quadruple precision, compared with the closed form: from 1e-6 to 89 degrees,
+  !> from release to where 1 - X'/V = 1e-12.
   subroutine test_integration()
     real(wp), parameter :: angle(7) = [1.0e-6_wp, 1.0e-3_wp, 0.1_wp, 1.0_wp, 10.0_wp, 45.0_wp, 89.0_wp]
     real(wp), parameter :: kappa(5) = [0.0_wp, 1.0e-12_wp, 1.0e-4_wp, 1.0e-2_wp, 0.6_wp]
@@ -122,8 +122,8 @@ contains
     call check('points of the integration', points > 1500)
   end subroutine test_integration
 
-  !> The largest relative errors of the closed form at doubles tau along one integration. The unknown is psi, as
-  !> alpha + phi = pi/2 - psi loses it at the end.
+  !> The largest relative errors of the closed form at doubles tau along one integration. The unknown is psi, because
+  !> alpha + phi = pi/2 - psi loses its digits at the end.
   subroutine follow(phi, kappa, worst, points)
     real(wp), intent(in) :: phi, kappa
     real(wp), intent(out) :: worst(6)
@@ -140,7 +140,7 @@ contains
     r = hypot(kappa_q*c, s)
     now = kappa_q/r
     state = [atan2((1.0_qp - kappa_q)*s*c/r, (kappa_q*c**2 + s**2)/r), 0.0_qp]
-    ! tau counts in parts of s^2 + kappa at the end
+    ! at the end the digits of tau that count are those of s^2 + kappa
     longest = merge(0.05_qp, 0.1_qp, s**2 + kappa_q < 1.0e-12_qp)
     worst = 0.0_wp
     do
@@ -160,8 +160,8 @@ contains
     end do
   end subroutine follow
 
-  !> d(psi)/d(tau) from Eq. (7) and its extension to a finite stiffness across, and X'/V =
-  !> 1 - (u_x' cos(phi) + u_y' sin(phi))/V, straight from Eq. (6).
+  !> d(psi)/d(tau) from Eq. (7) and its extension to a finite stiffness along the stiff axis, and X'/V = 1 - (u_x' cos(phi) + u_y'
+  !> sin(phi))/V, directly from Eq. (6).
   pure function rate(phi, kappa, state)
     real(qp), intent(in) :: phi, kappa, state(2)
     real(qp) :: rate(2)
@@ -172,7 +172,7 @@ contains
     end associate
   end function rate
 
-  !> cos^2(alpha) + kappa sin^2(alpha), about the tau in which friction turns.
+  !> cos^2(alpha) + kappa sin^2(alpha), approximately the tau in which friction turns.
   pure real(qp) function width(phi, kappa, psi)
     real(qp), intent(in) :: phi, kappa, psi
 
@@ -205,8 +205,8 @@ contains
     state = table(:, 1)
   end subroutine extrapolate
 
-  !> From 1e-6 to 89 degrees and from tau = 1e-9 to where X'/V differs from 1 by 1e-14, against bisection of the
-  !> closed form in quadruple precision.
+  !> From 1e-6 to 89 degrees and from tau = 1e-9 to where X'/V differs from 1 by 1e-14, compared with bisection of the closed form
+  !> in quadruple precision.
   subroutine test_quadruple()
     real(wp), parameter :: angle(9) = [1.0e-6_wp, 1.0e-4_wp, 1.0e-2_wp, 1.0_wp, 10.0_wp, 45.0_wp, 60.0_wp, 80.0_wp, 89.0_wp]
     type(creep_path_t) :: path
@@ -326,7 +326,7 @@ contains
       call check_close('the smallest phi', creep%x_rate, merge(1.0_wp, 0.0_wp, i > 0), 1.0e-90_wp)
       call check('the smallest phi: X', creep%position >= 0.0_wp .and. creep%position < 1.0e-15_wp)
     end do
-    ! 1000 s^2 beyond tau = 1 + s the motion counts as saturated: no jump there.
+    ! From tau = 1 + s + 1000 s^2 on the motion counts as saturated: there is no jump there.
     creep = creep_exact(degree, 0.0_wp, 1.0_wp + sin(degree) + 999.0_wp*sin(degree)**2)
     call check_close('X when saturated', creep%position, 999.0_wp*sin(degree)**2 + sin(degree) + sin(degree)**2, 4.0_wp*eps)
     creep = creep_exact(degree, 0.0_wp, 1.0_wp + sin(degree) + 1001.0_wp*sin(degree)**2)

@@ -1,4 +1,4 @@
-!> The end of slow creep: quadratures made otherwise, the linear theory of sliding in the direction of friction, and its limits.
+!> The end of slow creep: other quadratures, the linear theory of sliding in the direction of friction, and limits.
 program test_creep_end
   use dst_kinds, only: wp, pi, degree
   use dst_creep_end, only: creep_end_t, creep_end, fast_growth_rate
@@ -21,7 +21,7 @@ program test_creep_end
 
 contains
 
-  !> A slider with Fig. 3's numbers but for the stiff spring [N/m] and the misalignment [deg].
+  !> A slider with Fig. 3's numbers, except the stiff spring [N/m] and the misalignment [deg].
   function fig3(stiffness, misalignment_deg) result(slider)
     real(wp), intent(in) :: stiffness, misalignment_deg
     type(slider_t) :: slider
@@ -32,7 +32,7 @@ contains
     call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
   end function fig3
 
-  !> Where friction falls to nothing creep ends with friction far from the soft axis: tan(theta)^2 = v/v_f.
+  !> If friction falls to zero, creep ends with friction far from the soft axis: tan(theta)^2 = v/v_f.
   subroutine test_a_steep_angle()
     type(slider_t) :: slider
     type(creep_end_t) :: end
@@ -75,7 +75,7 @@ contains
   end function decay_of
 
   !> Sliding along n = (cos theta, sin theta) at the speed v is steady sliding with the misalignment theta: its fast pair of
-  !> eigenvalues grows at sigma but for terms of the order of k_x/k_y and of v (k_y m)^(1/2)/F.
+  !> eigenvalues grows at sigma, except terms of the order of k_x/k_y and of v (k_y m)^(1/2)/F.
   subroutine test_growth_rate()
     real(wp), parameter :: angles(4) = [6.0_wp, 15.0_wp, 30.0_wp, 60.0_wp]
     type(slider_t) :: slider, turned
@@ -142,7 +142,7 @@ contains
     load = friction(1)*cos(theta)
   end function load
 
-  !> Above the critical angle of a rigid stiff axis creep goes over into steady sliding; without weakening always.
+  !> Above the critical angle of a rigid stiff axis creep turns into steady sliding; without weakening always.
   subroutine test_where_creep_does_not_end()
     type(slider_t) :: slider
     type(error_t), allocatable :: error
@@ -186,14 +186,14 @@ contains
       call check_close('a mirror image has the same decay', end%decay, plain%decay, 1.0e-13_wp*plain%decay)
     end do
     slider = fig3(1.0e7_wp, 1.0_wp)
-    ! Kilogram, metre and second are 1/4, 1/8 and 1/2 of what they were.
+    ! Kilogram, metre and second are 1/4, 1/8 and 1/2 of the previous ones.
     slider%mass = 4.0_wp*slider%mass
     call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.04_wp, 80.0_wp, slider%law)
     end = creep_end(slider, 4.0e-3_wp)
     call check_close('a ratio has no unit', end%decay, plain%decay, 1.0e-13_wp*plain%decay)
   end subroutine test_symmetries_and_units
 
-  !> Numbers that no rig has: a result that is finite, or none.
+  !> Numbers beyond any rig: the result is finite, or there is none.
   subroutine test_extremes()
     type(slider_t) :: slider
     type(creep_end_t) :: end

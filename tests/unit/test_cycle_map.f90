@@ -1,5 +1,5 @@
-!> Fast cycles that are leapt are those that steps make: as many sticks, at the same times, to the same state; and whoever looks at
-!> the motion, or stops it inside a leap, changes no bit of it. Before that, the polynomials of its tables.
+!> Fast cycles that are leapt equal those computed by steps: as many sticks, at the same times, to the same state; reading the
+!> motion, or stopping it inside a leap, changes no bit of it. Before that, the polynomials of its tables.
 program test_cycle_map
   use checks, only: check, check_close, finish
   use scenes, only: fig3, constant_friction, along_a_line, without_map, begin, complete, energy, velocity
@@ -100,7 +100,8 @@ contains
     end do
   end subroutine test_coefficients
 
-  !> They are one together, reproduce powers below n, are 1 and 0 at the points, and the series with the coefficients is the same.
+  !> Their sum is one, they reproduce powers below n, they are 1 and 0 at the points, and the series with the coefficients is the
+  !> same.
   subroutine test_cardinal_functions()
     real(wp) :: cardinal(max_points), polynomial(max_points), x
     integer :: n, j
@@ -194,7 +195,7 @@ contains
     changed%misalignment_deg = 10.0_wp
   end function steep
 
-  !> One slow cycle, a stretch twice as fast, and back again.
+  !> One slow cycle, a stretch twice as fast, and the first velocity again.
   pure function there_and_back(scene) result(changed)
     type(scene_t), intent(in) :: scene
     type(scene_t) :: changed
@@ -262,7 +263,7 @@ contains
     found%samples = writer%samples(:, :writer%rows)
   end subroutine take
 
-  !> With the map and without: sticks, times, final state, works, samples, energy balance.
+  !> With and without the map: sticks, times, final state, works, samples, energy balance.
   subroutine compare(name, scene)
     character(*), intent(in) :: name
     type(scene_t), intent(in) :: scene
@@ -283,7 +284,7 @@ contains
     call check_close(name//': times of events', maxval(abs(map%time - steps%time)), 0.0_wp, rtol*scene%t_end)
     call check_close(name//': final time', map%state%time, steps%state%time, 0.0_wp)
     call check_close(name//': u', relative(map%state%u, steps%state%u), 0.0_wp, 10.0_wp*scene%rtol)
-    ! At the end the fast oscillation may be anywhere: its velocity differs by how far the times are apart.
+    ! At the end the fast oscillation may be in any phase: its velocity differs as much as the times do.
     call check_close(name//': w', norm2(map%velocity - steps%velocity), 0.0_wp, 3.0e-6_wp*maxval(abs(scene%drive_velocity)))
     call check_close(name//': X', map%state%position, steps%state%position, 10.0_wp*scene%rtol*abs(steps%state%position))
     call check_close(name//': work of the drive', map%state%drive_work, steps%state%drive_work, &
@@ -293,14 +294,14 @@ contains
     call check_close(name//': energy balance', map%imbalance, 0.0_wp, 10.0_wp*scene%rtol)
     call check(name//': as many samples', all(shape(map%samples) == shape(steps%samples)))
     if (any(shape(map%samples) /= shape(steps%samples))) return
-    ! An excursion that is used again began at a slightly different angle.
+    ! An excursion that is reused began at a slightly different angle.
     limit = [0.0_wp, 10.0_wp, 10.0_wp, 30.0_wp, 30.0_wp]*scene%rtol
     if (map%work%excursions_reused > 0) limit = [0.0_wp, 1.0e-6_wp, 1.0e-6_wp, 1.0e-5_wp, 1.0e-5_wp]
     limit = limit*maxval(abs(steps%samples), dim=2)
     call check(name//': samples', all(maxval(abs(map%samples - steps%samples), dim=2) <= limit))
   end subroutine compare
 
-  !> The mirror turns the sign of all that is across the drive, and changes no other bit.
+  !> The mirror changes the sign of all quantities across the drive, and no other bit.
   subroutine test_mirror()
     type(result_t) :: one, other
     real(wp) :: signs(5)
@@ -321,7 +322,7 @@ contains
     end do
   end subroutine test_mirror
 
-  !> Sampling, other columns, every step written: the motion stays the same to the last bit.
+  !> Sampling, other columns, every step written: the motion is the same to the last bit.
   subroutine test_lookers_on()
     type(scene_t) :: scene
     type(result_t) :: quiet, found
@@ -362,7 +363,8 @@ contains
     values = [state%time, state%time_rest, state%u, state%y(:2), state%position, state%drive_work, state%friction_work]
   end function whole
 
-  !> A run whose state is taken apart and carried over whenever it can be, many times with samples of a leap still to be taken.
+  !> A run whose state is saved and loaded into another simulation whenever possible, many times with samples of a leap still
+  !> pending.
   subroutine test_cuts(name, scene)
     character(*), intent(in) :: name
     type(scene_t), intent(in) :: scene
@@ -415,7 +417,7 @@ contains
     end associate
   end subroutine clear
 
-  !> Where there is nothing to be leapt, the map changes no bit.
+  !> If there is nothing to leap, the map changes no bit.
   subroutine test_unused(name, scene)
     character(*), intent(in) :: name
     type(scene_t), intent(in) :: scene

@@ -1,4 +1,4 @@
-!> Dampers beside the springs: derivatives, release, start and end of slip, and the linear theory, from the equations alone.
+!> Dampers parallel to the springs: derivatives, release, start and end of slip, and the linear theory, from the equations alone.
 program test_damping
   use checks, only: check, check_close, check_order, finish
   use random_numbers, only: start_random, uniform, log_uniform
@@ -41,7 +41,7 @@ contains
     call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
   end function random_slider
 
-  !> Exact derivatives of g against central differences, in all models.
+  !> Exact derivatives of g compared with central differences, in all models.
   subroutine test_derivatives()
     type(slider_t) :: slider
     type(straight_slip_t) :: straight
@@ -68,7 +68,7 @@ contains
     call check_close('derivatives: straight slip', worst(4), 0.0_wp, 3.0e-7_wp)
   end subroutine test_derivatives
 
-  !> Largest difference of dg/du and dg/dy, relative to the forces at play, with arguments of these scales.
+  !> Largest difference of dg/du and dg/dy, relative to the acting forces, with arguments of these scales.
   function derivative_error(system, slider, scale) result(worst)
     class(slip_system_t), intent(in) :: system
     type(slider_t), intent(in) :: slider
@@ -110,7 +110,7 @@ contains
     end do
   end function derivative_error
 
-  !> f = K u + C (V e - w) in both sets of unknowns of the full model, and what `damping` holds.
+  !> f = K u + C (V e - w) in both sets of unknowns of the full model, and the part in `damping`.
   subroutine test_terms()
     type(slider_t) :: slider
     type(full_polar_t) :: exact
@@ -153,7 +153,7 @@ contains
     call check_close('terms: Cartesian', worst(3), 0.0_wp, 1.0e-11_wp)
   end subroutine test_terms
 
-  !> The first time at which |K u + C V e| reaches the static limit, against a search in small steps and halving.
+  !> The first time at which |K u + C V e| reaches the static limit, compared with a search in small steps and bisection.
   subroutine test_release()
     type(slider_t) :: slider
     type(drive_segment_t) :: drive
@@ -190,7 +190,7 @@ contains
     call check_close('release: delay', worst, 0.0_wp, 1.0e-12_wp)
   end subroutine test_release
 
-  !> |K u + C V e| [N] beyond the static limit after a delay [s].
+  !> |K u + C V e| minus the static limit [N] after a delay [s].
   real(wp) function excess(slider, u, drive, delay)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), delay
@@ -230,7 +230,7 @@ contains
     end do
   end function search
 
-  !> A drive that stands and jumps: the damper alone decides.
+  !> A drive at rest that jumps: the damper alone decides.
   subroutine test_jump()
     type(slider_t) :: slider
     type(slip_start_t) :: beginning
@@ -254,7 +254,7 @@ contains
     call check_close('jump: and its change', beginning%curvature(1), (30.0_wp - 400.0_wp)/0.25_wp, 1.0e-10_wp)
   end subroutine test_jump
 
-  !> The first derivatives at the start satisfy the equations of motion: what they leave over falls as the next power of time.
+  !> The first derivatives at the start satisfy the equations of motion: the residual falls as the next power of time.
   subroutine test_start()
     type(slider_t) :: slider
     type(slip_start_t) :: beginning
@@ -266,7 +266,7 @@ contains
       angle = sum(uniform(1, -pi, pi))
       drive = sum(uniform(1, 0.5e-3_wp, 1.0e-3_wp))
       acceleration = sum(uniform(1, -1.0e-3_wp, 1.0e-3_wp))
-      ! Half as much again as friction.
+      ! One and a half times friction.
       u = (1.5_wp*slider%law%static_limit*[cos(angle), sin(angle)] - slider%damping*drive*slider%along)/slider%stiffness
       beginning = start_of_slip(slider, u, drive, acceleration)
       call check_close('start: acceleration', beginning%rate(1), 0.5_wp*slider%law%static_limit/slider%mass, &
@@ -294,7 +294,7 @@ contains
     turning = abs(slider%mass*v*beginning%rate(2) - dot_product(force, [-n(2), n(1)]))
   end function turning
 
-  !> The power series of a release, which obeys the equations of motion to the last term and balances the works.
+  !> The power series of a release satisfies the equations of motion to the last term and balances the works.
   subroutine test_series()
     type(slider_t) :: slider
     type(drive_segment_t) :: drive
@@ -342,7 +342,8 @@ contains
     call check_close('series: works', worst(3), 0.0_wp, 1.0e-8_wp)
   end subroutine test_series
 
-  !> The closed form of the last instants along a line: right to the second power of the time left, and in the balance of energy.
+  !> The closed form of the last instants along a line: exact to the second power of the remaining time, and in the balance of
+  !> energy.
   subroutine test_braking()
     type(slider_t) :: slider
     type(state_t) :: from, to
@@ -388,7 +389,7 @@ contains
     call check_order('braking: better the later', errors(1), errors(2), 2.0_wp, 2.0_wp, 0.2_wp)
   end subroutine test_braking
 
-  !> The characteristic polynomial against the determinant, at complex points.
+  !> The characteristic polynomial compared with the determinant, at complex points.
   subroutine test_decay()
     type(slider_t) :: slider
     complex(wp) :: z, matrix(2, 2), expected, found

@@ -196,7 +196,7 @@ contains
 
   ! --- decks
 
-  !> Read a deck that must be sound, with its parts as the caller wants them.
+  !> Read a deck that must be valid, with the options of the caller.
   subroutine accept(name, text, deck)
     character(*), intent(in) :: name, text
     type(deck_t), intent(out) :: deck
@@ -399,7 +399,7 @@ contains
     if (.not. allocated(error)) return
     lines = 1 + count([(error%text(i:i) == n, i=1, len(error%text))])
     ! stray, range, unknown key, number, quote, empty value, and mu_inf and v_f missing.
-    call check('eight faults in one go'//n//error%text, lines == 8)
+    call check('eight faults at once'//n//error%text, lines == 8)
     call check('in the order of the lines', index(error%text, 'bad.nml:2:') < index(error%text, 'bad.nml:4:') .and. &
                index(error%text, 'bad.nml:4:') < index(error%text, 'bad.nml:5:'))
     call parse_deck(whole//'x', 'bad.nml', [character(13) :: 'system.mass=a', 'friction.mu=0'], deck, error)
@@ -456,7 +456,7 @@ contains
                      "'step' is missing in &integrator (needed with method rk4 | moreau_jean)")
     call refuse_once('rk4 with rtol', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 rtol = 1e-5 /", &
                      "'rtol' is not used with method rk4")
-    call refuse_once('a faulty law asks for nothing', scene_group//system_group//drive_group// &
+    call refuse_once('a faulty law needs no other keys', scene_group//system_group//drive_group// &
                      "&friction law = 'x' mu_0 = 0.2 normal_load = 1 /", "unknown law 'x'")
   end subroutine test_conditions
 
@@ -613,7 +613,7 @@ contains
       call check('template', .not. allocated(error))
       call accept('the template is a deck: '//word(models, k), text, deck)
       do i = 1, key_count
-        ! A template is of one run.
+        ! A template is for one run.
         if (schema(i)%group == sweep_group) found(i) = .true.
         if (schema(i)%group == sweep_group) cycle
         associate (stands => index(text, n//'  '//trim(schema(i)%name)//' = ') > 0)

@@ -1,4 +1,4 @@
-!> Names, reasons and moments as the result file's user meets them.
+!> Names, reasons and times as the user of a result file sees them.
 program test_disk
   use checks, only: check, finish
   use, intrinsic :: iso_c_binding, only: c_int, c_char
@@ -100,7 +100,7 @@ contains
     exists = identity%exists
   end function exists
 
-  !> A reason that is known says what to do; an unknown one is passed on.
+  !> A known reason says what to do; an unknown one is passed on.
   subroutine test_reasons()
     call check('disk full', index(with_remedy('No space left on device'), 'free some space') > 0)
     call check('quota', index(with_remedy('Disk quota exceeded'), 'quota') > 0)
@@ -127,7 +127,7 @@ contains
     call check('minutes past the hour, but for the zone''s', modulo(minute - (clock(6) - clock(4)), 60) <= 1)
   end subroutine test_moment
 
-  !> Ends of days, months, Februaries and years; what has no year of four digits is marked, whatever a damaged file says.
+  !> Ends of days, months, Februaries and years; a time without a year of four digits is marked, whatever a damaged file says.
   subroutine test_calendar()
     call check_moment(0_int64, '1970-01-01T00:00:00Z')
     call check_moment(86399_int64, '1970-01-01T23:59:59Z')

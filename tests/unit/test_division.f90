@@ -1,4 +1,4 @@
-!> The division of a sweep: every case in one share, shares of one size, and no grid in step with them.
+!> The division of a sweep: every case is in one share, shares have equal sizes, and no grid is in step with them.
 program test_division
   use checks, only: check, finish
   use dst_division, only: division_t
@@ -23,7 +23,7 @@ program test_division
 
 contains
 
-  !> Of each row of as many cases as shares every share has one; also in the last rows of the largest sweep.
+  !> In each row of as many cases as shares every share has one; also in the last rows of the largest sweep.
   subroutine check_rows(shares, rows)
     integer, intent(in) :: shares, rows
     integer, parameter :: most_cases = 1000000000
@@ -47,7 +47,7 @@ contains
     call check('rows of '//integer_text(shares), right)
   end subroutine check_rows
 
-  !> Shares are as large as they say, and differ by one case at most.
+  !> Shares have the stated size, and differ by one case at most.
   subroutine check_shares(cases)
     integer, intent(in) :: cases
     type(division_t) :: division
@@ -76,8 +76,8 @@ contains
     end do
   end function count_of
 
-  !> The cases of a share stand in all columns of a grid, for any number of shares: no column of a share is further from the mean
-  !> than so many standard deviations of chance.
+  !> The cases of a share are in all columns of a grid, for any number of shares: no column of a share differs from the mean by more
+  !> than this number of standard deviations of chance.
   subroutine check_no_step(rows, columns)
     integer, intent(in) :: rows, columns
     real(wp), parameter :: most_deviations = 6.0_wp

@@ -1,4 +1,4 @@
-!> A method that goes well for some steps and then fails in a given manner.
+!> A method that works for some steps and then fails in a given manner.
 module failing_method
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_archive, only: archive_t
@@ -85,8 +85,8 @@ contains
   end subroutine serialise
 end module failing_method
 
-!> Every way in which the solver gives up: its own result code, the time and the state, a remedy and the page that
-!> explains it. A method that fails in a given way stands in for the integrators.
+!> Every way in which the solver gives up: its own result code, the time and the state, a remedy and the page that explains it. A
+!> method that fails in a given way replaces the integrators.
 program test_giving_up
   use checks, only: check, finish
   use dst_kinds, only: wp
@@ -112,13 +112,13 @@ program test_giving_up
 
 contains
 
-  !> Whether this build ends at a NaN or an overflow by itself.
+  !> Whether this build ends at a NaN or an overflow without a check of ours.
   logical function traps()
     use, intrinsic :: ieee_exceptions, only: ieee_get_halting_mode, ieee_invalid
     call ieee_get_halting_mode(ieee_invalid, traps)
   end function traps
 
-  !> A smoothed scene with a method that goes well for some steps and then fails in this manner.
+  !> A smoothed scene with a method that works for some steps and then fails in this manner.
   subroutine expect(manner, code, words)
     character(*), intent(in) :: manner, words
     integer, intent(in) :: code
@@ -139,7 +139,7 @@ contains
       scene%max_steps = 0
       simulation%scene%max_steps = 0
       stepper%manner = manner
-      ! At time 0 every step moves the time.
+      ! At time 0 every step increases the time.
       if (manner == 'stubborn') stepper%good_steps = 0
       call replace_method(simulation, stepper)
     end if

@@ -1,4 +1,4 @@
-!> The result file through its writer: what is written is read back, what must be refused is refused and left untouched.
+!> The result file through its writer: written data are read back, invalid data are refused and left unchanged.
 program test_hdf5_writer
   use checks, only: check, finish
   use hdf5, only: hid_t, hsize_t, h5fopen_f, h5fclose_f, h5dopen_f, h5dread_f, h5dclose_f, h5dget_space_f, h5sclose_f, &
@@ -28,7 +28,7 @@ program test_hdf5_writer
 
 contains
 
-  !> Blocks of any size arrive in order and complete, over the edges of chunks.
+  !> Blocks of any size arrive in order and complete, also across the ends of chunks.
   subroutine test_written_is_read()
     type(hdf5_writer_t) :: writer
     type(error_t), allocatable :: error
@@ -63,7 +63,7 @@ contains
     call check('UTF-8', root_text('compiler') == 'gfortran µ')
   end subroutine test_written_is_read
 
-  !> What was flushed can be read by another opening of the file while the run goes on, and is marked as unfinished.
+  !> Flushed data can be read by another opening of the file while the run continues, and the file is marked as unfinished.
   subroutine test_reads_before_the_end()
     type(hdf5_writer_t) :: writer
     type(error_t), allocatable :: error
@@ -71,7 +71,7 @@ contains
 
     call remove(file_name)
     call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
-    call check('created anew', .not. allocated(error))
+    call check('created again', .not. allocated(error))
     call writer%write_samples(ramp(0, 10), error)
     call writer%flush(error)
     call check('flushed', .not. allocated(error))
@@ -99,8 +99,8 @@ contains
     call check_refusal('a folder that is not there', error, 'removed or renamed')
   end subroutine test_refusals
 
-  !> A run goes on after its bookmark; what the file had behind it is dropped. A file that does not hold what it held at
-  !> the bookmark is not written anew; one that does is, with the same numbers.
+  !> A run continues after its bookmark; later data of the file are dropped. A file without the data that it had at the bookmark is
+  !> not written again; one with them is, with the same numbers.
   subroutine test_resume()
     type(hdf5_writer_t) :: writer
     type(guard_t) :: no_guard
@@ -139,7 +139,7 @@ contains
     call rebuild_hdf5(file_name, 'no/such/folder.h5', 'shown', bookmark, metadata(), columns(), no_guard, error)
     call check_refusal('no place for the new file', error, 'removed or renamed')
     call rebuild_hdf5(file_name, new_name, 'shown', bookmark, metadata(), columns(), no_guard, error)
-    call check('written anew', .not. allocated(error))
+    call check('written again', .not. allocated(error))
     call check('rows up to the bookmark', all(same(read_column('time_series/u_x', new_name), [(2.0_wp*i, i=0, 1999)])))
     call check('events up to the bookmark', all(same(read_column('events/time', new_name), [1.0_wp, 2.0_wp])))
     call check('the new file is unfinished', root_integer('result_code', new_name) == -1)
@@ -162,7 +162,7 @@ contains
     if (digits(1.0_wp) > digits(1.0_real64)) call test_remainders()
   end subroutine test_resume
 
-  !> In a build with more digits a column and its remainder have them all, over the resumption too.
+  !> In a build with more digits a column and its remainder have all of them, also after the resumption.
   subroutine test_remainders()
     type(hdf5_writer_t) :: writer
     type(error_t), allocatable :: error

@@ -19,7 +19,7 @@ program test_models
   implicit none
 
   real(wp), parameter :: eps = epsilon(1.0_wp)
-  !> Drive velocities, which the full model does not look at.
+  !> Drive velocities, which the full model does not use.
   real(wp), parameter :: still(3) = 0.0_wp
 
   call start_random(2)
@@ -59,7 +59,7 @@ contains
     call law%evaluate(6, v - h, below, unused)
     call check_close('weakening: slope', maxval(abs(slope - (above - below)/(2.0_wp*h))), 0.0_wp, 1.0e-8_wp*maxval(abs(slope)))
 
-    ! Below v = 0, where only stages beyond a stop lie: continuous with its slope, finite, falling.
+    ! Below v = 0, where there are only stages beyond a stop: continuous with its slope, finite, falling.
     v = [-0.5_wp*v_f, -0.999999_wp*v_f, -1.000001_wp*v_f, -2.0_wp*v_f, -1.0_wp, -1.0e6_wp]
     call law%evaluate(6, v, force, slope)
     call check_close('weakening: analytic down to -v_f', force(1), (mu_inf + (mu_0 - mu_inf)*exp(0.5_wp))*w, 8.0_wp*eps*w)
@@ -83,7 +83,8 @@ contains
     call check('no friction', all(abs(force) <= 0.0_wp) .and. all(abs(slope) <= 0.0_wp))
   end subroutine test_friction_laws
 
-  !> Against the formula, its slope against differences, with p = 1 the bits of the weakening law, and at any speed a number.
+  !> Compared with the formula, and its slope with differences; with p = 1 it has the bits of the weakening law, and at any speed it
+  !> is a number.
   subroutine test_stribeck()
     class(friction_law_t), allocatable :: law, weakening
     real(wp), parameter :: mu_0 = 0.2_wp, mu_inf = 0.15_wp, v_f = 0.01_wp, w = 10.0_wp, viscous = 0.3_wp
@@ -99,7 +100,7 @@ contains
       call law%evaluate(40, v, force, slope)
       expected = (mu_inf + (mu_0 - mu_inf)*exp(-(v/v_f)**powers(i)) + viscous*v)*w
       call check_close('stribeck: its formula', maxval(abs(force/expected - 1.0_wp)), 0.0_wp, 16.0_wp*eps)
-      ! On either side of v = 0, but not across it, where the power has no second derivative.
+      ! On either side of v = 0, but not across it, since the power has no second derivative there.
       do side = 1, -1, -2
         h = real(side, wp)
         call law%evaluate(40, h*v, force, slope)
@@ -115,7 +116,7 @@ contains
       call check_close('stribeck: viscous at last', far_slope(6), viscous*w, 4.0_wp*eps*viscous*w)
     end do
     call new_friction_law('weakening', mu_0, mu_inf, v_f, w, weakening)
-    ! So little that only the form of the law tells it from 1 and 0.
+    ! So little that it differs from 1 and 0 only because of the form of the law.
     do i = 1, 2
       call new_friction_law('stribeck', mu_0, mu_inf, v_f, w, law, 1.0_wp, merge(0.0_wp, tiny(1.0_wp), i == 1))
       v = [log_uniform_many(20, 1.0e-6_wp, 1.0e6_wp)*v_f, -log_uniform_many(20, 1.0e-6_wp, 1.0e6_wp)*v_f]
@@ -199,7 +200,7 @@ contains
     call check_close('table: slope at rest', slopes(2), 10.0_wp*(-0.4_wp - (0.4_wp - 0.05_wp)/3.0_wp), 1.0e-13_wp)
   end subroutine test_table
 
-  !> A static limit above F(0): rest holds up to it, and slip begins with the excess over F(0).
+  !> A static limit above F(0): rest lasts up to it, and slip begins with the excess over F(0).
   subroutine test_static_limit()
     type(slider_t) :: slider
     type(slip_start_t) :: begin
@@ -261,7 +262,7 @@ contains
     real(wp) :: first, last, time, duration, by_simpson
     integer :: i, j
 
-    ! Slide, jump to a hold, jump to a ramp, turn back, and hold the last velocity.
+    ! Slide, jump to a stop, jump to a ramp, turn back, and keep the last velocity.
     drive = new_drive([0.0_wp, 1.0_wp, 1.0_wp, 2.0_wp, 2.0_wp, 4.0_wp], [1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 3.0_wp, -2.0_wp])
     call check('segments', size(drive%segment) == 4)
     call check('segments follow each other', all(abs(drive%segment(2:)%start - drive%segment(:3)%end) <= 0.0_wp))
@@ -296,7 +297,7 @@ contains
     call check_close('the velocity it jumps to', drive%segment(2)%velocity_at(1.0_wp), 0.0_wp, 0.0_wp)
   end subroutine test_drive
 
-  !> A slider with random parameters about those of Fig. 3.
+  !> A slider with random parameters near those of Fig. 3.
   function random_slider(law) result(slider)
     character(*), intent(in) :: law
     type(slider_t) :: slider
@@ -307,7 +308,7 @@ contains
     call new_friction_law(law, 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
   end function random_slider
 
-  !> Exact derivatives against central differences, for all stages of one call.
+  !> Exact derivatives compared with central differences, for all stages of one call.
   subroutine test_jacobians()
     integer :: trial
     real(wp) :: worst(6)
@@ -536,7 +537,7 @@ contains
     real(wp) :: edges(0:2), low, high, middle, limits(2)
     integer :: i, side, iteration, edge
 
-    ! How far the drive may go either way: |K (u + D e)| is convex in D.
+    ! How far the drive may move in either direction: |K (u + D e)| is convex in D.
     do side = 1, 2
       low = 0.0_wp
       high = 1.0_wp
@@ -597,7 +598,7 @@ contains
       angle = sum(uniform(1, -pi, pi))
       u = sqrt(sum(uniform(1, 0.0_wp, 1.0_wp)))*slider%law%static_limit*[cos(angle), sin(angle)]/slider%stiffness
       drive = drive_segment_t(start=1.0_wp, velocity=sum(uniform(1, -1.0e-3_wp, 1.0e-3_wp)))
-      ! Constant, ramped (also against the velocity), starting from rest, or standing.
+      ! Constant, ramped (also against the velocity), starting from rest, or at rest.
       if (modulo(trial, 4) > 0) drive%acceleration = sum(uniform(1, -1.0e-3_wp, 1.0e-3_wp))
       if (modulo(trial, 4) == 1) drive%velocity = 0.0_wp
       if (modulo(trial, 40) == 0) drive%velocity = 0.0_wp
@@ -632,7 +633,7 @@ contains
       release_delay(slider, [1.0e-3_wp, 1.0e-8_wp], drive_segment_t(), 0.0_wp) >= huge(1.0_wp))
   end subroutine test_release
 
-  !> Exactly at the static limit: released at once where the load grows, held where it falls.
+  !> Exactly at the static limit: released at once if the load grows, at rest if it falls.
   subroutine test_release_at_the_limit()
     type(slider_t) :: slider
     real(wp), parameter :: u(2) = [2.0e-3_wp, 0.0_wp]
@@ -665,7 +666,7 @@ contains
     call new_friction_law('weakening', 0.20_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
   end function fig3_slider
 
-  !> The series of the start of slip satisfies the equations of motion: what it leaves over falls as the next power of time.
+  !> The series of the start of slip satisfies the equations of motion: the residual falls as the next power of time.
   !>
   !> With v = a t + b t^2/2 and theta = theta_0 + r t, where a = 0 at a release, v' - (K u . n - F)/m must fall as t^2 (a > 0: as t)
   !> and m v theta' - K u . t as t^2.
@@ -708,7 +709,7 @@ contains
     call check_order('onset beyond the limit: theta', leftover(2, 1), leftover(2, 2), 2.0_wp, 2.0_wp, 0.15_wp)
   end subroutine test_onset
 
-  !> What the series leaves over in both equations at time t.
+  !> The residuals of the series in both equations at time t.
   function leftover_of(slider, u, beginning, t) result(leftover)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), t
@@ -744,14 +745,14 @@ contains
     beginning = start_of_slip(slider, [-2.0e-3_wp, 0.0_wp], -1.0e-3_wp)
     call check_close('onset backwards', beginning%y(2), pi, 0.0_wp)
     call check_close('onset backwards: V omega^2', beginning%curvature(1), 1.0e-3_wp*omega**2, 1.0e-14_wp)
-    ! Without friction and without elongation the drive gives the direction.
+    ! Without friction and without elongation the drive determines the direction.
     call new_friction_law('constant', 0.0_wp, 0.0_wp, 1.0_wp, 10.0_wp, slider%law)
     slider%along = cos_sin_degrees(30.0_wp)
     beginning = start_of_slip(slider, [0.0_wp, 0.0_wp], 1.0e-3_wp)
     call check_close('onset without force', beginning%y(2), atan2(1.0e7_wp*0.5_wp, 1.0e3_wp*cos(30.0_wp*degree)), 1.0e-15_wp)
   end subroutine test_onset_along_a_line
 
-  !> The time is the sum of its steps, whatever their number: what each rounding takes is kept.
+  !> The time is the sum of its steps, whatever their number: the rounding errors are kept.
   subroutine test_time()
     type(state_t) :: from, to
     integer :: i
@@ -783,7 +784,7 @@ contains
     if (ends) to = stopping%end_of_slip(slider, drive, from)
   end subroutine brake
 
-  !> The last instants before a stop: exact for constant friction along a line up to the second order in the time left, and the
+  !> The last instants before a stop: exact for constant friction along a line up to the second order in the remaining time, and the
   !> energy balance closes.
   subroutine test_brake()
     type(slider_t) :: slider
@@ -802,7 +803,7 @@ contains
       v = 1.0e-4_wp/2.0_wp**(i - 1)
       from = state_t(time=1.0_wp, u=[1.2e-3_wp, 0.0_wp], y=[v, 0.0_wp, 0.0_wp])
       call brake(slider, drive, from, to, stops)
-      ! z = u - F_0/k swings as amplitude*cos(omega t + phase), v = V - z'.
+      ! z = u - F_0/k oscillates as amplitude*cos(omega t + phase), v = V - z'.
       shift = from%u(1) - slider%law%static_limit/slider%stiffness(1)
       amplitude = hypot(shift, (drive%velocity - v)/omega)
       phase = atan2(-(drive%velocity - v)/omega, shift)
@@ -824,7 +825,7 @@ contains
     from%u = [2.5e-3_wp, 0.0_wp]
     call brake(slider, drive, from, to, stops)
     call check('brake: speeding up is no stop', .not. stops)
-    ! Nor where the drive, which goes back, brings it to rest later: the direction may have changed by then.
+    ! Nor if the drive, which moves back, stops it later: the direction may have changed by then.
     from%u = [2.02e-3_wp, 0.0_wp]
     call brake(slider, drive_segment_t(velocity=-1.0e-3_wp), from, to, stops)
     call check('brake: speeding up at first is no stop', .not. stops)

@@ -57,7 +57,7 @@ contains
     state = [simulation%motion%piece%to%u, velocity(simulation)]
   end function final_state
 
-  !> A w + F(r) w/r = b with |w| = r, or |b| <= F_0; for both laws, any loads, and steps from short to absurd.
+  !> A w + F(r) w/r = b with |w| = r, or |b| <= F_0; for both laws, any loads, and steps from short to far too long.
   subroutine test_equation_of_a_step()
     class(friction_law_t), allocatable :: law
     real(wp) :: mu(2), inertia(2), load(2), w(2), speed, before, force(1), slope(1), worst
@@ -79,7 +79,7 @@ contains
       if (speed > 0.0_wp) then
         call law%evaluate(1, [speed], force, slope)
         w = speed*load/(inertia*speed + force(1))
-        ! The equation holds by construction; what the zero must give is |w| = r, up to the roundoff of F(r).
+        ! The equation is satisfied by construction; the zero must give |w| = r, up to the roundoff of F(r).
         worst = max(worst, abs(norm2(w) - speed)*minval(inertia + force(1)/speed)/norm2(load))
       else
         rest_is_allowed = rest_is_allowed .and. norm2(load) <= law%static_limit
@@ -134,7 +134,7 @@ contains
     call check_order('without friction', errors(2), errors(3), 2.0_wp, 2.0_wp, 0.1_wp)
   end subroutine test_order_without_friction
 
-  !> One equation a step. Newton's method solves it in a handful of iterations, and looks at it once at least where there is slip.
+  !> One equation in each step. Newton's method solves it in a few iterations, and needs at least one evaluation if there is slip.
   subroutine test_counts()
     type(scene_t) :: scene
     type(simulation_t) :: simulation
@@ -171,7 +171,7 @@ contains
     call check_order('constant force', errors(2), errors(3), 2.0_wp, 2.0_wp, 0.1_wp)
   end subroutine test_order_with_constant_force
 
-  !> Friction that turns and weakens, before any stop, against radau13.
+  !> Friction that turns and weakens, before any stop, compared with radau13.
   subroutine test_order_with_friction()
     type(scene_t) :: scene
     real(wp) :: errors(3), reference(4), state(4)
@@ -226,12 +226,12 @@ contains
       call check('first stick: no slip at all', at_rest)
       call check('first stick: elongation', all(abs(motion%piece%from%u - v*motion%piece%from%time*motion%slider%along) &
         <= 1.0e-12_wp*abs(motion%piece%from%u)))
-      ! A step sees the load of its middle, and notes the slip at its end.
+      ! A step uses the load at its middle, and records the slip at its end.
       call check_close('first stick: release', motion%piece%to%time, release_time + 0.5_wp*step, 1.01_wp*step)
     end associate
   end subroutine test_first_stick
 
-  !> A drive that stops: the object comes to rest, and then nothing changes any more, to the last bit.
+  !> A drive that stops: the object stops, and then nothing changes any more, to the last bit.
   subroutine test_hold()
     type(scene_t) :: scene
     type(simulation_t) :: simulation
@@ -256,7 +256,7 @@ contains
     end associate
   end subroutine test_hold
 
-  !> phi = 0: the stop and the elongation there are known in closed form; nothing ever happens across.
+  !> phi = 0: the stop and the elongation there have a closed form; nothing ever moves across.
   subroutine test_stop_along_a_line()
     type(simulation_t) :: simulation
     real(wp) :: omega, amplitude, phase, stop_time
@@ -301,7 +301,7 @@ contains
     phase = atan2(19.0_wp*v/omega, scene%elongation_x - 2.0e-3_wp)
   end subroutine oscillation
 
-  !> Fig. 3 with some 80 sticks up to 0.1 s: all of them found, and first order in spite of them.
+  !> Fig. 3 with some 80 sticks up to 0.1 s: all of them are found, and the order is one in spite of them.
   subroutine test_fig3()
     real(wp) :: reference(4), state(4), errors(3)
     type(simulation_t) :: exact, simulation
@@ -364,7 +364,7 @@ contains
     end do
   end subroutine test_energy
 
-  !> However long the step, a run ends with numbers.
+  !> However long the step is, a run ends with numbers.
   subroutine test_long_steps()
     type(scene_t) :: scene
     real(wp) :: state(4)

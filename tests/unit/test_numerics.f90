@@ -1,4 +1,4 @@
-!> Small tools of the numerics: the step-size control, bracketed roots, exponentials, the coefficients of RODAS4P.
+!> Small procedures of the numerics: the step-size control, bracketed roots, exponentials, the coefficients of RODAS4P.
 program test_numerics
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf
   use checks, only: check, check_close, check_order, finish
@@ -33,7 +33,7 @@ contains
     error = 1.0e-3_wp
     call plain%advise(1.0_wp, .true., error, factor)
     call check_close('no growth after a rejection', factor, 1.0_wp, 1.0e-14_wp)
-    ! The error has grown sixteenfold since the last step: the next time it will again.
+    ! The error has grown sixteenfold since the last step: the same is expected for the next one.
     error = 0.5_wp/16.0_wp
     call predicting%advise(1.0_wp, .false., error, factor)
     call predicting%accept(1.0_wp)
@@ -61,7 +61,7 @@ contains
     call own%advise(1.0_wp, .false., error, factor)
   end function factor_of
 
-  !> All through the range of normal numbers, close to 0, and below.
+  !> In the whole range of normal numbers, close to 0, and below.
   subroutine check_exponentials()
     integer, parameter :: n = 100000
     real(wp) :: x(n), values(n), exact(n)
@@ -72,7 +72,7 @@ contains
     end do
     call exponentials(n, x, values)
     exact = exp(x)
-    ! The compiler's own may be off by more in its vectors.
+    ! The compiler's own function may have a larger error in its vectors.
     call check_close('exponentials', maxval(abs(values - exact)/spacing(exact)), 0.0_wp, 4.0_wp)
     call check('exp(0) = 1', .not. abs(values(1) - 1.0_wp) > 0.0_wp)
     call exponentials(3, [-1.0e4_wp, -huge(1.0_wp), -tiny(1.0_wp)], values(:3))
@@ -97,7 +97,7 @@ contains
       call check_close('false position', x, acos(0.0_wp), 1.0e-14_wp)
       call check('the zero stays inside', bracket%width() >= 0.0_wp .and. bracket%f(1)*bracket%f(2) <= 0.0_wp)
     end do
-    ! Without Illinois' rule one end stays for ever, and 30 false positions leave an error of 0.1.
+    ! Without Illinois' rule one end never changes, and 30 false positions leave an error of 0.1.
     bracket = bracket_t([0.0_wp, 2.0_wp], [0.0_wp, 2.0_wp]**9 - 1.0_wp)
     do i = 1, 30
       x = bracket%false_position()

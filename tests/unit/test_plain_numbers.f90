@@ -1,4 +1,4 @@
-!> Numbers for people: short, with a digit before the point, and true to three digits.
+!> Numbers for people: short, with a digit before the point, and exact to three digits.
 program test_plain_numbers
   use checks, only: check, finish
   use dst_kinds, only: wp
@@ -26,14 +26,14 @@ program test_plain_numbers
   call check('an hour', duration_text(3599.9_wp) == '1 h')
   call check('hours', duration_text(7500.0_wp) == '2 h 5 min')
   call check('days', duration_text(100.0_wp*3600.0_wp) == '4 d 4 h')
-  call check('who knows', duration_text(1.0e300_wp) == 'over 1000 d')
+  call check('too long', duration_text(1.0e300_wp) == 'over 1000 d')
   call everywhere()
   call texts_of_the_solver()
   call finish()
 
 contains
 
-  !> Over all magnitudes a number reads back to within half a unit of its third digit, begins with a digit, and is short.
+  !> A number of any magnitude reads back to within half a unit of its third digit, begins with a digit, and is short.
   subroutine everywhere()
     real(wp) :: value, again
     character(:), allocatable :: text, problem
@@ -56,7 +56,7 @@ contains
     call check('begins and ends with a digit', plain)
   end subroutine everywhere
 
-  !> Texts of fixed length hold every number, of either sign, true to five digits.
+  !> Texts of fixed length have room for every number, of either sign, to five digits.
   subroutine texts_of_the_solver()
     real(wp), parameter :: special(*) = [0.0_wp, 9.99999_wp, 99999.6_wp, 1.0e-4_wp]
     real(wp) :: value

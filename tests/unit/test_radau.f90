@@ -56,7 +56,7 @@ program test_radau
 
 contains
 
-  !> As good a solution as LAPACK's: both by the residual, which pivoting keeps small.
+  !> A solution as good as LAPACK's: both by the residual, which pivoting keeps small.
   subroutine test_linear_solver()
     integer, parameter :: largest = 14
     real(wp) :: a(largest, largest), b(largest), x(largest), factors(largest, largest), expected(largest, 1)
@@ -75,7 +75,7 @@ contains
         end do
         b(:n) = uniform(n, -1.0_wp, 1.0_wp)
         if (modulo(trial, 3) == 1) then
-          ! Zeros on the diagonal: no step without an exchange of rows.
+          ! Zeros on the diagonal: no elimination without an exchange of rows.
           do j = 1, n
             if (n > 1) a(j, j) = 0.0_wp
           end do
@@ -122,7 +122,7 @@ contains
     call solve_in_place(n, destroyed, b, singular)
   end subroutine solve
 
-  !> Residual over what roundoff in the matrix alone would leave.
+  !> Residual over the effect of roundoff in the matrix alone.
   pure real(wp) function backward_error(n, a, x, b)
     integer, intent(in) :: n
     real(wp), intent(in) :: a(n, n), x(n), b(n)
@@ -192,7 +192,7 @@ contains
 
     system = smooth_system()
     drive = drive_segment_t(velocity=5.0e-2_wp, acceleration=5.0e-3_wp)
-    ! So small that Newton's method goes on to roundoff.
+    ! So small that Newton's method continues to roundoff.
     stepper = new_radau(stage_count, 2, 2, 1.0e-14_wp)
     call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
     last = start
@@ -269,7 +269,7 @@ contains
     call check_order(name//': dense output', inside(1), inside(2), 2.0_wp, real(stage_count + 1, wp), 0.5_wp)
   end subroutine test_orders
 
-  !> A step that is small enough to show the order of the dense output and large enough not to lose it in roundoff [s].
+  !> A step that is small enough to show the order of the dense output and large enough that it is above roundoff [s].
   pure real(wp) function dense_step(stage_count)
     integer, intent(in) :: stage_count
 
@@ -296,7 +296,7 @@ contains
       call check(name//': Newton converges', outcome%solved)
       iterations(k) = int(stepper%count%newton)
     end do
-    ! Nothing that large is a solution, and it must not be taken for one.
+    ! No value this large is a solution, and it must not be accepted as one.
     start%u = 1.0e120_wp
     call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
     call stepper%attempt(system, drive_segment_t(velocity=1.0e-2_wp), start, 0.01_wp, beyond, outcome)
@@ -309,8 +309,8 @@ contains
     call check_close(name//': Newton at 1e-9', norm2(last(3)%y - last(4)%y), 0.0_wp, 1.0e-10_wp*norm2(last(4)%y))
   end subroutine test_newton
 
-  !> A step that is solved for its length ends where the slip speed vanishes, and is the step of that length; a guess that is a
-  !> fifth off costs no more than a few iterations. Under a drive that speeds up, whose motion depends on the length too.
+  !> A step that is solved for its length ends where the slip speed vanishes, and equals the step of that length; a guess with an
+  !> error of a fifth costs no more than a few iterations. The drive accelerates, so that the motion depends on the length, too.
   subroutine test_landing(name, stage_count)
     character(*), intent(in) :: name
     integer, intent(in) :: stage_count
@@ -353,8 +353,8 @@ contains
     call check(name//': where there is no stop ahead, none is found', .not. outcome%solved)
   end subroutine test_landing
 
-  !> Slips that change in equal amounts are foretold, however they were divided into steps; others are not, nor what comes long
-  !> after their end, nor what follows no release.
+  !> Slips that change by equal differences are predicted, however they were divided into steps; others are not, nor times long
+  !> after their end, nor a motion that follows no release.
   subroutine test_memory_of_slips(name, stage_count)
     character(*), intent(in) :: name
     integer, intent(in) :: stage_count
@@ -384,7 +384,7 @@ contains
     call check(name//': nor after slips that are not alike', .not. known)
   end subroutine test_memory_of_slips
 
-  !> Remember a slip of this size in steps of these lengths.
+  !> Store a slip of this size in steps of these lengths.
   subroutine slide(memory, method, size_of_slip, step)
     type(slip_memory_t), intent(inout) :: memory
     type(collocation_t), intent(in) :: method
@@ -436,7 +436,7 @@ contains
     stop_time = 0.25_wp*v_f/limit*log((limit*exp(v/v_f) + drop)/(limit + drop))
     call next_event(simulation, stick_begins, name//', Fig. 3, stop')
     associate (now => simulation%motion%piece%to)
-      ! The spring's part is k V t/F_0 = 1e-9 of it.
+      ! The contribution of the spring is k V t/F_0 = 1e-9 of it.
       call check_close(name//', Fig. 3: first stop', now%time, stop_time, 2.0e-8_wp*stop_time)
       call check_close(name//', Fig. 3: at rest', maxval(abs(now%y)), 0.0_wp, 0.0_wp)
       first_slip = now%position

@@ -1,4 +1,4 @@
-!> The life of a result file: who has its name, what is refused and left alone, what a killed process leaves.
+!> The stages of a result file: which process has its name, what is refused and left unchanged, what a killed process leaves.
 program test_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use checks, only: check, finish
@@ -25,7 +25,7 @@ program test_result_file
 
 contains
 
-  !> One at a time; a lock that nobody holds is taken over with what its process left unfinished.
+  !> One process at a time; a lock that no process has is taken over with the unfinished files of its process.
   subroutine test_lock()
     type(lock_t) :: first, second
     character(:), allocatable :: reason
@@ -83,7 +83,7 @@ contains
     call delete_file(name)
     call write_file(name//'.checkpoint', 'precious')
     call file%claim(name, .true., error)
-    call check('what is no checkpoint', refused(error, 'none of this program: move it away'))
+    call check('what is no checkpoint', refused(error, 'does not belong to this program: move it away'))
     call check('refusals leave no lock', .not. file_exists(name//'.lock'))
     call remove_all()
   end subroutine test_claim
@@ -115,7 +115,7 @@ contains
     call file%release()
 
     call second%claim_unfinished(name, checkpoint, missing, error)
-    call check('to go on with', .not. allocated(error) .and. .not. allocated(missing))
+    call check('something to resume', .not. allocated(error) .and. .not. allocated(missing))
     call check('the same checkpoint', checkpoint%deck_text == 'a deck' .and. all(checkpoint%words == [1_int64, 2_int64]))
     call check('as it was left', second%is_as_it_was_left(checksum))
     call second%unseal()
@@ -129,11 +129,11 @@ contains
     call second%release()
     call remove_all()
     call second%claim_unfinished(name, checkpoint, missing, error)
-    call check('nothing to go on with', refused(error, 'there is no such file'))
+    call check('nothing to resume', refused(error, 'there is no such file'))
     call check('no lock is left', .not. file_exists(name//'.lock'))
   end subroutine test_life
 
-  !> What has taken a name meanwhile is not touched.
+  !> A file that has taken a name meanwhile is not changed.
   subroutine test_other_file()
     type(result_file_t) :: file
     type(error_t), allocatable :: error
@@ -171,7 +171,7 @@ contains
     call remove_all()
   end subroutine test_other_file
 
-  !> An HDF5 file that says what wrote it.
+  !> An HDF5 file that names the program that wrote it.
   subroutine write_result(program)
     character(*), intent(in) :: program
     type(hdf5_writer_t) :: writer

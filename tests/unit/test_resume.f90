@@ -1,5 +1,5 @@
-!> A run that is taken apart again and again, its state carried over as words into a simulation built anew, ends with the same
-!> bits in every sample, event, summary value and count as the run that was left alone.
+!> A run whose state is repeatedly saved as words and loaded into a new simulation ends with the same bits in every sample, event,
+!> summary value and count as the run without interruption.
 program test_resume
   use checks, only: check, finish
   use scenes, only: fig3, constant_friction, along_a_line, without_map, begin, complete
@@ -128,7 +128,7 @@ contains
     scene%fields = [character(24) :: 'u_x', 'X', 'theta', 'X_rate']
   end function closed_form
 
-  !> The run as it is, and cut as often as `proceed` can be.
+  !> The run without interruption, and cut as often as `proceed` permits.
   subroutine compare(name, scene)
     character(*), intent(in) :: name
     type(scene_t), intent(in) :: scene
@@ -162,7 +162,7 @@ contains
     call compare_values(name, expected, found)
   end subroutine compare
 
-  !> Into another simulation of the same scene, which then takes its place.
+  !> Into another simulation of the same scene, which then replaces it.
   subroutine carry_over(name, scene, simulation)
     character(*), intent(in) :: name
     type(scene_t), intent(in) :: scene

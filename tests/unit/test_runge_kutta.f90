@@ -1,6 +1,5 @@
-!> Explicit methods: the tableaux, the orders, and the exact contact that they are led
-!> through. References: order conditions of Hairer, Norsett & Wanner I; quadruple-precision values of
-!> Fig. 3; Radau IIA of order 13.
+!> Explicit methods: the tableaux, the orders, and the exact contact with them. References: order conditions of Hairer, Norsett &
+!> Wanner I; quadruple-precision values of Fig. 3; Radau IIA of order 13.
 program test_runge_kutta
   use checks, only: check, finish
   use dst_kinds, only: wp, degree, pi
@@ -26,13 +25,13 @@ program test_runge_kutta
   implicit none
 
   character(*), parameter :: method(3) = [character(6) :: 'rk4', 'dopri5', 'dop853']
-  !> What comes of a run: its samples, its stops and its work.
+  !> The results of a run: its samples, its stops and its work.
   type :: run_t
     type(state_t), allocatable :: sample(:)
     type(state_t) :: final
     integer :: sticks = 0
     integer :: rejected = 0, evaluations = 0
-    !> Drive work less friction work less the change of energy, relative to the drive work.
+    !> Drive work minus friction work minus the change of energy, relative to the drive work.
     real(wp) :: unbalanced = 0.0_wp
     logical :: failed = .false.
   end type run_t
@@ -52,7 +51,7 @@ program test_runge_kutta
 
 contains
 
-  !> What the list of methods says of those that are tableaux.
+  !> The data in the list of methods for those that are tableaux.
   subroutine test_list()
     type(tableau_t) :: tableau
     integer :: i
@@ -160,7 +159,7 @@ contains
     end do
   end function dense_defect
 
-  !> Observed order on fast slip with smoothed contact, where nothing is stiff.
+  !> Observed order for fast slip with smoothed contact, where nothing is stiff.
   subroutine test_orders()
     integer, parameter :: order(3) = [4, 5, 8], dense_order(3) = [3, 4, 7], steps(3) = [128, 128, 16]
     real(wp), parameter :: duration = 1.3e-3_wp, tau = 0.37_wp
@@ -195,7 +194,7 @@ contains
     integer :: i
 
     scene = smoothed_scene(1.0e-3_wp)
-    ! No tolerance: an adaptive method takes the steps that it is given.
+    ! No tolerance: an adaptive method uses the given steps.
     call choose_method(scene, name, 1.0e6_wp)
     motion%u = [1.0e-3_wp, 1.5e-7_wp]
     motion%y(1:2) = [6.0e-3_wp, -4.0e-3_wp]
@@ -255,7 +254,7 @@ contains
     end do
   end subroutine test_longest_stable_step
 
-  !> Smoothed contact: a tolerance that is kept, and a fixed step that never becomes unstable.
+  !> Smoothed contact: a tolerance that is met, and a fixed step that never becomes unstable.
   subroutine test_smoothed()
     real(wp), parameter :: duration = 0.05_wp
     type(stepping_t) :: scene
@@ -286,7 +285,7 @@ contains
     call check_small('rk4: and the motion stays right', worst_slip(loose, reference, .false.), 1.0e-6_wp)
   end subroutine test_smoothed
 
-  !> Fig. 3 with exact contact against the values in quadruple precision.
+  !> Fig. 3 with exact contact, compared with the values in quadruple precision.
   subroutine test_references()
     real(wp), parameter :: time(3) = [0.02_wp, 0.05_wp, 0.5_wp]
     integer, parameter :: sticks(3) = [9, 39, 485]
@@ -311,7 +310,7 @@ contains
         call check_small(method(i)//': energy', abs(whole%unbalanced), 1.0e-11_wp)
       end do
     end do
-    ! A coarser cut-off must tell: otherwise the bounds above say nothing about it.
+    ! A coarser cut-off must make a difference: otherwise the bounds above say nothing about it.
     call exact_scene(scene, 'dop853', fig3_slider(1.0_wp, 'weakening'), zero_time, one_speed, 1.0e-8_wp, time(3))
     scene%cut_speed = 1.0e-6_wp
     whole = run(scene, at_rest, [1.0e-9_wp, degree])
@@ -319,7 +318,7 @@ contains
     call check('but no stick', whole%sticks == sticks(3))
   end subroutine test_references
 
-  !> Every way into and out of rest, against Radau IIA.
+  !> Every kind of stop and release, compared with Radau IIA.
   subroutine test_rests()
     real(wp), parameter :: rest(1) = 0.0_wp
     real(wp), parameter :: there(4) = [0.0_wp, 0.05_wp, 0.1_wp, 0.15_wp], ramp(4) = [0.0_wp, 2.0e-3_wp, -2.0e-3_wp, 0.0_wp]
@@ -335,7 +334,7 @@ contains
     call compare('released at once', 1.0_wp, 'weakening', zero_time, rest, [5.0e-3_wp, 3.0e-6_wp], at_rest, 0.3_wp)
     call compare('pulled back', 1.0_wp, 'weakening', zero_time, one_speed, [-5.0e-3_wp, 0.0_wp], at_rest, 0.1_wp)
     call compare('turn under load', 0.0_wp, 'weakening', zero_time, one_speed, [9.0e-3_wp, 0.0_wp], [0.1_wp, pi], 0.3_wp)
-    call compare('turn with a bend', 1.0_wp, 'weakening', zero_time, one_speed, [5.0e-3_wp, 0.0_wp], [0.1_wp, pi], 0.1_wp)
+    call compare('turn with a curve', 1.0_wp, 'weakening', zero_time, one_speed, [5.0e-3_wp, 0.0_wp], [0.1_wp, pi], 0.1_wp)
     call compare('slow slip under load', 1.0_wp, 'weakening', zero_time, one_speed, [3.0e-3_wp, 0.0_wp], [1.0e-9_wp, 2.0_wp], &
       0.05_wp)
     call compare('slow slip without drive', 1.0_wp, 'weakening', zero_time, rest, at_rest, [1.0e-9_wp, 2.0_wp], 0.05_wp)
@@ -358,7 +357,7 @@ contains
     release_time = slider%law%static_limit/(one_speed(1)*norm2(slider%stiffness*slider%along))
   end function release_time
 
-  !> One scene by dopri5 and dop853 against Radau IIA.
+  !> One scene by dopri5 and dop853, compared with Radau IIA.
   subroutine compare(name, misalignment, law, time, velocity, u, y, t_end)
     character(*), intent(in) :: name, law
     real(wp), intent(in) :: misalignment, time(:), velocity(:), u(2), y(2), t_end
@@ -379,7 +378,7 @@ contains
     end do
   end subroutine compare
 
-  !> At rest with just as much force as friction and no drive: it stays.
+  !> At rest with a force equal to friction and no drive: it stays at rest.
   subroutine test_limit()
     class(slip_stick_t), allocatable :: scene
     type(run_t) :: explicit

@@ -1,4 +1,4 @@
-!> CRC-32 against published values and zlib's, and the seal that ends a file.
+!> CRC-32, compared with published values and zlib's, and the seal at the end of a file.
 program test_seal
   use checks, only: check, finish
   use dst_crc32, only: crc32_t
@@ -51,7 +51,7 @@ contains
     call check('CRC of '//text//' from its middle on', in_parts%text() == expected)
   end subroutine check_text
 
-  !> Longer than a block and not of whole words.
+  !> Longer than a block, and not a whole number of words.
   subroutine test_file()
     integer :: unit, i
     integer(c_int) :: descriptor

@@ -1,4 +1,4 @@
-!> SHA-256 against the vectors of FIPS 180-4 / NIST's examples and RFC 6234.
+!> SHA-256, compared with the vectors of FIPS 180-4 / NIST's examples and RFC 6234.
 program test_sha256
   use checks, only: check, finish
   use dst_sha256, only: sha256
@@ -10,7 +10,7 @@ program test_sha256
     '248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1')
   call check_hash('a million a', sha256(repeat('a', 1000000)), &
     'cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0')
-  ! Lengths about the padding's edge; values from coreutils' sha256sum.
+  ! Lengths near the end of the padding; values from coreutils' sha256sum.
   call check_hash('55 bytes', sha256(repeat('a', 55)), '9f4390f8d30c2dd92ec9f095b65e2b9ae9b0a925a5258e241c9f1e910f734318')
   call check_hash('56 bytes', sha256(repeat('a', 56)), 'b35439a4ac6f0948b6d6f9e3c6af0f5f590ce20f1bde7090ef7970686ec6738a')
   call check_hash('64 bytes', sha256(repeat('a', 64)), 'ffe054fe7ae0cb6dc65c3af9b61d5209f439851db43d0ba5997337df154668eb')

@@ -33,7 +33,7 @@ contains
     call new_friction_law('weakening', 0.20_wp, 0.15_wp, 0.010_wp, 10.0_wp, slider%law)
   end function slider_at
 
-  !> Liouville's formula against a difference.
+  !> Liouville's formula, compared with a difference.
   subroutine check_slope()
     type(slow_map_t) :: map
     type(slow_turn_t) :: turn, beside(2)
@@ -112,7 +112,7 @@ contains
     call check('of a constant', all(abs(chebyshev_derivative([values(1, 1), 0.0_wp])) <= 0.0_wp))
   end subroutine check_derivative
 
-  !> Growth by known factors.
+  !> Growth by given factors.
   subroutine check_estimate()
     type(divergence_t) :: orbit
     real(wp) :: exponent, error

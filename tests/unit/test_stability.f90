@@ -1,4 +1,4 @@
-!> Linear theory of steady sliding: published figures, closed forms, and the eigenvalues against them.
+!> Linear theory of steady sliding: published figures, closed forms, and the eigenvalues compared with them.
 program test_stability
   use dst_kinds, only: wp, pi, degree
   use dst_errors, only: error_t
@@ -125,7 +125,7 @@ contains
     call check_close('window ends', critical%window(2)/degree/last, 1.0_wp, tolerance)
   end subroutine window
 
-  !> |F'| F/V = 353.3 m k_x. A sum of the stiffnesses above that is necessary for a window but not sufficient: it takes
+  !> |F'| F/V = 353.3 m k_x. A sum of the stiffnesses above that is necessary for a window but not sufficient: the condition is
   !> (sqrt(k_y) - sqrt(k_x))^2 > 353.3 k_x, that is k_y/k_x > 391.9. The eigenvalues decide.
   subroutine test_existence()
     type(critical_t) :: critical
@@ -292,14 +292,14 @@ contains
     here = eigenvalues_at(slider, 1.0e-3_wp, 0.4_wp)
     there = eigenvalues_at(slider, 1.0e-3_wp, -0.4_wp)
     call check_close('eigenvalues for phi to -phi', maxval(abs(here - there)), 0.0_wp, 1.0e-11_wp)
-    ! Smoothing that is large turns the friction into F v/v_s: the trace is -(2 F + V F')/v_s.
+    ! A large smoothing velocity changes the friction to F v/v_s: the trace is -(2 F + V F')/v_s.
     slider%smoothing = 1.0e2_wp**2
     here = eigenvalues_at(slider, 1.0e-3_wp, 0.4_wp)
     call check_close('smoothed contact: trace', real(sum(here))*slider%mass, -0.03859595547_wp, 1.0e-10_wp)
   end subroutine test_symmetries
 
-  !> For any parameters: as many critical angles as a scan of the eigenvalues finds, the pair on the imaginary axis there,
-  !> and one verdict.
+  !> For any parameters: as many critical angles as a scan of the eigenvalues finds, the pair on the imaginary axis there, and one
+  !> verdict.
   subroutine test_random_sliders()
     type(slider_t) :: slider
     type(critical_t) :: critical
@@ -332,7 +332,7 @@ contains
           call check_close('the real part vanishes', real(eigenvalues(1))/largest, 0.0_wp, 1.0e-13_wp)
           call check_close('at the frequency', aimag(eigenvalues(1))/largest, critical%frequency(branch)/largest, 1.0e-13_wp)
         end do
-        ! A grid sees both only if they are farther from each other and from the ends than it is fine.
+        ! A grid shows both only if they are farther from each other and from the ends than its spacing.
         if (minval([critical%window(1), critical%window(2) - critical%window(1), 0.5_wp*pi - critical%window(2)]) < 0.005_wp) then
           narrow = narrow + 1
           cycle

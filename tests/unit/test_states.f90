@@ -10,7 +10,7 @@ module pushed_motion
 
   real(wp), parameter :: rate = 30.0_wp   !! 1/s
 
-  !> The smoothed contact with a force q [N] along x that fades: m w' = ... + push q, q' = -rate q.
+  !> The smoothed contact with a force q [N] along x that decays: m w' = ... + push q, q' = -rate q.
   type, extends(full_smoothed_t) :: pushed_t
     real(wp) :: push = 0.0_wp
   contains
@@ -41,7 +41,7 @@ contains
     terms%dissipation_y(:, 3) = 0.0_wp
   end subroutine dynamics
 
-  !> Steady sliding counts as stable, (lambda + rate)^5: growth is not what is tested.
+  !> Steady sliding counts as stable, (lambda + rate)^5: growth is not tested here.
   pure subroutine decay_polynomial(self, y, drive_velocity, coefficient, weakening)
     class(pushed_t), intent(in) :: self
     real(wp), intent(in) :: y(self%unknowns), drive_velocity
@@ -54,8 +54,8 @@ contains
   end subroutine decay_polynomial
 end module pushed_motion
 
-!> A model with more slip unknowns than elongations, by every kind of adaptive method: a third unknown that only decays beside the
-!> motion leaves that of two unknowns as it is and has its own closed form; one that pushes is seen alike by all.
+!> A model with more slip unknowns than elongations, with every kind of adaptive method: a third unknown that only decays does not
+!> change the motion of two unknowns and has its own closed form; with one that pushes, all methods agree.
 program test_states
   use checks, only: check, check_close, finish
   use dst_drive, only: drive_segment_t

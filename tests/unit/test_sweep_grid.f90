@@ -1,4 +1,5 @@
-!> The values of a grid: from end to end of what a number may be, and no more cases than can be counted; and what a case may keep.
+!> The values of a grid: over the whole range of numbers, and no more cases than can be counted; and the limits of what a case may
+!> keep.
 program test_sweep_grid
   use checks, only: check, finish
   use dst_cycles, only: most_cycles
@@ -26,7 +27,7 @@ program test_sweep_grid
 
 contains
 
-  !> All values lie in order between both ends, which are exact.
+  !> All values are in order between both ends, which are exact.
   subroutine check_values(what, key, first, last, spacing)
     character(*), intent(in) :: what, key, first, last, spacing
     type(deck_t), allocatable :: deck

@@ -1,4 +1,4 @@
-!> The full model with exact contact as a whole: reference states, accuracy against tolerance, symmetries, balances.
+!> The full model with exact contact as a whole: reference states, accuracy compared with the tolerance, symmetries, balances.
 !>
 !> Reference states and numbers of sticks of Fig. 3 (Nakano & Popov 2020): converged in quadruple precision with exact contact,
 !> as in tests/reference/fig3.json.
@@ -29,7 +29,7 @@ program test_trajectory
   integer, parameter :: sticks(5) = [9, 39, 485, 1536, 1826]
   integer :: i
 
-  !> What two runs are compared by.
+  !> The results by which two runs are compared.
   type :: result_t
     logical :: sound = .false.
     type(state_t) :: motion
@@ -139,8 +139,8 @@ contains
     end do
   end subroutine test_accuracy_follows_tolerance
 
-  !> Over two decades of the tolerance the error falls by ten at least, unless it is below the tolerance (ten times that in w)
-  !> or the roundoff of 2500 oscillations anyway.
+  !> Over two decades of the tolerance the error falls at least tenfold, unless it is below the tolerance (ten times that in w) or
+  !> below the roundoff of 2500 oscillations.
   subroutine test_error_falls_with_tolerance()
     integer, parameter :: first(3) = [5, 4, 4]
     real(wp) :: error_u(4:11), error_w(4:11)
@@ -180,7 +180,7 @@ contains
     scaled%drive_velocity = scene%drive_velocity*(length/time)
   end function in_units
 
-  !> Bit for bit the same, so that no absolute constant hides anywhere.
+  !> Bit for bit the same, so that there is no hidden absolute constant.
   subroutine test_units(method)
     character(*), intent(in) :: method
 
@@ -262,7 +262,7 @@ contains
     scene%misalignment_deg = 10.0_wp
   end function steep
 
-  !> phi -> -phi: u_x and w_x stay to the last bit, u_y and w_y change sign; so does the whole motion when V does.
+  !> phi -> -phi: u_x and w_x are the same to the last bit, u_y and w_y change sign; so does the whole motion if V changes sign.
   subroutine test_mirror(method)
     character(*), intent(in) :: method
     type(scene_t) :: scene
@@ -290,7 +290,7 @@ contains
     call check(method//', backwards: events', mirrored%events == plain%events)
   end subroutine test_mirror
 
-  !> What is written when changes no state.
+  !> The choice of samples changes no state.
   subroutine test_sampling(method)
     character(*), intent(in) :: method
     real(wp), parameter :: interval(4) = [1.0e-5_wp, 0.0_wp, 0.0371_wp, 10.0_wp]
@@ -311,7 +311,7 @@ contains
     end do
   end subroutine test_sampling
 
-  !> k_y = k_x has no axes: phi = 0 turned by phi.
+  !> k_y = k_x has no principal axes: phi = 0 turned by phi.
   subroutine test_equal_stiffness(method)
     character(*), intent(in) :: method
     real(wp), parameter :: angle(5) = [30.0_wp, 90.0_wp, -45.0_wp, 180.0_wp, 123.4_wp]
@@ -390,7 +390,7 @@ contains
     call check_close(method//', time shift: w', relative(later%velocity, plain%velocity), 0.0_wp, 1.0e-7_wp)
   end subroutine test_time_shift
 
-  !> What holds from advance to advance: the energy balance closes, rest obeys the static limit, v never falls below zero.
+  !> Conditions after every advance: the energy balance closes, rest obeys the static limit, v never falls below zero.
   subroutine test_every_piece(scene, name)
     type(scene_t), intent(in) :: scene
     character(*), intent(in) :: name
@@ -432,7 +432,7 @@ contains
           end if
           if (motion%contact /= slips) still = still .and. all(identical(now%y, 0.0_wp))
         end associate
-        ! Below the roundoff of the energies that are subtracted there is nothing to see.
+        ! Differences below the roundoff of the energies that are subtracted are meaningless.
         worst_balance = max(worst_balance, (abs(residual) - 16.0_wp*eps*(after + abs(motion%piece%to%drive_work)))/max(exchanged, &
           1.0e-6_wp*scale))
         balance = balance + residual
@@ -449,7 +449,7 @@ contains
     call check_close(name//': v >= 0', least_speed, 0.0_wp, 1.0e-12_wp*maxval(abs(scene%drive_velocity)))
   end subroutine test_every_piece
 
-  !> Once the transverse oscillation is saturated, w touches 0 once a period, where u_y' = V sin(phi); it is never larger.
+  !> Once the oscillation on the stiff spring is saturated, w touches 0 once a period, where u_y' = V sin(phi); it is never larger.
   subroutine test_saturation(method)
     character(*), intent(in) :: method
     type(simulation_t) :: simulation
@@ -480,7 +480,7 @@ contains
   end subroutine test_saturation
 
   !> Nearly without mass and with friction that grows with the speed, u creeps: k u = F(v), u' = V - v, here by the classical
-  !> Runge-Kutta method. The slip velocity follows u, so its error is that of u, which the error estimate has to see.
+  !> Runge-Kutta method. The slip velocity follows u, so its error is that of u, which the error estimate has to include.
   subroutine test_viscous_creep(method, model)
     character(*), intent(in) :: method, model
     type(scene_t) :: scene
