@@ -412,7 +412,7 @@ def test_slips_between_two_samples_have_no_duration() -> None:
     time = np.arange(0.0, 10.0, 0.01)
     cycles = ds.find_cycles(ds.Trace(time, 1.0 + time % 0.7))
     assert np.all(np.isnan(cycles["slip_duration"]))
-    assert "their duration is not told" in cycles.notes[0]
+    assert "their duration is not given" in cycles.notes[0]
     assert cycles.means()["period"] == pytest.approx(0.7, rel=1e-3)
 
 

@@ -308,7 +308,7 @@ def test_a_short_scene_is_compared_and_advised_on(command, tmp_path):
 def test_unattainable_accuracy(command):
     result = command("trade", "deck.nml", "--budget", "1", "--quiet", "--accuracy", "1e-15")
     assert result.returncode == 75
-    assert "no setting that was measured meets" in result.stderr
+    assert "no measured setting reaches" in result.stderr
     assert result.stdout == ""
 
 
