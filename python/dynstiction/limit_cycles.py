@@ -138,7 +138,8 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     Raises
     ------
     DeckError, FileError
-        As for `dynstiction.run`; also if the misalignment is a multiple of 90 degrees, or the contact of the full model is smoothed.
+        As for `dynstiction.run`; also if the misalignment is a multiple of 90 degrees, or the full model has the smoothed
+        contact.
     UsageError
         If the drive has no constant velocity other than 0.
     SolverError

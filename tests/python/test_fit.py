@@ -182,7 +182,7 @@ def test_the_slow_model_is_fitted_alone_where_the_scene_says_so() -> None:
         ("", "name the parameters"),
         ("friction.mu_0,friction.mu_0", "named twice"),
         ("drive.velocity", "&system and &friction"),
-        ("friction.law", "no real number"),
+        ("friction.law", "not a real number"),
         ("friction.mu", "&system and &friction"),
         ("friction.exponent", "has no value"),
     ],
