@@ -360,7 +360,7 @@ class Simulation(Closing):
         }
 
     def __repr__(self) -> str:
-        state = "finished" if self.finished else "closed" if self._core.closed else "going on"
+        state = "finished" if self.finished else "closed" if self._core.closed else "running"
         return f"<Simulation {self._scene.name!r}: t = {self._time:g} of {self._t_end:g} s, {state}>"
 
 

@@ -182,7 +182,7 @@ def _draw_colours(
 
 
 def _draw_decay(axis: Axes, up: Axis, right: Axis, decay: Floats) -> None:
-    """Draw the line D = 1, beyond which the fast oscillation decays before slip."""
+    """Draw the curve D = 1, beyond which the fast oscillation decays before slip."""
     if min(decay.shape) > 1 and np.nanmin(decay) < 1.0 < np.nanmax(decay):
         line = axis.contour(right.shown, up.shown, decay, levels=[1.0], colors=BLACK, linewidths=1.2)
         axis.clabel(line, fmt={1.0: "$D=1$"}, fontsize="small")
@@ -202,7 +202,7 @@ def _edges(side: Axis) -> Floats:
 
 
 def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
-    """Draw the lines between which steady sliding is stable, and, if k_y is varied, the crossover tan(phi) = k_x/k_y."""
+    """Lines between which steady sliding is stable, and, if k_y is varied, the crossover tan(phi) = k_x/k_y."""
     spaced = np.geomspace if right.scale == "log" else np.linspace
     values = spaced(right.values.min(), right.values.max(), FINE)
     shown = right._replace(values=values).shown

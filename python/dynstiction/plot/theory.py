@@ -39,7 +39,7 @@ def is_exponential(values: Mapping[str, object]) -> bool:
 
 
 def slider(result: Result) -> dict[str, float]:
-    """Keywords of `damping_ratio` and similar functions [SI], for the friction law of the deck; a `UsageError` if one is missing."""
+    """Keywords of `damping_ratio` and others [SI], for the friction law of the deck; a `UsageError` if one is missing."""
     parameters = _numbers(result, *ALWAYS, "misalignment_deg")
     parameters["misalignment"] = np.radians(parameters.pop("misalignment_deg"))
     # With another law only the curve for constant friction mu_0 W is drawn.
