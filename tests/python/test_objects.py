@@ -149,7 +149,7 @@ def test_the_result_is_not_read_while_it_grows(fig3: ds.Scene) -> None:
     for look in ("result", "events", "state"):
         with pytest.raises(ds.UsageError, match="busy"):
             getattr(simulation, look)
-    assert "going on" in repr(simulation)
+    assert "running" in repr(simulation)
     simulation.close()
     user.join()
     assert simulation.result["X"].shape == simulation.result.time.shape
