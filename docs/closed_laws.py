@@ -166,7 +166,7 @@ def near_bautin(rig: Rig, drive: float) -> float:
 
 
 def small_cycle(rig: Rig, drive: float, order: int) -> float:
-    """Angle at which the cycle reaches the least amplitude, by the expansion to this order (2 or 4) in its amplitude [rad]; nan if none."""
+    """Angle of the cycle with the least amplitude, by the expansion to this order (2 or 4) in the amplitude [rad]; nan if none."""
     half = 0.5 * END_OF_SWING * rig.static_limit / rig.impedance
 
     def excess(angle: float) -> float:
@@ -384,7 +384,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--short", action="store_true", help="a few seconds: whether it still runs; writes nothing"
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs; writes nothing"
     )
     options = parser.parse_args()
     rig = Rig()

@@ -2,9 +2,9 @@
 
     python docs/fit.py [--short]
 
-Prints two tables in Markdown. The first: standard errors of the parameters of a rig from a force trace along the pull, by noise and
-sampling. The second: how often creep before slip is detected, by misalignment and noise, and with static friction. Writes docs/figures/fit.png,
-identifiability.png.
+Prints two tables in Markdown. The first: standard errors of the parameters of a rig from a force trace along the pull, by noise
+and sampling. The second: how often creep before slip is detected, by misalignment and noise, and with static friction. Writes
+docs/figures/fit.png, identifiability.png.
 """
 
 import argparse

@@ -246,7 +246,7 @@ def end_of_swing(auto: Continuation, drive: float) -> tuple[float, list[Solution
     family = cycles_at(
         auto, drive, "cycles", **mesh, UZR={SWING: [0.04, 0.045, 0.05, 0.055, 0.06]}, UZSTOP=stop
     )
-    # AUTO knows the amplitude at mesh points alone: interpolate between that of the polynomials.
+    # AUTO has the amplitude at mesh points only: interpolate between the amplitudes of the polynomials.
     near = [solution for solution in family if 0.035 < solution.swing < 0.0625]
     swings = np.array([solution.swing for solution in near]) - 0.05
     fit = polynomial.polyfit(swings / 0.01, [solution.parameter(PHI) for solution in near], len(near) - 1)

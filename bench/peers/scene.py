@@ -171,7 +171,7 @@ def cartesian(y):
 def stick(y, time_now, tolerance, states, taken):
     """From the end of slip at y to the next slip: stop, rest, release, with the samples on the way.
 
-    Returns the state and time where slip goes on, the number of samples taken, and the length of the series.
+    Returns the state and time at which slip begins again, the number of samples taken, and the length of the series.
     """
     acceleration, jerk, delay = brake(y[0], y[1], y[2], y[3])
     while taken < len(SAMPLE_TIMES) and SAMPLE_TIMES[taken] <= time_now + delay:

@@ -64,11 +64,11 @@ NAME_AND_TYPE = re.compile(r"^ *[*\w, ]+ : \S.*$")
 
 
 def python_prose(source: str) -> str:
-    """Comments and texts of a Python file, line by line, without the names and types of parameters."""
+    """Comments and texts of a Python file, line by line, without the names and types of parameters and texts of one word."""
     lines = [[" "] * len(line) for line in source.split("\n")]
     kinds = {tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type in kinds:
+        if token.type in kinds and " " in token.string:
             row, column = token.start
             for i, line in enumerate(token.string.split("\n")):
                 begin = 0 if i else column

@@ -45,8 +45,8 @@ class Trade(Table[Any], Mapping[str, Any]):
     Attributes
     ----------
     columns : Described of ndarray, shape (n,)
-        ``role``, ``model``, ``form``, ``method``, ``contact``, ``cycle_map``, ``text`` (str); ``rtol``, ``step`` [s], ``v_smooth`` [m/s],
-        ``seconds`` [s], ``steps``, ``rhs``, ``newton``, ``result_code``, and ``error_<quantity>`` [1], NaN where
+        ``role``, ``model``, ``form``, ``method``, ``contact``, ``cycle_map``, ``text`` (str); ``rtol``, ``step`` [s],
+        ``v_smooth`` [m/s], ``seconds`` [s], ``steps``, ``rhs``, ``newton``, ``result_code``, and ``error_<quantity>`` [1], NaN where
         there is none.
     report : str
         The table as the executable prints it; empty if it was read from a file.
