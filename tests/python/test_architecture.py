@@ -1,4 +1,4 @@
-"""The folders of src/ are rooms: each uses only the rooms that it names, and the picture is that of the folders."""
+"""The folders of src/ are layers: each uses only the layers that it names, and the picture agrees with the folders."""
 
 from __future__ import annotations
 

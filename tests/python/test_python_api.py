@@ -634,7 +634,7 @@ def test_interrupt_ends_a_run_within_a_second(fig3_text: str) -> None:
 
 
 def test_an_interrupt_waits_for_what_is_kept() -> None:
-    """It comes right after the block, which is whole; or, where one is being told already, not at all."""
+    """It is raised right after the complete block; or not at all, if another one is being raised."""
     steps: list[str] = []
     with pytest.raises(KeyboardInterrupt), held_back():
         os.kill(os.getpid(), signal.SIGINT)
