@@ -272,7 +272,7 @@ def folds(auto: Continuation, start: Solution) -> list[Solution]:
 
 
 class Comparison:
-    """Prints each value beside the reference, and keeps the largest difference."""
+    """Prints each value and the reference, and keeps the largest difference."""
 
     def __init__(self) -> None:
         self.largest = 0.0

@@ -94,7 +94,7 @@ def _real_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
     except MemoryError:
         raise
     except Exception as error:  # an object of the user can raise anything when it is converted
-        raise UsageError(f"{name} is no array of real numbers: {error}") from None
+        raise UsageError(f"{name} is not an array of real numbers: {error}") from None
     if array.dtype.kind not in "biuf":
         raise UsageError(f"{name} = {shown(values)}: {name} must be a real number or an array of them")
     if np.ma.is_masked(values):

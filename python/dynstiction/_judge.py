@@ -175,7 +175,7 @@ class _Judge:
         kind = KINDS.get(path.rpartition("/")[0], ADDED)
         if isinstance(item, h5d.DatasetID):
             if path in KINDS:
-                self.refuse(path, "is no group")
+                self.refuse(path, "is not a group")
             self.dataset(item, path, kind)
             self.attributes(item, path)
         elif isinstance(item, h5py.h5g.GroupID):
@@ -244,7 +244,7 @@ class _Judge:
             self.refuse(path, f"needs the filters {filters}")
         stored_as, space = dataset.get_type(), dataset.get_space()
         if space.get_simple_extent_type() == h5s.NULL or len(dataset.shape) not in kind.ranks:
-            self.refuse(path, f"has not {' or '.join(map(str, kind.ranks))} dimensions")
+            self.refuse(path, f"does not have {' or '.join(map(str, kind.ranks))} dimensions")
         is_text = stored_as.get_class() == h5t.STRING
         if stored_as.committed() or not (
             kind.texts if is_text else kind.numbers and self.is_number(stored_as)
@@ -286,7 +286,7 @@ class _Judge:
 
         dataset.chunk_iter(note)
         if len(found) != expected:
-            self.refuse(path, "has not the chunks that its size needs")
+            self.refuse(path, "lacks the chunks that its size needs")
         for _, size, _ in found:
             self.take(path, size, 0)
             # Data that gzip cannot compress grow by less than that.

@@ -530,11 +530,11 @@ def unknown_key(name: object) -> str:
     """Message for a name that is neither a key nor a group."""
     near = nearest(name, [*_places(), *group_names()])
     if near in group_names():
-        return f"{shown(name)} is no group of a deck: did you mean {near!r}?"
+        return f"{shown(name)} is not a group of a deck: did you mean {near!r}?"
     if near:
-        return f"{shown(name)} is no key of a deck: did you mean {near!r}?"
+        return f"{shown(name)} is not a key of a deck: did you mean {near!r}?"
     return (
-        f"{shown(name)} is no key of a deck, nor a group ({', '.join(group_names())}): "
+        f"{shown(name)} is neither a key nor a group of a deck ({', '.join(group_names())}): "
         "dynstiction template shows all keys"
     )
 

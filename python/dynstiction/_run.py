@@ -63,7 +63,7 @@ def run(
     FileError
         If the deck cannot be read.
     UsageError
-        If a name is no key or group, or `times` do not ascend within the run.
+        If a name is not a key or group, or `times` do not ascend within the run.
     KeyboardInterrupt
         On Ctrl-C; its attribute ``partial`` is the result until then, which is not `complete`.
 

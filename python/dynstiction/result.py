@@ -129,7 +129,7 @@ class Result(Record):
         FileError
             If the file exists, is not a file of dynstiction, or cannot be written; the existing file is then kept.
         UsageError
-            If `path` is no path.
+            If `path` is not a path.
         """
         from . import _save  # noqa: PLC0415  (h5py is slow to import)
 
@@ -191,7 +191,7 @@ def open(path: str | os.PathLike[str]) -> Result:
     FileError
         If the file is missing, damaged or of another program, or holds a sweep (`dynstiction.open_sweep`).
     UsageError
-        If `path` is no path.
+        If `path` is not a path.
     """
     from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 

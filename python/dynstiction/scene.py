@@ -89,7 +89,7 @@ class Scene(SceneGroups):
             return
         elif isinstance(deck, Mapping):
             raise UsageError(
-                f"{shown(deck)}: a mapping is no deck: write Scene.from_dict(groups), or Scene(**groups)"
+                f"{shown(deck)}: a mapping is not a deck: write Scene.from_dict(groups), or Scene(**groups)"
             )
         elif isinstance(deck, str) and _is_text(deck):
             self._text, self._name = deck, "deck"
@@ -389,7 +389,7 @@ def _given(group: str, keys: Group) -> Mapping[str, object]:
         )
     for name in (group, *keys):
         if not (isinstance(name, str) and name.isprintable() and "=" not in name):
-            raise UsageError(f"{shown(name)}: is no name of a group or key of a deck")
+            raise UsageError(f"{shown(name)}: is not the name of a group or key of a deck")
     return keys
 
 

@@ -77,7 +77,7 @@ class Simulation(Closing):
     FileError
         If the deck cannot be read.
     UsageError
-        If a name is no key or group, or `times` do not ascend within the run.
+        If a name is not a key or group, or `times` do not ascend within the run.
 
     Examples
     --------

@@ -313,7 +313,7 @@ def _column(quantity: str, values: ArrayLike) -> _Floats:
         if array.dtype.kind not in "biuf":
             array = array.astype(np.float64)
     except (TypeError, ValueError) as error:
-        raise UsageError(f"{quantity} is no array of real numbers: {error}") from None
+        raise UsageError(f"{quantity} is not an array of real numbers: {error}") from None
     if np.ma.is_masked(values):
         raise UsageError(f"{quantity} has masked elements: take them out, or fill them")
     if array.ndim != 1:

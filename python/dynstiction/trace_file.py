@@ -292,7 +292,7 @@ def _text_of(name: str) -> str:
         if "\0" in text:
             break
         return text.replace("\r\n", "\n").replace("\r", "\n")
-    raise FileError(f"{name}: is no text: give a table of text, or an HDF5 file")
+    raise FileError(f"{name}: is not text: give a table of text, or an HDF5 file")
 
 
 def _fields(line: str, delimiter: str) -> list[str]:

@@ -215,7 +215,7 @@ BAD_LINES = {
     "names only": ("time,force\n", r":1: no columns of numbers are found: name the delimiter"),
     "prose": ("a force\nthat was\nmeasured\nby hand\n", r":4: no columns of numbers are found: name the delimiter"),
     "two samples": ("0,1\n1,2\n", r": has 2 samples: at least 3 are needed"),
-    "binary": ("\0\0\0", r": is no text: give a table of text, or an HDF5 file"),
+    "binary": ("\0\0\0", r": is not text: give a table of text, or an HDF5 file"),
 }
 
 
@@ -271,7 +271,7 @@ def test_arrays_are_checked_like_files() -> None:
         ds.Trace(time, time[1:])
     with pytest.raises(ds.UsageError, match=r"force has the shape \(5, 10\)"):
         ds.Trace(time, time.reshape(5, 10))
-    with pytest.raises(ds.UsageError, match="force is no array of real numbers"):
+    with pytest.raises(ds.UsageError, match="force is not an array of real numbers"):
         ds.Trace(time, ["a"] * 50)
     with pytest.raises(ds.UsageError, match="masked"):
         ds.Trace(time, np.ma.masked_equal(time, 3.0))
